@@ -1,0 +1,1 @@
+//! Finds calibration boards in images with OpenCV and refines their markers.

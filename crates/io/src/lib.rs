@@ -1,0 +1,1 @@
+//! Datasets, images, calibration files and exports of depthcal.

@@ -1,0 +1,143 @@
+//! The board: which markers it has and where they lie.
+//!
+//! Board frame: x along a row to the right, y down the columns, z away from a viewer who looks at the print, all in
+//! mm, the first marker at (or near) the origin. It is the frame that OpenCV's own examples use.
+
+use serde::{Deserialize, Serialize};
+
+/// What is printed on the board. Lengths in mm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum Pattern {
+    /// Dots whose odd rows are shifted by one spacing: dot (row i, column j) at ((2 j + i mod 2) s, i s).
+    AsymmetricCircles {
+        /// Diameter of a dot.
+        circle_diameter_mm: f64,
+    },
+    /// Dots on a square grid: (j s, i s).
+    SymmetricCircles {
+        /// Diameter of a dot.
+        circle_diameter_mm: f64,
+    },
+    /// Inner corners of a chessboard on a square grid: (j s, i s).
+    Chessboard,
+    /// A chessboard with ArUco markers in its white squares. `columns` and `rows` count squares, as in OpenCV; the
+    /// markers are the (columns − 1)(rows − 1) inner corners at ((j + 1) s, (i + 1) s).
+    Charuco {
+        /// Side of an ArUco marker.
+        marker_mm: f64,
+        /// OpenCV's name of the dictionary, for example `DICT_5X5_100`.
+        dictionary: String,
+    },
+    /// A grid of `columns` × `rows` AprilTags (family 36h11); the spacing is the pitch of the tags. Tag t = i · columns
+    /// + j has its four corners, clockwise from the top left, as markers 4 t … 4 t + 3.
+    Aprilgrid {
+        /// Side of a tag, outer edge of its black border.
+        marker_mm: f64,
+    },
+}
+
+/// A calibration board: the pattern and its size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// What is printed.
+    #[serde(flatten)]
+    pub pattern: Pattern,
+    /// Markers in a row (squares for ChArUco, tags for AprilGrid).
+    pub columns: usize,
+    /// Rows.
+    pub rows: usize,
+    /// Grid spacing in mm; for asymmetric circles the distance between neighbouring rows.
+    pub spacing_mm: f64,
+}
+
+impl Target {
+    /// Number of markers that a complete detection has.
+    pub fn len(&self) -> usize {
+        match self.pattern {
+            Pattern::Charuco { .. } => self.columns.saturating_sub(1) * self.rows.saturating_sub(1),
+            Pattern::Aprilgrid { .. } => 4 * self.columns * self.rows,
+            _ => self.columns * self.rows,
+        }
+    }
+
+    /// Whether the board has no markers at all.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Position of marker `index` (row-major) in the board frame, mm; the board is flat, z = 0.
+    pub fn point(&self, index: usize) -> [f64; 2] {
+        let s = self.spacing_mm;
+        let grid = |columns: usize| ((index % columns) as f64, (index / columns) as f64);
+        match self.pattern {
+            Pattern::AsymmetricCircles { .. } => {
+                let (j, i) = grid(self.columns);
+                [(2.0 * j + i % 2.0) * s, i * s]
+            }
+            Pattern::SymmetricCircles { .. } | Pattern::Chessboard => {
+                let (j, i) = grid(self.columns);
+                [j * s, i * s]
+            }
+            Pattern::Charuco { .. } => {
+                let (j, i) = grid(self.columns - 1);
+                [(j + 1.0) * s, (i + 1.0) * s]
+            }
+            Pattern::Aprilgrid { marker_mm } => {
+                let (tag, corner) = (index / 4, index % 4);
+                let origin = [(tag % self.columns) as f64 * s, (tag / self.columns) as f64 * s];
+                let offset = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][corner];
+                [origin[0] + marker_mm * offset[0], origin[1] + marker_mm * offset[1]]
+            }
+        }
+    }
+
+    /// Positions of all markers, in order, in the board frame, mm.
+    pub fn points(&self) -> Vec<[f64; 2]> {
+        (0..self.len()).map(|i| self.point(i)).collect()
+    }
+
+    /// Diameter of the printed dots in mm, where the board has dots.
+    pub fn circle_diameter_mm(&self) -> Option<f64> {
+        match self.pattern {
+            Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } => {
+                Some(circle_diameter_mm)
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn asymmetric_rows_are_shifted_by_one_spacing() {
+        let target = Target {
+            pattern: Pattern::AsymmetricCircles { circle_diameter_mm: 10.0 },
+            columns: 4,
+            rows: 11,
+            spacing_mm: 17.0,
+        };
+        assert_eq!(target.len(), 44);
+        assert_eq!(target.point(0), [0.0, 0.0]);
+        assert_eq!(target.point(4), [17.0, 17.0]);
+        assert_eq!(target.point(9), [34.0, 34.0]);
+    }
+
+    #[test]
+    fn charuco_counts_squares_and_aprilgrid_counts_tags() {
+        let charuco = Target {
+            pattern: Pattern::Charuco { marker_mm: 15.0, dictionary: "DICT_5X5_100".into() },
+            columns: 7,
+            rows: 5,
+            spacing_mm: 20.0,
+        };
+        assert_eq!(charuco.len(), 24);
+        assert_eq!(charuco.point(0), [20.0, 20.0]);
+        let april = Target { pattern: Pattern::Aprilgrid { marker_mm: 30.0 }, columns: 6, rows: 6, spacing_mm: 39.0 };
+        assert_eq!(april.len(), 144);
+        assert_eq!(april.point(6), [69.0, 30.0]);
+    }
+}

@@ -1,0 +1,1 @@
+//! Renders captures of a board by a depth camera whose errors are known, independently of the fitted model.

@@ -1,0 +1,1 @@
+//! Nonlinear least squares on factor graphs: typed variables, factors with automatic derivatives, sparse Levenberg-Marquardt.

@@ -1,0 +1,1 @@
+//! depthcal calibrates depth cameras.

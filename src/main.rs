@@ -1,0 +1,3 @@
+//! The `depthcal` command line.
+
+fn main() {}
