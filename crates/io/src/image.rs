@@ -1,0 +1,25 @@
+//! Images in memory.
+
+/// A grey image, row-major, with the value range that its file had.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GrayImage {
+    /// Width in px.
+    pub width: usize,
+    /// Height in px.
+    pub height: usize,
+    /// `height` × `width` values.
+    pub data: Vec<u16>,
+    /// Bits of a value in the file: 8 or 16.
+    pub bits: u8,
+}
+
+/// A depth image, row-major, in steps of the dataset's depth unit; 0 is "no measurement".
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DepthImage {
+    /// Width in px.
+    pub width: usize,
+    /// Height in px.
+    pub height: usize,
+    /// `height` × `width` values.
+    pub data: Vec<u16>,
+}
