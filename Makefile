@@ -1,0 +1,27 @@
+# Everyday commands. `make help` lists them.
+
+CARGO ?= cargo
+DEMO ?= demo
+
+.PHONY: help setup test demo check bench
+
+help: ## this list
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */  make \1	/' | expand -t 16
+
+setup: ## install what is missing on this machine (OpenCV, libclang)
+	@./scripts/setup.sh
+
+test: setup ## install what is missing and run all tests
+	$(CARGO) test --workspace
+
+demo: setup ## install what is missing and calibrate simulated captures; ends in demo/report.html
+	$(CARGO) run --release -- demo --out $(DEMO)
+
+check: setup ## formatting, clippy and rustdoc without warnings, and the build without OpenCV
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
+	$(CARGO) check --no-default-features
+
+bench: setup ## run the benchmarks
+	$(CARGO) bench --workspace
