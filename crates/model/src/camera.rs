@@ -1,0 +1,378 @@
+//! A camera: the pieces of its chain with the values of their parameters.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use thiserror::Error;
+
+use crate::chain::{Chain, PINHOLE};
+use crate::hook::HookKind;
+use crate::piece::{AnyPiece, Context, Parameter};
+
+/// Parameters of the pinhole K: u = fx x' + s y' + cx, v = fy y' + cy. Nominal values mean nothing here: the start
+/// values come from the data.
+pub const PINHOLE_PARAMETERS: [Parameter; PINHOLE] = [
+    Parameter::new("fx", "px", 500.0, 10.0),
+    Parameter::new("fy", "px", 500.0, 10.0),
+    Parameter::new("cx", "px", 320.0, 10.0),
+    Parameter::new("cy", "px", 240.0, 10.0),
+    Parameter::new("skew", "px", 0.0, 1.0),
+];
+
+/// A parameter block of the camera: a piece, or the pinhole, with values and which of them may be fitted.
+#[derive(Debug, Clone)]
+pub struct Block {
+    piece: Option<Arc<dyn AnyPiece>>,
+    /// Values, in the order of [`Block::parameters`].
+    pub theta: Vec<f64>,
+    /// Which of them the adjustment may change.
+    pub free: Vec<bool>,
+}
+
+impl Block {
+    /// A piece at its nominal values, wholly free.
+    pub fn new(piece: Arc<dyn AnyPiece>) -> Self {
+        let theta: Vec<f64> = piece.parameters().iter().map(|p| p.nominal).collect();
+        Self { free: vec![true; theta.len()], theta, piece: Some(piece) }
+    }
+
+    /// The pinhole with free focal lengths and principal point, and the skew held.
+    pub fn pinhole(theta: [f64; PINHOLE]) -> Self {
+        Self { piece: None, theta: theta.to_vec(), free: vec![true, true, true, true, false] }
+    }
+
+    /// The piece; `None` for the pinhole.
+    pub fn piece(&self) -> Option<&Arc<dyn AnyPiece>> {
+        self.piece.as_ref()
+    }
+
+    /// Name in files and reports.
+    pub fn name(&self) -> &'static str {
+        self.piece.as_ref().map_or("pinhole", |p| p.name())
+    }
+
+    /// Where it acts; the pinhole counts as [`HookKind::Pixel`].
+    pub fn hook(&self) -> HookKind {
+        self.piece.as_ref().map_or(HookKind::Pixel, |p| p.hook())
+    }
+
+    /// Its parameters.
+    pub fn parameters(&self) -> &[Parameter] {
+        self.piece.as_ref().map_or(&PINHOLE_PARAMETERS, |p| p.parameters())
+    }
+
+    /// Value of a parameter by name.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        self.parameters().iter().position(|p| p.name == name).map(|i| self.theta[i])
+    }
+
+    /// Holds every parameter at its value.
+    pub fn hold(mut self) -> Self {
+        self.free.fill(false);
+        self
+    }
+}
+
+/// Why a camera cannot answer.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum CameraError {
+    /// The lens maps no ray to this pixel in the region where it is one-to-one.
+    #[error(
+        "pixel ({u:.1}, {v:.1}) lies outside the region where the lens model is one-to-one (radius {limit:.3} on the \
+         normalised image plane)"
+    )]
+    OutsideLens {
+        /// Column, px.
+        u: f64,
+        /// Row, px.
+        v: f64,
+        /// Largest undistorted radius at which the map is still monotone.
+        limit: f64,
+    },
+    /// The depth model folds: more than one true depth gives the measured one.
+    #[error("the depth model cannot be inverted at pixel ({u:.1}, {v:.1}) for a measured depth of {depth_mm:.1} mm")]
+    NotInvertible {
+        /// Column, px.
+        u: f64,
+        /// Row, px.
+        v: f64,
+        /// Measured depth, mm.
+        depth_mm: f64,
+    },
+}
+
+/// A depth camera.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    /// Width of its images, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    blocks: Vec<Block>,
+    lens_limit: f64,
+}
+
+/// Largest normalised radius that is ever considered: 72° off axis.
+const WIDEST_RADIUS: f64 = 3.0;
+
+impl Camera {
+    /// A camera from its pinhole (fx, fy, cx, cy, skew, px) and pieces, which are put into the chain's order.
+    pub fn new(width: usize, height: usize, pinhole: [f64; PINHOLE], pieces: Vec<Block>) -> Self {
+        Self::from_blocks(width, height, Block::pinhole(pinhole), pieces)
+    }
+
+    /// The same from a pinhole block whose free parameters have been chosen.
+    pub fn from_blocks(width: usize, height: usize, pinhole: Block, pieces: Vec<Block>) -> Self {
+        let mut blocks: Vec<Block> = pieces;
+        blocks.push(pinhole);
+        let rank = |b: &Block| match (b.hook(), b.piece.is_some()) {
+            (HookKind::Board | HookKind::Pose, _) => 0,
+            (HookKind::Lens, _) => 1,
+            (HookKind::Pixel, false) => 2,
+            (HookKind::Pixel, true) => 3,
+            (HookKind::Depth, _) => 4,
+        };
+        blocks.sort_by_key(rank);
+        let mut camera = Self { width, height, blocks, lens_limit: WIDEST_RADIUS };
+        camera.lens_limit = camera.monotone_radius();
+        camera
+    }
+
+    /// All parameter blocks in the chain's order, the pinhole among them.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The block of that name.
+    pub fn block(&self, name: &str) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.name() == name)
+    }
+
+    /// fx, fy, cx, cy, skew in px.
+    pub fn pinhole(&self) -> [f64; PINHOLE] {
+        let block = self.blocks.iter().find(|b| b.piece.is_none());
+        block.map_or([f64::NAN; PINHOLE], |b| std::array::from_fn(|i| b.theta[i]))
+    }
+
+    /// The chain of its pieces, without values.
+    pub fn chain(&self) -> Chain {
+        let pieces: Vec<_> = self.blocks.iter().filter_map(|b| b.piece.clone()).collect();
+        Chain::new(&pieces)
+    }
+
+    /// All parameter values in the chain's order.
+    pub fn theta(&self) -> Vec<f64> {
+        self.blocks.iter().flat_map(|b| b.theta.iter().copied()).collect()
+    }
+
+    /// The same camera with other parameter values, in the order of [`Camera::theta`].
+    pub fn with_theta(&self, theta: &[f64]) -> Self {
+        let mut camera = self.clone();
+        let mut rest = theta;
+        for block in &mut camera.blocks {
+            let (own, after) = rest.split_at(block.theta.len());
+            block.theta.copy_from_slice(own);
+            rest = after;
+        }
+        camera.lens_limit = camera.monotone_radius();
+        camera
+    }
+
+    /// The same camera with the blocks that `keep` accepts; the pinhole always stays.
+    pub fn filtered(&self, keep: impl Fn(&Block) -> bool) -> Self {
+        let mut camera = self.clone();
+        camera.blocks.retain(|b| b.piece.is_none() || keep(b));
+        camera.lens_limit = camera.monotone_radius();
+        camera
+    }
+
+    /// The same camera with one more piece, after those of the same hook.
+    pub fn with_block(&self, block: Block) -> Self {
+        let pinhole = self.blocks.iter().find(|b| b.piece.is_none()).cloned();
+        let pinhole = pinhole.unwrap_or_else(|| Block::pinhole([f64::NAN; PINHOLE]));
+        let mut pieces: Vec<Block> = self.blocks.iter().filter(|b| b.piece.is_some()).cloned().collect();
+        pieces.push(block);
+        Self::from_blocks(self.width, self.height, pinhole, pieces)
+    }
+
+    fn of(&self, hook: HookKind) -> impl Iterator<Item = (&Arc<dyn AnyPiece>, &[f64])> {
+        self.blocks
+            .iter()
+            .filter(move |b| b.hook() == hook)
+            .filter_map(|b| b.piece.as_ref().map(|p| (p, b.theta.as_slice())))
+    }
+
+    /// Distorted normalised coordinates of a ray, and their derivative by (x, y): [∂x'/∂x, ∂x'/∂y, ∂y'/∂x, ∂y'/∂y].
+    fn distort(&self, x: f64, y: f64, rho: f64) -> ([f64; 2], [f64; 4]) {
+        let mut state = [x, y, rho, x, y];
+        let mut total = [1.0, 0.0, 0.0, 1.0];
+        for (piece, theta) in self.of(HookKind::Lens) {
+            let (mut out, mut d) = ([0.0; 2], [0.0; 10]);
+            piece.linearize(theta, &state, &[Context::default()], &mut out, &mut d, None);
+            total = std::array::from_fn(|i| {
+                let (r, c) = (5 * (i / 2), i % 2);
+                d[r + c] + d[r + 3] * total[c] + d[r + 4] * total[2 + c]
+            });
+            (state[3], state[4]) = (out[0], out[1]);
+        }
+        ([state[3], state[4]], total)
+    }
+
+    /// The largest radius within which the lens is one-to-one along every direction, on the undistorted plane.
+    fn monotone_radius(&self) -> f64 {
+        const DIRECTIONS: usize = 16;
+        const STEP: f64 = 0.02;
+        if self.of(HookKind::Lens).next().is_none() {
+            return WIDEST_RADIUS;
+        }
+        let direction = |i: usize| (std::f64::consts::TAU * i as f64 / DIRECTIONS as f64).sin_cos();
+        let limit = (0..DIRECTIONS).map(direction).map(|(s, c)| {
+            let folds = |r: &f64| {
+                let (_, d) = self.distort(r * c, r * s, 1e-3);
+                let along = c * (d[0] * c + d[1] * s) + s * (d[2] * c + d[3] * s);
+                !(along > 0.0 && d[0] * d[3] - d[1] * d[2] > 0.0)
+            };
+            let radii = (1..).map(|i| f64::from(i) * STEP).take_while(|r| *r <= WIDEST_RADIUS);
+            radii.into_iter().find(folds).map_or(WIDEST_RADIUS, |r| r - STEP)
+        });
+        limit.fold(WIDEST_RADIUS, f64::min)
+    }
+
+    /// Image pixel of a point in the camera frame (mm); `None` behind the camera or where the lens model folds.
+    pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<[f64; 2]> {
+        if !(point_in_camera.z > 0.0) {
+            return None;
+        }
+        let rho = 1.0 / point_in_camera.z;
+        let (x, y) = (point_in_camera.x * rho, point_in_camera.y * rho);
+        if !(x.hypot(y) <= self.lens_limit) {
+            return None;
+        }
+        let [fx, fy, cx, cy, skew] = self.pinhole();
+        let ([x, y], _) = self.distort(x, y, rho);
+        Some([fx * x + skew * y + cx, fy * y + cy])
+    }
+
+    /// True ray (X/Z, Y/Z) of an image pixel at inverse depth `rho` (1/mm; only a lens that breathes depends on it).
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::OutsideLens`] where the lens model has no inverse.
+    pub fn ray(&self, [u, v]: [f64; 2], rho: f64) -> Result<[f64; 2], CameraError> {
+        let [fx, fy, cx, cy, skew] = self.pinhole();
+        let yd = (v - cy) / fy;
+        let xd = (u - cx - skew * yd) / fx;
+        let outside = || CameraError::OutsideLens { u, v, limit: self.lens_limit };
+        let (mut x, mut y) = (xd, yd);
+        for _ in 0..50 {
+            let ([px, py], d) = self.distort(x, y, rho);
+            let (ex, ey) = (xd - px, yd - py);
+            let det = d[0] * d[3] - d[1] * d[2];
+            let mut step = [(d[3] * ex - d[1] * ey) / det, (d[0] * ey - d[2] * ex) / det];
+            // Outside the monotone region Newton's step means nothing: walk back towards the axis.
+            if !(det > 0.0) || x.hypot(y) > self.lens_limit {
+                step = [-0.1 * x, -0.1 * y];
+            }
+            x += step[0];
+            y += step[1];
+            if !(x.is_finite() && y.is_finite()) {
+                return Err(outside());
+            }
+            if step[0].abs().max(step[1].abs()) < 1e-13 {
+                break;
+            }
+        }
+        let ([px, py], _) = self.distort(x, y, rho);
+        let miss = ((px - xd) * fx).hypot((py - yd) * fy);
+        if miss < 1e-6 && x.hypot(y) <= self.lens_limit { Ok([x, y]) } else { Err(outside()) }
+    }
+
+    /// True ray and true inverse depth (1/mm) from a measured inverse depth at a pixel of the depth image: the inverse
+    /// of lens, pixel and depth pieces.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::OutsideLens`], [`CameraError::NotInvertible`].
+    pub fn correct(
+        &self,
+        context: &Context,
+        cos_incidence: f64,
+        measured_inverse_depth: f64,
+    ) -> Result<([f64; 2], f64), CameraError> {
+        let pixel = self.image_pixel(context);
+        let mut rho = measured_inverse_depth;
+        for _ in 0..20 {
+            let ray = self.ray(pixel, rho)?;
+            let next = self.invert_depth(context, ray, cos_incidence, measured_inverse_depth)?;
+            let settled = (next - rho).abs() <= 1e-14 * next.abs();
+            rho = next;
+            if settled {
+                return Ok((ray, rho));
+            }
+        }
+        Ok((self.ray(pixel, rho)?, rho))
+    }
+
+    /// The image pixel that a pixel of the depth image sees: the inverse of the pixel pieces.
+    pub fn image_pixel(&self, context: &Context) -> [f64; 2] {
+        let mut pixel = context.pixel;
+        let pieces: Vec<_> = self.of(HookKind::Pixel).collect();
+        for (piece, theta) in pieces.into_iter().rev() {
+            let target = pixel;
+            for _ in 0..20 {
+                let (mut out, mut d) = ([0.0; 2], [0.0; 4]);
+                piece.linearize(theta, &pixel, &[*context], &mut out, &mut d, None);
+                let (e, det) = ([target[0] - out[0], target[1] - out[1]], d[0] * d[3] - d[1] * d[2]);
+                let step = [(d[3] * e[0] - d[1] * e[1]) / det, (d[0] * e[1] - d[2] * e[0]) / det];
+                pixel = [pixel[0] + step[0], pixel[1] + step[1]];
+                if step[0].abs().max(step[1].abs()) < 1e-10 {
+                    break;
+                }
+            }
+        }
+        pixel
+    }
+
+    /// Measured inverse depth (1/mm) of a true one on a given ray.
+    pub fn measured_inverse_depth(&self, context: &Context, ray: [f64; 2], cos_incidence: f64, rho: f64) -> f64 {
+        self.depth_and_slope(context, ray, cos_incidence, rho).0
+    }
+
+    fn depth_and_slope(&self, context: &Context, [x, y]: [f64; 2], cos_incidence: f64, rho: f64) -> (f64, f64) {
+        let mut state = [x, y, rho, cos_incidence];
+        let mut slope = 1.0;
+        for (piece, theta) in self.of(HookKind::Depth) {
+            let (mut out, mut d) = ([0.0], [0.0; 4]);
+            piece.linearize(theta, &state, &[*context], &mut out, &mut d, None);
+            state[2] = out[0];
+            slope *= d[2];
+        }
+        (state[2], slope)
+    }
+
+    fn invert_depth(
+        &self,
+        context: &Context,
+        ray: [f64; 2],
+        cos_incidence: f64,
+        measured: f64,
+    ) -> Result<f64, CameraError> {
+        let [u, v] = context.pixel;
+        let folded = CameraError::NotInvertible { u, v, depth_mm: 1.0 / measured };
+        let mut rho = measured;
+        for _ in 0..50 {
+            let (value, slope) = self.depth_and_slope(context, ray, cos_incidence, rho);
+            if !(slope > 0.0) {
+                return Err(folded);
+            }
+            let step = (measured - value) / slope;
+            rho += step;
+            if step.abs() <= 1e-15 * rho.abs() {
+                break;
+            }
+        }
+        let (value, slope) = self.depth_and_slope(context, ray, cos_incidence, rho);
+        let settled = (value - measured).abs() <= 1e-12 * measured.abs();
+        if settled && slope > 0.0 && rho > 0.0 { Ok(rho) } else { Err(folded) }
+    }
+}

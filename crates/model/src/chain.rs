@@ -1,0 +1,552 @@
+//! The chain of pieces from a board point to a pixel and to a measured inverse depth, with all its derivatives.
+//!
+//! Every piece is linearised on its own; the rows of the full Jacobian are made backwards, from the pixel (or the
+//! measured depth) to the board, so that only 1 × k times k × k products occur. Columns of a row:
+//!
+//! ```text
+//! pose (ω, τ) | board pieces | lens pieces | pinhole fx fy cx cy s | pixel pieces | depth pieces
+//! ```
+//!
+//! The pose's tangent is that of X = R Exp(ω) P' + t + τ. A depth pixel is fixed and the point of the board that it
+//! sees is not: that point is found by Newton's method on the forward chain, and its derivative follows from the
+//! implicit function theorem, so that every piece (a bent board, a focal length that depends on distance) is treated
+//! alike.
+
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use thiserror::Error;
+
+use crate::hook::HookKind;
+use crate::piece::{AnyPiece, Context};
+
+/// Parameters of the pinhole in the chain: fx, fy, cx, cy, skew (px).
+pub const PINHOLE: usize = 5;
+/// Tangent of a pose: (ω, τ), rad and mm.
+pub const POSE: usize = 6;
+/// Observations that are carried through the pieces together: one virtual call per piece and batch.
+const BATCH: usize = 64;
+/// A point nearer than this to the camera's centre has no image.
+const NEAREST_MM: f64 = 1e-3;
+/// Newton's method for the board point of a depth pixel stops here, px.
+const PIXEL_TOLERANCE: f64 = 1e-9;
+/// Rounds of Newton's method; it needs three from a start that is a few pixels off.
+const NEWTON_ROUNDS: usize = 25;
+
+/// Why a chain has no value.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum ChainError {
+    /// A board point lies behind the camera.
+    #[error("board point ({x:.1}, {y:.1}) mm lies behind the camera (z = {z:.3} mm)")]
+    BehindCamera {
+        /// Board x, mm.
+        x: f64,
+        /// Board y, mm.
+        y: f64,
+        /// Its z in the camera frame, mm.
+        z: f64,
+    },
+    /// The ray of a depth pixel does not meet the board within the chain's domain.
+    #[error("the ray of depth pixel ({u:.2}, {v:.2}) does not meet the board")]
+    NoIntersection {
+        /// Column, px.
+        u: f64,
+        /// Row, px.
+        v: f64,
+    },
+}
+
+/// A depth pixel that lies on the board.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthQuery {
+    /// Roughly which board point it sees, mm: where Newton's method starts.
+    pub board_seed: [f64; 2],
+    /// The pixel and what is known of it.
+    pub context: Context,
+}
+
+/// The pieces of a camera in order. Their parameters are not here: every call is given them as one slice, `theta`, in
+/// the order of the columns above without the pose ([`Chain::parameter_count`] numbers).
+#[derive(Debug, Clone, Default)]
+pub struct Chain {
+    board: Vec<Link>,
+    lens: Vec<Link>,
+    pixel: Vec<Link>,
+    depth: Vec<Link>,
+    pinhole_offset: usize,
+    total: usize,
+}
+
+#[derive(Debug, Clone)]
+struct Link {
+    piece: Arc<dyn AnyPiece>,
+    /// First of its parameters in `theta`.
+    offset: usize,
+    count: usize,
+}
+
+impl Link {
+    fn theta<'a>(&self, theta: &'a [f64]) -> &'a [f64] {
+        &theta[self.offset..self.offset + self.count]
+    }
+}
+
+/// Scratch memory of a [`Chain`], reused from call to call so that nothing is allocated per observation.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    board: Vec<Local>,
+    lens: Vec<Local>,
+    pixel: Vec<Local>,
+    depth: Vec<Local>,
+    state: Vec<f64>,
+    next: Vec<f64>,
+    contexts: Vec<Context>,
+    seeds: Vec<[f64; 2]>,
+    points: Vec<Ray>,
+}
+
+/// Derivatives of one piece over a batch.
+#[derive(Debug, Default, Clone)]
+struct Local {
+    d_state: Vec<f64>,
+    d_theta: Vec<f64>,
+}
+
+/// One observation in the middle of the chain.
+#[derive(Debug, Default, Clone, Copy)]
+struct Ray {
+    /// On the real board, board frame, mm.
+    on_board: [f64; 3],
+    /// Normalised direction and inverse depth.
+    x: f64,
+    y: f64,
+    rho: f64,
+    /// After the lens.
+    distorted: [f64; 2],
+    /// After pinhole and pixel pieces, px.
+    pixel: [f64; 2],
+}
+
+/// A frame's pose, ready for use.
+#[derive(Clone, Copy)]
+struct Pose {
+    rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
+}
+
+impl From<&Isometry3<f64>> for Pose {
+    fn from(camera_from_board: &Isometry3<f64>) -> Self {
+        Self {
+            rotation: camera_from_board.rotation.to_rotation_matrix().into_inner(),
+            translation: camera_from_board.translation.vector,
+        }
+    }
+}
+
+/// Which parts of the chain a caller runs, and whether parameters are differentiated.
+#[derive(Clone, Copy, PartialEq)]
+enum Derive {
+    State,
+    All,
+}
+
+impl Chain {
+    /// Puts pieces into the chain's order; within a hook the given order is kept. Pieces at [`HookKind::Pose`] do not
+    /// exist: the pose is the frame's own variable.
+    pub fn new(pieces: &[Arc<dyn AnyPiece>]) -> Self {
+        let mut offset = 0;
+        let board = links(pieces, HookKind::Board, &mut offset);
+        let lens = links(pieces, HookKind::Lens, &mut offset);
+        let pinhole_offset = offset;
+        offset += PINHOLE;
+        let pixel = links(pieces, HookKind::Pixel, &mut offset);
+        let depth = links(pieces, HookKind::Depth, &mut offset);
+        Self { board, lens, pixel, depth, pinhole_offset, total: offset }
+    }
+
+    /// Length of `theta`: all pieces and the pinhole.
+    pub fn parameter_count(&self) -> usize {
+        self.total
+    }
+
+    /// Leading part of `theta` that an image observation depends on: all but pixel and depth pieces.
+    pub fn image_parameter_count(&self) -> usize {
+        self.pinhole_offset + PINHOLE
+    }
+
+    /// Where the pinhole's parameters begin in `theta`.
+    pub fn pinhole_offset(&self) -> usize {
+        self.pinhole_offset
+    }
+
+    /// The pieces in chain order with the place of their first parameter in `theta`.
+    pub fn pieces(&self) -> impl Iterator<Item = (&Arc<dyn AnyPiece>, usize)> {
+        [&self.board, &self.lens, &self.pixel, &self.depth].into_iter().flatten().map(|l| (&l.piece, l.offset))
+    }
+
+    /// Pixels of board points (mm, board frame) in the image; where `jacobian` is given, also its rows: two per point,
+    /// [`POSE`] + [`Chain::image_parameter_count`] columns, row-major.
+    ///
+    /// # Errors
+    ///
+    /// [`ChainError::BehindCamera`].
+    pub fn image(
+        &self,
+        work: &mut Workspace,
+        theta: &[f64],
+        camera_from_board: &Isometry3<f64>,
+        points: &[[f64; 2]],
+        pixels: &mut [[f64; 2]],
+        mut jacobian: Option<&mut [f64]>,
+    ) -> Result<(), ChainError> {
+        let pose = Pose::from(camera_from_board);
+        let columns = POSE + self.image_parameter_count();
+        for (start, batch) in (0..).step_by(BATCH).zip(points.chunks(BATCH)) {
+            work.contexts.clear();
+            work.contexts.resize(batch.len(), Context::default());
+            work.seeds.clear();
+            work.seeds.extend_from_slice(batch);
+            let derive = jacobian.is_some().then_some(Derive::All);
+            self.forward(work, theta, &pose, false, derive)?;
+            for (k, ray) in work.points.iter().enumerate() {
+                pixels[start + k] = ray.pixel;
+                if let Some(jacobian) = jacobian.as_deref_mut() {
+                    for (r, g) in [[1.0, 0.0], [0.0, 1.0]].into_iter().enumerate() {
+                        let row = &mut jacobian[(2 * (start + k) + r) * columns..][..columns];
+                        row.fill(0.0);
+                        self.backward(work, theta, &pose, false, k, g, [0.0; 3], Some(row));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Measured inverse depth (1/mm) that the chain predicts at depth pixels, and the board points (mm) that they see;
+    /// where `jacobian` is given, also its rows: one per pixel, [`POSE`] + [`Chain::parameter_count`] columns.
+    ///
+    /// # Errors
+    ///
+    /// [`ChainError::NoIntersection`] where a pixel's ray misses the board, [`ChainError::BehindCamera`].
+    #[allow(clippy::too_many_arguments)]
+    pub fn depth(
+        &self,
+        work: &mut Workspace,
+        theta: &[f64],
+        camera_from_board: &Isometry3<f64>,
+        queries: &[DepthQuery],
+        inverse_depth: &mut [f64],
+        board_points: &mut [[f64; 2]],
+        mut jacobian: Option<&mut [f64]>,
+    ) -> Result<(), ChainError> {
+        let pose = Pose::from(camera_from_board);
+        let columns = POSE + self.parameter_count();
+        let want = if jacobian.is_some() { Derive::All } else { Derive::State };
+        for (start, batch) in (0..).step_by(BATCH).zip(queries.chunks(BATCH)) {
+            work.contexts.clear();
+            work.contexts.extend(batch.iter().map(|q| q.context));
+            work.seeds.clear();
+            work.seeds.extend(batch.iter().map(|q| q.board_seed));
+            self.intersect(work, theta, &pose)?;
+            if want == Derive::All {
+                self.forward(work, theta, &pose, true, Some(Derive::All))?;
+            }
+            self.depth_forward(work, theta, &pose, want);
+            let normal = pose.rotation.column(2).into_owned();
+            for k in 0..batch.len() {
+                inverse_depth[start + k] = work.state[4 * k + 2];
+                board_points[start + k] = work.seeds[k];
+                if let Some(jacobian) = jacobian.as_deref_mut() {
+                    let row = &mut jacobian[(start + k) * columns..][..columns];
+                    row.fill(0.0);
+                    self.depth_row(work, theta, &pose, &normal, k, row);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves the batch's board points until their pixels are the contexts' pixels; leaves the chain evaluated there.
+    fn intersect(&self, work: &mut Workspace, theta: &[f64], pose: &Pose) -> Result<(), ChainError> {
+        for _ in 0..NEWTON_ROUNDS {
+            self.forward(work, theta, pose, true, Some(Derive::State))?;
+            let mut worst = 0.0_f64;
+            for k in 0..work.points.len() {
+                let (target, pixel) = (work.contexts[k].pixel, work.points[k].pixel);
+                let miss = [target[0] - pixel[0], target[1] - pixel[1]];
+                // Negated so that NaN counts as a miss.
+                if !(miss[0].abs().max(miss[1].abs()) <= PIXEL_TOLERANCE) {
+                    worst = if miss[0].is_finite() && miss[1].is_finite() { 1.0 } else { f64::NAN };
+                    let a = self.backward(work, theta, pose, true, k, [1.0, 0.0], [0.0; 3], None);
+                    let b = self.backward(work, theta, pose, true, k, [0.0, 1.0], [0.0; 3], None);
+                    let det = a[0] * b[1] - a[1] * b[0];
+                    work.seeds[k][0] += (b[1] * miss[0] - a[1] * miss[1]) / det;
+                    work.seeds[k][1] += (a[0] * miss[1] - b[0] * miss[0]) / det;
+                }
+                if worst.is_nan() {
+                    return Err(ChainError::NoIntersection { u: target[0], v: target[1] });
+                }
+            }
+            if worst == 0.0 {
+                return Ok(());
+            }
+        }
+        let missed = work.points.iter().zip(&work.contexts).find(|(ray, context)| {
+            (ray.pixel[0] - context.pixel[0]).abs().max((ray.pixel[1] - context.pixel[1]).abs()) > PIXEL_TOLERANCE
+        });
+        // Rounding at the tolerance's scale is not a miss.
+        match missed {
+            Some((ray, context))
+                if (ray.pixel[0] - context.pixel[0]).hypot(ray.pixel[1] - context.pixel[1]) > 1e3 * PIXEL_TOLERANCE =>
+            {
+                Err(ChainError::NoIntersection { u: context.pixel[0], v: context.pixel[1] })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Evaluates the chain from the board points in `work.seeds` to pixels, with the pieces' own derivatives.
+    fn forward(
+        &self,
+        work: &mut Workspace,
+        theta: &[f64],
+        pose: &Pose,
+        depth_image: bool,
+        derive: Option<Derive>,
+    ) -> Result<(), ChainError> {
+        let n = work.seeds.len();
+        work.points.resize(n, Ray::default());
+        work.state.clear();
+        work.state.extend(work.seeds.iter().flat_map(|w| [w[0], w[1], 0.0]));
+        run(&self.board, 3, 3, theta, work, HookKind::Board, derive);
+        let mut lens_state = std::mem::take(&mut work.next);
+        lens_state.clear();
+        for k in 0..n {
+            let on_board = [work.state[3 * k], work.state[3 * k + 1], work.state[3 * k + 2]];
+            let point_in_camera = pose.rotation * Vector3::from(on_board) + pose.translation;
+            // Negated so that NaN is refused too.
+            if !(point_in_camera.z > NEAREST_MM) {
+                let [x, y] = work.seeds[k];
+                work.next = lens_state;
+                return Err(ChainError::BehindCamera { x, y, z: point_in_camera.z });
+            }
+            let rho = 1.0 / point_in_camera.z;
+            let (x, y) = (point_in_camera.x * rho, point_in_camera.y * rho);
+            work.points[k] = Ray { on_board, x, y, rho, ..Ray::default() };
+            lens_state.extend([x, y, rho, x, y]);
+        }
+        std::mem::swap(&mut work.state, &mut lens_state);
+        work.next = lens_state;
+        run(&self.lens, 5, 2, theta, work, HookKind::Lens, derive);
+        let [fx, fy, cx, cy, skew] = std::array::from_fn(|i| theta[self.pinhole_offset + i]);
+        let mut pixel_state = std::mem::take(&mut work.next);
+        pixel_state.clear();
+        for k in 0..n {
+            let [x, y] = [work.state[5 * k + 3], work.state[5 * k + 4]];
+            work.points[k].distorted = [x, y];
+            pixel_state.extend([fx * x + skew * y + cx, fy * y + cy]);
+        }
+        std::mem::swap(&mut work.state, &mut pixel_state);
+        work.next = pixel_state;
+        if depth_image {
+            run(&self.pixel, 2, 2, theta, work, HookKind::Pixel, derive);
+        }
+        for k in 0..n {
+            work.points[k].pixel = [work.state[2 * k], work.state[2 * k + 1]];
+        }
+        Ok(())
+    }
+
+    /// Runs the depth pieces on the batch; afterwards `work.state` holds (x, y, ρ_m, cos) per observation.
+    fn depth_forward(&self, work: &mut Workspace, theta: &[f64], pose: &Pose, derive: Derive) {
+        let normal = pose.rotation.column(2);
+        work.state.clear();
+        for ray in &work.points {
+            let d = Vector3::new(ray.x, ray.y, 1.0);
+            work.state.extend([ray.x, ray.y, ray.rho, normal.dot(&d).abs() / d.norm()]);
+        }
+        let derive = (derive == Derive::All).then_some(Derive::All);
+        run(&self.depth, 4, 1, theta, work, HookKind::Depth, derive);
+    }
+
+    /// One row of the depth Jacobian.
+    fn depth_row(
+        &self,
+        work: &Workspace,
+        theta: &[f64],
+        pose: &Pose,
+        normal: &Vector3<f64>,
+        k: usize,
+        row: &mut [f64],
+    ) {
+        // Depth pieces, last to first: their parameters, and the gradient by (x, y, ρ, cos).
+        let (mut g_rho, mut direct, mut g_cos) = (1.0, [0.0; 3], 0.0);
+        for (link, local) in self.depth.iter().zip(&work.depth).rev() {
+            let columns = &mut row[POSE + link.offset..][..link.count];
+            for (c, d) in columns.iter_mut().zip(&local.d_theta[k * link.count..]) {
+                *c += g_rho * d;
+            }
+            let d = &local.d_state[4 * k..4 * k + 4];
+            direct[0] += g_rho * d[0];
+            direct[1] += g_rho * d[1];
+            g_cos += g_rho * d[3];
+            g_rho *= d[2];
+        }
+        direct[2] = g_rho;
+        if g_cos != 0.0 {
+            // cos = |n·d| / ‖d‖ with d = (x, y, 1) and n = R e₃, which turns with ω: ∂(n·d)/∂ω = e₃ × Rᵀd.
+            let ray = &work.points[k];
+            let d = Vector3::new(ray.x, ray.y, 1.0);
+            let (length, sign) = (d.norm(), normal.dot(&d).signum());
+            let cos = sign * normal.dot(&d) / length;
+            direct[0] += g_cos * (sign * normal.x / length - cos * d.x / (length * length));
+            direct[1] += g_cos * (sign * normal.y / length - cos * d.y / (length * length));
+            let by_omega = Vector3::z().cross(&(pose.rotation.tr_mul(&d) * (sign / length)));
+            for i in 0..3 {
+                row[i] += g_cos * by_omega[i];
+            }
+        }
+        // The pixel stays: dρ = (∂ρ/∂θ − ∂ρ/∂w (∂F/∂w)⁻¹ ∂F/∂θ) dθ, with F the pixel of board point w.
+        let a = self.backward(work, theta, pose, true, k, [1.0, 0.0], [0.0; 3], None);
+        let b = self.backward(work, theta, pose, true, k, [0.0, 1.0], [0.0; 3], None);
+        let h = self.backward(work, theta, pose, true, k, [0.0, 0.0], direct, None);
+        let det = a[0] * b[1] - a[1] * b[0];
+        let lambda = [(h[0] * b[1] - h[1] * b[0]) / det, (a[0] * h[1] - a[1] * h[0]) / det];
+        self.backward(work, theta, pose, true, k, [-lambda[0], -lambda[1]], direct, Some(row));
+    }
+
+    /// Carries the gradient `by_pixel` of a scalar by the observation's pixel, and `direct` by (x, y, ρ), back through
+    /// the chain: adds to the row's columns where one is given, returns the gradient by the board point.
+    #[allow(clippy::too_many_arguments)]
+    fn backward(
+        &self,
+        work: &Workspace,
+        theta: &[f64],
+        pose: &Pose,
+        depth_image: bool,
+        k: usize,
+        by_pixel: [f64; 2],
+        direct: [f64; 3],
+        mut row: Option<&mut [f64]>,
+    ) -> [f64; 2] {
+        let ray = &work.points[k];
+        let mut g = by_pixel;
+        if depth_image {
+            for (link, local) in self.pixel.iter().zip(&work.pixel).rev() {
+                add_theta(&mut row, link, local, k, &g);
+                let d = &local.d_state[4 * k..4 * k + 4];
+                g = [g[0] * d[0] + g[1] * d[2], g[0] * d[1] + g[1] * d[3]];
+            }
+        }
+        if let Some(row) = row.as_deref_mut() {
+            let [x, y] = ray.distorted;
+            let columns = &mut row[POSE + self.pinhole_offset..][..PINHOLE];
+            for (c, d) in columns.iter_mut().zip([g[0] * x, g[1] * y, g[0], g[1], g[0] * y]) {
+                *c += d;
+            }
+        }
+        let (fx, fy, skew) =
+            (theta[self.pinhole_offset], theta[self.pinhole_offset + 1], theta[self.pinhole_offset + 4]);
+        g = [g[0] * fx, g[0] * skew + g[1] * fy];
+        let mut by_ray = direct;
+        for (link, local) in self.lens.iter().zip(&work.lens).rev() {
+            add_theta(&mut row, link, local, k, &g);
+            let d = &local.d_state[10 * k..10 * k + 10];
+            for i in 0..3 {
+                by_ray[i] += g[0] * d[i] + g[1] * d[5 + i];
+            }
+            g = [g[0] * d[3] + g[1] * d[8], g[0] * d[4] + g[1] * d[9]];
+        }
+        by_ray[0] += g[0];
+        by_ray[1] += g[1];
+        let along = ray.x * by_ray[0] + ray.y * by_ray[1] + ray.rho * by_ray[2];
+        let by_point = Vector3::new(by_ray[0], by_ray[1], -along) * ray.rho;
+        let in_board = pose.rotation.tr_mul(&by_point);
+        if let Some(row) = row.as_deref_mut() {
+            let by_omega = Vector3::from(ray.on_board).cross(&in_board);
+            for i in 0..3 {
+                row[i] += by_omega[i];
+                row[3 + i] += by_point[i];
+            }
+        }
+        let mut g = [in_board.x, in_board.y, in_board.z];
+        for (link, local) in self.board.iter().zip(&work.board).rev() {
+            add_theta(&mut row, link, local, k, &g);
+            let d = &local.d_state[9 * k..9 * k + 9];
+            g = std::array::from_fn(|i| g[0] * d[i] + g[1] * d[3 + i] + g[2] * d[6 + i]);
+        }
+        [g[0], g[1]]
+    }
+}
+
+/// The pieces of one hook, with the places of their parameters.
+fn links(pieces: &[Arc<dyn AnyPiece>], kind: HookKind, offset: &mut usize) -> Vec<Link> {
+    let mut link = |piece: &Arc<dyn AnyPiece>| {
+        let count = piece.parameters().len();
+        *offset += count;
+        Link { piece: piece.clone(), offset: *offset - count, count }
+    };
+    pieces.iter().filter(|piece| piece.hook() == kind).map(&mut link).collect()
+}
+
+/// Adds gᵀ ∂(output)/∂(parameters) of one piece to its columns.
+#[inline(always)]
+fn add_theta<const OUT: usize>(row: &mut Option<&mut [f64]>, link: &Link, local: &Local, k: usize, g: &[f64; OUT]) {
+    if let Some(row) = row.as_deref_mut() {
+        let columns = &mut row[POSE + link.offset..][..link.count];
+        let block = &local.d_theta[k * OUT * link.count..(k + 1) * OUT * link.count];
+        for (o, g) in g.iter().enumerate() {
+            for (c, d) in columns.iter_mut().zip(&block[o * link.count..]) {
+                *c += g * d;
+            }
+        }
+    }
+}
+
+/// Runs the pieces of one hook over the batch in `work.state`, in place.
+fn run(
+    links: &[Link],
+    inputs: usize,
+    outputs: usize,
+    theta: &[f64],
+    work: &mut Workspace,
+    kind: HookKind,
+    derive: Option<Derive>,
+) {
+    if links.is_empty() {
+        return;
+    }
+    let n = work.contexts.len();
+    let locals = match kind {
+        HookKind::Board => &mut work.board,
+        HookKind::Lens => &mut work.lens,
+        HookKind::Pixel => &mut work.pixel,
+        HookKind::Depth => &mut work.depth,
+        HookKind::Pose => return,
+    };
+    locals.resize(links.len(), Local::default());
+    for (link, local) in links.iter().zip(locals) {
+        work.next.resize(n * outputs, 0.0);
+        let next = &mut work.next[..n * outputs];
+        let parameters = link.theta(theta);
+        match derive {
+            None => link.piece.evaluate(parameters, &work.state, &work.contexts, next),
+            Some(derive) => {
+                local.d_state.resize(n * outputs * inputs, 0.0);
+                local.d_theta.resize(n * outputs * link.count, 0.0);
+                let d_theta = (derive == Derive::All).then_some(&mut local.d_theta[..]);
+                let d_state = &mut local.d_state[..];
+                link.piece.linearize(parameters, &work.state, &work.contexts, next, d_state, d_theta);
+            }
+        }
+        // The output replaces the part of the state that the hook's pieces hand on.
+        let handed_on = match kind {
+            HookKind::Lens => 3..5,
+            HookKind::Depth => 2..3,
+            _ => 0..outputs,
+        };
+        for (state, out) in work.state.chunks_exact_mut(inputs).zip(next.chunks_exact(outputs)) {
+            state[handed_on.clone()].copy_from_slice(out);
+        }
+    }
+}

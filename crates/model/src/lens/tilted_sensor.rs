@@ -1,0 +1,24 @@
+use crate::hook::{Lens, LensState};
+use crate::{Context, Parameter, Piece, Scalar};
+
+/// The sensor is tilted by τx, τy against the lens (Scheimpflug): the image plane is turned and projected again from the
+/// lens' centre, as in OpenCV.
+#[derive(Debug, Clone, Copy)]
+pub struct TiltedSensor;
+
+impl Piece<Lens, 2> for TiltedSensor {
+    const NAME: &'static str = "tilted_sensor";
+    const SOURCE: &'static str = "Louhichi et al. 2007, Self-calibration of Scheimpflug cameras; OpenCV's τx τy";
+    const PARAMETERS: [Parameter; 2] =
+        [Parameter::new("tau_x", "rad", 0.0, 0.01), Parameter::new("tau_y", "rad", 0.0, 0.01)];
+
+    #[inline(always)]
+    fn map<T: Scalar>(&self, s: LensState<T>, [tau_x, tau_y]: [T; 2], _: &Context) -> [T; 2] {
+        let ((sx, cx), (sy, cy)) = (tau_x.sin_cos(), tau_y.sin_cos());
+        // R = Ry Rx; then the projection onto the tilted plane, [R33 0 −R13; 0 R33 −R23; 0 0 1] R (x, y, 1).
+        let turned = [s.x * cy + s.y * (sy * sx) - sy * cx, s.y * cx + sx, s.x * sy - s.y * (cy * sx) + cy * cx];
+        let (r13, r23, r33) = (-(sy * cx), sx, cy * cx);
+        let scale = turned[2].recip();
+        [(r33 * turned[0] - r13 * turned[2]) * scale, (r33 * turned[1] - r23 * turned[2]) * scale]
+    }
+}

@@ -1,0 +1,169 @@
+//! The register of pieces: names to pieces, for files and the command line.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::camera::Block;
+use crate::hook::{Hook, HookKind};
+use crate::piece::{AnyPiece, Piece, erase};
+use crate::{board, depth, lens, pixel};
+
+/// Constants of a piece by name, as [`AnyPiece::options`] gives them.
+pub type Options = BTreeMap<String, f64>;
+
+type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
+
+/// Why a model could not be made from its name.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum RegisterError {
+    /// No piece has this name.
+    #[error("there is no piece named '{name}'; known are {}", known.join(", "))]
+    UnknownPiece {
+        /// The name asked for.
+        name: String,
+        /// All names.
+        known: Vec<String>,
+    },
+    /// A piece cannot be used where it was asked for.
+    #[error("'{name}' acts on the {found}, not on the {expected}")]
+    WrongHook {
+        /// The piece.
+        name: String,
+        /// Where it acts.
+        found: &'static str,
+        /// Where it was to act.
+        expected: &'static str,
+    },
+    /// A subset names a parameter that the piece does not have.
+    #[error("'{name}' has no parameter '{letter}'; a subset is written with the last letters of {}", parameters.join(", "))]
+    UnknownParameter {
+        /// The piece.
+        name: String,
+        /// What was asked for.
+        letter: char,
+        /// Its parameters.
+        parameters: Vec<String>,
+    },
+}
+
+/// Names to pieces. [`Register::builtin`] has depthcal's own; [`Register::add`] takes others.
+#[derive(Clone)]
+pub struct Register {
+    entries: Vec<(&'static str, HookKind, Make)>,
+}
+
+impl std::fmt::Debug for Register {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_list().entries(self.names()).finish()
+    }
+}
+
+impl Register {
+    /// A register without pieces.
+    pub fn empty() -> Self {
+        Self { entries: Vec::new() }
+    }
+
+    /// All pieces that depthcal has: one line each.
+    pub fn builtin() -> Self {
+        let mut register = Self::empty();
+        register.add(|_| board::BoardBow);
+        register.add(|_| board::PrintScale);
+        register.add(|_| lens::BrownConrady);
+        register.add(|_| lens::ThinPrism);
+        register.add(|_| lens::RationalDistortion);
+        register.add(|_| lens::TiltedSensor);
+        register.add(|_| lens::FocusBreathing);
+        register.add(|_| pixel::DepthRegistration);
+        register.add(|_| depth::Projective);
+        register.add(|_| depth::ProjectorDistortion);
+        register.add(depth::DisparityRipple::with_options);
+        register.add(|_| depth::RangeOffset);
+        register.add(|_| depth::QuadraticDepth);
+        register.add(depth::CyclicDepth::with_options);
+        register.add(|_| depth::RadialRange);
+        register.add(|_| depth::IncidenceBias);
+        register.add(depth::ReflectivityBias::with_options);
+        register.add(depth::TemporalDrift::with_options);
+        register.add(depth::TemperatureDrift::with_options);
+        register
+    }
+
+    /// Adds a piece; `make` is given the constants that a file or the command line sets. A piece of the same name is
+    /// replaced.
+    pub fn add<H: Hook, const P: usize, M: Piece<H, P>>(
+        &mut self,
+        make: impl Fn(&Options) -> M + Send + Sync + 'static,
+    ) {
+        self.entries.retain(|(name, ..)| *name != M::NAME);
+        self.entries.push((M::NAME, H::KIND, Arc::new(move |options: &Options| erase::<H, P, M>(make(options)))));
+    }
+
+    /// All names, in the order of registration.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        self.entries.iter().map(|(name, ..)| *name)
+    }
+
+    /// Names of the pieces at a hook.
+    pub fn names_at(&self, hook: HookKind) -> impl Iterator<Item = &'static str> {
+        self.entries.iter().filter(move |(_, h, _)| *h == hook).map(|(name, ..)| *name)
+    }
+
+    /// The piece of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError::UnknownPiece`].
+    pub fn piece(&self, name: &str, options: &Options) -> Result<Arc<dyn AnyPiece>, RegisterError> {
+        let entry = self.entries.iter().find(|(n, ..)| *n == name);
+        let unknown =
+            || RegisterError::UnknownPiece { name: name.to_owned(), known: self.names().map(str::to_owned).collect() };
+        entry.map(|(_, _, make)| make(options)).ok_or_else(unknown)
+    }
+
+    /// A stack of depth pieces from its name: `none`, `projective`, `projective:xw` (only these parameters free),
+    /// `projective+bspline`, …
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`], where a name or a subset is unknown.
+    pub fn depth_model(&self, name: &str) -> Result<Vec<Block>, RegisterError> {
+        if name == "none" {
+            return Ok(Vec::new());
+        }
+        name.split('+').map(|part| self.block(part.trim(), Some(HookKind::Depth))).collect()
+    }
+
+    /// One block from `NAME` or `NAME:SUBSET`; where `hook` is given the piece must act there.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`].
+    pub fn block(&self, name: &str, hook: Option<HookKind>) -> Result<Block, RegisterError> {
+        let (name, subset) = name.split_once(':').map_or((name, None), |(n, s)| (n, Some(s)));
+        let mut block = Block::new(self.piece(name, &Options::new())?);
+        if let Some(expected) = hook.filter(|h| *h != block.hook()) {
+            let found = block.hook().name();
+            return Err(RegisterError::WrongHook { name: name.to_owned(), found, expected: expected.name() });
+        }
+        if let Some(subset) = subset {
+            let free: Vec<bool> =
+                block.parameters().iter().map(|p| subset.chars().any(|c| p.name.ends_with(c))).collect();
+            let unknown = subset.chars().find(|c| !block.parameters().iter().any(|p| p.name.ends_with(*c)));
+            if let Some(letter) = unknown {
+                let parameters = block.parameters().iter().map(|p| p.name.to_owned()).collect();
+                return Err(RegisterError::UnknownParameter { name: name.to_owned(), letter, parameters });
+            }
+            block.free = free;
+        }
+        Ok(block)
+    }
+}
+
+impl Default for Register {
+    fn default() -> Self {
+        Self::builtin()
+    }
+}
