@@ -1,0 +1,155 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const CHESSBOARD: &str = "[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 25\n";
+const DOTS: &str =
+    "[board]\nkind = \"asymmetric-circles\"\ncolumns = 4\nrows = 11\nspacing_mm = 36.0\ncircle_diameter_mm = 20.0\n";
+const FRAMES: &str = "[frames]\nimage = \"image/*.png\"\n";
+
+fn parse(text: &str) -> Result<DatasetFile, DatasetError> {
+    DatasetFile::parse(Path::new("set/dataset.toml"), text)
+}
+
+/// The message of the error that `text` gives; it must name the file and every one of `parts`.
+fn complains(text: &str, parts: &[&str]) {
+    let message = parse(text).unwrap_err().to_string();
+    assert!(message.contains("set/dataset.toml"), "{message}");
+    for part in parts {
+        assert!(message.contains(part), "{part:?} is not in: {message}");
+    }
+}
+
+#[test]
+fn every_kind_of_board() {
+    let board = |lines: &str| parse(&format!("[board]\ncolumns = 5\nrows = 7\nspacing_mm = 30\n{lines}\n{FRAMES}"));
+    assert_eq!(board("kind = \"chessboard\"").unwrap().board.pattern, Pattern::Chessboard);
+    assert_eq!(
+        board("kind = \"symmetric-circles\"\ncircle_diameter_mm = 15").unwrap().board.pattern,
+        Pattern::SymmetricCircles { circle_diameter_mm: 15.0 }
+    );
+    assert_eq!(
+        board("kind = \"asymmetric-circles\"\ncircle_diameter_mm = 40.5").unwrap().board.pattern,
+        Pattern::AsymmetricCircles { circle_diameter_mm: 40.5 }
+    );
+    assert_eq!(
+        board("kind = \"charuco\"\nmarker_mm = 20\ndictionary = \"DICT_5X5_100\"").unwrap().board.pattern,
+        Pattern::Charuco { marker_mm: 20.0, dictionary: "DICT_5X5_100".into() }
+    );
+    let april = board("kind = \"aprilgrid\"\nmarker_mm = 20\ndictionary = \"DICT_APRILTAG_36h11\"").unwrap();
+    assert_eq!(april.board.pattern, Pattern::Aprilgrid { marker_mm: 20.0 });
+    assert_eq!((april.board.columns, april.board.rows, april.board.spacing_mm), (5, 7, 30.0));
+}
+
+#[test]
+fn camera_is_optional_and_has_defaults() {
+    let text = format!("{CHESSBOARD}{FRAMES}[camera]\nfx = 500\nfy = 501.5\ncx = 320\ncy = 240\n");
+    let expected =
+        CameraHint { fx: 500.0, fy: 501.5, cx: 320.0, cy: 240.0, skew: 0.0, distortion: [0.0; 5], fixed: false };
+    assert_eq!(parse(&text).unwrap().camera, Some(expected));
+    let text = format!("{text}distortion = [-0.1, 0.2, 0, 0]\nfixed = true\n");
+    assert_eq!(parse(&text).unwrap().camera.unwrap().distortion, [-0.1, 0.2, 0.0, 0.0, 0.0]);
+    complains(&format!("{text}skew = \"no\""), &["camera.skew", "not a number", ":15"]);
+}
+
+#[test]
+fn bad_toml_names_the_line() {
+    complains("[board]\nkind = \n", &["dataset.toml:2", "TOML"]);
+}
+
+#[test]
+fn unknown_keys_come_with_a_suggestion() {
+    complains(&format!("{CHESSBOARD}colums = 3\n{FRAMES}"), &[":6", "`board.colums`", "`board.columns`"]);
+    complains(&format!("{CHESSBOARD}{FRAMES}unit_mm = 1.0\n"), &["`frames.unit_mm`", "`depth.unit_mm`"]);
+    complains(&format!("{CHESSBOARD}{FRAMES}[dpeth]\nunit_mm = 1.0\n"), &["`dpeth`", "`depth`"]);
+    complains(&format!("{CHESSBOARD}{FRAMES}zzz = 1.0\n"), &["`frames.zzz`", "\"metadata\""]);
+}
+
+#[test]
+fn unknown_kinds_come_with_a_suggestion() {
+    complains(&CHESSBOARD.replace("chessboard", "chess-board"), &["frames"]);
+    complains(&format!("{}{FRAMES}", CHESSBOARD.replace("chessboard", "checkerboard")), &[":2", "\"chessboard\""]);
+    complains(&format!("{}{FRAMES}", CHESSBOARD.replace("chessboard", "xyz")), &["xyz", "\"charuco\""]);
+}
+
+#[test]
+fn missing_parts_come_with_a_remedy() {
+    complains("", &["`board`", "[board]"]);
+    complains(CHESSBOARD, &["`frames`", "[frames]"]);
+    complains(&format!("{CHESSBOARD}[frames]\n"), &["`frames.image`", "glob"]);
+    complains(
+        &format!("{}{FRAMES}", DOTS.replace("circle_diameter_mm = 20.0", "")),
+        &["circle_diameter_mm", "measure"],
+    );
+    complains(&format!("{}{FRAMES}", CHESSBOARD.replace("spacing_mm = 25", "")), &["board.spacing_mm", "in mm"]);
+}
+
+#[test]
+fn depth_needs_its_unit() {
+    let depth = format!("{CHESSBOARD}{FRAMES}depth = \"depth/*.png\"\n");
+    complains(&depth, &["depth.unit_mm", "never guessed"]);
+    complains(&format!("{depth}[depth]\n"), &["depth.unit_mm", "never guessed"]);
+    for unit in ["0", "-1", "nan", "inf", "0.001", "1000", "\"mm\""] {
+        complains(&format!("{depth}[depth]\nunit_mm = {unit}\n"), &["depth.unit_mm", ":10", unit]);
+    }
+    assert_eq!(parse(&format!("{depth}[depth]\nunit_mm = 0.1\n")).unwrap().depth.unwrap().unit_mm, 0.1);
+}
+
+#[test]
+fn numbers_out_of_range_name_the_field() {
+    for spacing in ["0", "-25", "nan", "0.025", "1e9", "\"25\"", "[25]"] {
+        let text = CHESSBOARD.replace("spacing_mm = 25", &format!("spacing_mm = {spacing}"));
+        complains(&format!("{text}{FRAMES}"), &["board.spacing_mm", ":5", spacing]);
+    }
+    for columns in ["0", "-9", "9.5", "1", "100000", "99999999999999999999"] {
+        let text = CHESSBOARD.replace("columns = 9", &format!("columns = {columns}"));
+        complains(&format!("{text}{FRAMES}"), &["columns", columns]);
+    }
+    let text = DOTS.replace("circle_diameter_mm = 20.0", "circle_diameter_mm = 60.0");
+    complains(&format!("{text}{FRAMES}"), &["circle_diameter_mm", "neighbouring dots"]);
+}
+
+#[test]
+fn what_is_written_reads_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("set/dataset.toml");
+    let mut file = DatasetFile {
+        board: Target {
+            pattern: Pattern::Charuco { marker_mm: 22.5, dictionary: "DICT_4X4_50".into() },
+            columns: 7,
+            rows: 5,
+            spacing_mm: 30.0,
+        },
+        frames: FramesSection {
+            image: Some("ir/*.png".into()),
+            depth: Some("depth/*.png".into()),
+            metadata: Some("frames.csv".into()),
+        },
+        depth: Some(DepthSection { unit_mm: 0.1 }),
+        camera: Some(CameraHint {
+            fx: 476.9,
+            fy: 476.9,
+            cx: 312.97,
+            cy: 242.49,
+            skew: 0.0,
+            distortion: [-0.1468, 0.0463, 0.0012, -0.0007, -0.0756],
+            fixed: true,
+        }),
+    };
+    file.write(&path).unwrap();
+    assert_eq!(DatasetFile::read(&path).unwrap(), file);
+    file.depth = None;
+    assert!(file.write(&path).unwrap_err().to_string().contains("depth.unit_mm"));
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_an_error_and_no_panic(text in "(?s).{0,200}") {
+        prop_assert!(parse(&text).is_err());
+    }
+
+    #[test]
+    fn any_value_is_no_panic(key in "[a-z_]{1,12}", value in "[-+0-9.eE_xnaif\"\\[\\],]{0,12}") {
+        let _ = parse(&format!("{CHESSBOARD}{FRAMES}{key} = {value}\n[camera]\nfx = {value}\n"));
+    }
+}

@@ -1,0 +1,87 @@
+//! Errors of the files that depthcal writes and reads back.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a file could not be read, written or believed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// The file cannot be opened or read.
+    #[error("{path}: cannot read the file: {error}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        error: io::Error,
+    },
+    /// The file, or its folder, cannot be written.
+    #[error("{path}: cannot write the file: {error}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        error: io::Error,
+    },
+    /// The text is not the JSON that is expected here.
+    #[error("{path}: field `{field}`: {message}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// Path of the field, for example `camera.pieces[2].parameters[0].value`.
+        field: String,
+        /// What is wrong, with line and column.
+        message: String,
+    },
+    /// Another kind of file.
+    #[error("{path}: field `format` is {found}, expected \"{expected}\": give a file that depthcal wrote as such")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Name of the format that is expected.
+        expected: &'static str,
+        /// What the file has, quoted, or `missing`.
+        found: String,
+    },
+    /// A version of the format that this program does not know.
+    #[error(
+        "{path}: field `version` is {found}, this program reads version {expected}: use a program of the file's \
+         version, or write the file anew"
+    )]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Version that is understood.
+        expected: u32,
+        /// Version of the file.
+        found: u64,
+    },
+    /// A number that JSON cannot hold, in what was to be written.
+    #[error("{path}: field `{field}` is not a finite number, so nothing was written: the result is not usable")]
+    NotFinite {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// Path of the field.
+        field: String,
+    },
+    /// A field whose value contradicts its meaning.
+    #[error("{path}: field `{field}` {problem}")]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Path of the field.
+        field: String,
+        /// What is wrong and what is expected.
+        problem: String,
+    },
+    /// A line of a text file that does not follow its format.
+    #[error("{path}:{line}: {problem}")]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong and what is expected.
+        problem: String,
+    },
+}

@@ -1,0 +1,48 @@
+//! JPEG, by the `zune-jpeg` crate.
+
+use std::path::Path;
+
+use zune_jpeg::JpegDecoder;
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
+
+use crate::read_image::{luma, pixels};
+use crate::{GrayImage, ImageError};
+
+pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xff\xd8\xff")
+}
+
+pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
+    let damaged = |message: String| ImageError::Damaged { path: path.to_owned(), format: "JPEG", message };
+    if is_cut_off(bytes) {
+        return Err(damaged("the end is missing".into()));
+    }
+    // The luma that the file holds is what detection needs; converting to RGB and back would only add rounding.
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::Luma);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|error| damaged(error.to_string()))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| damaged("it has no size".into()))?;
+    let count = pixels(path, width, height)?;
+    let values = decoder.decode().map_err(|error| damaged(error.to_string()))?;
+    let data: Vec<u16> = match values.len() / count {
+        1 => values.into_iter().map(u16::from).collect(),
+        3 => values.chunks_exact(3).map(|p| luma([p[0], p[1], p[2]].map(u16::from))).collect(),
+        channels => return Err(damaged(format!("it has {channels} channels, which is not supported"))),
+    };
+    if data.len() != count {
+        return Err(damaged("it has fewer pixels than it says".into()));
+    }
+    Ok(GrayImage { width, height, data, bits: 8 })
+}
+
+/// Whether the last scan has no end mark. Decoders fill what is missing with grey and say nothing.
+fn is_cut_off(bytes: &[u8]) -> bool {
+    let last = |mark: u8| bytes.windows(2).rposition(|pair| pair == [0xff, mark]);
+    match (last(0xda), last(0xd9)) {
+        (_, None) => true,
+        (Some(scan), Some(end)) => end < scan,
+        (None, Some(_)) => false,
+    }
+}

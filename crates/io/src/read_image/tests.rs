@@ -1,0 +1,146 @@
+use proptest::prelude::*;
+
+use super::*;
+
+fn gray(bits: u8) -> GrayImage {
+    let data = (0..12).map(|i| if bits == 8 { i * 20 } else { i * 5000 }).collect();
+    GrayImage { width: 4, height: 3, data, bits }
+}
+
+fn png_bytes(color: png::ColorType, depth: png::BitDepth, size: [u32; 2], data: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, size[0], size[1]);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    if color == png::ColorType::Indexed {
+        encoder.set_palette(vec![0, 0, 0, 255, 255, 255, 255, 0, 0]);
+    }
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(data).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+fn name() -> &'static Path {
+    Path::new("set/0001.png")
+}
+
+#[test]
+fn grey_and_depth_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a/image.png");
+    for bits in [8, 16] {
+        write_gray(&path, &gray(bits)).unwrap();
+        assert_eq!(read_gray(&path).unwrap(), gray(bits));
+    }
+    let depth = DepthImage { width: 4, height: 3, data: gray(16).data };
+    write_depth(&path, &depth).unwrap();
+    assert_eq!(read_depth(&path).unwrap(), depth);
+}
+
+#[test]
+fn colour_becomes_luma() {
+    use png::{BitDepth::*, ColorType::*};
+    let decode = |color, depth, size, data: &[u8]| decode_gray(name(), &png_bytes(color, depth, size, data)).unwrap();
+    let image = decode(Rgb, Eight, [2, 1], &[255, 0, 0, 10, 10, 10]);
+    assert_eq!((image.data, image.bits), (vec![76, 10], 8));
+    assert_eq!(decode(Rgba, Eight, [1, 1], &[0, 255, 0, 0]).data, [150]);
+    assert_eq!(decode(Rgb, Sixteen, [1, 1], &[255; 6]).data, [65535]);
+    assert_eq!(decode(GrayscaleAlpha, Eight, [1, 1], &[7, 128]).data, [7]);
+    assert_eq!(decode(Indexed, Eight, [3, 1], &[0, 1, 2]).data, [0, 255, 76]);
+    assert_eq!(decode(Grayscale, Two, [4, 1], &[0b00_01_10_11]).data, [0, 85, 170, 255]);
+}
+
+#[test]
+fn only_16_bit_grey_is_depth() {
+    use png::{BitDepth::*, ColorType::*};
+    for (color, depth, data, found) in [
+        (Grayscale, Eight, vec![1], "8-bit grey PNG"),
+        (Rgb, Eight, vec![1; 3], "8-bit RGB PNG"),
+        (Rgb, Sixteen, vec![1; 6], "16-bit RGB PNG"),
+        (Indexed, Eight, vec![1], "8-bit palette PNG"),
+    ] {
+        let message = decode_depth(name(), &png_bytes(color, depth, [1, 1], &data)).unwrap_err().to_string();
+        assert!(message.contains("set/0001.png") && message.contains(found), "{message}");
+        assert!(message.contains("16-bit grey PNG"), "{message}");
+    }
+    assert!(decode_depth(name(), b"\xff\xd8\xff").unwrap_err().to_string().contains("JPEG"));
+    assert!(decode_depth(name(), b"").unwrap_err().to_string().contains("empty"));
+}
+
+#[test]
+fn a_truncated_png_is_named_wherever_it_is_cut() {
+    let data: Vec<u8> = (0..64 * 64 * 2u32).map(|i| (i * i % 251) as u8).collect();
+    let bytes = png_bytes(png::ColorType::Grayscale, png::BitDepth::Sixteen, [64, 64], &data);
+    assert!(decode_depth(name(), &bytes).is_ok());
+    for length in (8..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
+        for error in [decode_gray(name(), &bytes[..length]).err(), decode_depth(name(), &bytes[..length]).err()] {
+            let message = error.unwrap_or_else(|| panic!("accepted {length} of {} bytes", bytes.len())).to_string();
+            assert!(message.contains("set/0001.png"), "{message}");
+        }
+    }
+    let mut flipped = bytes.clone();
+    flipped[bytes.len() / 2] ^= 1;
+    assert!(decode_gray(name(), &flipped).is_err());
+}
+
+#[test]
+fn sizes_that_differ_name_both_files() {
+    let depth = DepthImage { width: 2, height: 3, data: vec![0; 6] };
+    let (image, other) = (Path::new("ir/1.png"), Path::new("depth/1.png"));
+    let message = check_same_size((image, &gray(8)), (other, &depth)).unwrap_err().to_string();
+    for part in ["ir/1.png", "4×3", "depth/1.png", "2×3"] {
+        assert!(message.contains(part), "{message}");
+    }
+    let depth = DepthImage { width: 4, height: 3, data: vec![0; 12] };
+    assert!(check_same_size((image, &gray(8)), (other, &depth)).is_ok());
+}
+
+#[test]
+fn pgm_of_8_and_16_bits() {
+    let image = decode_gray(name(), b"P5\n# made by hand\n2 1\n255\n\x0a\x20").unwrap();
+    assert_eq!(image, GrayImage { width: 2, height: 1, data: vec![10, 32], bits: 8 });
+    let image = decode_gray(name(), b"P5 1 2 4095 \x01\x02\x0f\xff").unwrap();
+    assert_eq!(image, GrayImage { width: 1, height: 2, data: vec![258, 4095], bits: 16 });
+    for bytes in [&b"P5 2 2 255\nabc"[..], b"P5 2", b"P5 2 2 70000\nabcd", b"P5 0 2 255\n", b"P5 -1 2 255\n"] {
+        assert!(decode_gray(name(), bytes).unwrap_err().to_string().contains("set/0001.png"));
+    }
+}
+
+#[test]
+fn wrong_data_is_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("image.png");
+    let broken = GrayImage { width: 4, height: 4, ..gray(8) };
+    assert!(write_gray(&path, &broken).unwrap_err().to_string().contains("12 values for 4×4"));
+    let broken = GrayImage { bits: 8, ..gray(16) };
+    assert!(write_gray(&path, &broken).unwrap_err().to_string().contains("255"));
+    assert!(!path.exists());
+}
+
+#[test]
+fn files_that_are_no_images_are_named() {
+    assert!(read_gray("set/none.png").unwrap_err().to_string().contains("set/none.png"));
+    assert!(decode_gray(name(), b"GIF89a").unwrap_err().to_string().contains("PNG, JPEG or binary PGM"));
+    assert!(decode_gray(name(), b"").unwrap_err().to_string().contains("empty"));
+}
+
+proptest! {
+    #[test]
+    fn any_bytes_are_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+        for start in [&b""[..], b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", b"\xff\xd8\xff", b"P5 3 3 255 "] {
+            let mut file = start.to_vec();
+            file.extend(&bytes);
+            let _ = decode_gray(name(), &file);
+            let _ = decode_depth(name(), &file);
+        }
+    }
+
+    #[test]
+    fn damaged_png_is_no_panic(position in 8usize..200, value in any::<u8>()) {
+        let mut bytes = png_bytes(png::ColorType::Grayscale, png::BitDepth::Eight, [16, 16], &[77; 256]);
+        let position = position % bytes.len();
+        bytes[position] = value;
+        let _ = decode_gray(name(), &bytes);
+    }
+}
