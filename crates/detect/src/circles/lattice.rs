@@ -1,0 +1,165 @@
+//! Growing a lattice over dot candidates.
+//!
+//! A dot and two of its neighbours propose a basis; from there every further dot is predicted from the dots nearby and
+//! accepted when a candidate of similar size lies there. The prediction is local and affine, so perspective and lens do
+//! not matter; a dot's own elliptical shape undoes the tilt when neighbours are chosen.
+
+use std::collections::BTreeMap;
+
+use super::blobs::Blob;
+
+/// How far from its predicted place a dot may lie, in steps of the lattice.
+const TOLERANCE: f64 = 0.28;
+/// Ratio of the areas of neighbouring dots, either way.
+const AREA_RATIO: f64 = 2.2;
+
+/// Dots on integer coordinates; the basis is right-handed in the image (x right, y down).
+pub(crate) type Lattice = BTreeMap<[i32; 2], usize>;
+
+/// Buckets of blobs, for neighbours without looking at all of them.
+pub(crate) struct Neighbourhood<'a> {
+    blobs: &'a [Blob],
+    cell: f64,
+    columns: i64,
+    buckets: BTreeMap<i64, Vec<usize>>,
+}
+
+impl<'a> Neighbourhood<'a> {
+    pub(crate) fn new(blobs: &'a [Blob], width: usize) -> Neighbourhood<'a> {
+        let cell = 24.0;
+        let columns = (width as f64 / cell) as i64 + 3;
+        let mut hood = Neighbourhood { blobs, cell, columns, buckets: BTreeMap::new() };
+        for (i, blob) in blobs.iter().enumerate() {
+            let key = hood.key(blob.center);
+            hood.buckets.entry(key).or_default().push(i);
+        }
+        hood
+    }
+
+    fn key(&self, p: [f64; 2]) -> i64 {
+        (p[1] / self.cell) as i64 * self.columns + (p[0] / self.cell) as i64
+    }
+
+    /// Blobs within `radius` of `p`, in a fixed order.
+    fn within(&self, p: [f64; 2], radius: f64) -> Vec<usize> {
+        let range = |v: f64| ((((v - radius) / self.cell).floor() as i64).max(0), ((v + radius) / self.cell) as i64);
+        let ((x0, x1), (y0, y1)) = (range(p[0]), range(p[1]));
+        let mut found = Vec::new();
+        for y in y0..=y1 {
+            for x in x0..=x1.min(self.columns - 1) {
+                let Some(bucket) = self.buckets.get(&(y * self.columns + x)) else { continue };
+                found.extend(bucket.iter().copied().filter(|&i| {
+                    let c = self.blobs[i].center;
+                    (c[0] - p[0]).hypot(c[1] - p[1]) <= radius
+                }));
+            }
+        }
+        found
+    }
+
+    /// The blob nearest to `p` within `radius`.
+    fn nearest(&self, p: [f64; 2], radius: f64) -> Option<usize> {
+        let distance = |i: usize| (self.blobs[i].center[0] - p[0]).hypot(self.blobs[i].center[1] - p[1]);
+        self.within(p, radius).into_iter().min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
+    }
+
+    /// Pairs of neighbours of `seed` that may be basis vectors, the shortest first. `step_in_radii` is the lattice step
+    /// over the dots' radius as printed.
+    pub(crate) fn bases(&self, seed: usize, step_in_radii: f64) -> Vec<[usize; 2]> {
+        let blob = &self.blobs[seed];
+        let [xx, _, yy] = blob.covariance;
+        let reach = 2.0 * (xx + yy).sqrt() * step_in_radii * 1.5;
+        let mut arms: Vec<(usize, [f64; 2], f64)> = self
+            .within(blob.center, reach)
+            .into_iter()
+            .filter(|&i| i != seed && similar(blob, &self.blobs[i]))
+            .map(|i| {
+                let d = subtract(self.blobs[i].center, blob.center);
+                (i, d, blob.in_radii(d))
+            })
+            .filter(|(_, _, length)| (0.6..1.5).contains(&(length / step_in_radii)))
+            .collect();
+        arms.sort_by(|a, b| a.2.total_cmp(&b.2));
+        arms.truncate(8);
+        let mut pairs = Vec::new();
+        for (i, a) in arms.iter().enumerate() {
+            for b in &arms[i + 1..] {
+                let cosine = blob.dot_product(a.1, b.1) / (a.2 * b.2);
+                if cosine.abs() < 0.6 && b.2 / a.2 < 1.4 {
+                    let right_handed = a.1[0] * b.1[1] - a.1[1] * b.1[0] > 0.0;
+                    pairs.push((a.2 + b.2, if right_handed { [a.0, b.0] } else { [b.0, a.0] }));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.into_iter().map(|p| p.1).take(8).collect()
+    }
+
+    /// Grows the lattice of a seed and its two neighbours as far as dots are found.
+    pub(crate) fn grow(&self, seed: usize, basis: [usize; 2]) -> Lattice {
+        let mut lattice = Lattice::from([([0, 0], seed), ([1, 0], basis[0]), ([0, 1], basis[1])]);
+        let mut used = vec![false; self.blobs.len()];
+        for &i in lattice.values() {
+            used[i] = true;
+        }
+        loop {
+            // Best supported places first: they are predicted best, and what they add supports the others.
+            let mut frontier: BTreeMap<[i32; 2], usize> = BTreeMap::new();
+            for cell in lattice.keys() {
+                for step in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
+                    let place = [cell[0] + step[0], cell[1] + step[1]];
+                    if !lattice.contains_key(&place) {
+                        *frontier.entry(place).or_default() += 1;
+                    }
+                }
+            }
+            let mut places: Vec<([i32; 2], usize)> = frontier.into_iter().collect();
+            places.sort_by_key(|(place, support)| (std::cmp::Reverse(*support), *place));
+            let before = lattice.len();
+            for (place, _) in places {
+                let Some((predicted, step)) = self.predict(&lattice, place) else { continue };
+                let Some(found) = self.nearest(predicted, TOLERANCE * step) else { continue };
+                let neighbour = [[1, 0], [-1, 0], [0, 1], [0, -1]]
+                    .iter()
+                    .find_map(|s| lattice.get(&[place[0] + s[0], place[1] + s[1]]).copied());
+                if !used[found] && neighbour.is_some_and(|n| similar(&self.blobs[n], &self.blobs[found])) {
+                    used[found] = true;
+                    lattice.insert(place, found);
+                }
+            }
+            if lattice.len() == before {
+                return lattice;
+            }
+        }
+    }
+
+    /// Place of a lattice cell by an affine fit to the dots around it, and the length of the shorter step there.
+    fn predict(&self, lattice: &Lattice, place: [i32; 2]) -> Option<([f64; 2], f64)> {
+        let mut normal = nalgebra::Matrix3::zeros();
+        let mut right = nalgebra::Matrix3x2::zeros();
+        for dj in -2..=2 {
+            for di in -2..=2 {
+                let Some(&blob) = lattice.get(&[place[0] + di, place[1] + dj]) else { continue };
+                let t = nalgebra::Vector3::new(1.0, f64::from(di), f64::from(dj));
+                let weight = 1.0 / f64::from(di * di + dj * dj);
+                let center = self.blobs[blob].center;
+                normal += t * t.transpose() * weight;
+                right += t * nalgebra::RowVector2::new(center[0], center[1]) * weight;
+            }
+        }
+        let solution = normal.cholesky()?.solve(&right);
+        if !solution.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        let step = |row: usize| solution[(row, 0)].hypot(solution[(row, 1)]);
+        Some(([solution[(0, 0)], solution[(0, 1)]], step(1).min(step(2))))
+    }
+}
+
+fn similar(a: &Blob, b: &Blob) -> bool {
+    (1.0 / AREA_RATIO..AREA_RATIO).contains(&(a.area / b.area))
+}
+
+fn subtract(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}

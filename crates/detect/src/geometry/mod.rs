@@ -1,0 +1,9 @@
+//! Plane geometry that detection and refinement share.
+
+mod board_map;
+mod homography;
+mod local_map;
+
+pub use board_map::BoardMap;
+pub use homography::Homography;
+pub(crate) use local_map::LocalMap;

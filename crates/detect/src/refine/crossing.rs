@@ -1,0 +1,150 @@
+//! The crossing of a chessboard, by fitting two soft edges to the grey values around it.
+
+use nalgebra::{Matrix2, SVector};
+
+use super::fit::{Model, Prior, erf, fit};
+use super::pixels::Pixels;
+
+/// Crossing u, v (px); directions of the two edges (rad); mean grey, half the contrast; relative change of the light
+/// along u, v (1/px); edge width (px).
+const P: usize = 9;
+const FIRST: usize = 2;
+const SECOND: usize = 3;
+const MEAN: usize = 4;
+const CONTRAST: usize = 5;
+const LIGHT_U: usize = 6;
+const LIGHT_V: usize = 7;
+const WIDTH: usize = 8;
+const USUAL_WIDTH_PX: f64 = 0.8;
+
+/// The fitted crossing.
+pub(super) struct FittedCrossing {
+    pub(super) pixel: [f64; 2],
+    pub(super) covariance: Matrix2<f64>,
+    pub(super) width_px: f64,
+    /// Bright minus dark.
+    pub(super) contrast: f64,
+    /// Grey noise over contrast.
+    pub(super) relative_noise: f64,
+}
+
+struct CrossingModel<'a> {
+    pixels: &'a Pixels<'a>,
+    samples: Vec<([f64; 2], f64)>,
+    start: [f64; 2],
+    reach: f64,
+}
+
+impl Model<P> for CrossingModel<'_> {
+    fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    fn residual(&self, p: &SVector<f64, P>, i: usize) -> (f64, SVector<f64, P>) {
+        let ([u, v], value) = self.samples[i];
+        let d = [u - p[0], v - p[1]];
+        let root = std::f64::consts::SQRT_2 * p[WIDTH];
+        // Distance to an edge, the soft sign of it, and the slope of that.
+        let side = |angle: f64| {
+            let (sin, cos) = angle.sin_cos();
+            let s = cos * d[1] - sin * d[0];
+            let along = -(cos * d[0] + sin * d[1]);
+            let (e, slope) = erf(s / root);
+            (e, slope / root, s, along, [sin, -cos])
+        };
+        let (e1, k1, s1, a1, n1) = side(p[FIRST]);
+        let (e2, k2, s2, a2, n2) = side(p[SECOND]);
+        let offset = [u - self.start[0], v - self.start[1]];
+        let light = 1.0 + p[LIGHT_U] * offset[0] + p[LIGHT_V] * offset[1];
+        let grey = p[MEAN] + p[CONTRAST] * e1 * e2;
+        let (residual, measured) = self.pixels.residual(value, light * grey);
+        if !measured {
+            return (0.0, SVector::zeros());
+        }
+        let (c1, c2) = (light * p[CONTRAST] * k1 * e2, light * p[CONTRAST] * k2 * e1);
+        let derivatives = SVector::from([
+            c1 * n1[0] + c2 * n2[0],
+            c1 * n1[1] + c2 * n2[1],
+            c1 * a1,
+            c2 * a2,
+            light,
+            light * e1 * e2,
+            grey * offset[0],
+            grey * offset[1],
+            -(c1 * s1 + c2 * s2) / p[WIDTH],
+        ]);
+        (residual, derivatives)
+    }
+
+    fn is_valid(&self, p: &SVector<f64, P>) -> bool {
+        let moved = (p[0] - self.start[0]).hypot(p[1] - self.start[1]);
+        let angle = (p[SECOND] - p[FIRST]).sin().abs();
+        (0.15..8.0).contains(&p[WIDTH]) && moved < self.reach && angle > 0.2
+    }
+}
+
+/// Fits a crossing near `start` from the pixels within `reach` px; `axes` are the directions of the board's rows and
+/// columns there, px. `None` when there is no crossing.
+pub(super) fn fit_crossing(
+    pixels: &Pixels,
+    start: [f64; 2],
+    axes: [[f64; 2]; 2],
+    reach: f64,
+    iterations: usize,
+) -> Option<FittedCrossing> {
+    let low = [start[0] - reach, start[1] - reach];
+    let high = [start[0] + reach, start[1] + reach];
+    let samples: Vec<_> = pixels
+        .inside(low, high)
+        .map(|[x, y]| ([x as f64, y as f64], pixels.value(x, y)))
+        .filter(|(p, _)| (p[0] - start[0]).hypot(p[1] - start[1]) <= reach)
+        .collect();
+    if samples.len() < 2 * P {
+        return None;
+    }
+    let angles = axes.map(|a| a[1].atan2(a[0]));
+    // Mean grey on the two sides of the sign of the crossing.
+    let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
+    for (p, value) in &samples {
+        let side = |angle: f64| angle.cos() * (p[1] - start[1]) - angle.sin() * (p[0] - start[0]);
+        let which = usize::from(side(angles[0]) * side(angles[1]) > 0.0);
+        sums[which] += value;
+        counts[which] += 1.0;
+    }
+    if counts[0] == 0.0 || counts[1] == 0.0 {
+        return None;
+    }
+    let (minus, plus) = (sums[0] / counts[0], sums[1] / counts[1]);
+    let begin = SVector::from([
+        start[0],
+        start[1],
+        angles[0],
+        angles[1],
+        (plus + minus) / 2.0,
+        (plus - minus) / 2.0,
+        0.0,
+        0.0,
+        USUAL_WIDTH_PX,
+    ]);
+    let priors = [
+        Prior { index: WIDTH, mean: USUAL_WIDTH_PX, sigma: 0.5 },
+        Prior { index: LIGHT_U, mean: 0.0, sigma: 0.03 },
+        Prior { index: LIGHT_V, mean: 0.0, sigma: 0.03 },
+        Prior { index: FIRST, mean: angles[0], sigma: 0.2 },
+        Prior { index: SECOND, mean: angles[1], sigma: 0.2 },
+    ];
+    let grain = 0.3_f64.max(0.003 * (plus - minus).abs());
+    let model = CrossingModel { pixels, samples, start, reach };
+    let fit = fit(&model, begin, &priors, grain, iterations)?;
+    let contrast = 2.0 * fit.parameters[CONTRAST];
+    if contrast == 0.0 || contrast.signum() != (plus - minus).signum() || fit.noise > 0.25 * contrast.abs() {
+        return None;
+    }
+    Some(FittedCrossing {
+        pixel: [fit.parameters[0], fit.parameters[1]],
+        covariance: fit.covariance.fixed_view::<2, 2>(0, 0).into_owned(),
+        width_px: fit.parameters[WIDTH],
+        contrast: contrast.abs(),
+        relative_noise: fit.noise / contrast.abs(),
+    })
+}

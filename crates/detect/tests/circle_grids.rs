@@ -1,0 +1,172 @@
+//! Circle grids: how many boards are found, and how well their dots.
+
+mod common;
+
+use common::{Camera, Pose, Scene, Texture};
+use depthcal_detect::{DetectOptions, Detection, Polarity, detect};
+use depthcal_io::GrayImage;
+use depthcal_model::target::Target;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+/// A random pose with every dot inside the image and at least `min_px` wide (longest axis).
+fn random_pose(camera: &Camera, target: &Target, min_px: f64, rng: &mut ChaCha8Rng) -> Pose {
+    let diameter = target.circle_diameter_mm().expect("dots");
+    loop {
+        let z = rng.random_range(300.0..1500.0);
+        let tilt = rng.random_range(0.0..50f64.to_radians());
+        let turn = std::f64::consts::TAU;
+        let pixel = [rng.random_range(0.0..camera.width as f64), rng.random_range(0.0..camera.height as f64)];
+        let middle = target.point(target.len() / 2);
+        let pose =
+            Pose::looking(camera, middle, pixel, z, tilt, rng.random_range(0.0..turn), rng.random_range(0.0..turn));
+        let inside = target.points().iter().all(|p| {
+            let x = pose.apply(*p);
+            let [u, v] = camera.project(x);
+            let r = 0.5 * diameter * camera.f / x.z;
+            x.z > 100.0
+                && 2.0 * r >= min_px
+                && u > r
+                && v > r
+                && u < camera.width as f64 - 1.0 - r
+                && v < camera.height as f64 - 1.0 - r
+        });
+        if inside {
+            return pose;
+        }
+    }
+}
+
+/// Distances of the found markers from the truth; with the other labelling where the board looks the same after half a
+/// turn and `symmetric` is set.
+fn errors(scene: &Scene, target: &Target, detection: &Detection, symmetric: bool) -> Vec<f64> {
+    let distances = |turned: bool| -> Vec<f64> {
+        detection
+            .markers
+            .iter()
+            .map(|m| {
+                let index = if turned { target.len() - 1 - m.index } else { m.index };
+                let t = scene.truth(target.point(index));
+                (m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1])
+            })
+            .collect()
+    };
+    let plain = distances(false);
+    if symmetric && plain[0] > 5.0 { distances(true) } else { plain }
+}
+
+struct Outcome {
+    found: bool,
+    errors: Vec<f64>,
+    dots_px: f64,
+}
+
+fn run(target: &Target, inverted: bool, symmetric: bool, count: usize, bits: u8) -> Vec<Outcome> {
+    let camera = Camera::thesis();
+    (0..count as u64)
+        .into_par_iter()
+        .map(|seed| {
+            let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
+            let pose = random_pose(&camera, target, 5.0, &mut rng);
+            let texture = Texture::new(target.clone(), rng.random_range(0.75..1.5) * target.spacing_mm);
+            let texture = if inverted { texture.inverted() } else { texture };
+            let mut scene = Scene::new(camera, pose, &texture, seed);
+            scene.rays = 4;
+            if bits == 16 {
+                scene.bits = 16;
+                scene.white = 6000.0;
+            }
+            let mut image = scene.render();
+            if bits == 16 {
+                add_reflex(&mut image, &mut rng);
+            }
+            let found = detect(&image, target, &DetectOptions::default()).expect("no error");
+            let z = pose.apply(target.point(target.len() / 2)).z;
+            let dots_px = target.circle_diameter_mm().expect("dots") * camera.f / z;
+            match found {
+                Some(detection) => {
+                    let expected = if inverted { Polarity::BrightOnDark } else { Polarity::DarkOnBright };
+                    assert_eq!(detection.polarity, expected);
+                    Outcome { found: true, errors: errors(&scene, target, &detection, symmetric), dots_px }
+                }
+                None => {
+                    let [u, v] = scene.truth(target.point(target.len() / 2));
+                    println!("not found: seed {seed}, dots {dots_px:.1} px at ({u:.0}, {v:.0})");
+                    Outcome { found: false, errors: Vec::new(), dots_px }
+                }
+            }
+        })
+        .collect()
+}
+
+/// A lamp in the corner, far brighter than the board.
+fn add_reflex(image: &mut GrayImage, rng: &mut ChaCha8Rng) {
+    let (x0, y0) = if rng.random_bool(0.5) { (0, 0) } else { (image.width - 24, image.height - 24) };
+    for y in y0..y0 + 24 {
+        for x in x0..x0 + 24 {
+            image.data[y * image.width + x] = 60_000;
+        }
+    }
+}
+
+fn check(name: &str, outcomes: &[Outcome]) {
+    let found = outcomes.iter().filter(|o| o.found).count();
+    let right: Vec<&Outcome> = outcomes.iter().filter(|o| o.found).collect();
+    let wrong = right.iter().filter(|o| o.errors.iter().any(|e| *e > 2.0)).count();
+    // Per coordinate, all markers alike.
+    let rms = common::rms(right.iter().flat_map(|o| o.errors.iter().copied())) / 2f64.sqrt();
+    let worst = right.iter().flat_map(|o| o.errors.iter().copied()).fold(0.0, f64::max);
+    let smallest = outcomes.iter().map(|o| o.dots_px).fold(f64::INFINITY, f64::min);
+    println!(
+        "{name}: {found} of {} found, {wrong} wrong, rms {rms:.4} px, worst {worst:.3} px, smallest dots {smallest:.1} px",
+        outcomes.len()
+    );
+    assert_eq!(wrong, 0, "{name}: wrong grids");
+    assert!(found as f64 >= 0.95 * outcomes.len() as f64, "{name}: {found} of {} found", outcomes.len());
+    assert!(rms < 0.05, "{name}: {rms} px rms");
+}
+
+#[test]
+fn asymmetric_dark_dots() {
+    check("asymmetric", &run(&common::asymmetric(4, 11, 17.0, 11.5), false, false, common::frames(40), 8));
+}
+
+#[test]
+fn asymmetric_bright_dots() {
+    check("asymmetric, bright", &run(&common::asymmetric(4, 11, 17.0, 11.5), true, false, common::frames(20), 8));
+}
+
+#[test]
+fn symmetric_dots() {
+    check("symmetric", &run(&common::symmetric(7, 6, 24.0, 12.0), false, true, common::frames(20), 8));
+}
+
+#[test]
+fn infrared_amplitudes_with_a_lamp() {
+    check("16 bits", &run(&common::asymmetric(4, 11, 17.0, 11.5), false, false, common::frames(20), 16));
+}
+
+#[test]
+fn clutter_alone_is_no_board() {
+    let target = common::asymmetric(4, 11, 17.0, 11.5);
+    let camera = Camera::thesis();
+    let pose = Pose::looking(&camera, [0.0, 0.0], [-4000.0, 0.0], 400.0, 0.0, 0.0, 0.0);
+    let texture = Texture::new(target.clone(), 1.0);
+    for seed in 0..4 {
+        let mut scene = Scene::new(camera, pose, &texture, seed);
+        scene.rays = 1;
+        assert_eq!(detect(&scene.render(), &target, &DetectOptions::default()).expect("no error"), None);
+    }
+}
+
+#[test]
+fn a_larger_board_than_declared_is_not_labelled_at_random() {
+    let printed = common::asymmetric(4, 11, 17.0, 11.5);
+    let declared = common::asymmetric(4, 9, 17.0, 11.5);
+    let camera = Camera::thesis();
+    let pose = Pose::looking(&camera, [60.0, 85.0], [320.0, 240.0], 500.0, 0.3, 1.0, 0.5);
+    let texture = Texture::new(printed, 20.0);
+    let image = Scene::new(camera, pose, &texture, 3).render();
+    assert_eq!(detect(&image, &declared, &DetectOptions::default()).expect("no error"), None);
+}

@@ -1,0 +1,33 @@
+//! Measured captures, where they are present.
+
+use std::path::PathBuf;
+
+use depthcal_io::GrayImage;
+use opencv::core::{MatTraitConst, MatTraitConstManual};
+
+/// Images of a measured dataset by name, or nothing, with a message, where there are none. The folder is given by the
+/// environment variable DEPTHCAL_DATA.
+pub fn images(dataset: &str, folder: &str) -> Vec<(String, GrayImage)> {
+    let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let data = std::env::var_os("DEPTHCAL_DATA").map_or_else(|| workspace.join("../shared/data"), PathBuf::from);
+    let path = data.join(dataset).join(folder);
+    let Ok(entries) = std::fs::read_dir(&path) else {
+        eprintln!("SKIPPED: no measured data in {}; set DEPTHCAL_DATA to run this test", path.display());
+        return Vec::new();
+    };
+    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+    files.sort();
+    files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect()
+}
+
+fn read(file: &std::path::Path) -> GrayImage {
+    let flags = opencv::imgcodecs::IMREAD_ANYDEPTH | opencv::imgcodecs::IMREAD_GRAYSCALE;
+    let mat = opencv::imgcodecs::imread(file, flags).expect("an image");
+    let (width, height) = (mat.cols() as usize, mat.rows() as usize);
+    if mat.depth() == opencv::core::CV_16U {
+        GrayImage { width, height, data: mat.data_typed::<u16>().expect("16 bits").to_vec(), bits: 16 }
+    } else {
+        let data = mat.data_typed::<u8>().expect("8 bits").iter().map(|&v| u16::from(v)).collect();
+        GrayImage { width, height, data, bits: 8 }
+    }
+}

@@ -1,0 +1,34 @@
+//! A small renderer of boards under known pose and lens, independent of what it tests: rays are cast from pixels to the
+//! board, several per pixel.
+#![allow(dead_code)]
+
+pub mod measured;
+pub mod scene;
+pub mod texture;
+
+pub use scene::{Camera, Pose, Scene};
+pub use texture::Texture;
+
+use depthcal_model::target::{Pattern, Target};
+
+pub fn asymmetric(columns: usize, rows: usize, spacing_mm: f64, circle_diameter_mm: f64) -> Target {
+    Target { pattern: Pattern::AsymmetricCircles { circle_diameter_mm }, columns, rows, spacing_mm }
+}
+
+pub fn symmetric(columns: usize, rows: usize, spacing_mm: f64, circle_diameter_mm: f64) -> Target {
+    Target { pattern: Pattern::SymmetricCircles { circle_diameter_mm }, columns, rows, spacing_mm }
+}
+
+pub fn chessboard(columns: usize, rows: usize, spacing_mm: f64) -> Target {
+    Target { pattern: Pattern::Chessboard, columns, rows, spacing_mm }
+}
+
+/// Frames per found-rate test; more of them by the environment variable DEPTHCAL_TEST_FRAMES.
+pub fn frames(default: usize) -> usize {
+    std::env::var("DEPTHCAL_TEST_FRAMES").ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = values.into_iter().fold((0.0, 0usize), |(s, n), v| (s + v * v, n + 1));
+    (sum / count.max(1) as f64).sqrt()
+}

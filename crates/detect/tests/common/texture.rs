@@ -1,0 +1,84 @@
+//! What is printed on a board: reflectance as a function of the place in mm.
+
+use depthcal_model::target::{Pattern, Target};
+
+pub struct Texture {
+    pub target: Target,
+    /// Paper beyond the outermost markers, mm.
+    pub margin: f64,
+    pub paper: f64,
+    pub ink: f64,
+    /// A drawn board (ChArUco, tags): grey values, width, px per mm, and the place of its first pixel's corner, mm.
+    pub raster: Option<(Vec<u8>, usize, f64, [f64; 2])>,
+}
+
+impl Texture {
+    pub fn new(target: Target, margin: f64) -> Texture {
+        Texture { target, margin, paper: 0.9, ink: 0.1, raster: None }
+    }
+
+    /// Bright print on a dark board.
+    pub fn inverted(mut self) -> Texture {
+        std::mem::swap(&mut self.paper, &mut self.ink);
+        self
+    }
+
+    /// Smallest and largest coordinates of the markers.
+    fn extent(&self) -> [[f64; 2]; 2] {
+        self.target.points().iter().fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
+            [[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]]
+        })
+    }
+
+    /// Reflectance; `None` beside the board.
+    pub fn at(&self, x: f64, y: f64) -> Option<f64> {
+        let [low, high] = self.extent_cached();
+        if let Some((data, width, scale, origin)) = &self.raster {
+            let (u, v) = ((x - origin[0]) * scale, (y - origin[1]) * scale);
+            let height = data.len() / width;
+            if u < 0.0 || v < 0.0 || u >= *width as f64 || v >= height as f64 {
+                return None;
+            }
+            let grey = f64::from(data[v as usize * width + u as usize]) / 255.0;
+            return Some(self.ink + (self.paper - self.ink) * grey);
+        }
+        if x < low[0] - self.margin
+            || y < low[1] - self.margin
+            || x > high[0] + self.margin
+            || y > high[1] + self.margin
+        {
+            return None;
+        }
+        let s = self.target.spacing_mm;
+        let (columns, rows) = (self.target.columns as i64, self.target.rows as i64);
+        let dark = match self.target.pattern {
+            Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } => {
+                let shifted = matches!(self.target.pattern, Pattern::AsymmetricCircles { .. });
+                let i0 = (y / s).round() as i64;
+                (i0 - 1..=i0 + 1).filter(|i| (0..rows).contains(i)).any(|i| {
+                    let (pitch, shift) = if shifted { (2.0 * s, (i % 2) as f64 * s) } else { (s, 0.0) };
+                    let j = ((x - shift) / pitch).round() as i64;
+                    let (dx, dy) = (x - shift - j as f64 * pitch, y - i as f64 * s);
+                    (0..columns).contains(&j) && dx.hypot(dy) <= circle_diameter_mm / 2.0
+                })
+            }
+            Pattern::Chessboard => {
+                let (j, i) = ((x / s).floor() as i64, (y / s).floor() as i64);
+                (-1..columns).contains(&j) && (-1..rows).contains(&i) && (i + j).rem_euclid(2) == 0
+            }
+            _ => false,
+        };
+        Some(if dark { self.ink } else { self.paper })
+    }
+
+    fn extent_cached(&self) -> [[f64; 2]; 2] {
+        let s = self.target.spacing_mm;
+        let (c, r) = (self.target.columns as f64 - 1.0, self.target.rows as f64 - 1.0);
+        match self.target.pattern {
+            Pattern::AsymmetricCircles { .. } => [[0.0, 0.0], [(2.0 * c + 1.0) * s, r * s]],
+            Pattern::SymmetricCircles { .. } => [[0.0, 0.0], [c * s, r * s]],
+            Pattern::Chessboard => [[-s, -s], [(c + 1.0) * s, (r + 1.0) * s]],
+            _ => self.extent(),
+        }
+    }
+}
