@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use depthcal_model::Target;
+use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
 use crate::json::{Fault, Versioned, read_versioned, write_versioned};
@@ -45,28 +46,12 @@ pub struct CameraRecord {
     pub pieces: Vec<PieceRecord>,
 }
 
-/// Where in the chain a piece acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Hook {
-    /// The shape of the board, in board coordinates.
-    Board,
-    /// The pose of the board.
-    Pose,
-    /// The normalised image coordinates.
-    Lens,
-    /// The pixel coordinates.
-    Pixel,
-    /// The inverse depth.
-    Depth,
-}
-
 /// One piece of the chain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PieceRecord {
     /// Where it acts.
-    pub hook: Hook,
-    /// Its registered name, such as `brown-conrady` or `projective`.
+    pub hook: HookKind,
+    /// Its registered name, such as `brown_conrady` or `projective`.
     pub name: String,
     /// Its parameters, in its own order. Names are unique within the piece.
     pub parameters: Vec<ParameterRecord>,
@@ -207,7 +192,7 @@ impl Calibration {
     }
 
     /// The pieces that act at `hook`, in chain order.
-    pub fn pieces_at(&self, hook: Hook) -> impl Iterator<Item = &PieceRecord> {
+    pub fn pieces_at(&self, hook: HookKind) -> impl Iterator<Item = &PieceRecord> {
         self.camera.pieces.iter().filter(move |piece| piece.hook == hook)
     }
 
@@ -353,3 +338,5 @@ fn unique<'a>(names: impl IntoIterator<Item = &'a String>, field: &str) -> Resul
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+pub(crate) use tests::example;

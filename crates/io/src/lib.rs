@@ -6,6 +6,7 @@
 //! file is written to a temporary name and renamed ([`write_atomically`]), so that an interrupted run leaves no half
 //! file. This crate reads and writes; it computes nothing about cameras.
 
+pub mod bal;
 pub mod calibration;
 mod camera_hint;
 pub mod dataset;
@@ -13,25 +14,30 @@ mod dataset_error;
 pub mod dataset_file;
 pub mod digest;
 pub mod evaluation;
+pub mod export;
 mod file_error;
 mod finite;
 pub mod frame_table;
+pub mod g2o;
 pub mod image;
 mod image_error;
 mod jpeg;
 pub mod json;
 mod natural;
+mod numbers;
 pub mod observations;
 mod pgm;
+pub mod ply;
 mod png16;
 pub mod read_image;
 mod suggest;
 mod toml_section;
 pub mod write;
 
+pub use bal::{BalObservation, BalProblem};
 pub use calibration::{
-    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, Hook,
-    NoiseRecord, ParameterRecord, PieceRecord,
+    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
+    ParameterRecord, PieceRecord,
 };
 pub use camera_hint::CameraHint;
 pub use dataset::{Dataset, Frame};
@@ -39,11 +45,14 @@ pub use dataset_error::DatasetError;
 pub use dataset_file::{DatasetFile, DepthSection, FramesSection};
 pub use digest::digest_files;
 pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Rms};
+pub use export::{Export, ExportCamera, ExportError, ExportFormat, ExportWarning};
 pub use file_error::FileError;
 pub use frame_table::FrameMetadata;
+pub use g2o::{G2oGraph, Se2Edge, Se2Vertex, Se3Edge, Se3Vertex};
 pub use image::{DepthImage, GrayImage};
 pub use image_error::ImageError;
 pub use json::{read_json, write_json, write_json_compact};
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
+pub use ply::{Cloud, PlyFormat, write_ply};
 pub use read_image::{check_same_size, read_depth, read_gray, write_depth, write_gray};
 pub use write::write_atomically;

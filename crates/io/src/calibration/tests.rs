@@ -8,9 +8,9 @@ fn parameter(name: &str, unit: &str, value: f64, std_dev: Option<f64>) -> Parame
     ParameterRecord { name: name.into(), unit: unit.into(), value, std_dev, fixed: std_dev.is_none() }
 }
 
-fn example() -> Calibration {
+pub(crate) fn example() -> Calibration {
     let pinhole = PieceRecord {
-        hook: Hook::Pixel,
+        hook: HookKind::Pixel,
         name: "pinhole".into(),
         parameters: vec![
             parameter("fx", "px", 476.9, Some(0.1)),
@@ -20,7 +20,7 @@ fn example() -> Calibration {
         options: BTreeMap::new(),
     };
     let spline = PieceRecord {
-        hook: Hook::Depth,
+        hook: HookKind::Depth,
         name: "bspline".into(),
         parameters: vec![parameter("a_0_0", "1/mm", 1.3406e-4, Some(1e-7))],
         options: BTreeMap::from([("columns".into(), 6.0)]),
@@ -81,7 +81,7 @@ fn reads_back_what_was_written() {
     assert_eq!(round_trip(&example).unwrap(), example);
     assert_eq!(example.value("pinhole", "fx"), Some(476.9));
     assert_eq!(example.value("pinhole", "fz"), None);
-    assert_eq!(example.pieces_at(Hook::Depth).count(), 1);
+    assert_eq!(example.pieces_at(HookKind::Depth).count(), 1);
     assert_eq!(example.covariance.unwrap().get("pinhole.fy", "pinhole.fx"), Some(0.002));
 }
 

@@ -1,0 +1,67 @@
+//! OpenCV's FileStorage, YAML 1.0.
+
+use std::fmt::Write as _;
+
+use super::text::{list, number, quoted};
+use super::{Export, ExportCamera, ExportError, ExportWarning};
+use crate::PieceRecord;
+
+/// OpenCV's calibration file, for `cv::FileStorage`.
+///
+/// | key | contents |
+/// |---|---|
+/// | `image_width`, `image_height` | px |
+/// | `camera_matrix` | 3×3: fx, skew, cx; 0, fy, cy; 0, 0, 1 |
+/// | `distortion_coefficients` | 5×1: k1 k2 p1 p2 k3 |
+/// | `lens_pieces`, `depth_pieces` | depthcal's own, where there are any: sequences of `{name, options, parameters}`, `parameters` a sequence of `{name, unit, value}` |
+///
+/// OpenCV's functions ignore the skew, and know nothing of the last two; the first two of these give a warning.
+///
+/// # Errors
+/// [`ExportError::Value`].
+pub fn opencv_yaml(camera: &ExportCamera) -> Result<Export, ExportError> {
+    const FORMAT: &str = "OpenCV";
+    camera.check()?;
+    let mut text = format!("%YAML:1.0\n---\nimage_width: {}\nimage_height: {}\n", camera.width, camera.height);
+    let k = [camera.fx, camera.skew, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0];
+    text += &matrix("camera_matrix", 3, 3, &k);
+    text += &matrix("distortion_coefficients", 5, 1, &camera.distortion);
+    text += &pieces("lens_pieces", &camera.lens);
+    text += &pieces("depth_pieces", &camera.depth);
+
+    let mut warnings = Vec::new();
+    if camera.skew != 0.0 {
+        warnings.push(ExportWarning::Skew { format: FORMAT, value: camera.skew, written: true });
+    }
+    warnings.extend(camera.lens_loss(FORMAT));
+    Ok(Export { text, warnings })
+}
+
+fn matrix(key: &str, rows: usize, columns: usize, data: &[f64]) -> String {
+    let data = list(data);
+    format!("{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: {data}\n")
+}
+
+fn pieces(key: &str, pieces: &[PieceRecord]) -> String {
+    if pieces.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("{key}:\n");
+    for piece in pieces {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "   -\n      name: {}\n", quoted(&piece.name));
+        if !piece.options.is_empty() {
+            text += "      options:\n";
+            for (name, value) in &piece.options {
+                let _ = writeln!(text, "         - {{ name: {}, value: {} }}", quoted(name), number(*value));
+            }
+        }
+        text += "      parameters:\n";
+        for parameter in &piece.parameters {
+            let (name, unit) = (quoted(&parameter.name), quoted(&parameter.unit));
+            let value = number(parameter.value);
+            let _ = writeln!(text, "         - {{ name: {name}, unit: {unit}, value: {value} }}");
+        }
+    }
+    text
+}

@@ -1,0 +1,116 @@
+//! Point clouds in PLY.
+
+use std::path::Path;
+
+use crate::{FileError, write_atomically};
+
+/// Points, with a value each where there is one.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Cloud {
+    /// Points [x, y, z] in mm, in the camera frame (x right, y down, z forward).
+    pub points: Vec<[f32; 3]>,
+    /// A value for each point, such as the infrared amplitude.
+    pub intensity: Option<Vec<f32>>,
+}
+
+/// How the numbers of a PLY file are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlyFormat {
+    /// Binary, little-endian: small and exact.
+    Binary,
+    /// Text: readable and exact, some three times as large.
+    Ascii,
+}
+
+/// Writes a cloud as PLY, atomically: one element `vertex` with float properties x, y, z and, where given, intensity.
+///
+/// # Errors
+/// [`FileError::Invalid`] where the intensities are not as many as the points, or a coordinate is not finite (leave
+/// pixels without depth out of the cloud); [`FileError::Write`].
+pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
+    let path = path.as_ref();
+    let points = &cloud.points;
+    let invalid = |field: String, problem: String| FileError::Invalid { path: path.to_owned(), field, problem };
+    let intensity = cloud.intensity.as_deref();
+    if let Some(values) = intensity.filter(|values| values.len() != points.len()) {
+        let problem = format!("has {} values for {} points", values.len(), points.len());
+        return Err(invalid("intensity".into(), problem));
+    }
+    if let Some(i) = points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
+        return Err(invalid(format!("points[{i}]"), "is not finite: leave pixels without depth out".into()));
+    }
+
+    let encoding = match format {
+        PlyFormat::Binary => "binary_little_endian",
+        PlyFormat::Ascii => "ascii",
+    };
+    let property = if intensity.is_some() { "property float intensity\n" } else { "" };
+    write_atomically(path, |writer| {
+        write!(
+            writer,
+            "ply\nformat {encoding} 1.0\ncomment depthcal: millimetres, x right, y down, z forward\nelement vertex {}\n\
+             property float x\nproperty float y\nproperty float z\n{property}end_header\n",
+            points.len()
+        )?;
+        for (i, point) in points.iter().enumerate() {
+            let value = intensity.map(|values| values[i]);
+            match format {
+                PlyFormat::Binary => {
+                    for number in point.iter().chain(&value) {
+                        writer.write_all(&number.to_le_bytes())?;
+                    }
+                }
+                PlyFormat::Ascii => {
+                    let [x, y, z] = point;
+                    write!(writer, "{x} {y} {z}")?;
+                    writeln!(writer, "{}", value.map_or(String::new(), |value| format!(" {value}")))?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(cloud: &Cloud, format: PlyFormat) -> Result<Vec<u8>, FileError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cloud.ply");
+        write_ply(&path, cloud, format)?;
+        Ok(std::fs::read(&path).unwrap())
+    }
+
+    #[test]
+    fn ascii() {
+        let cloud = Cloud { points: vec![[1.0, -2.5, 1000.25], [0.1, 0.0, 3.0]], intensity: None };
+        let text = String::from_utf8(written(&cloud, PlyFormat::Ascii).unwrap()).unwrap();
+        let expected = "ply\nformat ascii 1.0\ncomment depthcal: millimetres, x right, y down, z forward\n\
+                        element vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
+                        1 -2.5 1000.25\n0.1 0 3\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn binary_with_intensity() {
+        let cloud = Cloud { points: vec![[1.0, 2.0, 3.0]; 2], intensity: Some(vec![4.0, 5.0]) };
+        let bytes = written(&cloud, PlyFormat::Binary).unwrap();
+        let head = b"end_header\n";
+        let start = bytes.windows(head.len()).position(|window| window == head).unwrap() + head.len();
+        let numbers: Vec<f32> =
+            bytes[start..].chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+        assert_eq!(numbers, [1.0, 2.0, 3.0, 4.0, 1.0, 2.0, 3.0, 5.0]);
+        let head = String::from_utf8_lossy(&bytes[..start]);
+        assert!(head.contains("binary_little_endian 1.0") && head.contains("property float intensity"));
+    }
+
+    #[test]
+    fn faults_are_named() {
+        let cloud = Cloud { points: vec![[1.0, 2.0, f32::NAN]], intensity: None };
+        assert!(written(&cloud, PlyFormat::Ascii).unwrap_err().to_string().contains("points[0]"));
+        let cloud = Cloud { points: vec![[1.0; 3]], intensity: Some(vec![]) };
+        assert!(written(&cloud, PlyFormat::Ascii).unwrap_err().to_string().contains("0 values for 1 points"));
+        assert!(written(&Cloud::default(), PlyFormat::Binary).is_ok());
+    }
+}
