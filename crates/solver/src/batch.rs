@@ -1,0 +1,146 @@
+//! Many factors of one kind.
+
+use std::fmt;
+
+use nalgebra::SVector;
+
+use crate::error::EvaluationError;
+use crate::factor::{Factor, VariableTuple, value};
+use crate::graph::FactorBatch;
+use crate::loss::Loss;
+use crate::noise::Noise;
+use crate::values::{Values, VariableId};
+
+/// Factors of one type with one noise model and one loss, stored side by side.
+///
+/// Factors that follow one another with the same keys form one group, which the solver evaluates by one call and
+/// accumulates as one matrix product: add them in that order.
+pub struct Batch<F: Factor<M>, const M: usize> {
+    name: String,
+    factors: Vec<F>,
+    groups: Vec<Group<F, M>>,
+    ids: Vec<VariableId>,
+    noise: Noise<M>,
+    loss: Loss,
+}
+
+struct Group<F: Factor<M>, const M: usize> {
+    keys: <F::Variables as VariableTuple>::Keys,
+    end: usize,
+}
+
+impl<F: Factor<M>, const M: usize> fmt::Debug for Batch<F, M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Batch").field("name", &self.name).field("factors", &self.len()).finish_non_exhaustive()
+    }
+}
+
+impl<F: Factor<M>, const M: usize> Batch<F, M> {
+    /// No factors yet, unit noise, trivial loss.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            factors: Vec::new(),
+            groups: Vec::new(),
+            ids: Vec::new(),
+            noise: Noise::unit(),
+            loss: Loss::Trivial,
+        }
+    }
+
+    /// Whitens all residuals by `noise`.
+    #[must_use]
+    pub fn with_noise(mut self, noise: Noise<M>) -> Self {
+        self.noise = noise;
+        self
+    }
+
+    /// Applies `loss` to the whitened residuals.
+    #[must_use]
+    pub fn with_loss(mut self, loss: Loss) -> Self {
+        self.loss = loss;
+        self
+    }
+
+    /// Adds a factor over the variables `keys`.
+    pub fn push(&mut self, factor: F, keys: <F::Variables as VariableTuple>::Keys) {
+        self.factors.push(factor);
+        let end = self.factors.len();
+        match self.groups.last_mut() {
+            Some(last) if last.keys == keys => last.end = end,
+            _ => {
+                self.groups.push(Group { keys, end });
+                F::Variables::ids(&keys, &mut self.ids);
+            }
+        }
+    }
+
+    /// Number of factors.
+    pub fn len(&self) -> usize {
+        self.factors.len()
+    }
+
+    /// Whether there is no factor.
+    pub fn is_empty(&self) -> bool {
+        self.factors.is_empty()
+    }
+
+    fn start(&self, group: usize) -> usize {
+        group.checked_sub(1).map_or(0, |before| self.groups[before].end)
+    }
+}
+
+impl<F: Factor<M>, const M: usize> FactorBatch for Batch<F, M> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn group_count(&self) -> usize {
+        self.groups.len()
+    }
+
+    fn variables(&self, group: usize) -> &[VariableId] {
+        &self.ids[group * F::Variables::COUNT..][..F::Variables::COUNT]
+    }
+
+    fn row_count(&self, group: usize) -> usize {
+        (self.groups[group].end - self.start(group)) * M
+    }
+
+    fn residual_dim(&self) -> usize {
+        M
+    }
+
+    fn loss(&self) -> Loss {
+        self.loss.clone()
+    }
+
+    fn evaluate(
+        &self,
+        group: usize,
+        values: &Values,
+        residuals: &mut [f64],
+        jacobian: Option<&mut [f64]>,
+    ) -> Result<(), EvaluationError> {
+        let factors = &self.factors[self.start(group)..self.groups[group].end];
+        let dim = F::Variables::DIM;
+        let variables = F::Variables::borrow(&self.groups[group].keys, values)
+            .ok_or(EvaluationError::new("a variable of another problem"))?;
+        let rows = factors.iter().zip(residuals.chunks_exact_mut(M));
+        match jacobian {
+            None => {
+                for (factor, r) in rows {
+                    let whitened: SVector<f64, M> = self.noise.whiten(value(factor, &variables));
+                    r.copy_from_slice(whitened.as_slice());
+                }
+            }
+            Some(jacobian) => {
+                for ((factor, r), j) in rows.zip(jacobian.chunks_exact_mut(M * dim)) {
+                    r.copy_from_slice(self.noise.whiten(factor.linearize(&variables, j)).as_slice());
+                    self.noise.whiten_rows(j, dim);
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,168 @@
+//! The blocks of the system over the kept variables, summed from the chunks' parts.
+
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+
+use crate::accumulate::Chunk;
+use crate::layout::Layout;
+use crate::reduced::Reduced;
+
+/// A block of the lower triangle.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    /// Ranks among the kept variables, row ≥ column.
+    pub row: u32,
+    pub column: u32,
+    pub row_offset: u32,
+    pub column_offset: u32,
+    pub row_d: u32,
+    pub column_d: u32,
+    /// First entry in `values`.
+    value: usize,
+    hessian: Range<u32>,
+    schur: Range<u32>,
+}
+
+/// A chunk's part of a block.
+#[derive(Clone, Copy, Debug)]
+struct Source {
+    chunk: u32,
+    offset: u32,
+}
+
+/// H_cc and how the Schur complement is made from it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ReducedBlocks {
+    /// Sorted by column, then row; all diagonal blocks are there.
+    pub blocks: Vec<Block>,
+    sources: Vec<Source>,
+    /// H_cc, block after block, row-major.
+    values: Vec<f64>,
+    /// One block.
+    scratch: Vec<f64>,
+}
+
+impl ReducedBlocks {
+    pub fn new(layout: &Layout, chunks: &[Chunk]) -> Self {
+        const HESSIAN: u8 = 0;
+        const SCHUR: u8 = 1;
+        const DIAGONAL: u8 = 2;
+        let mut parts = Vec::new();
+        for (chunk, c) in chunks.iter().enumerate() {
+            let chunk = chunk as u32;
+            parts.extend(
+                c.plan.hcc_blocks.iter().map(|b| (b.column, b.row, HESSIAN, Source { chunk, offset: b.offset })),
+            );
+            parts
+                .extend(c.plan.scc_blocks.iter().map(|b| (b.column, b.row, SCHUR, Source { chunk, offset: b.offset })));
+        }
+        let kept = 0..layout.kept.len() as u32;
+        parts.extend(kept.map(|rank| (rank, rank, DIAGONAL, Source { chunk: 0, offset: 0 })));
+        parts.sort_unstable_by_key(|(column, row, kind, s)| (*column, *row, *kind, s.chunk));
+        let mut result = Self::default();
+        let mut largest = 0;
+        for same in parts.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let (column, row, ..) = same[0];
+            let of_rank = |rank: u32| &layout.active[layout.kept[rank as usize] as usize];
+            let (r, c) = (of_rank(row), of_rank(column));
+            let start = result.sources.len() as u32;
+            let hessian = same.iter().filter(|p| p.2 == HESSIAN).count() as u32;
+            let schur = same.iter().filter(|p| p.2 == SCHUR).count() as u32;
+            result.sources.extend(same.iter().filter(|p| p.2 != DIAGONAL).map(|p| p.3));
+            let size = (r.free * c.free) as usize;
+            largest = largest.max(size);
+            result.blocks.push(Block {
+                row,
+                column,
+                row_offset: (r.offset - layout.eliminated_dim) as u32,
+                column_offset: (c.offset - layout.eliminated_dim) as u32,
+                row_d: r.free,
+                column_d: c.free,
+                value: result.values.len(),
+                hessian: start..start + hessian,
+                schur: start + hessian..start + hessian + schur,
+            });
+            // Blocks that come from elimination alone have no values of their own.
+            let own = if hessian > 0 { size } else { 0 };
+            result.values.resize(result.values.len() + own, 0.0);
+        }
+        result.scratch = vec![0.0; largest];
+        result
+    }
+
+    /// Scalar entries of the lower triangle.
+    pub fn entries(&self) -> usize {
+        self.blocks.iter().map(|b| (b.row_d * b.column_d) as usize).sum()
+    }
+
+    /// Sums the chunks' H_cc.
+    pub fn gather(&mut self, chunks: &[Chunk]) {
+        for block in &self.blocks {
+            let size = (block.row_d * block.column_d) as usize;
+            for (i, source) in self.sources[block.hessian.start as usize..block.hessian.end as usize].iter().enumerate()
+            {
+                let part = &chunks[source.chunk as usize].hcc[source.offset as usize..][..size];
+                let target = &mut self.values[block.value..][..size];
+                if i == 0 {
+                    target.copy_from_slice(part);
+                } else {
+                    target.iter_mut().zip(part).for_each(|(t, p)| *t += p);
+                }
+            }
+        }
+    }
+
+    /// The diagonal of H_cc.
+    pub fn diagonal(&self, target: &mut [f64]) {
+        for block in self.blocks.iter().filter(|b| b.row == b.column) {
+            let d = block.row_d as usize;
+            for i in 0..d {
+                let value = if block.hessian.is_empty() { 0.0 } else { self.values[block.value + i * d + i] };
+                target[block.row_offset as usize + i] = value;
+            }
+        }
+    }
+
+    /// H_cc, n × n, both triangles.
+    pub fn to_dense(&self, n: usize) -> DMatrix<f64> {
+        let mut dense = DMatrix::zeros(n, n);
+        for block in self.blocks.iter().filter(|b| !b.hessian.is_empty()) {
+            for i in 0..block.row_d as usize {
+                let columns = if block.row == block.column { i + 1 } else { block.column_d as usize };
+                for j in 0..columns {
+                    let (row, column) = (block.row_offset as usize + i, block.column_offset as usize + j);
+                    let value = self.values[block.value + i * block.column_d as usize + j];
+                    dense[(row, column)] = value;
+                    dense[(column, row)] = value;
+                }
+            }
+        }
+        dense
+    }
+
+    /// Writes H_cc + μ D² − Σ H_ce H_ee⁻¹ H_ec into the system.
+    pub fn assemble(&mut self, chunks: &[Chunk], mu: f64, d2: &[f64], system: &mut Reduced) {
+        system.clear();
+        for (index, block) in self.blocks.iter().enumerate() {
+            let size = (block.row_d * block.column_d) as usize;
+            let target = &mut self.scratch[..size];
+            if block.hessian.is_empty() {
+                target.fill(0.0);
+            } else {
+                target.copy_from_slice(&self.values[block.value..][..size]);
+            }
+            for source in &self.sources[block.schur.start as usize..block.schur.end as usize] {
+                let part = &chunks[source.chunk as usize].scc[source.offset as usize..][..size];
+                target.iter_mut().zip(part).for_each(|(t, p)| *t -= p);
+            }
+            if block.row == block.column {
+                let d = block.row_d as usize;
+                for i in 0..d {
+                    target[i * d + i] += mu * d2[block.row_offset as usize + i];
+                }
+            }
+            system.put(index, block, target);
+        }
+    }
+}

@@ -1,0 +1,377 @@
+//! A fixed share of the groups: its part of the normal equations and the structure to accumulate it.
+//!
+//! The division into chunks depends on the problem alone. Threads take whole chunks and their sums are added in the order of
+//! the chunks, so results are the same bits for any number of threads.
+
+use std::collections::HashMap;
+
+use crate::layout::{Layout, NONE};
+
+/// An eliminated variable and its offsets in the chunk's arrays.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Elimination {
+    /// Dimension d.
+    pub d: u32,
+    /// H_ee, d × d, in `hee`.
+    pub ee: usize,
+    /// H_ec, d × width of its strip, in `hec`.
+    pub ec: usize,
+    /// Components in `ge` and `step`.
+    pub e: usize,
+    /// Its strip pattern.
+    pub strip: u32,
+}
+
+/// A kept variable within a strip.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StripVariable {
+    /// First column in the strip.
+    pub column: u32,
+    /// Dimension.
+    pub d: u32,
+    /// Components in the chunk's vector over kept variables.
+    pub local: u32,
+    /// Components in the vector over all kept variables.
+    pub kept: u32,
+}
+
+/// The kept variables that an eliminated variable shares groups with, shared by all that have the same.
+#[derive(Clone, Debug)]
+pub(crate) struct Strip {
+    pub variables: Vec<StripVariable>,
+    pub width: u32,
+    /// For every pair of variables (k, l ≤ k) the block of the Schur complement in `scc`.
+    pub pairs: Vec<u32>,
+    /// Kept ranks, ascending.
+    pub ranks: Vec<u32>,
+}
+
+/// A kept variable within a group.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ScatterVariable {
+    /// First column among the group's free columns.
+    pub column: u32,
+    pub d: u32,
+    /// Components in the chunk's vector over kept variables.
+    pub local: u32,
+}
+
+/// A block of H_cc that a group adds to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ScatterPair {
+    pub row: u32,
+    pub row_d: u32,
+    pub column: u32,
+    pub column_d: u32,
+    pub block: u32,
+}
+
+/// Where the entries of a group's matrix JᵀJ go, shared by all groups for which it is the same.
+#[derive(Clone, Debug)]
+pub(crate) struct Scatter {
+    /// Columns that the batch writes.
+    pub columns: u32,
+    /// Which of them are free, if not all.
+    pub keep: Option<Box<[u32]>>,
+    /// Number of free columns.
+    pub m: u32,
+    /// First free column and dimension of the eliminated variable.
+    pub eliminated: Option<(u32, u32)>,
+    pub kept: Vec<ScatterVariable>,
+    pub pairs: Vec<ScatterPair>,
+}
+
+/// A group of residuals within the chunk.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GroupPlan {
+    pub batch: u32,
+    pub group: u32,
+    pub rows: u32,
+    pub scatter: u32,
+    /// The chunk's elimination that the group belongs to.
+    pub elimination: u32,
+    /// First entry in `strip_columns`, one for each kept variable.
+    pub strip_columns: u32,
+}
+
+/// A block over two kept variables (row rank ≥ column rank) in the chunk's own storage.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LocalBlock {
+    pub row: u32,
+    pub column: u32,
+    pub offset: u32,
+}
+
+/// A kept variable that the chunk touches.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LocalVariable {
+    /// Components in the vector over all kept variables.
+    pub kept: u32,
+    /// Components in the chunk's vector.
+    pub local: u32,
+    pub d: u32,
+}
+
+/// What the chunk consists of; constant while solving.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ChunkPlan {
+    pub eliminations: Vec<Elimination>,
+    /// The chunk's first component among those of the eliminated variables, and their number.
+    pub offset: usize,
+    pub dim: usize,
+    pub groups: Vec<GroupPlan>,
+    pub scatters: Vec<Scatter>,
+    pub strips: Vec<Strip>,
+    pub strip_columns: Vec<u32>,
+    pub locals: Vec<LocalVariable>,
+    pub local_dim: usize,
+    pub hcc_blocks: Vec<LocalBlock>,
+    pub hcc_len: usize,
+    pub scc_blocks: Vec<LocalBlock>,
+    pub scc_len: usize,
+    pub hee_len: usize,
+    pub hec_len: usize,
+    pub max_rows: usize,
+    pub max_jacobian: usize,
+    pub max_columns: usize,
+    pub max_strip: usize,
+}
+
+/// The share of one chunk: eliminated variables with their groups, and groups without one.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Share {
+    /// Active index and groups of each eliminated variable.
+    pub eliminated: Vec<(u32, Vec<u32>)>,
+    pub others: Vec<u32>,
+}
+
+/// Builds one [`ChunkPlan`].
+pub(crate) struct ChunkBuilder<'a> {
+    layout: &'a Layout,
+    plan: ChunkPlan,
+    local_of: HashMap<u32, u32>,
+    hcc: HashMap<(u32, u32), u32>,
+    scc: HashMap<(u32, u32), u32>,
+    strips: HashMap<Box<[u32]>, u32>,
+    scatters: HashMap<Box<[u32]>, u32>,
+    key: Vec<u32>,
+}
+
+impl<'a> ChunkBuilder<'a> {
+    pub fn build(layout: &'a Layout, share: &Share) -> ChunkPlan {
+        let mut builder = Self {
+            layout,
+            plan: ChunkPlan::default(),
+            local_of: HashMap::new(),
+            hcc: HashMap::new(),
+            scc: HashMap::new(),
+            strips: HashMap::new(),
+            scatters: HashMap::new(),
+            key: Vec::new(),
+        };
+        if let Some((first, _)) = share.eliminated.first() {
+            builder.plan.offset = layout.active[*first as usize].offset;
+        }
+        let count = share.others.len() + share.eliminated.iter().map(|(_, g)| g.len()).sum::<usize>();
+        builder.plan.groups.reserve_exact(count);
+        builder.plan.eliminations.reserve_exact(share.eliminated.len());
+        for (e, groups) in &share.eliminated {
+            builder.add_eliminated(*e, groups);
+        }
+        for group in &share.others {
+            builder.add_group(*group, NONE);
+        }
+        builder.plan
+    }
+
+    fn add_eliminated(&mut self, e: u32, groups: &[u32]) {
+        let d = self.layout.active[e as usize].free;
+        let strip = self.strip(groups);
+        let width = self.plan.strips[strip as usize].width as usize;
+        self.plan.eliminations.push(Elimination {
+            d,
+            ee: self.plan.hee_len,
+            ec: self.plan.hec_len,
+            e: self.plan.dim,
+            strip,
+        });
+        self.plan.hee_len += (d * d) as usize;
+        self.plan.hec_len += d as usize * width;
+        self.plan.dim += d as usize;
+        self.plan.max_strip = self.plan.max_strip.max(d as usize * (width + 1));
+        let index = self.plan.eliminations.len() as u32 - 1;
+        for group in groups {
+            self.add_group(*group, index);
+        }
+    }
+
+    /// The strip over all kept variables of these groups.
+    fn strip(&mut self, groups: &[u32]) -> u32 {
+        let mut key = std::mem::take(&mut self.key);
+        key.clear();
+        for g in groups {
+            for slot in self.layout.slots(&self.layout.groups[*g as usize]) {
+                let active = &self.layout.active[slot.active as usize];
+                if !active.eliminated {
+                    key.push(active.rank);
+                }
+            }
+        }
+        key.sort_unstable();
+        key.dedup();
+        let found = self.strips.get(key.as_slice()).copied();
+        let index = found.unwrap_or_else(|| self.new_strip(&key));
+        self.key = key;
+        index
+    }
+
+    fn new_strip(&mut self, ranks: &[u32]) -> u32 {
+        let mut variables = Vec::with_capacity(ranks.len());
+        let mut pairs = Vec::with_capacity(ranks.len() * (ranks.len() + 1) / 2);
+        let mut width = 0;
+        for (k, rank) in ranks.iter().enumerate() {
+            let active = &self.layout.active[self.layout.kept[*rank as usize] as usize];
+            let kept = (active.offset - self.layout.eliminated_dim) as u32;
+            let d = active.free;
+            variables.push(StripVariable { column: width, d, local: self.local(*rank), kept });
+            width += d;
+            for other in &ranks[..=k] {
+                pairs.push(self.schur_block(*rank, *other));
+            }
+        }
+        self.plan.strips.push(Strip { variables, width, pairs, ranks: ranks.to_vec() });
+        let index = self.plan.strips.len() as u32 - 1;
+        self.strips.insert(ranks.into(), index);
+        index
+    }
+
+    fn free_of(&self, rank: u32) -> u32 {
+        self.layout.active[self.layout.kept[rank as usize] as usize].free
+    }
+
+    /// Offset of a kept variable in the chunk's vector.
+    fn local(&mut self, rank: u32) -> u32 {
+        if let Some(local) = self.local_of.get(&rank) {
+            return *local;
+        }
+        let active = &self.layout.active[self.layout.kept[rank as usize] as usize];
+        let local = self.plan.local_dim as u32;
+        let kept = (active.offset - self.layout.eliminated_dim) as u32;
+        self.plan.locals.push(LocalVariable { kept, local, d: active.free });
+        self.plan.local_dim += active.free as usize;
+        self.local_of.insert(rank, local);
+        local
+    }
+
+    fn schur_block(&mut self, row: u32, column: u32) -> u32 {
+        let size = (self.free_of(row) * self.free_of(column)) as usize;
+        let plan = &mut self.plan;
+        *self.scc.entry((row, column)).or_insert_with(|| {
+            let offset = plan.scc_len as u32;
+            plan.scc_blocks.push(LocalBlock { row, column, offset });
+            plan.scc_len += size;
+            offset
+        })
+    }
+
+    fn hessian_block(&mut self, row: u32, column: u32) -> u32 {
+        let size = (self.free_of(row) * self.free_of(column)) as usize;
+        let plan = &mut self.plan;
+        *self.hcc.entry((row, column)).or_insert_with(|| {
+            let offset = plan.hcc_len as u32;
+            plan.hcc_blocks.push(LocalBlock { row, column, offset });
+            plan.hcc_len += size;
+            offset
+        })
+    }
+
+    fn add_group(&mut self, group: u32, elimination: u32) {
+        let info = &self.layout.groups[group as usize];
+        let mut key = std::mem::take(&mut self.key);
+        key.clear();
+        key.push(info.columns);
+        for slot in self.layout.slots(info) {
+            let active = &self.layout.active[slot.active as usize];
+            key.push(slot.column);
+            if active.eliminated {
+                key.extend([NONE, active.free]);
+                key.extend(active.mask.iter().flatten());
+            } else {
+                key.push(active.rank);
+            }
+        }
+        let scatter = match self.scatters.get(key.as_slice()) {
+            Some(scatter) => *scatter,
+            None => {
+                let scatter = self.new_scatter(group);
+                self.plan.scatters.push(scatter);
+                let index = self.plan.scatters.len() as u32 - 1;
+                self.scatters.insert(key.as_slice().into(), index);
+                index
+            }
+        };
+        self.key = key;
+        let strip_columns = self.plan.strip_columns.len() as u32;
+        if elimination != NONE {
+            let strip = &self.plan.strips[self.plan.eliminations[elimination as usize].strip as usize];
+            for slot in self.layout.slots(info) {
+                let active = &self.layout.active[slot.active as usize];
+                if !active.eliminated
+                    && let Ok(k) = strip.ranks.binary_search(&active.rank)
+                {
+                    self.plan.strip_columns.push(strip.variables[k].column);
+                }
+            }
+        }
+        let (rows, columns) = (info.rows as usize, info.columns as usize);
+        self.plan.max_rows = self.plan.max_rows.max(rows);
+        self.plan.max_jacobian = self.plan.max_jacobian.max(rows * columns);
+        self.plan.max_columns = self.plan.max_columns.max(columns);
+        self.plan.groups.push(GroupPlan {
+            batch: info.batch,
+            group: info.group,
+            rows: info.rows,
+            scatter,
+            elimination,
+            strip_columns,
+        });
+    }
+
+    fn new_scatter(&mut self, group: u32) -> Scatter {
+        let info = &self.layout.groups[group as usize];
+        let mut keep = Vec::new();
+        let mut eliminated = None;
+        let mut kept = Vec::new();
+        let mut ranks = Vec::new();
+        for slot in self.layout.slots(info) {
+            let active = &self.layout.active[slot.active as usize];
+            let column = keep.len() as u32;
+            match &active.mask {
+                None => keep.extend(slot.column..slot.column + active.dim),
+                Some(mask) => keep.extend(mask.iter().map(|i| slot.column + i)),
+            }
+            if active.eliminated {
+                eliminated = Some((column, active.free));
+            } else {
+                kept.push(ScatterVariable { column, d: active.free, local: self.local(active.rank) });
+                ranks.push(active.rank);
+            }
+        }
+        let mut pairs = Vec::with_capacity(kept.len() * (kept.len() + 1) / 2);
+        for k in 0..kept.len() {
+            for l in 0..=k {
+                let (r, c) = if ranks[k] >= ranks[l] { (k, l) } else { (l, k) };
+                pairs.push(ScatterPair {
+                    row: kept[r].column,
+                    row_d: kept[r].d,
+                    column: kept[c].column,
+                    column_d: kept[c].d,
+                    block: self.hessian_block(ranks[r], ranks[c]),
+                });
+            }
+        }
+        let m = keep.len() as u32;
+        let keep = (m < info.columns).then(|| keep.into_boxed_slice());
+        Scatter { columns: info.columns, keep, m, eliminated, kept, pairs }
+    }
+}

@@ -1,0 +1,113 @@
+//! Small dense kernels. Matrices are row-major unless said otherwise.
+
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::{Accum, MatMut, MatRef, Par};
+
+/// From this many rows on the general matrix product pays.
+const STACKED_ROWS: usize = 12;
+
+/// Lower triangle of JᵀJ for J of `rows` × `m` into `a`, m × m.
+pub(crate) fn gram_lower(j: &[f64], rows: usize, m: usize, a: &mut [f64]) {
+    if rows >= STACKED_ROWS && m >= 4 {
+        let j = MatRef::from_row_major_slice(&j[..rows * m], rows, m);
+        matmul(
+            MatMut::from_row_major_slice_mut(&mut a[..m * m], m, m),
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            j.transpose(),
+            BlockStructure::Rectangular,
+            j,
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+        return;
+    }
+    a[..m * m].fill(0.0);
+    for row in j[..rows * m].chunks_exact(m) {
+        for i in 0..m {
+            let x = row[i];
+            for (a, y) in a[i * m..=i * m + i].iter_mut().zip(row) {
+                *a += x * y;
+            }
+        }
+    }
+}
+
+/// Jᵀ r for J of `rows` × `m` into `g`.
+pub(crate) fn gram_vector(j: &[f64], r: &[f64], m: usize, g: &mut [f64]) {
+    g[..m].fill(0.0);
+    for (row, r) in j.chunks_exact(m).zip(r) {
+        for (g, x) in g[..m].iter_mut().zip(row) {
+            *g += x * r;
+        }
+    }
+}
+
+/// Cholesky factorisation A = L Lᵀ in the lower triangle. False if a pivot is not positive.
+#[must_use]
+pub(crate) fn cholesky(a: &mut [f64], n: usize) -> bool {
+    for i in 0..n {
+        let (above, row) = a.split_at_mut(i * n);
+        for j in 0..i {
+            let other = &above[j * n..j * n + j + 1];
+            let dot: f64 = row[..j].iter().zip(other).map(|(x, y)| x * y).sum();
+            row[j] = (row[j] - dot) / other[j];
+        }
+        let dot: f64 = row[..i].iter().map(|x| x * x).sum();
+        let pivot = row[i] - dot;
+        if !(pivot > 0.0 && pivot.is_finite()) {
+            return false;
+        }
+        row[i] = pivot.sqrt();
+    }
+    true
+}
+
+/// X ← L⁻¹ X for X of n × `width`.
+pub(crate) fn solve_lower(l: &[f64], n: usize, x: &mut [f64], width: usize) {
+    if width == 0 {
+        return;
+    }
+    for i in 0..n {
+        let (above, row) = x.split_at_mut(i * width);
+        let row = &mut row[..width];
+        for k in 0..i {
+            let c = l[i * n + k];
+            for (x, y) in row.iter_mut().zip(&above[k * width..]) {
+                *x -= c * y;
+            }
+        }
+        let inverse = 1.0 / l[i * n + i];
+        row.iter_mut().for_each(|x| *x *= inverse);
+    }
+}
+
+/// x ← L⁻ᵀ x.
+pub(crate) fn solve_lower_transposed(l: &[f64], n: usize, x: &mut [f64]) {
+    for i in (0..n).rev() {
+        x[i] /= l[i * n + i];
+        let (above, rest) = x.split_at_mut(i);
+        for (k, x) in above.iter_mut().enumerate() {
+            *x -= l[i * n + k] * rest[0];
+        }
+    }
+}
+
+/// B += Wᵢᵀ Wⱼ, where Wᵢ and Wⱼ are the columns from `i` and `j` on of W, n × `width`, and B is `di` × `dj`.
+pub(crate) fn accumulate_product(
+    w: &[f64],
+    width: usize,
+    (i, di): (usize, usize),
+    (j, dj): (usize, usize),
+    b: &mut [f64],
+) {
+    for row in w.chunks_exact(width) {
+        let y = &row[j..j + dj];
+        for (x, b) in row[i..i + di].iter().zip(b.chunks_exact_mut(dj)) {
+            for (b, y) in b.iter_mut().zip(y) {
+                *b += x * y;
+            }
+        }
+    }
+}

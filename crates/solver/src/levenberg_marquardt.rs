@@ -1,0 +1,339 @@
+//! The Levenberg–Marquardt method as a solver of argmin.
+
+use std::borrow::Borrow;
+use std::time::Instant;
+
+use argmin::core::{Error, IterState, KV, Problem, Solver, State, TerminationReason};
+
+use crate::error::SolveError;
+use crate::graph::Graph;
+use crate::normal::NormalEquations;
+use crate::options::{Damping, Options, Scaling};
+use crate::report::{Iteration, Report, StageSeconds, Termination};
+use crate::values::Values;
+
+/// State of the iteration as argmin keeps it.
+pub type SolverState = IterState<Values, (), (), (), (), f64>;
+
+/// Smallest damping: below, rounding errors of H exceed it.
+const MIN_DAMPING: f64 = 1e-15;
+/// Damping at which steps are too short to matter.
+const MAX_DAMPING: f64 = 1e20;
+/// Root mean square of residuals that counts as zero once a step cannot improve on it.
+const ZERO_RESIDUAL: f64 = 1e-10;
+
+/// Levenberg 1944, Marquardt 1963: minimises ½ Σ ρ(‖r(x)‖²) by steps (H + μ D²) δ = −g with H = Jᵀ W J, g = Jᵀ W r and W the
+/// weights ρ′ of the loss.
+///
+/// An `argmin` solver for problems that lend a [`Graph`]: `&Graph`, `Graph` or `Arc<Graph>`. [`minimize`](crate::minimize)
+/// runs it; use argmin's `Executor` for observers, checkpoints and the like:
+///
+/// ```
+/// use argmin::core::{Executor, State};
+/// use depthcal_solver::{Graph, LevenbergMarquardt, Options, Prior, SolverState, Values};
+/// use nalgebra::Vector2;
+///
+/// let mut values = Values::new();
+/// let x = values.insert(Vector2::new(3.0, 4.0));
+/// let mut graph = Graph::new();
+/// graph.add_batch(Prior::isotropic("origin", x, Vector2::zeros(), 1.0)?);
+/// let result = Executor::new(&graph, LevenbergMarquardt::new(Options::default()))
+///     .configure(|state: SolverState| state.param(values).max_iters(20))
+///     .ctrlc(false)
+///     .run()?;
+/// assert!(result.state.get_best_cost() < 1e-6);
+/// println!("{}", result.solver.report());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct LevenbergMarquardt {
+    options: Options,
+    system: Option<Box<NormalEquations>>,
+    pool: Option<rayon::ThreadPool>,
+    mu: f64,
+    /// By what the next rejected step multiplies μ.
+    nu: f64,
+    /// D².
+    d2: Vec<f64>,
+    step: Vec<f64>,
+    linearized: bool,
+    /// What the model predicted at the first trial since the last linearisation.
+    first_prediction: Option<f64>,
+    cost0: f64,
+    cost: f64,
+    gradient: f64,
+    trace: Vec<Iteration>,
+    seconds: StageSeconds,
+    termination: Option<Termination>,
+}
+
+impl std::fmt::Debug for LevenbergMarquardt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LevenbergMarquardt")
+            .field("options", &self.options)
+            .field("damping", &self.mu)
+            .field("cost", &self.cost)
+            .field("termination", &self.termination)
+            .finish_non_exhaustive()
+    }
+}
+
+impl LevenbergMarquardt {
+    /// A solver with these options. `max_iterations`, `time_limit` and `ctrlc` are for [`minimize`](crate::minimize);
+    /// with an executor of your own, set them there.
+    pub fn new(options: Options) -> Self {
+        Self {
+            options,
+            system: None,
+            pool: None,
+            mu: 0.0,
+            nu: 2.0,
+            d2: Vec::new(),
+            step: Vec::new(),
+            linearized: false,
+            first_prediction: None,
+            cost0: f64::INFINITY,
+            cost: f64::INFINITY,
+            gradient: f64::INFINITY,
+            trace: Vec::new(),
+            seconds: StageSeconds::default(),
+            termination: None,
+        }
+    }
+
+    /// What happened so far.
+    pub fn report(&self) -> Report {
+        let termination = self.termination.clone().unwrap_or(Termination::MaxIterations);
+        Report {
+            cost0: self.cost0,
+            cost: self.cost,
+            iterations: self.trace.len(),
+            converged: termination.converged(),
+            termination,
+            trace: self.trace.clone(),
+            seconds: self.seconds,
+            linear_solver: self.system.as_ref().map(|s| s.used().clone()).unwrap_or_default(),
+            residuals: self.system.as_ref().map_or(0, |s| s.layout.rows),
+            unknowns: self.system.as_ref().map_or(0, |s| s.dim()),
+        }
+    }
+
+    /// Lays out memory for a problem.
+    fn prepare(&mut self, graph: &Graph, values: &Values) -> Result<(), SolveError> {
+        self.options.check()?;
+        if self.options.threads > 0 && self.pool.is_none() {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(self.options.threads).build();
+            self.pool = Some(pool.map_err(|e| SolveError::Option { option: "threads", reason: e.to_string() })?);
+        }
+        let choice = self.options.linear_solver;
+        let system = in_pool(self.pool.as_ref(), || NormalEquations::new(graph, values, choice))?;
+        let n = system.dim();
+        self.d2 = vec![0.0; n];
+        self.step = vec![0.0; n];
+        self.system = Some(Box::new(system));
+        self.linearized = false;
+        Ok(())
+    }
+
+    /// Linearises at the present values and brings scaling and damping up to date.
+    fn linearize(&mut self, values: &Values) -> Result<(), crate::error::EvaluationFailure> {
+        let Some(system) = self.system.as_mut() else { return Ok(()) };
+        let start = Instant::now();
+        let cost = in_pool(self.pool.as_ref(), || system.linearize(values));
+        self.seconds.linearize += start.elapsed().as_secs_f64();
+        self.cost = cost?;
+        self.linearized = true;
+        self.first_prediction = None;
+        self.gradient = system.gradient().iter().fold(0.0, |max, g| g.abs().max(max));
+        for (d2, h) in self.d2.iter_mut().zip(system.diagonal()) {
+            *d2 = match (self.options.damping, self.options.scaling) {
+                (Damping::Nielsen { .. }, Scaling::Jacobi) => d2.max(*h),
+                (_, Scaling::None) => 1.0,
+                (Damping::Radius { .. }, Scaling::Jacobi) => *h,
+            };
+            if *d2 == 0.0 {
+                // A component without influence on the residuals stays where it is.
+                *d2 = 1.0;
+            }
+        }
+        if self.mu == 0.0 {
+            self.mu = match self.options.damping {
+                Damping::Nielsen { tau } => {
+                    let scaled = system.diagonal().iter().zip(&self.d2).map(|(h, d2)| h / d2);
+                    tau * scaled.fold(0.0, f64::max)
+                }
+                Damping::Radius { initial, .. } => 1.0 / initial,
+            };
+            self.mu = self.mu.max(MIN_DAMPING);
+        }
+        Ok(())
+    }
+
+    /// Solves for a step and tries it; the moved values if the step is good.
+    fn try_step(&mut self, values: &Values) -> Option<Values> {
+        let system = self.system.as_mut()?;
+        let start = Instant::now();
+        let solved = in_pool(self.pool.as_ref(), || system.solve(self.mu, &self.d2, &mut self.step));
+        self.seconds.linear_solve += start.elapsed().as_secs_f64();
+        let mut record = Iteration {
+            cost: self.cost,
+            trial_cost: f64::INFINITY,
+            predicted: f64::NAN,
+            gradient: self.gradient,
+            step: f64::NAN,
+            damping: self.mu,
+            accepted: false,
+        };
+        if !solved {
+            self.trace.push(record);
+            self.reject();
+            return None;
+        }
+        // F(0) − F(δ) of the model ½ ‖r + J δ‖², with H δ = −g − μ D² δ put in.
+        let mut predicted = 0.0;
+        for ((s, g), d2) in self.step.iter().zip(system.gradient()).zip(&self.d2) {
+            predicted += 0.5 * s * (self.mu * d2 * s - g);
+        }
+        record.predicted = predicted;
+        record.step = self.step.iter().zip(system.diagonal()).fold(0.0, |max, (s, h)| (s.abs() * h.sqrt()).max(max));
+        let start = Instant::now();
+        let trial = system.retract(values, &self.step);
+        record.trial_cost =
+            in_pool(self.pool.as_ref(), || system.cost(&trial)).ok().filter(|c| c.is_finite()).unwrap_or(f64::INFINITY);
+        self.seconds.evaluate += start.elapsed().as_secs_f64();
+        let first = self.first_prediction.is_none();
+        let promised = *self.first_prediction.get_or_insert(predicted);
+        let decrease = self.cost - record.trial_cost;
+        let ratio = decrease / predicted;
+        record.accepted = decrease > 0.0 && ratio > self.options.min_gain_ratio;
+        let still = record.step <= self.options.parameter_tolerance * (2.0 * self.cost).sqrt();
+        let tolerance = self.options.cost_tolerance * self.cost;
+        let residuals = system.layout.rows as f64;
+        let accepted = record.accepted;
+        self.trace.push(record);
+        if accepted {
+            // After rejected steps a small decrease is due to the damping and says nothing.
+            if first && decrease <= tolerance {
+                self.termination = Some(Termination::Cost);
+            } else if first && still {
+                self.termination = Some(Termination::Parameters);
+            }
+            self.mu = (self.mu * (1.0 - (2.0 * ratio - 1.0).powi(3)).max(1.0 / 3.0)).max(self.min_damping());
+            self.nu = 2.0;
+            self.cost -= decrease;
+            self.linearized = false;
+            return Some(trial);
+        }
+        if promised <= tolerance {
+            self.termination = Some(Termination::Cost);
+        } else if first && still {
+            self.termination = Some(Termination::Parameters);
+        } else if decrease.abs() <= 4.0 * f64::EPSILON * self.cost && first
+            || self.cost <= 0.5 * residuals * ZERO_RESIDUAL * ZERO_RESIDUAL
+        {
+            self.termination = Some(Termination::Rounding);
+        }
+        self.reject();
+        None
+    }
+
+    fn min_damping(&self) -> f64 {
+        match self.options.damping {
+            Damping::Nielsen { .. } => MIN_DAMPING,
+            Damping::Radius { max, .. } => (1.0 / max).max(MIN_DAMPING),
+        }
+    }
+
+    fn reject(&mut self) {
+        self.mu *= self.nu;
+        self.nu *= 2.0;
+        if self.mu > MAX_DAMPING && self.termination.is_none() {
+            self.termination = Some(Termination::Stalled);
+        }
+    }
+}
+
+/// Runs within the solver's own threads, if it has any.
+fn in_pool<T: Send>(pool: Option<&rayon::ThreadPool>, f: impl FnOnce() -> T + Send) -> T {
+    match pool {
+        Some(pool) => pool.install(f),
+        None => f(),
+    }
+}
+
+impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
+    fn name(&self) -> &str {
+        "Levenberg-Marquardt"
+    }
+
+    fn init(&mut self, problem: &mut Problem<G>, mut state: SolverState) -> Result<(SolverState, Option<KV>), Error> {
+        let begin = Instant::now();
+        let values = take_values(&mut state)?;
+        problem.problem("structure_count", |graph| Ok(self.prepare(graph.borrow(), &values)?))?;
+        self.seconds.structure += begin.elapsed().as_secs_f64();
+        problem.problem("linearize_count", |_| Ok(self.linearize(&values).map_err(SolveError::Start)?))?;
+        self.cost0 = self.cost;
+        self.seconds.total += begin.elapsed().as_secs_f64();
+        let kv = argmin::kv!("gradient" => self.gradient; "damping" => self.mu;);
+        let cost = self.cost;
+        Ok((state.param(values).cost(cost), Some(kv)))
+    }
+
+    fn next_iter(
+        &mut self,
+        problem: &mut Problem<G>,
+        mut state: SolverState,
+    ) -> Result<(SolverState, Option<KV>), Error> {
+        let begin = Instant::now();
+        let values = take_values(&mut state)?;
+        if self.system.is_none() {
+            problem.problem("structure_count", |graph| Ok(self.prepare(graph.borrow(), &values)?))?;
+        }
+        if !self.linearized
+            && let Err(failure) = problem.problem("linearize_count", |_| Ok(self.linearize(&values)))?
+        {
+            self.termination = Some(Termination::NotDifferentiable(failure.to_string()));
+        }
+        if self.step.is_empty() {
+            self.termination = Some(Termination::NothingToEstimate);
+        } else if self.gradient <= self.options.gradient_tolerance {
+            self.termination = Some(Termination::Gradient);
+        }
+        let trial = match self.termination {
+            Some(_) => None,
+            None => problem.problem("step_count", |_| Ok(self.try_step(&values)))?,
+        };
+        self.seconds.total += begin.elapsed().as_secs_f64();
+        let cost = self.cost;
+        let mut state = state.param(trial.unwrap_or(values)).cost(cost);
+        if let Some(termination) = &self.termination {
+            let reason = if termination.converged() {
+                TerminationReason::SolverConverged
+            } else {
+                TerminationReason::SolverExit(termination.to_string())
+            };
+            state = state.terminate_with(reason);
+        }
+        let kv = argmin::kv!("gradient" => self.gradient; "damping" => self.mu;);
+        Ok((state, Some(kv)))
+    }
+}
+
+impl LevenbergMarquardt {
+    /// Takes over why an executor stopped.
+    pub(crate) fn stopped_by_executor(&mut self, reason: Option<&TerminationReason>) {
+        if self.termination.is_none() {
+            self.termination = Some(match reason {
+                Some(TerminationReason::Interrupt) => Termination::Interrupted,
+                Some(TerminationReason::Timeout) => Termination::TimeLimit,
+                _ => Termination::MaxIterations,
+            });
+        }
+    }
+}
+
+fn take_values(state: &mut SolverState) -> Result<Values, Error> {
+    state.take_param().ok_or_else(|| {
+        let reason = "the executor's state has no values to start from".to_owned();
+        SolveError::Executor { reason }.into()
+    })
+}

@@ -1,0 +1,241 @@
+//! The normal equations H δ = −g of a linearised problem, H = Jᵀ W J, g = Jᵀ W r, and their solution.
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use crate::accumulate::Chunk;
+use crate::blocks::ReducedBlocks;
+use crate::chunk::{ChunkBuilder, ChunkPlan, Share};
+use crate::error::{EvaluationFailure, StructureError};
+use crate::graph::Graph;
+use crate::layout::{Layout, NONE};
+use crate::options::{LinearSolver, LinearSolverUsed};
+use crate::partition;
+use crate::reduced::Reduced;
+use crate::values::Values;
+
+/// Work that a chunk should hold at least, in floating-point operations, and the largest number of chunks.
+const CHUNK_WORK: f64 = 1e6;
+const MAX_CHUNKS: f64 = 32.0;
+
+/// Size up to which the system over the kept variables is dense without further thought.
+const DENSE_SIZE: usize = 400;
+
+/// A problem's normal equations. Memory is laid out once; linearising and solving again do not allocate.
+pub(crate) struct NormalEquations {
+    pub layout: Layout,
+    pub chunks: Vec<Chunk>,
+    pub blocks: ReducedBlocks,
+    reduced: Reduced,
+    used: LinearSolverUsed,
+    /// g and the diagonal of H, eliminated variables first.
+    gradient: Vec<f64>,
+    diagonal: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl NormalEquations {
+    pub fn new(graph: &Graph, values: &Values, choice: LinearSolver) -> Result<Self, StructureError> {
+        let mut layout = Layout::new(graph, values)?;
+        match choice {
+            LinearSolver::Dense | LinearSolver::SparseCholesky => {}
+            _ => layout.partition(&partition::choose(graph, values, &layout)?),
+        }
+        let shares = shares(&layout);
+        let plans: Vec<ChunkPlan> = shares.par_iter().map(|share| ChunkBuilder::build(&layout, share)).collect();
+        let chunks: Vec<Chunk> = plans.into_iter().map(Chunk::new).collect();
+        let blocks = ReducedBlocks::new(&layout, &chunks);
+        let reduced = reduced_system(&layout, &blocks, choice)?;
+        let n = layout.dim();
+        let used = LinearSolverUsed {
+            eliminated_variables: layout.eliminated.len(),
+            eliminated_dim: layout.eliminated_dim,
+            reduced_variables: layout.kept.len(),
+            reduced_dim: layout.kept_dim,
+            sparse: matches!(reduced, Reduced::Sparse(_)),
+            factor_entries: reduced.factor_len(),
+            chunks: chunks.len(),
+        };
+        Ok(Self {
+            layout,
+            chunks,
+            blocks,
+            reduced,
+            used,
+            gradient: vec![0.0; n],
+            diagonal: vec![0.0; n],
+            scratch: Vec::new(),
+        })
+    }
+
+    pub fn dim(&self) -> usize {
+        self.layout.dim()
+    }
+
+    pub fn used(&self) -> &LinearSolverUsed {
+        &self.used
+    }
+
+    /// g = Jᵀ W r of the last linearisation.
+    pub fn gradient(&self) -> &[f64] {
+        &self.gradient
+    }
+
+    /// The diagonal of H of the last linearisation.
+    pub fn diagonal(&self) -> &[f64] {
+        &self.diagonal
+    }
+
+    /// The cost ½ Σ ρ(‖r‖²).
+    pub fn cost(&mut self, values: &Values) -> Result<f64, EvaluationFailure> {
+        let batches = &self.layout.batches;
+        for_each(&mut self.chunks, |chunk| chunk.evaluate(batches, values));
+        total_cost(&mut self.chunks)
+    }
+
+    /// Evaluates H and g; returns the cost.
+    pub fn linearize(&mut self, values: &Values) -> Result<f64, EvaluationFailure> {
+        let batches = &self.layout.batches;
+        for_each(&mut self.chunks, |chunk| chunk.linearize(batches, values));
+        let cost = total_cost(&mut self.chunks)?;
+        self.blocks.gather(&self.chunks);
+        let split = self.layout.eliminated_dim;
+        self.blocks.diagonal(&mut self.diagonal[split..]);
+        self.gradient.fill(0.0);
+        for chunk in &self.chunks {
+            let range = chunk.plan.offset..chunk.plan.offset + chunk.plan.dim;
+            self.gradient[range.clone()].copy_from_slice(&chunk.ge);
+            chunk.diagonal(&mut self.diagonal[range]);
+            for local in &chunk.plan.locals {
+                let target = &mut self.gradient[split + local.kept as usize..][..local.d as usize];
+                target.iter_mut().zip(&chunk.gc[local.local as usize..]).for_each(|(t, g)| *t += g);
+            }
+        }
+        Ok(cost)
+    }
+
+    /// Writes the solution of (H + μ D²) δ = −g, where `d2` is the diagonal of D²; false if the matrix is not positive
+    /// definite.
+    #[must_use]
+    pub fn solve(&mut self, mu: f64, d2: &[f64], step: &mut [f64]) -> bool {
+        if !self.eliminate(mu, d2) {
+            return false;
+        }
+        let split = self.layout.eliminated_dim;
+        let (eliminated, kept) = step.split_at_mut(split);
+        for (s, g) in kept.iter_mut().zip(&self.gradient[split..]) {
+            *s = -g;
+        }
+        for chunk in &self.chunks {
+            for local in &chunk.plan.locals {
+                let target = &mut kept[local.kept as usize..][..local.d as usize];
+                target.iter_mut().zip(&chunk.sc[local.local as usize..]).for_each(|(t, s)| *t += s);
+            }
+        }
+        if !self.reduced.solve(kept) {
+            return false;
+        }
+        let kept = &*kept;
+        for_each(&mut self.chunks, |chunk| chunk.back_substitute(kept));
+        for chunk in &self.chunks {
+            eliminated[chunk.plan.offset..][..chunk.plan.dim].copy_from_slice(&chunk.step);
+        }
+        step.iter().all(|s| s.is_finite())
+    }
+
+    /// Factorises H + μ D².
+    fn eliminate(&mut self, mu: f64, d2: &[f64]) -> bool {
+        for_each(&mut self.chunks, |chunk| chunk.eliminate(mu, d2));
+        if self.chunks.iter().any(|c| !c.definite) {
+            return false;
+        }
+        self.blocks.assemble(&self.chunks, mu, &d2[self.layout.eliminated_dim..], &mut self.reduced);
+        self.reduced.factorize()
+    }
+
+    /// H_cc of the last linearisation as a full matrix.
+    pub fn kept_hessian(&self) -> DMatrix<f64> {
+        self.blocks.to_dense(self.layout.kept_dim)
+    }
+
+    /// The values moved by a step.
+    pub fn retract(&mut self, values: &Values, step: &[f64]) -> Values {
+        self.layout.retract(values, step, &mut self.scratch)
+    }
+}
+
+fn for_each(chunks: &mut [Chunk], f: impl Fn(&mut Chunk) + Sync + Send) {
+    if chunks.len() < 2 || rayon::current_num_threads() == 1 {
+        chunks.iter_mut().for_each(f);
+    } else {
+        chunks.par_iter_mut().with_max_len(1).for_each(f);
+    }
+}
+
+fn total_cost(chunks: &mut [Chunk]) -> Result<f64, EvaluationFailure> {
+    match chunks.iter_mut().find_map(|c| c.failure.take()) {
+        Some(failure) => Err(failure),
+        None => Ok(chunks.iter().map(|c| c.cost).sum()),
+    }
+}
+
+fn reduced_system(layout: &Layout, blocks: &ReducedBlocks, choice: LinearSolver) -> Result<Reduced, StructureError> {
+    let n = layout.kept_dim;
+    match choice {
+        LinearSolver::Dense | LinearSolver::DenseSchur => return Ok(Reduced::dense(n)),
+        LinearSolver::SparseCholesky | LinearSolver::SparseSchur if n > 0 => return Reduced::sparse(n, blocks),
+        _ => {}
+    }
+    let half = 0.5 * n as f64 * n as f64;
+    if n <= DENSE_SIZE || blocks.entries() as f64 > 0.3 * half {
+        return Ok(Reduced::dense(n));
+    }
+    let sparse = Reduced::sparse(n, blocks)?;
+    // Operations of a sparse factorisation if its columns were of equal length; sparse operations are slower.
+    let length = sparse.factor_len() as f64 / n as f64;
+    let flops = n as f64 * length * length;
+    Ok(if 3.0 * flops < partition::dense_flops(n) { sparse } else { Reduced::dense(n) })
+}
+
+/// Divides the groups by estimated work.
+fn shares(layout: &Layout) -> Vec<Share> {
+    let mut eliminated: Vec<(u32, Vec<u32>)> = layout.eliminated.iter().map(|e| (*e, Vec::new())).collect();
+    let mut others = Vec::new();
+    let mut work_of = vec![0.0; eliminated.len()];
+    let mut total = 0.0;
+    let work = |g: usize| {
+        let (rows, columns) = (f64::from(layout.groups[g].rows), f64::from(layout.groups[g].columns));
+        100.0 + rows * (10.0 + 5.0 * columns + 0.5 * columns * columns)
+    };
+    for (g, group) in layout.groups.iter().enumerate() {
+        total += work(g);
+        let e = layout.slots(group).iter().map(|s| &layout.active[s.active as usize]).find(|a| a.eliminated);
+        match e.map_or(NONE, |a| a.rank) {
+            NONE => others.push(g as u32),
+            rank => {
+                eliminated[rank as usize].1.push(g as u32);
+                work_of[rank as usize] += work(g);
+            }
+        }
+    }
+    let target = total / (total / CHUNK_WORK).ceil().clamp(1.0, MAX_CHUNKS);
+    let mut shares = vec![Share::default()];
+    let mut filled = 0.0;
+    let mut next = |shares: &mut Vec<Share>, work: f64| {
+        if filled > 0.0 && filled + 0.5 * work > target {
+            shares.push(Share::default());
+            filled = 0.0;
+        }
+        filled += work;
+        shares.len() - 1
+    };
+    for (e, work) in eliminated.into_iter().zip(work_of) {
+        let share = next(&mut shares, work);
+        shares[share].eliminated.push(e);
+    }
+    for g in others {
+        let share = next(&mut shares, work(g as usize));
+        shares[share].others.push(g);
+    }
+    shares
+}

@@ -1,0 +1,171 @@
+//! What the user may choose.
+
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::error::SolveError;
+
+/// Damping of the Levenberg–Marquardt step (H + μ D²) δ = −g.
+///
+/// Both rules divide μ by up to three after a good step, by the cubic of the gain ratio of Nielsen 1999, and multiply it
+/// by 2, 4, 8, … after rejected ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Damping {
+    /// μ starts at `tau` times the largest diagonal entry of the scaled H (Nielsen 1999); 1e-6 for a good start, up to 1
+    /// for a doubtful one. D² holds the largest diagonal entries of H so far (Moré 1978) or is the identity, as
+    /// [`Options::scaling`] says.
+    Nielsen {
+        /// τ.
+        tau: f64,
+    },
+    /// μ is the inverse of a trust-region radius, D² the present diagonal of H, as in Ceres.
+    Radius {
+        /// Radius at the start.
+        initial: f64,
+        /// Largest radius.
+        max: f64,
+    },
+}
+
+impl Default for Damping {
+    fn default() -> Self {
+        Damping::Nielsen { tau: 1e-4 }
+    }
+}
+
+/// How columns of different units are made comparable.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Scaling {
+    /// By the norms of the Jacobian's columns, the largest so far (Moré 1978). Steps do not depend on units.
+    #[default]
+    Jacobi,
+    /// Not at all.
+    None,
+}
+
+/// How the linear system of an iteration is solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LinearSolver {
+    /// The one with the lowest estimated cost.
+    #[default]
+    Auto,
+    /// Cholesky of the whole H as a dense matrix.
+    Dense,
+    /// Sparse Cholesky of the whole H with approximate minimum degree ordering.
+    SparseCholesky,
+    /// Schur complement on a block-diagonal group of variables, Cholesky of the rest as a dense matrix.
+    DenseSchur,
+    /// Schur complement on a block-diagonal group of variables, sparse Cholesky of the rest.
+    SparseSchur,
+}
+
+/// The linear solver that was chosen.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LinearSolverUsed {
+    /// Variables eliminated by the Schur complement, and their dimension.
+    pub eliminated_variables: usize,
+    /// Their tangent dimension.
+    pub eliminated_dim: usize,
+    /// Variables in the reduced system.
+    pub reduced_variables: usize,
+    /// Their tangent dimension.
+    pub reduced_dim: usize,
+    /// Whether the reduced system is sparse.
+    pub sparse: bool,
+    /// Entries of the triangular factor of the reduced system.
+    pub factor_entries: usize,
+    /// Parts into which the work is divided for threads.
+    pub chunks: usize,
+}
+
+impl std::fmt::Display for LinearSolverUsed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let kind = if self.sparse { "sparse" } else { "dense" };
+        let n = self.reduced_dim;
+        if self.eliminated_variables == 0 {
+            return write!(f, "{kind} Cholesky of {n} unknowns");
+        }
+        let (variables, dim) = (self.eliminated_variables, self.eliminated_dim);
+        write!(
+            f,
+            "Schur complement on {variables} variables ({dim} unknowns), {kind} Cholesky of the other {n} unknowns"
+        )
+    }
+}
+
+/// Options of the nonlinear solvers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Most iterations; each solves one linear system and tries one step. Default 100.
+    pub max_iterations: u64,
+    /// Converged when max |g_j| is at most this, g the gradient of the cost. Absolute, hence small. Default 1e-10.
+    pub gradient_tolerance: f64,
+    /// Converged when a step decreases the cost by at most this, relative to the cost. Default 1e-9.
+    pub cost_tolerance: f64,
+    /// Converged when no component of a step changes the residuals by more than this, relative to them:
+    /// max |δ_j| √H_jj ≤ tolerance · √(2 · cost). It does not depend on the units of the variables. Default 1e-9.
+    pub parameter_tolerance: f64,
+    /// A step is accepted when the cost falls by more than this share of what the linear model predicts. Default 1e-3.
+    pub min_gain_ratio: f64,
+    /// Damping rule.
+    pub damping: Damping,
+    /// Scaling of columns.
+    pub scaling: Scaling,
+    /// Linear solver.
+    pub linear_solver: LinearSolver,
+    /// Threads; 0 for those of the thread pool in which the solver is called. Results are the same bits for any number.
+    pub threads: usize,
+    /// Stop after this time with the best state so far.
+    pub time_limit: Option<Duration>,
+    /// Stop at Ctrl-C with the best state so far. A process can only do this once. Default false.
+    pub ctrlc: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            max_iterations: 100,
+            gradient_tolerance: 1e-10,
+            cost_tolerance: 1e-9,
+            parameter_tolerance: 1e-9,
+            min_gain_ratio: 1e-3,
+            damping: Damping::default(),
+            scaling: Scaling::default(),
+            linear_solver: LinearSolver::default(),
+            threads: 0,
+            time_limit: None,
+            ctrlc: false,
+        }
+    }
+}
+
+impl Options {
+    pub(crate) fn check(&self) -> Result<(), SolveError> {
+        let bad = |option, value: f64| SolveError::Option { option, reason: format!("{value} is out of range") };
+        let tolerances = [
+            ("gradient_tolerance", self.gradient_tolerance),
+            ("cost_tolerance", self.cost_tolerance),
+            ("parameter_tolerance", self.parameter_tolerance),
+        ];
+        for (name, value) in tolerances {
+            if value.is_nan() || value < 0.0 {
+                return Err(bad(name, value));
+            }
+        }
+        if !(0.0..1.0).contains(&self.min_gain_ratio) {
+            return Err(bad("min_gain_ratio", self.min_gain_ratio));
+        }
+        match self.damping {
+            Damping::Nielsen { tau } if !(tau > 0.0 && tau.is_finite()) => Err(bad("damping.tau", tau)),
+            Damping::Radius { initial, .. } if !(initial > 0.0 && initial.is_finite()) => {
+                Err(bad("damping.initial", initial))
+            }
+            Damping::Radius { max, initial } if max.is_nan() || max < initial => Err(bad("damping.max", max)),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Priors: what is known about a variable beforehand.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::EvaluationError;
+use crate::graph::FactorBatch;
+use crate::noise::NoiseError;
+use crate::values::{Key, Values, VariableId};
+use crate::variable::Variable;
+
+/// A Gaussian prior on one variable: r = A · local(mean, x), in the tangent space of the mean.
+#[derive(Clone, Debug)]
+pub struct Prior<V> {
+    name: String,
+    key: Key<V>,
+    id: [VariableId; 1],
+    mean: V,
+    square_root_information: DMatrix<f64>,
+}
+
+impl<V: Variable> Prior<V> {
+    /// The same standard deviation for all tangent components.
+    ///
+    /// # Errors
+    /// If the standard deviation is not positive.
+    pub fn isotropic(name: impl Into<String>, key: Key<V>, mean: V, sigma: f64) -> Result<Self, NoiseError> {
+        let sigmas = vec![sigma; mean.dim()];
+        Self::diagonal(name, key, mean, &sigmas)
+    }
+
+    /// One standard deviation per tangent component; infinity where nothing is known. Components for which `sigmas` has no
+    /// entry count as unknown.
+    ///
+    /// # Errors
+    /// If a standard deviation is not positive.
+    pub fn diagonal(name: impl Into<String>, key: Key<V>, mean: V, sigmas: &[f64]) -> Result<Self, NoiseError> {
+        if let Some(component) = sigmas.iter().position(|s| s.is_nan() || *s <= 0.0) {
+            return Err(NoiseError::Sigma { component, sigma: sigmas[component] });
+        }
+        let weights = DVector::from_fn(mean.dim(), |i, _| sigmas.get(i).map_or(0.0, |s| 1.0 / s));
+        Self::square_root_information(name, key, mean, DMatrix::from_diagonal(&weights))
+    }
+
+    /// A full square-root information matrix A, rows × dim, with AᵀA = Σ⁻¹. It may have fewer rows than the variable has
+    /// components.
+    ///
+    /// # Errors
+    /// If A has not as many columns as the variable has components, or is not finite.
+    pub fn square_root_information(
+        name: impl Into<String>,
+        key: Key<V>,
+        mean: V,
+        a: DMatrix<f64>,
+    ) -> Result<Self, NoiseError> {
+        if a.ncols() != mean.dim() || a.iter().any(|v| !v.is_finite()) {
+            return Err(NoiseError::NotFinite);
+        }
+        Ok(Self { name: name.into(), key, id: [key.id()], mean, square_root_information: a })
+    }
+}
+
+impl<V: Variable> FactorBatch for Prior<V> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn group_count(&self) -> usize {
+        1
+    }
+
+    fn variables(&self, _: usize) -> &[VariableId] {
+        &self.id
+    }
+
+    fn row_count(&self, _: usize) -> usize {
+        self.square_root_information.nrows()
+    }
+
+    fn residual_dim(&self) -> usize {
+        self.square_root_information.nrows().max(1)
+    }
+
+    fn evaluate(
+        &self,
+        _: usize,
+        values: &Values,
+        residuals: &mut [f64],
+        jacobian: Option<&mut [f64]>,
+    ) -> Result<(), EvaluationError> {
+        let x = values.try_get(self.key).ok_or(EvaluationError::new("a variable of another problem"))?;
+        let (a, n) = (&self.square_root_information, self.mean.dim());
+        if x.dim() != n {
+            return Err(EvaluationError::new("the variable's dimension is not that of its prior"));
+        }
+        let mut delta = vec![0.0; n];
+        self.mean.local(x, &mut delta);
+        for (row, r) in residuals.iter_mut().enumerate() {
+            *r = (0..n).map(|k| a[(row, k)] * delta[k]).sum();
+        }
+        if let Some(jacobian) = jacobian {
+            let mut local = vec![0.0; n * n];
+            self.mean.local_jacobian(x, &mut local);
+            for row in 0..a.nrows() {
+                for column in 0..n {
+                    jacobian[row * n + column] = (0..n).map(|k| a[(row, k)] * local[k * n + column]).sum();
+                }
+            }
+        }
+        Ok(())
+    }
+}

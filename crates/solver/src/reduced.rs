@@ -1,0 +1,200 @@
+//! The linear system over the kept variables, dense or sparse.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt;
+use faer::prelude::Reborrow;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use faer::{Conj, MatMut, MatRef, Par, Side};
+
+use crate::blocks::{Block, ReducedBlocks};
+use crate::error::StructureError;
+
+/// Below this size a factorisation is not worth more than one thread.
+const PARALLEL_SIZE: usize = 256;
+
+/// A symmetric positive definite system, refilled and factorised in every iteration.
+pub(crate) enum Reduced {
+    Dense(Dense),
+    Sparse(Box<Sparse>),
+}
+
+/// Column-major n × n, lower triangle, factorised in place.
+pub(crate) struct Dense {
+    n: usize,
+    matrix: Vec<f64>,
+    memory: MemBuffer,
+    par: Par,
+}
+
+/// The lower triangle in compressed columns, with its symbolic factorisation.
+pub(crate) struct Sparse {
+    n: usize,
+    pattern: SymbolicSparseColMat<usize>,
+    values: Vec<f64>,
+    /// For each block the entries' position: see [`Sparse::put`].
+    row_offset: Vec<usize>,
+    symbolic: SymbolicCholesky<usize>,
+    factor: Vec<f64>,
+    memory: MemBuffer,
+    par: Par,
+}
+
+/// How a factorisation is split among threads. The split must not depend on how many threads there are, or results would:
+/// so it is into a fixed number of parts.
+fn parallelism(n: usize) -> Par {
+    if n < PARALLEL_SIZE { Par::Seq } else { Par::rayon(8) }
+}
+
+impl Reduced {
+    pub fn dense(n: usize) -> Self {
+        let par = parallelism(n);
+        let factor = llt::factor::cholesky_in_place_scratch::<f64>(n, par, Default::default());
+        let memory = MemBuffer::new(factor.or(llt::solve::solve_in_place_scratch::<f64>(n, 1, par)));
+        Reduced::Dense(Dense { n, matrix: vec![0.0; n * n], memory, par })
+    }
+
+    pub fn sparse(n: usize, blocks: &ReducedBlocks) -> Result<Self, StructureError> {
+        let error = |e: &dyn std::fmt::Debug| StructureError::LinearSystem { reason: format!("{e:?}") };
+        let (pattern, row_offset) = sparse_pattern(n, blocks);
+        let par = parallelism(n);
+        let symbolic = factorize_symbolic_cholesky(
+            pattern.rb(),
+            Side::Lower,
+            SymmetricOrdering::Amd,
+            CholeskySymbolicParams::default(),
+        )
+        .map_err(|e| error(&e))?;
+        let numeric = symbolic.factorize_numeric_llt_scratch::<f64>(par, Default::default());
+        let memory = MemBuffer::new(numeric.or(symbolic.solve_in_place_scratch::<f64>(1, par)));
+        let values = vec![0.0; pattern.compute_nnz()];
+        let factor = vec![0.0; symbolic.len_val()];
+        Ok(Reduced::Sparse(Box::new(Sparse { n, pattern, values, row_offset, symbolic, factor, memory, par })))
+    }
+
+    /// Entries of the triangular factor.
+    pub fn factor_len(&self) -> usize {
+        match self {
+            Reduced::Dense(d) => d.n * (d.n + 1) / 2,
+            Reduced::Sparse(s) => s.symbolic.len_val(),
+        }
+    }
+
+    /// Prepares for new values.
+    pub fn clear(&mut self) {
+        if let Reduced::Dense(dense) = self {
+            // Factorisation has filled entries outside the blocks.
+            dense.matrix.fill(0.0);
+        }
+    }
+
+    /// Writes the block with the given index: `values` is row-major, of which the lower triangle counts on the diagonal.
+    pub fn put(&mut self, index: usize, block: &Block, values: &[f64]) {
+        let (dr, dc) = (block.row_d as usize, block.column_d as usize);
+        let (row, column) = (block.row_offset as usize, block.column_offset as usize);
+        match self {
+            Reduced::Dense(dense) => {
+                for c in 0..dc {
+                    let first = if row == column { c } else { 0 };
+                    let target = &mut dense.matrix[(column + c) * dense.n + row..][first..dr];
+                    for (a, t) in (first..dr).zip(target) {
+                        *t = values[a * dc + c];
+                    }
+                }
+            }
+            Reduced::Sparse(sparse) => {
+                let start = sparse.pattern.col_ptr();
+                for c in 0..dc {
+                    // A column holds the lower part of its diagonal block, then the blocks below in order.
+                    let (first, before) = if row == column { (c, 0) } else { (0, dc - c + sparse.row_offset[index]) };
+                    let target = &mut sparse.values[start[column + c] + before..][..dr - first];
+                    for (a, t) in (first..dr).zip(target) {
+                        *t = values[a * dc + c];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Factorises; false if the matrix is not positive definite.
+    #[must_use]
+    pub fn factorize(&mut self) -> bool {
+        let regularization =
+            llt::factor::LltRegularization { dynamic_regularization_delta: 0.0, dynamic_regularization_epsilon: 0.0 };
+        match self {
+            Reduced::Dense(d) => {
+                let matrix = MatMut::from_column_major_slice_mut(&mut d.matrix, d.n, d.n);
+                let stack = MemStack::new(&mut d.memory);
+                llt::factor::cholesky_in_place(matrix, regularization, d.par, stack, Default::default()).is_ok()
+            }
+            Reduced::Sparse(s) => {
+                let matrix = SparseColMatRef::new(s.pattern.rb(), &s.values);
+                let stack = MemStack::new(&mut s.memory);
+                let result = s.symbolic.factorize_numeric_llt(
+                    &mut s.factor,
+                    matrix,
+                    Side::Lower,
+                    regularization,
+                    s.par,
+                    stack,
+                    Default::default(),
+                );
+                result.is_ok()
+            }
+        }
+    }
+
+    /// Solves with the factors in place; false if the solution is not finite.
+    #[must_use]
+    pub fn solve(&mut self, rhs: &mut [f64]) -> bool {
+        match self {
+            Reduced::Dense(d) => {
+                let factor = MatRef::from_column_major_slice(&d.matrix, d.n, d.n);
+                let x = MatMut::from_column_major_slice_mut(rhs, d.n, 1);
+                llt::solve::solve_in_place(factor, x, d.par, MemStack::new(&mut d.memory));
+            }
+            Reduced::Sparse(s) => {
+                let x = MatMut::from_column_major_slice_mut(rhs, s.n, 1);
+                LltRef::new(&s.symbolic, &s.factor).solve_in_place_with_conj(
+                    Conj::No,
+                    x,
+                    s.par,
+                    MemStack::new(&mut s.memory),
+                );
+            }
+        }
+        rhs.iter().all(|x| x.is_finite())
+    }
+}
+
+/// The scalar pattern of the blocks' lower triangle, and for every block the rows before it below the diagonal block.
+fn sparse_pattern(n: usize, blocks: &ReducedBlocks) -> (SymbolicSparseColMat<usize>, Vec<usize>) {
+    let mut row_offset = vec![0; blocks.blocks.len()];
+    let mut start = Vec::with_capacity(n + 1);
+    let mut rows = Vec::new();
+    start.push(0);
+    // Blocks are sorted by column, then row, so that a column's diagonal block comes first.
+    let mut first = 0;
+    while first < blocks.blocks.len() {
+        let column = blocks.blocks[first].column;
+        let end = first + blocks.blocks[first..].iter().take_while(|b| b.column == column).count();
+        let mut below = 0;
+        for i in first + 1..end {
+            row_offset[i] = below;
+            below += blocks.blocks[i].row_d as usize;
+        }
+        let diagonal = &blocks.blocks[first];
+        for c in 0..diagonal.column_d as usize {
+            let offset = diagonal.column_offset as usize;
+            rows.extend(offset + c..offset + diagonal.column_d as usize);
+            for b in &blocks.blocks[first + 1..end] {
+                rows.extend(b.row_offset as usize..(b.row_offset + b.row_d) as usize);
+            }
+            start.push(rows.len());
+        }
+        first = end;
+    }
+    (SymbolicSparseColMat::new_checked(n, n, start, None, rows), row_offset)
+}

@@ -1,0 +1,140 @@
+//! What a solver tells about its work.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::options::LinearSolverUsed;
+
+/// Why a solver stopped.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
+pub enum Termination {
+    /// The gradient vanishes.
+    Gradient,
+    /// The cost no longer falls.
+    Cost,
+    /// The variables no longer move.
+    Parameters,
+    /// The cost is at its minimum as far as rounding lets one see.
+    Rounding,
+    /// There is no free variable or no factor.
+    NothingToEstimate,
+    /// The iterations were used up.
+    MaxIterations,
+    /// The time was used up.
+    TimeLimit,
+    /// Interrupted by the user.
+    Interrupted,
+    /// No step decreases the cost although the linear model promises it; derivatives may be wrong.
+    Stalled,
+    /// The factors can be evaluated at the last values, but not differentiated.
+    NotDifferentiable(String),
+}
+
+impl Termination {
+    /// Whether the values are a minimum.
+    pub fn converged(&self) -> bool {
+        matches!(self, Self::Gradient | Self::Cost | Self::Parameters | Self::Rounding | Self::NothingToEstimate)
+    }
+}
+
+impl fmt::Display for Termination {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Gradient => "converged: the gradient is within its tolerance",
+            Self::Cost => "converged: the relative decrease of the cost is within its tolerance",
+            Self::Parameters => "converged: the step is within the parameter tolerance",
+            Self::Rounding => "converged: the cost cannot be decreased beyond rounding errors",
+            Self::NothingToEstimate => "there is nothing to estimate",
+            Self::MaxIterations => "not converged: the largest number of iterations was reached",
+            Self::TimeLimit => "not converged: the time limit was reached",
+            Self::Interrupted => "not converged: interrupted",
+            Self::Stalled => {
+                "not converged: no step decreases the cost as the derivatives promise; check them, or start elsewhere"
+            }
+            Self::NotDifferentiable(failure) => {
+                return write!(f, "not converged: the derivatives do not exist at the last values: {failure}");
+            }
+        })
+    }
+}
+
+/// One iteration: a linear system solved and a step tried.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Iteration {
+    /// Cost before the step.
+    pub cost: f64,
+    /// Cost after the step; infinite where the factors could not be evaluated or no step was found.
+    pub trial_cost: f64,
+    /// Decrease that the linear model predicts.
+    pub predicted: f64,
+    /// max |g_j| before the step.
+    pub gradient: f64,
+    /// max |δ_j| √H_jj: the largest change of the residuals by one component of the step.
+    pub step: f64,
+    /// μ.
+    pub damping: f64,
+    /// Whether the step was taken.
+    pub accepted: bool,
+}
+
+/// Seconds spent in each stage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct StageSeconds {
+    /// Choice of the linear solver, memory layout, symbolic factorisation; once.
+    pub structure: f64,
+    /// Residuals, Jacobians and their accumulation into normal equations.
+    pub linearize: f64,
+    /// Elimination, factorisation and solution.
+    pub linear_solve: f64,
+    /// Residuals at trial steps.
+    pub evaluate: f64,
+    /// All of the solver, structure included.
+    pub total: f64,
+}
+
+/// What happened during a minimisation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// ½ Σ ρ(‖r‖²) at the start.
+    pub cost0: f64,
+    /// ½ Σ ρ(‖r‖²) at the end.
+    pub cost: f64,
+    /// Number of iterations, rejected steps included.
+    pub iterations: usize,
+    /// Why the solver stopped.
+    pub termination: Termination,
+    /// Whether the values are a minimum.
+    pub converged: bool,
+    /// Each iteration.
+    pub trace: Vec<Iteration>,
+    /// Seconds spent in each stage.
+    pub seconds: StageSeconds,
+    /// The linear solver that was chosen.
+    pub linear_solver: LinearSolverUsed,
+    /// Number of scalar residuals.
+    pub residuals: usize,
+    /// Number of free tangent components.
+    pub unknowns: usize,
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.termination)?;
+        writeln!(f, "cost {:.9e} -> {:.9e} in {} iterations", self.cost0, self.cost, self.iterations)?;
+        writeln!(f, "{} residuals, {} unknowns; {}", self.residuals, self.unknowns, self.linear_solver)?;
+        writeln!(f, "{:>4} {:>15} {:>11} {:>11} {:>11} {:>9}", "", "cost", "gradient", "step", "damping", "")?;
+        for (i, it) in self.trace.iter().enumerate() {
+            let verdict = if it.accepted { "" } else { "rejected" };
+            let (cost, gradient, step, damping) = (it.trial_cost, it.gradient, it.step, it.damping);
+            writeln!(f, "{:>4} {cost:>15.9e} {gradient:>11.3e} {step:>11.3e} {damping:>11.3e} {verdict:>9}", i + 1)?;
+        }
+        let s = &self.seconds;
+        write!(
+            f,
+            "{:.6} s: structure {:.6}, linearize {:.6}, linear solve {:.6}, evaluate {:.6}",
+            s.total, s.structure, s.linearize, s.linear_solve, s.evaluate
+        )
+    }
+}
