@@ -110,8 +110,8 @@ pub enum DatasetError {
     },
     /// A glob that finds no file.
     #[error(
-        "{path}: `{field}` = \"{pattern}\" matches no file: give a glob relative to the folder of dataset.toml, such as \
-         \"image/*.png\""
+        "{path}: `{field}` = \"{pattern}\" matches no file: give a glob relative to the folder of dataset.toml, \
+         such as \"image/*.png\""
     )]
     NoMatch {
         /// The file.
@@ -162,8 +162,8 @@ pub enum DatasetError {
     },
     /// A cell that should hold a number.
     #[error(
-        "{path}:{line}: column `{column}` holds \"{value}\": write a finite number, or leave the cell empty where it is \
-         not known"
+        "{path}:{line}: column `{column}` holds \"{value}\": write a finite number, or leave the cell empty where it \
+         is not known"
     )]
     Cell {
         /// The table.

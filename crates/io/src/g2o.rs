@@ -253,7 +253,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes_are_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..100), numbers in "[0-9 .e-]{0,60}") {
+        fn any_text_is_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..99), numbers in "[0-9 .e-]{0,60}") {
             let _ = G2oGraph::parse(Path::new("x"), &bytes);
             for tag in ["VERTEX_SE2", "EDGE_SE2", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT", "FIX"] {
                 let _ = parse(&format!("{tag} {numbers}"));

@@ -13,9 +13,10 @@ use crate::PieceRecord;
 /// | `image_width`, `image_height` | px |
 /// | `camera_matrix` | 3×3: fx, skew, cx; 0, fy, cy; 0, 0, 1 |
 /// | `distortion_coefficients` | 5×1: k1 k2 p1 p2 k3 |
-/// | `lens_pieces`, `depth_pieces` | depthcal's own, where there are any: sequences of `{name, options, parameters}`, `parameters` a sequence of `{name, unit, value}` |
+/// | `lens_pieces`, `depth_pieces` | depthcal's own, where there are any |
 ///
-/// OpenCV's functions ignore the skew, and know nothing of the last two; the first two of these give a warning.
+/// The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit and
+/// value). OpenCV's functions ignore the skew, and know nothing of the last two; the first two of these give a warning.
 ///
 /// # Errors
 /// [`ExportError::Value`].

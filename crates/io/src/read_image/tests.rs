@@ -125,10 +125,60 @@ fn files_that_are_no_images_are_named() {
     assert!(decode_gray(name(), b"").unwrap_err().to_string().contains("empty"));
 }
 
+/// 16×8 grey pixels of value 16 × column.
+const GREY_JPEG: &str = "\
+    ffd8ffe000104a46494600010100000100010000ffdb0043000302020302020303030304030304050805050404050a070706080c0a0c\
+    0c0b0a0b0b0d0e12100d0e110e0b0b1016101113141515150c0f171816141812141514ffc0000b080008001001011100ffc400150001\
+    0100000000000000000000000000000809ffc40017100003010000000000000000000000000000084481ffda0008010100003f001fad\
+    b2e15556d970ffd9";
+
+/// 8×8 red pixels.
+const RED_JPEG: &str = "\
+    ffd8ffe000104a46494600010100000100010000ffdb0043000302020302020303030304030304050805050404050a070706080c0a0c\
+    0c0b0a0b0b0d0e12100d0e110e0b0b1016101113141515150c0f171816141812141514ffdb00430103040405040509050509140d0b0d\
+    1414141414141414141414141414141414141414141414141414141414141414141414141414141414141414141414141414ffc00011\
+    080008000803012200021101031101ffc4001500010100000000000000000000000000000008ffc40014100100000000000000000000\
+    000000000000ffc4001501010100000000000000000000000000000709ffc40014110100000000000000000000000000000000ffda00\
+    0c03010002110311003f009d00062a9bffd9";
+
+fn from_hex(text: &str) -> Vec<u8> {
+    (0..text.len()).step_by(2).map(|i| u8::from_str_radix(&text[i..i + 2], 16).unwrap()).collect()
+}
+
+#[test]
+fn jpeg_grey_and_colour() {
+    let image = decode_gray(name(), &from_hex(GREY_JPEG)).unwrap();
+    assert_eq!((image.width, image.height, image.bits, image.data.len()), (16, 8, 8, 128));
+    for (i, value) in image.data.iter().enumerate() {
+        assert!(value.abs_diff(16 * (i as u16 % 16)) <= 4, "{value} at {i}");
+    }
+    let image = decode_gray(name(), &from_hex(RED_JPEG)).unwrap();
+    assert_eq!((image.width, image.height, image.data.len()), (8, 8, 64));
+    assert!(image.data.iter().all(|value| value.abs_diff(76) <= 2), "luma of red: {:?}", image.data);
+}
+
+#[test]
+fn a_truncated_jpeg_is_named_wherever_it_is_cut() {
+    let bytes = from_hex(GREY_JPEG);
+    for length in 3..bytes.len() {
+        let message = decode_gray(name(), &bytes[..length]).unwrap_err().to_string();
+        assert!(message.contains("set/0001.png") && message.contains("JPEG"), "{message}");
+    }
+}
+
 proptest! {
     #[test]
+    fn damaged_jpeg_is_no_panic(position in any::<prop::sample::Index>(), value in any::<u8>(), red in any::<bool>()) {
+        let mut bytes = from_hex(if red { RED_JPEG } else { GREY_JPEG });
+        let position = position.index(bytes.len());
+        bytes[position] = value;
+        let _ = decode_gray(name(), &bytes);
+    }
+
+    #[test]
     fn any_bytes_are_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        for start in [&b""[..], b"\x89PNG\r\n\x1a\n", b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", b"\xff\xd8\xff", b"P5 3 3 255 "] {
+        let png = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR";
+        for start in [&b""[..], &png[..8], png, b"\xff\xd8\xff", b"P5 3 3 255 "] {
             let mut file = start.to_vec();
             file.extend(&bytes);
             let _ = decode_gray(name(), &file);
