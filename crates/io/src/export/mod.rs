@@ -72,7 +72,7 @@ pub struct Export {
 #[non_exhaustive]
 pub enum ExportWarning {
     /// The skew of the pinhole.
-    #[error("{format} has no skew: {value} px is {}", if *.written { "written, but ignored there" } else { "left out" })]
+    #[error("{format} has no skew: {value} px is {}", if *.written { "written but ignored" } else { "left out" })]
     Skew {
         /// Name of the format.
         format: &'static str,

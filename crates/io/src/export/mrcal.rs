@@ -21,7 +21,8 @@ pub fn mrcal_cameramodel(camera: &ExportCamera) -> Result<Export, ExportError> {
     let mut intrinsics = vec![camera.fx, camera.fy, camera.cx, camera.cy];
     intrinsics.extend(camera.distortion);
     let text = format!(
-        "{{\n    'lensmodel': 'LENSMODEL_OPENCV5',\n\n    # fx, fy, cx, cy, k1, k2, p1, p2, k3\n    'intrinsics': {},\n\n\
+        "{{\n    'lensmodel': 'LENSMODEL_OPENCV5',\n\n\
+         \x20   # fx, fy, cx, cy, k1, k2, p1, p2, k3\n    'intrinsics': {},\n\n\
          \x20   # rt_cam_ref\n    'extrinsics': {},\n\n    'imagersize': [{}, {}],\n}}\n",
         list(&intrinsics),
         list(&[0.0; 6]),

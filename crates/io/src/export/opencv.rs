@@ -16,7 +16,8 @@ use crate::PieceRecord;
 /// | `lens_pieces`, `depth_pieces` | depthcal's own, where there are any |
 ///
 /// The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit and
-/// value). OpenCV's functions ignore the skew, and know nothing of the last two; the first two of these give a warning.
+/// value). OpenCV's functions ignore the skew and these pieces; skew and lens pieces give warnings, as they would move
+/// pixels.
 ///
 /// # Errors
 /// [`ExportError::Value`].
