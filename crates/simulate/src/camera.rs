@@ -1,0 +1,106 @@
+//! The camera as it really is: intrinsics, lens, projective depth distortion, and the published ones.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::SimulateError;
+
+/// A depth camera's true parameters. Pixels have their centres at integer coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CameraTruth {
+    /// Image width, px.
+    pub width: usize,
+    /// Image height, px.
+    pub height: usize,
+    /// Focal lengths [fx, fy], px.
+    pub focal_px: [f64; 2],
+    /// Skew s in u = fx x' + s y' + cx, px.
+    pub skew_px: f64,
+    /// Principal point [cx, cy], px.
+    pub centre_px: [f64; 2],
+    /// Brown–Conrady coefficients [k1, k2, p1, p2, k3].
+    pub lens: [f64; 5],
+    /// Projective depth distortion [dx, dy, dz, dw]: ρ_m = dx x + dy y + dz + dw ρ; dx, dy, dz in 1/mm.
+    pub depth: [f64; 4],
+    /// Distance between projector and camera, along x, mm. Disparity is f · baseline · ρ, px.
+    pub baseline_mm: f64,
+}
+
+impl CameraTruth {
+    /// Camera 1, 2, 3 or 4 of Sjöholm 2017 (section 6.2 and 6.5), 640×480.
+    ///
+    /// # Errors
+    /// [`SimulateError::UnknownCamera`] for any other number.
+    pub fn published(number: usize) -> Result<Self, SimulateError> {
+        let (focal_px, centre_px, lens, depth) = match number {
+            1 => (
+                [476.9, 476.9],
+                [312.97, 242.49],
+                [-0.1468, 0.0463, 0.0012, -0.0007, -0.0756],
+                [1.3406e-4, -3.52e-6, -6.99e-6, 1.00604654],
+            ),
+            2 => (
+                [487.63, 487.75],
+                [316.54, 245.37],
+                [-0.113493, -0.085626, 0.001575, 0.001248, 0.094735],
+                [1.7984e-4, 1.908e-5, -3.684e-5, 1.0393758],
+            ),
+            3 => (
+                [476.85, 476.06],
+                [314.35, 244.32],
+                [-0.129139, -0.021613, -0.001209, 0.00017, -0.005435],
+                [5.374e-5, -1.949e-5, 9.46e-6, 0.99313368],
+            ),
+            4 => (
+                [476.82, 476.76],
+                [311.17, 240.12],
+                [-0.117859, -0.073007, 0.001899, 0.000341, 0.055911],
+                [4.329e-5, 9e-8, 1.14e-6, 1.0045781],
+            ),
+            _ => return Err(SimulateError::UnknownCamera { number }),
+        };
+        Ok(Self { focal_px, centre_px, lens, depth, ..Self::ideal(640, 480, 476.9) })
+    }
+
+    /// A camera without lens and depth distortion, its principal point in the middle of the image.
+    pub fn ideal(width: usize, height: usize, focal_px: f64) -> Self {
+        Self {
+            width,
+            height,
+            focal_px: [focal_px, focal_px],
+            skew_px: 0.0,
+            centre_px: [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0],
+            lens: [0.0; 5],
+            depth: [0.0, 0.0, 0.0, 1.0],
+            baseline_mm: 50.0,
+        }
+    }
+
+    /// Pixels of disparity per unit of inverse depth, px·mm.
+    pub fn disparity_scale(&self) -> f64 {
+        self.focal_px[0] * self.baseline_mm
+    }
+
+    /// Whether the numbers describe a camera.
+    pub(crate) fn check(&self) -> Result<(), SimulateError> {
+        let positive = |field: &'static str, value: f64| {
+            if value.is_finite() && value > 0.0 {
+                Ok(())
+            } else {
+                Err(SimulateError::BadParameter { field, value, expected: "a positive number" })
+            }
+        };
+        positive("camera.width", self.width as f64)?;
+        positive("camera.height", self.height as f64)?;
+        positive("camera.focal_px", self.focal_px[0])?;
+        positive("camera.focal_px", self.focal_px[1])?;
+        positive("camera.baseline_mm", self.baseline_mm)?;
+        positive("camera.depth[3]", self.depth[3])?;
+        let rest = [self.skew_px, self.centre_px[0], self.centre_px[1]];
+        for value in rest.into_iter().chain(self.lens).chain(self.depth) {
+            if !value.is_finite() {
+                return Err(SimulateError::BadParameter { field: "camera", value, expected: "finite parameters" });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,68 @@
+//! When a frame was taken and how warm the camera was.
+
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use crate::streams::{Purpose, stream};
+
+/// Circumstances of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Conditions {
+    /// Index of the frame in capture order.
+    pub frame: usize,
+    /// Seconds since the first frame.
+    pub time_s: f64,
+    /// Duration of the session, first to last frame, s; 1 for a single frame.
+    pub session_s: f64,
+    /// Temperature of the camera, °C.
+    pub temperature_c: f64,
+}
+
+/// Temperature from which drifts count, °C.
+pub(crate) const REFERENCE_TEMPERATURE_C: f64 = 30.0;
+
+/// Conditions of `frames` frames: some seconds apart, while the camera warms up, its fan cycles, and the room has
+/// draughts, so that temperature and time do not run in parallel.
+pub(crate) fn choose(frames: usize, seed: u64) -> Vec<Conditions> {
+    let mut rng = stream(seed, Purpose::Conditions, 0);
+    let mut clock = 0.0;
+    let times: Vec<f64> = (0..frames)
+        .map(|_| {
+            let now = clock;
+            clock += rng.random_range(3.0..9.0);
+            now
+        })
+        .collect();
+    let session_s = times.last().copied().unwrap_or(0.0).max(1.0);
+    let phase = rng.random::<f64>() * std::f64::consts::TAU;
+    let cycles = rng.random_range(1.6..2.4);
+    let conditions = |(frame, &time_s): (usize, &f64)| {
+        let share = time_s / session_s;
+        let warming = 2.5 * (1.0 - (-share / 0.4).exp());
+        let fan = 2.8 * (std::f64::consts::TAU * cycles * share + phase).sin();
+        let draught = rng.random_range(-0.4..0.4);
+        let temperature_c = REFERENCE_TEMPERATURE_C + warming + fan + draught;
+        Conditions { frame, time_s, session_s, temperature_c }
+    };
+    times.iter().enumerate().map(conditions).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_and_temperature_can_be_told_apart() {
+        for seed in 0..50 {
+            let frames = choose(27, seed);
+            assert!(frames.windows(2).all(|pair| pair[1].time_s > pair[0].time_s + 2.0));
+            let falls = frames.windows(2).filter(|pair| pair[1].temperature_c < pair[0].temperature_c).count();
+            assert!(falls > 5, "{falls}");
+            let mean = |values: &dyn Fn(&Conditions) -> f64| frames.iter().map(values).sum::<f64>() / 27.0;
+            let (t, c) = (mean(&|f| f.time_s), mean(&|f| f.temperature_c));
+            let product = mean(&|f| (f.time_s - t) * (f.temperature_c - c));
+            let norm = (mean(&|f| (f.time_s - t).powi(2)) * mean(&|f| (f.temperature_c - c).powi(2))).sqrt();
+            assert!((product / norm).abs() < 0.8, "{}", product / norm);
+        }
+    }
+}

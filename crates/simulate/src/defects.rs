@@ -1,0 +1,148 @@
+//! What goes wrong in a capture without being an effect: wrong frames, gross errors, wrong declarations.
+
+use nalgebra::Vector3;
+use rand::{RngExt, seq::SliceRandom};
+use serde::{Deserialize, Serialize};
+
+use crate::board::Board;
+use crate::conditions::Conditions;
+use crate::error::SimulateError;
+use crate::pose::Pose;
+use crate::streams::{Purpose, stream};
+
+/// Defects of a capture. The default has none.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Defects {
+    /// Frames between whose image and depth the board moved by 10 to 25 mm and 1° to 3°.
+    pub bad_frames: usize,
+    /// Frames that are copies, image and depth, of the frame before them.
+    pub duplicated_frames: usize,
+    /// Pairs of frames whose depth images are exchanged.
+    pub swapped_depth_pairs: usize,
+    /// Share of the depth values that are wrong by 20 to 200 mm.
+    pub depth_outliers: f64,
+    /// Share of the markers that are wrong by 2 to 20 px; only at the point level.
+    pub marker_outliers: f64,
+    /// Declared over true spacing of the board.
+    pub spacing_factor: f64,
+    /// Declared over true unit of the depth images.
+    pub depth_unit_factor: f64,
+}
+
+impl Default for Defects {
+    fn default() -> Self {
+        Self {
+            bad_frames: 0,
+            duplicated_frames: 0,
+            swapped_depth_pairs: 0,
+            depth_outliers: 0.0,
+            marker_outliers: 0.0,
+            spacing_factor: 1.0,
+            depth_unit_factor: 1.0,
+        }
+    }
+}
+
+/// Which frames the defects hit.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct DefectiveFrames {
+    /// Frames whose image and depth disagree.
+    pub bad: Vec<usize>,
+    /// Pairs [original, copy].
+    pub duplicated: Vec<[usize; 2]>,
+    /// Pairs whose depth images are exchanged.
+    pub swapped: Vec<[usize; 2]>,
+}
+
+/// One exposure: the board's pose and where its noise and conditions come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shot {
+    pub pose: Pose,
+    /// Index of the frame whose random streams it uses.
+    pub source: usize,
+    pub conditions: Conditions,
+}
+
+/// Image and depth of a frame as the dataset has them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frame {
+    pub declared: Conditions,
+    pub image: Shot,
+    pub depth: Shot,
+}
+
+impl Defects {
+    pub(crate) fn check(&self, frames: usize) -> Result<(), SimulateError> {
+        let hit = self.bad_frames + 2 * self.duplicated_frames + 2 * self.swapped_depth_pairs;
+        if hit > frames {
+            let expected = "no more defective frames than the dataset has";
+            return Err(SimulateError::BadParameter { field: "defects", value: hit as f64, expected });
+        }
+        for (field, value) in
+            [("defects.depth_outliers", self.depth_outliers), ("defects.marker_outliers", self.marker_outliers)]
+        {
+            if !(0.0..=1.0).contains(&value) {
+                return Err(SimulateError::BadParameter { field, value, expected: "a share from 0 to 1" });
+            }
+        }
+        for (field, value) in
+            [("defects.spacing_factor", self.spacing_factor), ("defects.depth_unit_factor", self.depth_unit_factor)]
+        {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(SimulateError::BadParameter { field, value, expected: "a positive factor" });
+            }
+        }
+        Ok(())
+    }
+
+    /// The frames with their defects; no frame has two of them.
+    pub(crate) fn frames(
+        &self,
+        poses: &[Pose],
+        conditions: &[Conditions],
+        board: &Board,
+        seed: u64,
+    ) -> (Vec<Frame>, DefectiveFrames) {
+        let mut rng = stream(seed, Purpose::Defects, 0);
+        let shot = |i: usize| Shot { pose: poses[i], source: i, conditions: conditions[i] };
+        let mut frames: Vec<Frame> =
+            (0..poses.len()).map(|i| Frame { declared: conditions[i], image: shot(i), depth: shot(i) }).collect();
+        let mut hit = DefectiveFrames::default();
+
+        // Neighbours first, while there are pairs of neighbours left.
+        let mut free = vec![true; frames.len()];
+        let mut pairs: Vec<usize> = (1..frames.len()).collect();
+        pairs.shuffle(&mut rng);
+        for copy in pairs {
+            if hit.duplicated.len() == self.duplicated_frames {
+                break;
+            }
+            if free[copy] && free[copy - 1] {
+                (free[copy], free[copy - 1]) = (false, false);
+                frames[copy] = Frame { declared: frames[copy].declared, ..frames[copy - 1] };
+                hit.duplicated.push([copy - 1, copy]);
+            }
+        }
+        let mut rest: Vec<usize> = (0..frames.len()).filter(|&i| free[i]).collect();
+        rest.shuffle(&mut rng);
+        let mut rest = rest.into_iter();
+        while hit.swapped.len() < self.swapped_depth_pairs {
+            let (Some(a), Some(b)) = (rest.next(), rest.next()) else { break };
+            (frames[a].depth, frames[b].depth) = (frames[b].depth, frames[a].depth);
+            hit.swapped.push([a, b]);
+        }
+        for bad in rest.take(self.bad_frames) {
+            let [cx, cy] = board.centre();
+            let mut direction =
+                || Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).try_normalize(1e-6).unwrap_or(Vector3::x());
+            let (shift, turn) = (direction(), direction());
+            let shift = shift * rng.random_range(10.0..25.0);
+            let turn = turn * rng.random_range(1f64..3.0).to_radians();
+            frames[bad].depth.pose = frames[bad].image.pose.nudged([cx, cy, 0.0], shift.into(), turn.into());
+            hit.bad.push(bad);
+        }
+        hit.bad.sort_unstable();
+        (frames, hit)
+    }
+}

@@ -1,0 +1,202 @@
+//! Effects that no catalogue has, for tests of what is unexplained.
+
+use rand::RngExt;
+use rand_distr::StandardNormal;
+
+use super::sizing::usual;
+use super::{Context, Parameters, parameters};
+use crate::error::SimulateError;
+use crate::instrument::{DepthEffect, Instrument, Reading, Stage, with_depth_added};
+use crate::streams::{Purpose, stream};
+
+/// A smooth random map over the image in ρ whose strength decays with disparity: each pixel has its own bias, as in
+/// maps that are measured pixel by pixel.
+struct SmoothMap {
+    scale: f64,
+    /// Amplitudes of cos(π i u) cos(π j v), u and v from 0 to 1 over the image.
+    waves: Vec<(f64, f64, f64)>,
+    size: [f64; 2],
+    /// Disparity over which the strength falls to 1/e, px.
+    decay: f64,
+    disparity_scale: f64,
+}
+
+impl DepthEffect for SmoothMap {
+    fn stage(&self) -> Stage {
+        Stage::Disparity
+    }
+
+    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        let (u, v) = (at.pixel[0] / self.size[0], at.pixel[1] / self.size[1]);
+        let pi = std::f64::consts::PI;
+        let map: f64 = self.waves.iter().map(|(i, j, a)| a * (pi * i * u).cos() * (pi * j * v).cos()).sum();
+        rho + self.scale * map * (-rho * self.disparity_scale / self.decay).exp()
+    }
+}
+
+pub(super) fn smooth_map(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+    let mut rng = context.unit_stream();
+    // Constant, linear and second-order parts would look like named effects: waves begin with the third half-period.
+    let orders = (0..=4u32).flat_map(|i| (0..=4u32).map(move |j| (i, j))).filter(|(i, j)| (3..=5).contains(&(i + j)));
+    let waves: Vec<_> = orders
+        .map(|(i, j)| (f64::from(i), f64::from(j), rng.sample::<f64, _>(StandardNormal) / f64::from(i + j)))
+        .collect();
+    let camera = context.camera;
+    let of = |scale: f64| SmoothMap {
+        scale,
+        waves: waves.clone(),
+        size: [camera.width as f64, camera.height as f64],
+        decay: 60.0,
+        disparity_scale: camera.disparity_scale(),
+    };
+    let scale = 1e-6 * size / context.rms_mm(&of(1e-6), usual());
+    to.add(Box::new(of(scale)));
+    Ok(parameters([("scale_per_mm", scale), ("decay_px", 60.0)]))
+}
+
+/// Blocks of rows, each read out with its own bias in ρ.
+struct RowBanding {
+    scale: f64,
+    offsets: Vec<f64>,
+    rows: f64,
+}
+
+impl DepthEffect for RowBanding {
+    fn stage(&self) -> Stage {
+        Stage::Output
+    }
+
+    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        let band = (at.pixel[1].max(0.0) / self.rows) as usize;
+        rho + self.scale * self.offsets[band % self.offsets.len()]
+    }
+}
+
+pub(super) fn row_banding(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+    let mut rng = context.unit_stream();
+    let rows = context.near(24.0, 8.0).round();
+    let offsets: Vec<f64> = (0..64).map(|_| rng.sample(StandardNormal)).collect();
+    let of = |scale: f64| RowBanding { scale, offsets: offsets.clone(), rows };
+    let scale = 1e-6 * size / context.rms_mm(&of(1e-6), usual());
+    to.add(Box::new(of(scale)));
+    Ok(parameters([("scale_per_mm", scale), ("rows_px", rows)]))
+}
+
+/// Two halves of the sensor that do not agree: left of a column, depth is too long.
+struct EdgeStep {
+    column: f64,
+    step: f64,
+}
+
+impl DepthEffect for EdgeStep {
+    fn stage(&self) -> Stage {
+        Stage::Output
+    }
+
+    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        if at.pixel[0] < self.column { with_depth_added(rho, self.step) } else { rho }
+    }
+}
+
+pub(super) fn edge_step(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+    let column = (context.near(0.45, 0.15) * context.camera.width as f64).round();
+    to.add(Box::new(EdgeStep { column, step: size }));
+    Ok(parameters([("column_px", column), ("step_mm", size)]))
+}
+
+/// Light that arrives by way of a wall beside one corner of the field of view: depth there is too long, the more the
+/// farther.
+struct MultipathCorner {
+    size: f64,
+    corner: [f64; 2],
+    reach: f64,
+}
+
+impl DepthEffect for MultipathCorner {
+    fn stage(&self) -> Stage {
+        Stage::Signal
+    }
+
+    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        let distance = (at.pixel[0] - self.corner[0]).hypot(at.pixel[1] - self.corner[1]);
+        let z = 1.0 / rho;
+        with_depth_added(rho, self.size * z / 800.0 * (-distance / self.reach).exp())
+    }
+}
+
+pub(super) fn multipath_corner(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+    let (width, height) = (context.camera.width as f64, context.camera.height as f64);
+    let right = context.near(0.6, 0.6) > 0.5;
+    let lower = context.near(0.6, 0.6) > 0.5;
+    let corner = [if right { width - 1.0 } else { 0.0 }, if lower { height - 1.0 } else { 0.0 }];
+    let reach = context.near(0.3, 0.08) * width;
+    to.add(Box::new(MultipathCorner { size, corner, reach }));
+    Ok(parameters([("corner_u_px", corner[0]), ("corner_v_px", corner[1]), ("reach_px", reach), ("peak_mm", size)]))
+}
+
+/// Some frames have a plane of their own added in ρ: the projector jumped.
+struct TiltedFrames {
+    scale: f64,
+    /// Plane a + b x + c y of every frame; zeros where nothing happened.
+    planes: Vec<[f64; 3]>,
+}
+
+impl DepthEffect for TiltedFrames {
+    fn stage(&self) -> Stage {
+        Stage::Output
+    }
+
+    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        let [a, b, c] = self.planes[at.conditions.frame % self.planes.len()];
+        rho + self.scale * (a + b * at.ray[0] + c * at.ray[1])
+    }
+}
+
+pub(super) fn tilted_frames(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+    let mut rng = stream(context.seed, Purpose::EffectFrames, 0);
+    let mut plane = |_| {
+        let hit = rng.random_bool(0.3);
+        let values: [f64; 3] = std::array::from_fn(|_| rng.sample(StandardNormal));
+        if hit { [0.5 * values[0], 2.0 * values[1], 2.0 * values[2]] } else { [0.0; 3] }
+    };
+    let planes: Vec<[f64; 3]> = (0..1024).map(&mut plane).collect();
+    // The size is that of the usual affected frame: a plane with each of its parts at one standard deviation.
+    let one = |part: usize| {
+        let mut plane = [0.0; 3];
+        plane[part] = if part == 0 { 0.5 } else { 2.0 };
+        context.rms_mm(&TiltedFrames { scale: 1e-6, planes: vec![plane] }, usual())
+    };
+    let rms = (0..3).map(|part| one(part).powi(2)).sum::<f64>().sqrt();
+    let scale = 1e-6 * size / rms;
+    to.add(Box::new(TiltedFrames { scale, planes }));
+    Ok(parameters([("scale_per_mm", scale), ("share_of_frames", 0.3)]))
+}
+
+/// Stray light inside the lens pulls bright, near surfaces towards the distance of what surrounds them: the error
+/// depends on depth and image radius together.
+struct StrayLight {
+    strength: f64,
+    ambient: f64,
+}
+
+impl DepthEffect for StrayLight {
+    fn stage(&self) -> Stage {
+        Stage::Signal
+    }
+
+    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        let z = 1.0 / rho;
+        let r2 = at.ray[0] * at.ray[0] + at.ray[1] * at.ray[1];
+        // Share of stray light: grows as the surface's own light weakens with its squared range.
+        let share = self.strength * (z / 1000.0).powi(2) * (-r2 / 0.08).exp();
+        with_depth_added(rho, share * (self.ambient - z))
+    }
+}
+
+pub(super) fn stray_light(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+    let ambient = context.near(450.0, 80.0);
+    let of = |strength: f64| StrayLight { strength, ambient };
+    let strength = 1e-3 * size / context.rms_mm(&of(1e-3), usual());
+    to.add(Box::new(of(strength)));
+    Ok(parameters([("strength", strength), ("ambient_mm", ambient)]))
+}

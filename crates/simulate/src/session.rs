@@ -1,0 +1,117 @@
+//! A simulation made ready: camera with effects, frames with poses; everything that points and images are made from.
+
+use crate::defects::{Frame, Shot};
+use crate::effects;
+use crate::error::SimulateError;
+use crate::instrument::{Instrument, Reading};
+use crate::light::Light;
+use crate::scene::{Cut, PlacedBoard};
+use crate::simulation::Simulation;
+use crate::truth::{FrameTruth, Truth};
+use crate::{conditions, pose};
+
+/// A simulation that is ready to be observed.
+pub(crate) struct Session<'a> {
+    pub simulation: &'a Simulation,
+    pub instrument: Instrument,
+    pub frames: Vec<Frame>,
+    pub truth: Truth,
+}
+
+/// Depth along one pixel, without noise.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DepthPoint {
+    /// Measured inverse depth, 1/mm.
+    pub rho: f64,
+    /// Where the pixel's ray meets the board.
+    pub cut: Cut,
+    /// Infrared signal, share of full scale.
+    pub amplitude: f64,
+}
+
+impl<'a> Session<'a> {
+    pub fn new(simulation: &'a Simulation) -> Result<Self, SimulateError> {
+        simulation.check()?;
+        let Simulation { camera, board, kind, seed, unit, noise, defects, .. } = *simulation;
+        let (instrument, effects) = effects::install(&camera, &board, &simulation.effects, unit, seed)?;
+        let poses = pose::choose(&camera, &board, kind, simulation.frames, seed)?;
+        let conditions = conditions::choose(simulation.frames, crate::streams::seed_with_name(seed, &kind.to_string()));
+        let (frames, defective) = defects.frames(&poses, &conditions, &board, seed);
+        let frame_truth = |(i, frame): (usize, &Frame)| FrameTruth {
+            name: frame_name(i),
+            pose: frame.image.pose,
+            depth_pose: frame.depth.pose,
+            conditions: frame.declared,
+        };
+        let truth = Truth {
+            camera,
+            board,
+            declared_spacing_mm: board.spacing_mm * defects.spacing_factor,
+            kind,
+            seed,
+            unit,
+            effects,
+            noise,
+            frames: frames.iter().enumerate().map(frame_truth).collect(),
+            defects,
+            defective,
+        };
+        Ok(Self { simulation, instrument, frames, truth })
+    }
+
+    /// Seed of everything that differs from dataset to dataset.
+    pub fn seed(&self) -> u64 {
+        crate::streams::seed_with_name(self.simulation.seed, &self.simulation.kind.to_string())
+    }
+
+    /// The board as one exposure sees it.
+    pub fn placed(&self, shot: &Shot) -> PlacedBoard<'_> {
+        PlacedBoard::new(&self.simulation.board, &self.instrument.shape, shot.pose)
+    }
+
+    /// Light of one exposure.
+    pub fn light(&self, shot: &Shot) -> Light {
+        let board = &self.simulation.board;
+        let [cx, cy] = board.centre();
+        Light::new(self.simulation.exposure, board.bright, shot.pose.apply([cx, cy, 0.0]))
+    }
+
+    /// The ray of `pixel` (of the image) and where it meets the board; none where it misses.
+    pub fn look(&self, placed: &PlacedBoard<'_>, pixel: [f64; 2]) -> Option<([f64; 2], Cut)> {
+        let optics = &self.instrument.optics;
+        let mut rho = 1.0 / placed.pose.translation[2];
+        let mut found = None;
+        // With focus breathing the ray depends on how far it goes.
+        let rounds = if optics.breathing_mm == 0.0 { 1 } else { 8 };
+        for _ in 0..rounds {
+            let ray = optics.ray(pixel, rho)?;
+            let cut = placed.cut(ray)?;
+            rho = 1.0 / cut.z;
+            found = Some((ray, cut));
+        }
+        found
+    }
+
+    /// What the depth pixel `pixel` measures on the board; `on_paper` as if nothing were printed there.
+    pub fn depth_point(
+        &self,
+        placed: &PlacedBoard<'_>,
+        light: &Light,
+        shot: &Shot,
+        pixel: [f64; 2],
+        on_paper: bool,
+    ) -> Option<DepthPoint> {
+        let board = &self.simulation.board;
+        let (ray, cut) = self.look(placed, self.instrument.image_pixel(pixel))?;
+        let paper = if board.white_on_black { board.dark } else { board.bright };
+        let albedo = if on_paper { paper } else { board.surface(cut.design).albedo };
+        let amplitude = light.signal(albedo, cut.cosine, ray, cut.z).min(1.0);
+        let reading = Reading { pixel, ray, cosine: cut.cosine, amplitude, conditions: shot.conditions };
+        Some(DepthPoint { rho: self.instrument.measure(&reading, 1.0 / cut.z), cut, amplitude })
+    }
+}
+
+/// Stem of the files of frame `index`.
+pub(crate) fn frame_name(index: usize) -> String {
+    format!("{index:04}")
+}

@@ -1,0 +1,129 @@
+//! A simulation: what is simulated, and the ways to observe it.
+
+use crate::board::Board;
+use crate::camera::CameraTruth;
+use crate::defects::Defects;
+use crate::effects::Effect;
+use crate::error::SimulateError;
+use crate::kind::Kind;
+use crate::light::Exposure;
+use crate::noise::Noise;
+use crate::session::Session;
+use crate::truth::Truth;
+
+/// A camera that captures a board.
+///
+/// ```
+/// use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+///
+/// let camera = CameraTruth::published(1)?;
+/// let effects = [Effect::new("range_offset", 5.0)?];
+/// let points = Simulation::new(camera, Kind::General(1), &effects, 7).observe_points(&PointOptions::default())?;
+/// assert_eq!(points.frames.len(), 27);
+/// assert_eq!(points.frames[0].markers.len(), 44);
+/// # Ok::<(), depthcal_simulate::SimulateError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    pub(crate) camera: CameraTruth,
+    pub(crate) kind: Kind,
+    pub(crate) effects: Vec<Effect>,
+    pub(crate) seed: u64,
+    pub(crate) unit: u64,
+    pub(crate) frames: usize,
+    pub(crate) board: Board,
+    pub(crate) noise: Noise,
+    pub(crate) exposure: Exposure,
+    pub(crate) defects: Defects,
+}
+
+impl Simulation {
+    /// `camera` with `effects` captures the thesis' board as in `kind`. The seed decides poses, times and noise.
+    pub fn new(camera: CameraTruth, kind: Kind, effects: &[Effect], seed: u64) -> Self {
+        Self {
+            camera,
+            kind,
+            effects: effects.to_vec(),
+            seed,
+            unit: 0,
+            frames: kind.frames(),
+            board: Board::default(),
+            noise: Noise::default(),
+            exposure: Exposure::Auto { white: 0.6 },
+            defects: Defects::default(),
+        }
+    }
+
+    /// Number of frames instead of the kind's.
+    pub fn frames(mut self, frames: usize) -> Self {
+        self.frames = frames;
+        self
+    }
+
+    /// Another board.
+    pub fn board(mut self, board: Board) -> Self {
+        self.board = board;
+        self
+    }
+
+    /// Other noise.
+    pub fn noise(mut self, noise: Noise) -> Self {
+        self.noise = noise;
+        self
+    }
+
+    /// Another exposure.
+    pub fn exposure(mut self, exposure: Exposure) -> Self {
+        self.exposure = exposure;
+        self
+    }
+
+    /// Defects of the capture.
+    pub fn defects(mut self, defects: Defects) -> Self {
+        self.defects = defects;
+        self
+    }
+
+    /// Which individual of the camera this is. Unit 0 has its effects in their nominal shape; in every other unit
+    /// periods, phases, directions and proportions differ, sizes do not. Captures of one unit share its effects
+    /// whatever their seed and kind.
+    pub fn unit(mut self, unit: u64) -> Self {
+        self.unit = unit;
+        self
+    }
+
+    /// Everything that this simulation is made from.
+    ///
+    /// # Errors
+    /// Any [`SimulateError`] of unusable parameters.
+    pub fn truth(&self) -> Result<Truth, SimulateError> {
+        Session::new(self).map(|session| session.truth)
+    }
+
+    pub(crate) fn check(&self) -> Result<(), SimulateError> {
+        self.camera.check()?;
+        self.noise.check()?;
+        self.defects.check(self.frames)?;
+        let board = &self.board;
+        let positive = [
+            ("frames", self.frames as f64),
+            ("board.columns", board.columns as f64),
+            ("board.rows", board.rows as f64),
+            ("board.spacing_mm", board.spacing_mm),
+            ("board.circle_diameter_mm", board.circle_diameter_mm().unwrap_or(1.0)),
+            ("board.bright", board.bright),
+            ("board.dark", board.dark),
+        ];
+        for (field, value) in positive {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(SimulateError::BadParameter { field, value, expected: "a positive number" });
+            }
+        }
+        if !(board.card_margin_mm.is_finite() && board.card_margin_mm >= 0.0) {
+            let expected = "zero or a positive number";
+            let value = board.card_margin_mm;
+            return Err(SimulateError::BadParameter { field: "board.card_margin_mm", value, expected });
+        }
+        Ok(())
+    }
+}
