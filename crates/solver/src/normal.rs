@@ -15,7 +15,7 @@ use crate::reduced::Reduced;
 use crate::values::Values;
 
 /// Work that a chunk should hold at least, in floating-point operations, and the largest number of chunks.
-const CHUNK_WORK: f64 = 1e6;
+const CHUNK_WORK: f64 = 2e5;
 const MAX_CHUNKS: f64 = 32.0;
 
 /// Size up to which the system over the kept variables is dense without further thought.

@@ -1,0 +1,195 @@
+//! Covariances against repeated estimation and against invariances.
+
+mod common;
+
+use common::{Bundle, bundle, normal, rng};
+use depthcal_solver::{Covariance, CovarianceOptions, Graph, LinearSolver, Loss, Options, Values, Variable, minimize};
+use nalgebra::{DMatrix, DVector};
+
+/// The estimate's deviation from the truth in the tangent coordinates of the estimate, cameras and some points.
+fn deviation(b: &Bundle, values: &Values) -> DVector<f64> {
+    let mut all = Vec::new();
+    let mut delta = [0.0; 6];
+    values.get(b.camera).local(b.truth.get(b.camera), &mut delta);
+    all.extend_from_slice(&delta[..2]);
+    for pose in &b.poses[1..] {
+        values.get(*pose).local(b.truth.get(*pose), &mut delta);
+        all.extend_from_slice(&delta);
+    }
+    for point in &b.points[..3] {
+        values.get(*point).local(b.truth.get(*point), &mut delta);
+        all.extend_from_slice(&delta[..3]);
+    }
+    DVector::from_vec(all)
+}
+
+#[test]
+fn five_hundred_solves_scatter_as_the_covariance_says() {
+    const RUNS: usize = 500;
+    let noise = 0.03;
+    let mut deviations = Vec::new();
+    let mut predicted = DMatrix::zeros(0, 0);
+    let mut mahalanobis = 0.0;
+    let mut variance_factor = 0.0;
+    let mut free = Vec::new();
+    for run in 0..RUNS {
+        // The scene is the same in all runs: only the start and the noise follow the seed.
+        let b = scene(noise, 1000 + run as u64);
+        let solution = minimize(&b.graph, b.values.clone(), &Options::default()).unwrap();
+        assert!(solution.report.converged, "{}", solution.report);
+        let covariance = Covariance::compute(&b.graph, &solution.values, &CovarianceOptions::default()).unwrap();
+        let mut ids = vec![b.camera.id()];
+        ids.extend(b.poses[1..].iter().map(|p| p.id()));
+        ids.extend(b.points[..3].iter().map(|p| p.id()));
+        let joint = covariance.joint(&ids);
+        free = (0..joint.nrows()).filter(|i| joint[(*i, *i)] > 0.0).collect();
+        let joint = joint.select_rows(&free).select_columns(&free);
+        let d = deviation(&b, &solution.values).select_rows(&free);
+        mahalanobis += d.dot(&(joint.clone().try_inverse().unwrap() * &d)) / RUNS as f64;
+        variance_factor += covariance.variance_factor() / RUNS as f64;
+        if run == 0 {
+            predicted = joint;
+        }
+        deviations.push(d);
+    }
+    let n = free.len();
+    // The fixed component of the second pose has no variance.
+    assert_eq!(n, 2 + 5 + 6 + 6 + 9);
+    // χ² of n degrees of freedom: mean n, standard deviation of the mean √(2n/500); five of them, and the nonlinearity.
+    assert!(
+        (mahalanobis - n as f64).abs() < 5.0 * (2.0 * n as f64 / RUNS as f64).sqrt() + 0.02 * n as f64,
+        "{mahalanobis} {n}"
+    );
+    assert!((variance_factor - 1.0).abs() < 0.05, "{variance_factor}");
+    let mean = deviations.iter().sum::<DVector<f64>>() / RUNS as f64;
+    for i in 0..n {
+        for j in 0..=i {
+            let sample: f64 =
+                deviations.iter().map(|d| (d[i] - mean[i]) * (d[j] - mean[j])).sum::<f64>() / (RUNS - 1) as f64;
+            let scale = (predicted[(i, i)] * predicted[(j, j)]).sqrt();
+            // A sample covariance of 500 scatters by up to √(2/500) = 0.063 of the scale.
+            assert!((sample - predicted[(i, j)]).abs() < 0.3 * scale, "{i} {j} {sample} {}", predicted[(i, j)]);
+        }
+    }
+}
+
+/// Four cameras and sixteen points whose truth does not depend on the seed.
+fn scene(noise: f64, seed: u64) -> Bundle {
+    let fixed = bundle(4, 16, 0.0, Loss::Trivial, 77);
+    let mut b = bundle(4, 16, 0.0, Loss::Trivial, 77);
+    let mut rng = rng(seed);
+    let mut batch =
+        depthcal_solver::Batch::new("projections").with_noise(depthcal_solver::Noise::isotropic(noise).unwrap());
+    for pose in &fixed.poses {
+        for point in &fixed.points {
+            let exact = depthcal_solver::Factor::residual::<f64>(
+                &common::Projection { observed: nalgebra::Vector2::zeros() },
+                (
+                    depthcal_solver::Pose::constant(fixed.truth.get(*pose)),
+                    *fixed.truth.get(fixed.camera),
+                    *fixed.truth.get(*point),
+                ),
+            );
+            let observed = exact + noise * nalgebra::Vector2::from_fn(|_, _| normal(&mut rng));
+            batch.push(common::Projection { observed }, (*pose, b.camera, *point));
+        }
+    }
+    b.graph = Graph::new();
+    b.graph.add_batch(batch);
+    b.graph.fix(b.poses[0]);
+    b.graph.fix_partly(b.poses[1], &[false, false, false, true, false, false]);
+    b
+}
+
+#[test]
+fn a_pseudo_inverse_obeys_the_penrose_conditions_and_ignores_what_is_eliminated() {
+    let Bundle { mut graph, values, poses, camera, points, .. } = bundle(4, 9, 0.5, Loss::Cauchy { scale: 2.0 }, 8);
+    let values = minimize(&graph, values, &Options::default()).unwrap().values;
+    let mut ids: Vec<_> = poses.iter().map(|p| p.id()).collect();
+    ids.push(camera.id());
+    ids.extend(points.iter().map(|p| p.id()));
+    let regular = Covariance::compute(&graph, &values, &CovarianceOptions::default()).unwrap().joint(&ids);
+    graph.unfix(poses[0]);
+    graph.unfix(poses[1]);
+    let options = CovarianceOptions { pseudo_inverse: true, ..CovarianceOptions::default() };
+    let by_points = Covariance::compute(&graph, &values, &options).unwrap();
+    assert_eq!(by_points.nullity(), 7);
+    let g = by_points.joint(&ids);
+    let scale = g.amax();
+    graph.eliminate(poses.iter().copied());
+    let by_poses = Covariance::compute(&graph, &values, &options).unwrap().joint(&ids);
+    assert!((&g - by_poses).amax() < 1e-6 * scale);
+    // H from the residuals themselves. G H G = G, H G H = H, G H and H G symmetric.
+    let h = hessian(&graph, &values, &ids);
+    let near = |a: &DMatrix<f64>, b: &DMatrix<f64>| (a - b).amax() < 1e-6 * b.amax();
+    assert!(near(&(&h * &g * &h), &h));
+    assert!(near(&(&g * &h * &g), &g));
+    let projector = &g * &h;
+    assert!((&projector - projector.transpose()).amax() < 1e-6);
+    // What does not depend on the gauge has the same variance in any: the camera's parameters.
+    for i in 24..26 {
+        assert!((g[(i, i)] / regular[(i, i)] - 1.0).abs() < 1e-6);
+    }
+}
+
+/// Jᵀ W J by evaluating all groups.
+fn hessian(graph: &Graph, values: &Values, ids: &[depthcal_solver::VariableId]) -> DMatrix<f64> {
+    let n = ids.iter().map(|id| values.dim(*id)).sum();
+    let mut h = DMatrix::zeros(n, n);
+    for (_, batch) in graph.batches() {
+        for group in 0..batch.group_count() {
+            let columns: Vec<usize> = batch
+                .variables(group)
+                .iter()
+                .flat_map(|v| {
+                    let at = ids.iter().position(|id| id == v).unwrap();
+                    let first: usize = ids[..at].iter().map(|id| values.dim(*id)).sum();
+                    first..first + values.dim(*v)
+                })
+                .collect();
+            let rows = batch.row_count(group);
+            let mut r = vec![0.0; rows];
+            let mut j = vec![0.0; rows * columns.len()];
+            batch.evaluate(group, values, &mut r, Some(&mut j)).unwrap();
+            for (k, r) in r.chunks(batch.residual_dim()).enumerate() {
+                let weight = batch.loss().evaluate(r.iter().map(|x| x * x).sum())[1];
+                for row in k * r.len()..(k + 1) * r.len() {
+                    let row = &j[row * columns.len()..(row + 1) * columns.len()];
+                    for (a, ca) in row.iter().zip(&columns) {
+                        for (b, cb) in row.iter().zip(&columns) {
+                            h[(*ca, *cb)] += weight * a * b;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    h
+}
+
+#[test]
+fn a_covariance_does_not_depend_on_the_way_to_the_minimum() {
+    let Bundle { graph, values, camera, .. } = bundle(5, 25, 0.5, Loss::Trivial, 9);
+    let mut found = Vec::new();
+    for linear_solver in [LinearSolver::DenseSchur, LinearSolver::SparseCholesky] {
+        let options = Options { linear_solver, cost_tolerance: 1e-14, ..Options::default() };
+        let solution = minimize(&graph, values.clone(), &options).unwrap();
+        let covariance = Covariance::compute(&graph, &solution.values, &CovarianceOptions::default()).unwrap();
+        assert!((covariance.variance_factor() - 1.0).abs() < 0.3);
+        found.push(covariance.marginal(camera));
+    }
+    assert!((&found[0] - &found[1]).amax() < 1e-6 * found[0].amax());
+}
+
+#[test]
+fn variables_without_factors_are_not_known_at_all() {
+    let Bundle { graph, mut values, camera, poses, .. } = bundle(3, 12, 0.5, Loss::Trivial, 10);
+    let lonely = values.insert(nalgebra::Vector2::new(1.0, 2.0));
+    let covariance = Covariance::compute(&graph, &values, &CovarianceOptions::default()).unwrap();
+    let joint = covariance.joint(&[lonely.id(), camera.id(), poses[0].id()]);
+    assert_eq!(joint.shape(), (10, 10));
+    assert!(joint[(0, 0)].is_infinite() && joint[(0, 1)] == 0.0 && joint[(0, 2)] == 0.0);
+    assert!(joint[(2, 2)] > 0.0);
+    // A fixed variable has no variance.
+    assert_eq!(joint.view((4, 4), (6, 6)).amax(), 0.0);
+}
