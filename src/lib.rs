@@ -1,1 +1,19 @@
 //! depthcal calibrates depth cameras.
+
+pub mod adjustment;
+pub mod board_region;
+pub mod calibrate;
+pub mod capture;
+pub mod cli;
+pub mod depth_sampling;
+#[cfg(feature = "detect")]
+mod detection;
+pub mod estimators;
+pub mod evaluate;
+pub mod factors;
+pub mod marker_depth;
+pub mod noise;
+pub mod observations;
+mod progress;
+pub mod record;
+pub mod start;

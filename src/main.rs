@@ -1,3 +1,7 @@
 //! The `depthcal` command line.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    depthcal::cli::run()
+}

@@ -1,0 +1,170 @@
+//! The joint adjustment: camera, lens, depth distortion and board poses in one least-squares problem.
+
+use std::sync::Arc;
+
+use depthcal_model::chain::DepthQuery;
+use depthcal_model::hook::HookKind;
+use depthcal_model::{Block, Camera};
+use depthcal_solver::{
+    BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, Options, Report, SolveError, Values,
+    VariableId, minimize,
+};
+use nalgebra::{DMatrix, DVector, Isometry3};
+
+use crate::factors::{DepthBatch, DepthGroup, ImageBatch, ImageGroup, SharedBlocks};
+use crate::noise::NoiseModel;
+use crate::observations::{Capture, Frame};
+
+/// Residuals beyond this many standard deviations lose influence (Huber's loss): clean data are hardly touched.
+pub const HUBER: f64 = 3.0;
+
+/// A calibration problem on a factor graph: one variable per parameter block of the camera, one pose per frame.
+pub struct Adjustment {
+    graph: Graph,
+    values: Values,
+    camera: Camera,
+    blocks: Vec<Key<DVector<f64>>>,
+    poses: Vec<Key<Isometry3<f64>>>,
+    image: BatchId,
+    depth: Option<BatchId>,
+}
+
+/// A solved adjustment.
+pub struct Adjusted {
+    /// The camera with its adjusted parameters.
+    pub camera: Camera,
+    /// Camera from board, one per frame.
+    pub poses: Vec<Isometry3<f64>>,
+    /// How the solver went.
+    pub report: Report,
+    /// Residuals of the markers, whitened: u, v per marker, frame after frame.
+    pub image_residuals: Vec<f64>,
+    /// Residuals of the depth samples, whitened, frame after frame.
+    pub depth_residuals: Vec<f64>,
+}
+
+impl Adjustment {
+    /// The problem of all frames of a capture; depth samples take part where `with_depth`.
+    pub fn new(
+        capture: &Capture,
+        camera: &Camera,
+        poses: &[Isometry3<f64>],
+        noise: &NoiseModel,
+        with_depth: bool,
+    ) -> Self {
+        let mut graph = Graph::new();
+        let mut values = Values::new();
+        let blocks: Vec<Key<DVector<f64>>> = camera
+            .blocks()
+            .iter()
+            .map(|block| {
+                let key = values.insert(DVector::from_column_slice(&block.theta));
+                graph.label(key, block.name());
+                // Without depth its pieces have no residual to hold them.
+                let in_use = with_depth || !is_depth_only(block);
+                let held: Vec<bool> = block.free.iter().map(|free| !(*free && in_use)).collect();
+                graph.fix_partly(key, &held);
+                key
+            })
+            .collect();
+        let pose_keys: Vec<Key<Isometry3<f64>>> = poses.iter().map(|pose| values.insert(*pose)).collect();
+        for (key, frame) in pose_keys.iter().zip(&capture.frames) {
+            graph.label(*key, format!("pose of {}", frame.name));
+        }
+        graph.eliminate(pose_keys.iter().copied());
+        let image_blocks = camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
+        let shared = SharedBlocks { chain: Arc::new(camera.chain()), keys: blocks.clone(), image_blocks };
+        let frames = || capture.frames.iter().zip(&pose_keys);
+        let groups = frames().filter(|(f, _)| !f.markers.is_empty()).map(|(f, k)| image_group(capture, f, *k, noise));
+        let image = graph.add_batch(ImageBatch::new(shared.clone(), groups.collect(), Loss::Huber { delta: HUBER }));
+        let depth = with_depth.then(|| {
+            let groups = frames().filter(|(f, _)| !f.samples.is_empty()).map(|(f, k)| depth_group(f, *k, noise));
+            graph.add_batch(DepthBatch::new(shared, groups.collect(), Loss::Huber { delta: HUBER }))
+        });
+        Self { graph, values, camera: camera.clone(), blocks, poses: pose_keys, image, depth }
+    }
+
+    /// Minimises the problem from its start values.
+    ///
+    /// # Errors
+    ///
+    /// [`SolveError`].
+    pub fn solve(&mut self) -> Result<Adjusted, SolveError> {
+        let solution = minimize(&self.graph, self.values.clone(), &Options::default())?;
+        self.values = solution.values;
+        let residuals =
+            |batch: Option<BatchId>| batch.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default();
+        let theta: Vec<f64> = self.blocks.iter().flat_map(|k| self.values.get(*k).iter().copied()).collect();
+        Ok(Adjusted {
+            camera: self.camera.with_theta(&theta),
+            poses: self.poses.iter().map(|k| *self.values.get(*k)).collect(),
+            report: solution.report,
+            image_residuals: residuals(Some(self.image)),
+            depth_residuals: residuals(self.depth),
+        })
+    }
+
+    /// Covariance of all variables at the present values.
+    ///
+    /// # Errors
+    ///
+    /// [`CovarianceError`], where the data leave a combination of parameters undetermined.
+    pub fn covariance(&self) -> Result<Covariance, CovarianceError> {
+        Covariance::compute(&self.graph, &self.values, &CovarianceOptions::default())
+    }
+
+    /// Joint covariance of all camera parameters, in the order of [`Camera::theta`]; rows and columns of held
+    /// parameters are zero.
+    pub fn camera_covariance(&self, covariance: &Covariance) -> DMatrix<f64> {
+        let ids: Vec<VariableId> = self.blocks.iter().map(|k| k.id()).collect();
+        covariance.joint(&ids)
+    }
+
+    /// Redundancy (degrees of freedom left) of the marker and of the depth residuals: n − tr(J Σ Jᵀ) (Förstner 1979;
+    /// Koch 1999, section 3.6.1).
+    pub fn redundancies(&self, covariance: &Covariance) -> (f64, f64) {
+        let of = |batch: Option<BatchId>| -> f64 {
+            let Some(batch) = batch.and_then(|b| self.graph.batch(b)) else { return 0.0 };
+            let mut redundancy = 0.0;
+            for group in 0..batch.group_count() {
+                let ids = batch.variables(group);
+                let columns: usize = ids.iter().map(|id| self.values.dim(*id)).sum();
+                let rows = batch.row_count(group);
+                let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * columns]);
+                redundancy += rows as f64;
+                if batch.evaluate(group, &self.values, &mut r, Some(&mut j)).is_err() {
+                    continue;
+                }
+                let sigma = covariance.joint(ids);
+                let j = DMatrix::from_row_slice(rows, columns, &j);
+                redundancy -= (&j * sigma).component_mul(&j).sum();
+            }
+            redundancy
+        };
+        (of(Some(self.image)), of(self.depth))
+    }
+}
+
+/// Whether a block acts on depth alone, so that images say nothing of it.
+pub(crate) fn is_depth_only(block: &Block) -> bool {
+    block.piece().is_some() && matches!(block.hook(), HookKind::Pixel | HookKind::Depth)
+}
+
+fn image_group(capture: &Capture, frame: &Frame, pose: Key<Isometry3<f64>>, noise: &NoiseModel) -> ImageGroup {
+    ImageGroup {
+        pose,
+        points: frame.markers.iter().map(|m| capture.target.point(m.index)).collect(),
+        pixels: frame.markers.iter().map(|m| m.pixel).collect(),
+        sigmas: frame.markers.iter().map(|m| m.std_px * noise.pixel_sigma).collect(),
+    }
+}
+
+fn depth_group(frame: &Frame, pose: Key<Isometry3<f64>>, noise: &NoiseModel) -> DepthGroup {
+    let inverse_depths: Vec<f64> = frame.samples.iter().map(|s| 1.0 / s.depth_mm).collect();
+    DepthGroup {
+        pose,
+        queries: frame.samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect(),
+        sigmas: inverse_depths.iter().map(|rho| noise.depth.sigma(*rho)).collect(),
+        inverse_depths,
+    }
+}

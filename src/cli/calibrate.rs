@@ -1,0 +1,135 @@
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use depthcal_io::{Evaluation, FileReference};
+
+use super::common::{Failure, Output, Reading, input};
+use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
+use crate::capture::declared_camera;
+use crate::evaluate::{evaluate, table};
+use crate::observations::Capture;
+use crate::record::to_record;
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum EstimatorName {
+    Joint,
+    Linear,
+    Irls,
+    Nonlinear,
+}
+
+/// Fits a depth camera to the captures of a board: intrinsics, lens, depth distortion and poses.
+#[derive(Debug, Args)]
+pub(super) struct Calibrate {
+    /// Folder with a dataset.toml.
+    dataset: PathBuf,
+    /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
+    #[arg(long, default_value = "projective")]
+    model: String,
+    /// Further effects by name, at whatever hook they act.
+    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
+    with: Vec<String>,
+    /// Lens model.
+    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    lens: String,
+    /// How the depth model is estimated: everything jointly, or D alone with camera and poses from the images.
+    #[arg(long, value_enum, default_value = "joint")]
+    estimator: EstimatorName,
+    /// Leaves every N-th frame out of the fit and evaluates on those frames.
+    #[arg(long, value_name = "N")]
+    hold_out: Option<usize>,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Calibrate {
+    pub(super) fn run(&self) -> Result<(), Failure> {
+        if self.hold_out.is_some_and(|n| n < 2) {
+            return Err(Failure::Input("--hold-out must be at least 2: every N-th frame is left out".to_owned()));
+        }
+        let loaded = self.reading.load(&self.dataset)?;
+        let (fitted, held) = split(&loaded.capture, self.hold_out);
+        let mut options = CalibrateOptions {
+            model: self.model.clone(),
+            effects: self.with.clone(),
+            lens: self.lens.clone(),
+            estimator: match self.estimator {
+                EstimatorName::Joint => Estimator::Joint,
+                EstimatorName::Linear => Estimator::Linear,
+                EstimatorName::Irls => Estimator::Irls,
+                EstimatorName::Nonlinear => Estimator::Nonlinear,
+            },
+            ..CalibrateOptions::default()
+        };
+        let (width, height) = (loaded.capture.width, loaded.capture.height);
+        options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
+        if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
+            println!("no depth images: camera and lens alone are fitted");
+            options.model = "none".to_owned();
+        }
+        let result = calibrate(&fitted, &options)?;
+        print_parameters(&result);
+        let mut datasets = vec![evaluate(&result.camera, &result.capture).record()];
+        if let Some(held) = held {
+            let mut record = evaluate(&result.camera, &held).record();
+            record.name = format!("{} (held out)", record.name);
+            datasets.push(record);
+        }
+        println!("\n{}", table(&datasets, Some(&result.capture.name)));
+        let observations = loaded.observations();
+        observations.write(self.output.file("observations.json")).map_err(input)?;
+        let reference = FileReference { path: "observations.json".to_owned(), digest: loaded.reference.digest.clone() };
+        let record = to_record(&result, loaded.reference.clone(), Some(reference));
+        record.write(self.output.file("calibration.json")).map_err(input)?;
+        let evaluation = Evaluation { datasets };
+        evaluation.write(self.output.file("evaluation.json")).map_err(input)?;
+        println!("written: {}", self.output.file("calibration.json").display());
+        Ok(())
+    }
+}
+
+/// The frames to fit and those held out.
+fn split(capture: &Capture, every: Option<usize>) -> (Capture, Option<Capture>) {
+    match every {
+        None => (capture.clone(), None),
+        Some(n) => {
+            let held = |i: usize| i % n == n - 1;
+            let mut rest = capture.subset(|i, _| held(i));
+            rest.dropped.clear();
+            (capture.subset(|i, _| !held(i)), Some(rest))
+        }
+    }
+}
+
+/// Parameters with standard deviations, and how the fit went.
+fn print_parameters(result: &Calibrated) {
+    let mut stds = result.std_devs().into_iter();
+    for block in result.camera.blocks() {
+        println!("{}", block.name());
+        for (parameter, value) in block.parameters().iter().zip(&block.theta) {
+            let std = stds.next().flatten();
+            let std = std.map_or_else(|| "held".to_owned(), |s| format!("± {s:.2e}"));
+            println!("  {:6} {value:>14.6e} {std:>12}  {}", parameter.name, parameter.unit);
+        }
+    }
+    let noise = &result.noise;
+    print!("noise: {:.3} px", noise.pixel_sigma);
+    if result.with_depth {
+        print!(", depth σρ² = ({:.2e}/mm)² + ({:.2} mm · ρ²)²", noise.depth.a_per_mm, noise.depth.b_mm);
+    }
+    println!();
+    let samples: usize = result.capture.frames.iter().map(|f| f.samples.len()).sum();
+    let apart = result.correlation_length_px.unwrap_or(1);
+    println!(
+        "{} frames, {samples} depth pixels at least {apart} px apart ({} outliers left out); {} after {} iterations",
+        result.capture.frames.len(),
+        result.outliers,
+        result.termination,
+        result.iterations
+    );
+    for frame in &result.capture.dropped {
+        println!("not used: {} ({})", frame.name, frame.reason);
+    }
+}

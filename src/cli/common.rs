@@ -1,0 +1,85 @@
+//! What the commands share.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use depthcal_io::Calibration;
+use depthcal_model::{Camera, Register};
+
+use crate::calibrate::CalibrateError;
+use crate::capture::{CaptureOptions, Loaded, default_cache, load};
+use crate::record::to_camera;
+
+/// Why a command ends with another exit code than 0.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// Exit code 1.
+    Input(String),
+    /// Exit code 2.
+    Untrusted(String),
+}
+
+/// Any error of input or output.
+pub(super) fn input(error: impl Display) -> Failure {
+    Failure::Input(error.to_string())
+}
+
+impl From<CalibrateError> for Failure {
+    fn from(error: CalibrateError) -> Self {
+        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
+    }
+}
+
+/// Where results go.
+#[derive(Debug, Args)]
+pub(super) struct Output {
+    /// Folder for the results; it is made where it does not exist.
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+}
+
+impl Output {
+    /// A file in the folder.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.out.join(name)
+    }
+}
+
+/// How datasets are read.
+#[derive(Debug, Args)]
+pub(super) struct Reading {
+    /// Looks for the board again, even where an earlier detection of the same images is cached.
+    #[arg(long)]
+    pub(super) refresh: bool,
+    /// Neither reads nor writes cached detections.
+    #[arg(long)]
+    pub(super) no_cache: bool,
+}
+
+impl Reading {
+    pub(super) fn options(&self) -> CaptureOptions {
+        let cache = if self.no_cache { None } else { default_cache() };
+        CaptureOptions { cache, refresh: self.refresh, ..CaptureOptions::default() }
+    }
+
+    /// Reads a dataset and says what was found.
+    pub(super) fn load(&self, path: &Path) -> Result<Loaded, Failure> {
+        let loaded = load(path, &self.options()).map_err(input)?;
+        let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len());
+        let cached = if loaded.from_cache { " (cached)" } else { "" };
+        println!("{}: the board was found in {found} of {} frames{cached}", loaded.dataset.name, found + dropped);
+        for frame in &loaded.capture.dropped {
+            println!("  not used: {} ({})", frame.name, frame.reason);
+        }
+        Ok(loaded)
+    }
+}
+
+/// Reads a calibration and its camera.
+pub(super) fn read_calibration(path: &Path, register: &Register) -> Result<(Calibration, Camera), Failure> {
+    let calibration = Calibration::read(path).map_err(input)?;
+    let camera =
+        to_camera(&calibration.camera, register).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+    Ok((calibration, camera))
+}
