@@ -135,9 +135,4 @@ impl Instrument {
         let rho = run(&self.effects[..before], rho);
         run(&self.effects[before..], dx * at.ray[0] + dy * at.ray[1] + dz + dw * rho)
     }
-
-    /// The installed depth effects in the order in which they act.
-    pub fn depth_effects(&self) -> &[Box<dyn DepthEffect>] {
-        &self.effects
-    }
 }

@@ -8,6 +8,7 @@ use crate::error::SimulateError;
 use crate::kind::Kind;
 use crate::light::Exposure;
 use crate::noise::Noise;
+use crate::render::Rendering;
 use crate::session::Session;
 use crate::truth::Truth;
 
@@ -35,6 +36,7 @@ pub struct Simulation {
     pub(crate) noise: Noise,
     pub(crate) exposure: Exposure,
     pub(crate) defects: Defects,
+    pub(crate) rendering: Rendering,
 }
 
 impl Simulation {
@@ -51,6 +53,7 @@ impl Simulation {
             noise: Noise::default(),
             exposure: Exposure::Auto { white: 0.6 },
             defects: Defects::default(),
+            rendering: Rendering::default(),
         }
     }
 
@@ -81,6 +84,12 @@ impl Simulation {
     /// Defects of the capture.
     pub fn defects(mut self, defects: Defects) -> Self {
         self.defects = defects;
+        self
+    }
+
+    /// Other rendering: bits, depth unit, background, holes.
+    pub fn rendering(mut self, rendering: Rendering) -> Self {
+        self.rendering = rendering;
         self
     }
 

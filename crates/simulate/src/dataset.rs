@@ -1,0 +1,112 @@
+//! Writes captures as dataset folders: `dataset.toml`, `frames.csv`, images and depth images.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::board::Pattern;
+use crate::error::SimulateError;
+use crate::render::{RenderedFrame, Renderer};
+use crate::simulation::Simulation;
+use crate::truth::Truth;
+
+impl Simulation {
+    /// Renders every frame and writes the dataset into `dir`, which is made where it does not exist. Nothing in the
+    /// folder tells what was simulated; that is only in the returned truth. `dataset.toml` is written last: without it
+    /// an interrupted folder is no dataset.
+    ///
+    /// # Errors
+    /// Any [`SimulateError`] of unusable parameters; [`SimulateError::NotEmpty`] where `dir` has frames already;
+    /// [`SimulateError::Write`] and [`SimulateError::Png`] with the file at fault.
+    pub fn write_dataset(&self, dir: impl AsRef<Path>) -> Result<Truth, SimulateError> {
+        let dir = dir.as_ref();
+        let renderer = self.renderer()?;
+        if ["dataset.toml", "image", "depth"].iter().any(|name| dir.join(name).exists()) {
+            return Err(SimulateError::NotEmpty { path: dir.to_owned() });
+        }
+        for folder in ["image", "depth"] {
+            let path = dir.join(folder);
+            fs::create_dir_all(&path).map_err(|source| SimulateError::Write { path, source })?;
+        }
+        let write_frame = |index: usize| match renderer.frame(index) {
+            Some(frame) => self.write_frame(dir, &frame),
+            None => Ok(()),
+        };
+        (0..renderer.len()).into_par_iter().try_for_each(write_frame)?;
+        write_text(dir.join("frames.csv"), &conditions_csv(&renderer))?;
+        write_text(dir.join("dataset.toml"), &self.declaration())?;
+        Ok(renderer.truth().clone())
+    }
+
+    fn write_frame(&self, dir: &Path, frame: &RenderedFrame) -> Result<(), SimulateError> {
+        let file = format!("{}.png", frame.name);
+        let size = (frame.width, frame.height);
+        write_png(dir.join("image").join(&file), size, &frame.image, self.rendering.image_bits)?;
+        write_png(dir.join("depth").join(&file), size, &frame.depth, 16)
+    }
+
+    /// `dataset.toml`: the board and the depth unit as their owner believes them to be.
+    fn declaration(&self) -> String {
+        let board = &self.board;
+        let factor = self.defects.spacing_factor;
+        let kind = match board.pattern {
+            Pattern::AsymmetricCircles { .. } => "asymmetric-circles",
+            Pattern::SymmetricCircles { .. } => "symmetric-circles",
+            Pattern::Chessboard => "chessboard",
+        };
+        let mut text = format!(
+            "[board]\nkind = \"{kind}\"\ncolumns = {}\nrows = {}\nspacing_mm = {:?}\n",
+            board.columns,
+            board.rows,
+            board.spacing_mm * factor
+        );
+        if let Some(diameter) = board.circle_diameter_mm() {
+            let _ = writeln!(text, "circle_diameter_mm = {:?}", diameter * factor);
+        }
+        let unit = self.rendering.depth_unit_mm * self.defects.depth_unit_factor;
+        let _ = write!(
+            text,
+            "\n[frames]\nimage = \"image/*.png\"\ndepth = \"depth/*.png\"\nmetadata = \"frames.csv\"\n\n[depth]\nunit_mm \
+             = {unit:?}\n"
+        );
+        text
+    }
+}
+
+fn conditions_csv(renderer: &Renderer<'_>) -> String {
+    let mut text = String::from("frame,timestamp_s,temperature_c\n");
+    for frame in &renderer.truth().frames {
+        let _ = writeln!(text, "{},{:.3},{:.2}", frame.name, frame.conditions.time_s, frame.conditions.temperature_c);
+    }
+    text
+}
+
+fn write_text(path: PathBuf, text: &str) -> Result<(), SimulateError> {
+    fs::write(&path, text).map_err(|source| SimulateError::Write { path, source })
+}
+
+fn write_png(path: PathBuf, (width, height): (usize, usize), values: &[u16], bits: u8) -> Result<(), SimulateError> {
+    let bytes: Vec<u8> = match bits {
+        8 => values.iter().map(|&value| value.min(255) as u8).collect(),
+        _ => values.iter().flat_map(|value| value.to_be_bytes()).collect(),
+    };
+    let encode = |file: fs::File| -> Result<(), png::EncodingError> {
+        let mut out = BufWriter::new(file);
+        let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(if bits == 8 { png::BitDepth::Eight } else { png::BitDepth::Sixteen });
+        encoder.set_compression(png::Compression::Fast);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(&bytes)?;
+        writer.finish()?;
+        out.flush()?;
+        Ok(())
+    };
+    match fs::File::create(&path) {
+        Ok(file) => encode(file).map_err(|source| SimulateError::Png { path, source }),
+        Err(source) => Err(SimulateError::Write { path, source }),
+    }
+}
