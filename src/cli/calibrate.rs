@@ -6,9 +6,27 @@ use depthcal_io::{Evaluation, FileReference};
 use super::common::{Failure, Output, Reading, input};
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::capture::declared_camera;
-use crate::evaluate::{evaluate, table};
+use crate::evaluate::{Evaluated, evaluate, table};
 use crate::observations::Capture;
+use crate::progress::Progress;
 use crate::record::to_record;
+
+/// Every `every`-th frame from number `first` on.
+#[derive(Debug, Clone, Copy)]
+struct HoldOut {
+    every: usize,
+    first: usize,
+}
+
+fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
+    let (every, first) = text.split_once(':').unwrap_or((text, "1"));
+    let number = |t: &str| t.parse::<usize>().map_err(|_| format!("'{t}' is not a number"));
+    let (every, first) = (number(every)?, number(first)?);
+    if every < 2 || first < 1 || first > every {
+        return Err("N must be at least 2 and K from 1 to N".to_owned());
+    }
+    Ok(HoldOut { every, first: first - 1 })
+}
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum EstimatorName {
@@ -35,9 +53,14 @@ pub(super) struct Calibrate {
     /// How the depth model is estimated: everything jointly, or D alone with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
     estimator: EstimatorName,
-    /// Leaves every N-th frame out of the fit and evaluates on those frames.
-    #[arg(long, value_name = "N")]
-    hold_out: Option<usize>,
+    /// Evaluates on frames that the fit did not see: leaves every N-th frame out of the fit, counted from the K-th
+    /// (from the first where K is not given).
+    #[arg(long, value_name = "N[:K]", value_parser = parse_hold_out)]
+    hold_out: Option<HoldOut>,
+    /// Judges the model by N more fits, each without every N-th frame in turn: every frame is evaluated by a fit that
+    /// did not see it. The calibration itself is fitted to all frames.
+    #[arg(long, value_name = "N", conflicts_with = "hold_out", value_parser = clap::value_parser!(u16).range(2..))]
+    cross_validate: Option<u16>,
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
@@ -46,11 +69,14 @@ pub(super) struct Calibrate {
 
 impl Calibrate {
     pub(super) fn run(&self) -> Result<(), Failure> {
-        if self.hold_out.is_some_and(|n| n < 2) {
-            return Err(Failure::Input("--hold-out must be at least 2: every N-th frame is left out".to_owned()));
-        }
         let loaded = self.reading.load(&self.dataset)?;
-        let (fitted, held) = split(&loaded.capture, self.hold_out);
+        let (fitted, held) = match self.hold_out {
+            Some(hold_out) => {
+                let (fitted, held) = split(&loaded.capture, hold_out);
+                (fitted, Some(held))
+            }
+            None => (loaded.capture.clone(), None),
+        };
         let mut options = CalibrateOptions {
             model: self.model.clone(),
             effects: self.with.clone(),
@@ -72,9 +98,16 @@ impl Calibrate {
         let result = calibrate(&fitted, &options)?;
         print_parameters(&result);
         let mut datasets = vec![evaluate(&result.camera, &result.capture).record()];
-        if let Some(held) = held {
-            let mut record = evaluate(&result.camera, &held).record();
-            record.name = format!("{} (held out)", record.name);
+        let held_out = match (held, self.cross_validate) {
+            (Some(held), _) => Some(("held out", evaluate(&result.camera, &held))),
+            (None, Some(folds)) => {
+                Some(("cross-validated", cross_validate(&loaded.capture, usize::from(folds), &options)?))
+            }
+            (None, None) => None,
+        };
+        if let Some((how, evaluated)) = &held_out {
+            let mut record = evaluated.record();
+            record.name = format!("{} ({how})", record.name);
             datasets.push(record);
         }
         println!("\n{}", table(&datasets, Some(&result.capture.name)));
@@ -91,16 +124,26 @@ impl Calibrate {
 }
 
 /// The frames to fit and those held out.
-fn split(capture: &Capture, every: Option<usize>) -> (Capture, Option<Capture>) {
-    match every {
-        None => (capture.clone(), None),
-        Some(n) => {
-            let held = |i: usize| i % n == n - 1;
-            let mut rest = capture.subset(|i, _| held(i));
-            rest.dropped.clear();
-            (capture.subset(|i, _| !held(i)), Some(rest))
-        }
+fn split(capture: &Capture, hold_out: HoldOut) -> (Capture, Capture) {
+    let held = |i: usize| i % hold_out.every == hold_out.first;
+    let mut rest = capture.subset(|i, _| held(i));
+    rest.dropped.clear();
+    (capture.subset(|i, _| !held(i)), rest)
+}
+
+/// Every frame, evaluated by a fit that did not see it.
+fn cross_validate(capture: &Capture, folds: usize, options: &CalibrateOptions) -> Result<Evaluated, Failure> {
+    let progress = Progress::new("cross-validating", folds);
+    let mut all = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
+    for first in 0..folds {
+        let (fitted, held) = split(capture, HoldOut { every: folds, first });
+        let evaluated = evaluate(&calibrate(&fitted, options)?.camera, &held);
+        all.frames.extend(evaluated.frames);
+        all.dropped.extend(evaluated.dropped);
+        progress.advance();
     }
+    all.frames.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(all)
 }
 
 /// Parameters with standard deviations, and how the fit went.
