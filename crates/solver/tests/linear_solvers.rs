@@ -14,8 +14,11 @@ use rand::seq::SliceRandom;
 
 /// r = A x + b over some vectors.
 struct Linear {
-    groups: Vec<(Vec<VariableId>, Vec<Key<DVector<f64>>>, DMatrix<f64>, DVector<f64>)>,
+    groups: Vec<Group>,
 }
+
+/// Ids, keys, A, b.
+type Group = (Vec<VariableId>, Vec<Key<DVector<f64>>>, DMatrix<f64>, DVector<f64>);
 
 impl FactorBatch for Linear {
     fn name(&self) -> &str {
