@@ -104,6 +104,7 @@ pub fn to_record(result: &Calibrated, dataset: FileReference, observations: Opti
         },
         frames: frame_records(result),
         dataset,
+        depth_unit_mm: result.capture.depth_unit_mm,
         target: result.capture.target.clone(),
         observations,
     }

@@ -28,6 +28,9 @@ pub struct Calibration {
     pub frames: Vec<FrameRecord>,
     /// The dataset that was fitted.
     pub dataset: FileReference,
+    /// Millimetres per step of the dataset's depth images, where it had any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_unit_mm: Option<f64>,
     /// The board.
     pub target: Target,
     /// The observations that were fitted, where they were kept.
@@ -315,6 +318,9 @@ impl Versioned for Calibration {
             if sigma.is_some_and(|sigma| sigma < 0.0) {
                 return Err(Fault::new(field, "must not be negative"));
             }
+        }
+        if self.depth_unit_mm.is_some_and(|unit| unit <= 0.0) {
+            return Err(Fault::new("depth_unit_mm", "must be above 0: millimetres per step of the depth images"));
         }
         unique(self.frames.iter().map(|frame| &frame.name), "frames")?;
         for (i, frame) in self.frames.iter().enumerate() {

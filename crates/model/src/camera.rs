@@ -303,7 +303,7 @@ impl Camera {
         let mut rho = measured_inverse_depth;
         for _ in 0..20 {
             let ray = self.ray(pixel, rho)?;
-            let next = self.invert_depth(context, ray, cos_incidence, measured_inverse_depth)?;
+            let next = self.true_inverse_depth(context, ray, cos_incidence, measured_inverse_depth)?;
             let settled = (next - rho).abs() <= 1e-14 * next.abs();
             rho = next;
             if settled {
@@ -350,7 +350,13 @@ impl Camera {
         (state[2], slope)
     }
 
-    fn invert_depth(
+    /// True inverse depth (1/mm) of a measured one on a given true ray: the inverse of the depth pieces alone, for
+    /// callers that keep the rays of their pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::NotInvertible`].
+    pub fn true_inverse_depth(
         &self,
         context: &Context,
         ray: [f64; 2],

@@ -58,6 +58,7 @@ pub(crate) fn example() -> Calibration {
             metadata: FrameMetadata { timestamp_s: Some(0.5), ..FrameMetadata::default() },
         }],
         dataset: FileReference { path: "captures".into(), digest: "ab".into() },
+        depth_unit_mm: Some(0.25),
         target: Target {
             pattern: Pattern::AsymmetricCircles { circle_diameter_mm: 20.0 },
             columns: 4,
@@ -125,6 +126,7 @@ fn faults_name_the_field() {
         (fault_of(|c| c.camera.pieces[1].name = "pinhole".into()), "camera.pieces"),
         (fault_of(|c| c.frames[0].rotation[0] = 1.0), "frames[0].rotation"),
         (fault_of(|c| c.noise.pixel_sigma = -1.0), "noise.pixel_sigma"),
+        (fault_of(|c| c.depth_unit_mm = Some(0.0)), "depth_unit_mm"),
         (fault_of(|c| c.camera.pieces[0].parameters[0].std_dev = Some(-1.0)), "parameters[0].std_dev"),
         (fault_of(|c| c.covariance.as_mut().unwrap().matrix[0].truncate(1)), "covariance.matrix"),
         (fault_of(|c| c.covariance.as_mut().unwrap().matrix[1][0] = 0.003), "covariance.matrix[1][0]"),
