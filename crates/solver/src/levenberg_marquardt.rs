@@ -19,6 +19,8 @@ pub type SolverState = IterState<Values, (), (), (), (), f64>;
 const MIN_DAMPING: f64 = 1e-15;
 /// Damping at which steps are too short to matter.
 const MAX_DAMPING: f64 = 1e20;
+/// Relative differences of the cost below this are rounding errors.
+const COST_ROUNDING: f64 = 1e-12;
 /// Root mean square of residuals that counts as zero once a step cannot improve on it.
 const ZERO_RESIDUAL: f64 = 1e-10;
 
@@ -204,11 +206,14 @@ impl LevenbergMarquardt {
         let promised = *self.first_prediction.get_or_insert(predicted);
         let decrease = self.cost - record.trial_cost;
         let ratio = decrease / predicted;
-        record.accepted = decrease > 0.0 && ratio > self.options.min_gain_ratio;
+        // Close to the minimum the cost can no longer tell a good step from a bad one, but the model can.
+        let rounding = COST_ROUNDING * self.cost;
+        let last = first && predicted <= rounding && decrease.abs() <= rounding;
+        record.accepted = last || decrease > 0.0 && ratio > self.options.min_gain_ratio;
         let still = record.step <= self.options.parameter_tolerance * (2.0 * self.cost).sqrt();
         let tolerance = self.options.cost_tolerance * self.cost;
         let residuals = system.layout.rows as f64;
-        let accepted = record.accepted;
+        let (accepted, trial_cost) = (record.accepted, record.trial_cost);
         self.trace.push(record);
         if accepted {
             // After rejected steps a small decrease is due to the damping and says nothing.
@@ -216,10 +221,14 @@ impl LevenbergMarquardt {
                 self.termination = Some(Termination::Cost);
             } else if first && still {
                 self.termination = Some(Termination::Parameters);
+            } else if last {
+                self.termination = Some(Termination::Rounding);
             }
-            self.mu = (self.mu * (1.0 - (2.0 * ratio - 1.0).powi(3)).max(1.0 / 3.0)).max(self.min_damping());
+            if ratio.is_finite() {
+                self.mu = (self.mu * (1.0 - (2.0 * ratio - 1.0).powi(3)).max(1.0 / 3.0)).max(self.min_damping());
+            }
             self.nu = 2.0;
-            self.cost -= decrease;
+            self.cost = trial_cost;
             self.linearized = false;
             return Some(trial);
         }
@@ -227,9 +236,7 @@ impl LevenbergMarquardt {
             self.termination = Some(Termination::Cost);
         } else if first && still {
             self.termination = Some(Termination::Parameters);
-        } else if decrease.abs() <= 4.0 * f64::EPSILON * self.cost && first
-            || self.cost <= 0.5 * residuals * ZERO_RESIDUAL * ZERO_RESIDUAL
-        {
+        } else if self.cost <= 0.5 * residuals * ZERO_RESIDUAL * ZERO_RESIDUAL {
             self.termination = Some(Termination::Rounding);
         }
         self.reject();

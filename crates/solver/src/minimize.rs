@@ -38,7 +38,8 @@ pub fn minimize(graph: &Graph, values: Values, options: &Options) -> Result<Solu
     })?;
     result.solver.stopped_by_executor(result.state.get_termination_reason());
     let report = result.solver.report();
-    match result.state.take_best_param().or_else(|| result.state.take_param()) {
+    // Steps never make the cost worse but for rounding: the last values are the best.
+    match result.state.take_param().or_else(|| result.state.take_best_param()) {
         Some(values) => Ok(Solution { values, report }),
         None => Err(SolveError::Executor { reason: "the executor lost the values".to_owned() }),
     }

@@ -9,6 +9,7 @@ use depthcal_solver::{
 };
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use rand::RngExt;
 use rand::seq::SliceRandom;
 
@@ -158,7 +159,7 @@ fn problem(seed: u64) -> Problem {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     #[test]
     fn all_linear_solvers_agree_with_the_dense_solution(seed in 0_u64..1_000_000, eliminate: bool) {
