@@ -29,8 +29,8 @@ pub enum Polarity {
 /// A board that was found in an image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
-    /// The markers, by rising index. Circle grids and chessboards are complete but for a few hidden dots; ChArUco
-    /// boards and AprilGrids may be seen in part.
+    /// The markers, by rising index. Circle grids and chessboards are complete but for a few that are hidden or unclear
+    /// (a reflex); ChArUco boards and AprilGrids may be seen in part.
     pub markers: Vec<Marker>,
     /// Dark dots or bright ones.
     pub polarity: Polarity,
@@ -54,8 +54,8 @@ impl Default for DetectOptions {
 
 /// Looks for the board in an image.
 ///
-/// `None` means that the board is not in the image, or not surely: a wrong grid is not returned. Boards that look the same
-/// after a turn are labelled as upright as the image allows; a chessboard with an odd and an even number of rows
+/// `None` means that the board is not in the image, or not surely: a wrong grid is not returned. Boards that look the
+/// same after a turn are labelled as upright as the image allows; a chessboard with an odd and an even number of rows
 /// and columns is labelled so that the square before its first corner is dark.
 ///
 /// # Errors

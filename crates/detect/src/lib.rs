@@ -2,8 +2,8 @@
 //!
 //! [`detect`] answers where the markers of a [`Target`](depthcal_model::target::Target) are in one image,
 //! [`detect_all`] does so for many images in parallel. [`refine_circles`] finds the centres of dots again with what is
-//! known of the camera by then, so that the bias of circle centres under perspective is gone; [`homography_mapping`] stands
-//! in for the camera while there is none.
+//! known of the camera by then, so that the bias of circle centres under perspective is gone; [`homography_mapping`]
+//! stands in for the camera while there is none.
 //!
 //! Chessboards and fiducials are found with OpenCV, circle grids by own code; see there for why. Pixel centres have
 //! integer coordinates, as in OpenCV. The board frame and the order of the markers are those of `depthcal-model`.
@@ -16,6 +16,7 @@ mod error;
 mod fiducial;
 mod geometry;
 mod refine;
+mod saddles;
 mod stretch;
 
 pub use batch::{FrameError, detect_all};

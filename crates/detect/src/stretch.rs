@@ -2,7 +2,10 @@
 
 use depthcal_io::GrayImage;
 
-use crate::error::DetectError;
+use opencv::core::{Mat, Point2f, Size};
+use opencv::imgproc;
+
+use crate::error::{Context, DetectError};
 
 /// How grey values are brought to [0, 1]. The ends are robust percentiles, so that a lamp or a reflex, which in raw
 /// infrared amplitudes is tens of times brighter than the board, does not set the scale.
@@ -53,10 +56,30 @@ impl Plane {
         Plane { width: image.width, height: image.height, data }
     }
 
+    /// As 8 bits for OpenCV, at `scale` times the size.
+    pub(crate) fn to_mat(&self, scale: usize) -> Result<Mat, DetectError> {
+        let bytes = self.to_bytes();
+        let mat = Mat::new_rows_cols_with_data(self.height as i32, self.width as i32, &bytes).context("Mat")?;
+        let mut scaled = Mat::default();
+        let size = Size::new((self.width * scale) as i32, (self.height * scale) as i32);
+        imgproc::resize(&mat, &mut scaled, size, 0.0, 0.0, imgproc::INTER_CUBIC).context("resize")?;
+        Ok(scaled)
+    }
+
+    /// Whether it is worth looking at the image at twice its size: small features are not found otherwise.
+    pub(crate) fn is_small(&self) -> bool {
+        self.data.len() <= 1_500_000
+    }
+
     /// Quantised to 8 bits.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         self.data.iter().map(|&v| (v * 255.0 + 0.5) as u8).collect()
     }
+}
+
+/// Coordinates in an image from those in its enlargement.
+pub(crate) fn unscaled(pixel: Point2f, scale: usize) -> [f64; 2] {
+    [pixel.x, pixel.y].map(|v| (f64::from(v) + 0.5) / scale as f64 - 0.5)
 }
 
 /// Checks that an image is what its header says.

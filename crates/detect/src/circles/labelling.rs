@@ -4,7 +4,7 @@ use depthcal_model::target::{Pattern, Target};
 
 use super::lattice::Lattice;
 
-/// A board with dots missing is accepted only when every other labelling misses this many more.
+/// A board is accepted only when every other place of it in the lattice misses this many dots more.
 const MARGIN: usize = 3;
 /// Part of the dots that may be missing: hidden by a reflex or a finger.
 const MAX_MISSING: f64 = 0.1;
@@ -33,6 +33,16 @@ fn turned(mut cell: [i32; 2], turns: usize) -> [i32; 2] {
     cell
 }
 
+/// A place of the board in the lattice.
+struct Labelling {
+    /// Number of cells without a dot.
+    missing: usize,
+    /// The cells, sorted: the same for all labellings of one place.
+    set: Vec<[i32; 2]>,
+    /// The cells in the order of the markers.
+    places: Vec<[i32; 2]>,
+}
+
 /// Lattice cell of every marker, for every labelling of the best covered place. Several are returned when the board
 /// looks the same after a turn; none when the board is not there or its place is in doubt.
 pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32; 2]>> {
@@ -46,8 +56,7 @@ pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32;
         })
     };
     let (low, high) = bounds(&mut lattice.keys().copied());
-    // (missing, places as a set, places in the board's order)
-    let mut found: Vec<(usize, Vec<[i32; 2]>, Vec<[i32; 2]>)> = Vec::new();
+    let mut found: Vec<Labelling> = Vec::new();
     for turns in 0..4 {
         let cells: Vec<[i32; 2]> = board.iter().map(|&c| turned(c, turns)).collect();
         let (cell_low, cell_high) = bounds(&mut cells.iter().copied());
@@ -67,19 +76,18 @@ pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32;
                 if missing <= limit {
                     let mut set = places.clone();
                     set.sort_unstable();
-                    found.push((missing, set, places));
+                    found.push(Labelling { missing, set, places });
                 }
             }
         }
     }
-    found.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
-    let Some((best, set)) = found.first().map(|f| (f.0, f.1.clone())) else { return Vec::new() };
-    let rival = found.iter().find(|f| f.1 != set).map(|f| f.0);
-    let needed = if best == 0 { 1 } else { MARGIN };
-    if best > allowed || rival.is_some_and(|r| r < best + needed) {
+    found.sort_by(|a, b| a.missing.cmp(&b.missing).then_with(|| a.set.cmp(&b.set)));
+    let Some((best, set)) = found.first().map(|f| (f.missing, f.set.clone())) else { return Vec::new() };
+    let rival = found.iter().find(|f| f.set != set).map(|f| f.missing);
+    if best > allowed || rival.is_some_and(|r| r < best + MARGIN) {
         return Vec::new();
     }
-    found.into_iter().filter(|f| f.1 == set).map(|f| f.2).collect()
+    found.into_iter().filter(|f| f.set == set).map(|f| f.places).collect()
 }
 
 #[cfg(test)]

@@ -95,6 +95,38 @@ impl<'a> Neighbourhood<'a> {
         pairs.into_iter().map(|p| p.1).take(8).collect()
     }
 
+    /// Pairs of neighbours of a seed that has no shape, the shortest first.
+    pub(crate) fn bases_of_point(&self, seed: usize) -> Vec<[usize; 2]> {
+        let center = self.blobs[seed].center;
+        let mut radius = 16.0;
+        let mut near = self.within(center, radius);
+        while near.len() < 7 && radius < 400.0 {
+            radius *= 2.0;
+            near = self.within(center, radius);
+        }
+        let mut arms: Vec<(usize, [f64; 2], f64)> = near
+            .into_iter()
+            .filter(|&i| i != seed)
+            .map(|i| {
+                let d = subtract(self.blobs[i].center, center);
+                (i, d, d[0].hypot(d[1]))
+            })
+            .collect();
+        arms.sort_by(|a, b| a.2.total_cmp(&b.2));
+        arms.truncate(7);
+        let mut pairs = Vec::new();
+        for (i, a) in arms.iter().enumerate() {
+            for b in &arms[i + 1..] {
+                let cross = a.1[0] * b.1[1] - a.1[1] * b.1[0];
+                if cross.abs() > 0.5 * a.2 * b.2 && b.2 / a.2 < 2.2 {
+                    pairs.push((a.2 + b.2, if cross > 0.0 { [a.0, b.0] } else { [b.0, a.0] }));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        pairs.into_iter().map(|p| p.1).take(5).collect()
+    }
+
     /// Grows the lattice of a seed and its two neighbours as far as dots are found.
     pub(crate) fn grow(&self, seed: usize, basis: [usize; 2]) -> Lattice {
         let mut lattice = Lattice::from([([0, 0], seed), ([1, 0], basis[0]), ([0, 1], basis[1])]);
@@ -146,6 +178,10 @@ impl<'a> Neighbourhood<'a> {
                 normal += t * t.transpose() * weight;
                 right += t * nalgebra::RowVector2::new(center[0], center[1]) * weight;
             }
+        }
+        // Dots in one row do not say where the next row is.
+        if normal.determinant() < 1e-6 {
+            return None;
         }
         let solution = normal.cholesky()?.solve(&right);
         if !solution.iter().all(|v| v.is_finite()) {

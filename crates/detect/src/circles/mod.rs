@@ -3,9 +3,9 @@
 //! OpenCV's blob detector thresholds the whole image at a few levels and its grid finder wants the board's dots and
 //! little else, so dots below ten pixels, uneven light and clutter defeat them; these stages do not mind them.
 
-mod blobs;
-mod labelling;
-mod lattice;
+pub(crate) mod blobs;
+pub(crate) mod labelling;
+pub(crate) mod lattice;
 mod tree;
 
 use depthcal_io::GrayImage;

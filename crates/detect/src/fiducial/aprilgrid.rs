@@ -1,15 +1,17 @@
 //! Grids of AprilTags of the family 36h11.
 
 use depthcal_io::GrayImage;
-use depthcal_model::target::Target;
+use depthcal_model::target::{Pattern, Target};
 
 use super::backend::{Reading, dictionary_size, read_tags};
-use super::{Tag, consistent, dictionary_number};
+use super::{Tag, attempts, consistent, dictionary_number};
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
-use crate::stretch::{Plane, Stretch};
+use crate::refine::{self, RefineOptions};
 
 const DICTIONARY: &str = "DICT_APRILTAG_36H11";
+/// Largest distance of a corner from where the board says, in sides of a tag: half a bit.
+const PLACE_TOLERANCE: f64 = 0.06;
 
 pub(crate) fn find(
     image: &GrayImage,
@@ -23,17 +25,16 @@ pub(crate) fn find(
     }
     let corners_of = |id: usize| (id < need).then(|| [0, 1, 2, 3].map(|corner| target.point(4 * id + corner)));
     let mut best: Vec<Tag> = Vec::new();
-    for &stretch in Stretch::candidates(image) {
-        let plane = Plane::stretched(image, stretch);
+    for (plane, scale) in attempts(image) {
         // Tags are printed with a border of one bit by most and of two by Kalibr.
         for border_bits in [1, 2] {
-            let tags = read_tags(&plane, &Reading { dictionary: number, border_bits, refine: options.refine })?;
+            let tags = read_tags(&plane, &Reading { dictionary: number, border_bits, scale })?;
             let kept = consistent(tags, corners_of, 0.2);
             if kept.len() > best.len() {
                 best = kept;
             }
         }
-        if 2 * best.len() > need {
+        if 10 * best.len() >= 9 * need {
             break;
         }
     }
@@ -43,6 +44,50 @@ pub(crate) fn find(
             tag.corners.into_iter().enumerate().map(|(corner, pixel)| Marker { index: 4 * tag.id + corner, pixel })
         })
         .collect();
-    let enough = markers.len() >= options.min_markers.max(4);
-    Ok(enough.then_some(Detection { markers, polarity: Polarity::DarkOnBright }))
+    let mut detection = Detection { markers, polarity: Polarity::DarkOnBright };
+    if detection.markers.len() < options.min_markers.max(4) {
+        return Ok(None);
+    }
+    if options.refine {
+        // OpenCV's corners lie where the contour of the thresholded tag bends: good to half a pixel.
+        let refined = refine::refine_corners(image, &detection, target, &RefineOptions::default())?;
+        refine::take_over(&mut detection, &refined);
+        complete(image, &mut detection, target)?;
+    }
+    Ok((detection.markers.len() >= options.min_markers.max(4)).then_some(detection))
+}
+
+/// Adds the corners of tags whose bits could not be read: the tags that could say where they are. All corners are
+/// fitted; those that end elsewhere than the board says are dropped.
+fn complete(image: &GrayImage, detection: &mut Detection, target: &Target) -> Result<(), DetectError> {
+    let Pattern::Aprilgrid { marker_mm } = target.pattern else { return Ok(()) };
+    let (width, height) = (image.width as f64, image.height as f64);
+    // Twice: the second time the map rests on more corners.
+    for last in [false, true] {
+        let Some(map) = refine::homography_mapping(detection, target) else { return Ok(()) };
+        let predicted = |index: usize| {
+            let [x, y] = target.point(index);
+            let at = map.apply([x, y])?;
+            let (a, b) = (map.apply([x + marker_mm, y])?, map.apply([x, y + marker_mm])?);
+            let side = (a[0] - at[0]).hypot(a[1] - at[1]).min((b[0] - at[0]).hypot(b[1] - at[1]));
+            let inside = at[0] > 0.0 && at[1] > 0.0 && at[0] < width - 1.0 && at[1] < height - 1.0;
+            inside.then_some((at, side))
+        };
+        for index in 0..target.len() {
+            if let Err(place) = detection.markers.binary_search_by_key(&index, |m| m.index)
+                && let Some((pixel, _)) = predicted(index)
+            {
+                detection.markers.insert(place, Marker { index, pixel });
+            }
+        }
+        let mut refined = refine::refine_corners(image, detection, target, &RefineOptions::default())?;
+        refined.retain(|r| {
+            predicted(r.index).is_some_and(|(at, side)| {
+                (r.pixel[0] - at[0]).hypot(r.pixel[1] - at[1]) < PLACE_TOLERANCE * side + 2.5 * map.rms_px()
+            })
+        });
+        detection.markers.retain(|m| refined.iter().any(|r| r.index == m.index));
+        if last { refine::keep_clear(detection, &refined) } else { refine::take_over(detection, &refined) }
+    }
+    Ok(())
 }

@@ -1,10 +1,10 @@
 //! OpenCV's reader of tags: contrib's `aruco` until 4.6, `objdetect` since 4.7.
 
-use opencv::core::{Mat, Point2f, ToInputArray, Vector};
+use opencv::core::{Point2f, ToInputArray, Vector};
 
 use super::Tag;
 use crate::error::{Context, DetectError};
-use crate::stretch::Plane;
+use crate::stretch::{Plane, unscaled};
 
 /// How tags are read.
 pub(super) struct Reading {
@@ -12,12 +12,9 @@ pub(super) struct Reading {
     pub(super) dictionary: i32,
     /// Width of a tag's black border in bits.
     pub(super) border_bits: i32,
-    /// Let OpenCV refine the tags' corners.
-    pub(super) refine: bool,
+    /// Enlargement of the image: the bits of small tags are not told apart otherwise.
+    pub(super) scale: usize,
 }
-
-/// Window of OpenCV's corner refinement, px: small, so that a tag's neighbours stay out.
-const REFINE_WINDOW: i32 = 3;
 
 #[cfg(fiducials = "contrib")]
 mod implementation {
@@ -44,10 +41,6 @@ mod implementation {
         let operation = "aruco::detectMarkers";
         let mut parameters = aruco::DetectorParameters::create().context(operation)?;
         parameters.set_marker_border_bits(reading.border_bits);
-        if reading.refine {
-            parameters.set_corner_refinement_method(aruco::CORNER_REFINE_SUBPIX);
-            parameters.set_corner_refinement_win_size(REFINE_WINDOW);
-        }
         let mut rejected = opencv::core::no_array();
         aruco::detect_markers(mat, &dictionary(reading.dictionary)?, corners, ids, &parameters, &mut rejected)
             .context(operation)
@@ -78,10 +71,6 @@ mod implementation {
         let operation = "ArucoDetector::detectMarkers";
         let mut parameters = objdetect::DetectorParameters::default().context(operation)?;
         parameters.set_marker_border_bits(reading.border_bits);
-        if reading.refine {
-            parameters.set_corner_refinement_method(objdetect::CornerRefineMethod::CORNER_REFINE_SUBPIX as i32);
-            parameters.set_corner_refinement_win_size(REFINE_WINDOW);
-        }
         let refine = objdetect::RefineParameters::new_def().context(operation)?;
         let detector =
             objdetect::ArucoDetector::new(&dictionary(reading.dictionary)?, &parameters, refine).context(operation)?;
@@ -94,13 +83,12 @@ pub(super) use implementation::dictionary_size;
 
 /// Reads all tags of a dictionary in an image.
 pub(super) fn read_tags(plane: &Plane, reading: &Reading) -> Result<Vec<Tag>, DetectError> {
-    let bytes = plane.to_bytes();
-    let mat = Mat::new_rows_cols_with_data(plane.height as i32, plane.width as i32, &bytes).context("Mat")?;
+    let mat = plane.to_mat(reading.scale)?;
     let mut corners = Vector::<Vector<Point2f>>::new();
     let mut ids = Vector::<i32>::new();
     implementation::detect(&mat, reading, &mut corners, &mut ids)?;
     let tags = corners.iter().zip(ids.iter()).filter_map(|(quad, id)| {
-        let points: Vec<[f64; 2]> = quad.iter().map(|p| [f64::from(p.x), f64::from(p.y)]).collect();
+        let points: Vec<[f64; 2]> = quad.iter().map(|p| unscaled(p, reading.scale)).collect();
         Some(Tag { id: usize::try_from(id).ok()?, corners: points.try_into().ok()? })
     });
     Ok(tags.collect())

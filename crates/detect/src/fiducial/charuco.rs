@@ -4,12 +4,11 @@ use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};
 
 use super::backend::{Reading, dictionary_size, read_tags};
-use super::{Tag, consistent, dictionary_number};
+use super::{Tag, attempts, consistent, dictionary_number};
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
-use crate::geometry::Homography;
+use crate::geometry::{Homography, Pair};
 use crate::refine::{self, RefineOptions};
-use crate::stretch::{Plane, Stretch};
 
 /// Largest distance between the place that tags predict for a crossing and the crossing, in squares.
 const TOLERANCE: f64 = 0.15;
@@ -48,26 +47,29 @@ pub(crate) fn find(
         let high = [low[0] + marker_mm, low[1] + marker_mm];
         Some([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     };
-    for &stretch in Stretch::candidates(image) {
-        let plane = Plane::stretched(image, stretch);
-        let tags = read_tags(&plane, &Reading { dictionary: number, border_bits: 1, refine: false })?;
+    let mut best: Option<Detection> = None;
+    for (plane, scale) in attempts(image) {
+        let tags = read_tags(&plane, &Reading { dictionary: number, border_bits: 1, scale })?;
         // Boards drawn by an older OpenCV begin with a white square when their number of rows is even.
-        let layouts: &[usize] = if target.rows % 2 == 0 { &[1, 0] } else { &[1] };
-        let best = layouts
+        let layouts: &[usize] = if target.rows.is_multiple_of(2) { &[1, 0] } else { &[1] };
+        let layout = layouts
             .iter()
             .map(|&first| (first, consistent(tags.clone(), |id| corners_of(id, first), 0.2)))
             .max_by_key(|(first, kept)| (kept.len(), *first));
-        let Some((first_white, kept)) = best else { continue };
+        let Some((first_white, kept)) = layout else { continue };
         let markers = predict(&kept, target, |id| corners_of(id, first_white));
         let mut detection = Detection { markers, polarity: Polarity::DarkOnBright };
         if options.refine {
             detection = settle(image, detection, target)?;
         }
-        if detection.markers.len() >= options.min_markers.max(4) {
-            return Ok(Some(detection));
+        if best.as_ref().is_none_or(|b| b.markers.len() < detection.markers.len()) {
+            best = Some(detection);
+        }
+        if best.as_ref().is_some_and(|b| 10 * b.markers.len() >= 9 * target.len()) {
+            break;
         }
     }
-    Ok(None)
+    Ok(best.filter(|b| b.markers.len() >= options.min_markers.max(4)))
 }
 
 /// Places of the crossings, each from the tags around it, where there are any.
@@ -75,7 +77,7 @@ fn predict(tags: &[Tag], target: &Target, corners_of: impl Fn(usize) -> Option<[
     let mut markers = Vec::new();
     for index in 0..target.len() {
         let p = target.point(index);
-        let mut near: Vec<(f64, Vec<([f64; 2], [f64; 2])>)> = tags
+        let mut near: Vec<(f64, Vec<Pair>)> = tags
             .iter()
             .filter_map(|tag| {
                 let board = corners_of(tag.id)?;

@@ -7,14 +7,26 @@ mod charuco;
 pub(crate) use aprilgrid::find as find_aprilgrid;
 pub(crate) use charuco::find as find_charuco;
 
+use depthcal_io::GrayImage;
+
 use crate::error::DetectError;
 use crate::geometry::Homography;
+use crate::stretch::{Plane, Stretch};
 
 /// A tag that was read: its number and its corners, clockwise from the tag's own top left.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Tag {
     id: usize,
     corners: [[f64; 2]; 4],
+}
+
+/// What to read tags in, the cheapest first: the stretched image, then its enlargement.
+fn attempts(image: &GrayImage) -> impl Iterator<Item = (Plane, usize)> {
+    let stretches = Stretch::candidates(image);
+    [1, 2]
+        .into_iter()
+        .flat_map(move |scale| stretches.iter().map(move |&s| (Plane::stretched(image, s), scale)))
+        .filter(|(plane, scale)| *scale == 1 || plane.is_small())
 }
 
 /// OpenCV's names of the predefined dictionaries; the position is OpenCV's number.

@@ -7,8 +7,8 @@ use super::Homography;
 /// Terms of a cubic in two variables.
 const TERMS: usize = 10;
 
-/// A smooth map from the board (mm) to the image (px) fitted to markers: a homography, followed by a cubic polynomial in
-/// board coordinates that takes up the lens. The polynomial is left out where there are fewer than 20 markers.
+/// A smooth map from the board (mm) to the image (px) fitted to markers: a homography, followed by a cubic polynomial
+/// in board coordinates that takes up the lens. The polynomial is left out where there are fewer than 20 markers.
 #[derive(Debug, Clone)]
 pub struct BoardMap {
     homography: Homography,

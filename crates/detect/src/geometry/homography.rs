@@ -3,6 +3,9 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
+/// A point and where it is mapped to.
+pub(crate) type Pair = ([f64; 2], [f64; 2]);
+
 /// A projective map of the plane, here from board (mm) to image (px).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Homography(Matrix3<f64>);

@@ -6,4 +6,5 @@ mod local_map;
 
 pub use board_map::BoardMap;
 pub use homography::Homography;
+pub(crate) use homography::Pair;
 pub(crate) use local_map::LocalMap;

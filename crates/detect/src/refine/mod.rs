@@ -12,10 +12,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::circles::step_mm;
-use crate::detection::{Detection, kind};
+use crate::detection::{Detection, Marker, kind};
 use crate::error::DetectError;
 use crate::geometry::{BoardMap, LocalMap};
 use crate::stretch;
+use crossing::Shape;
 use disc::{Disc, fit_disc};
 pub(crate) use pixels::Pixels;
 
@@ -54,7 +55,7 @@ pub struct RefineOptions {
 
 impl Default for RefineOptions {
     fn default() -> Self {
-        RefineOptions { iterations: 30, radius_sigma: 0.1, corner_reach: 0.45, max_corner_reach_px: 7.0 }
+        RefineOptions { iterations: 30, radius_sigma: 0.1, corner_reach: 0.5, max_corner_reach_px: 10.0 }
     }
 }
 
@@ -73,8 +74,8 @@ pub fn homography_mapping(detection: &Detection, target: &Target) -> Option<Boar
 /// the image is, is fitted there by its centre, radius, contrast, light and blur. Pixels are used as measured, and the
 /// bias of circle centres under perspective and lens is gone to the accuracy of the mapping's curvature within a dot.
 ///
-/// `pixel_from_board` may return `None` where it is undefined. Dots that cannot be fitted (hidden, cut off by the border,
-/// without contrast) are left out.
+/// `pixel_from_board` may return `None` where it is undefined. Dots that cannot be fitted (hidden, cut off by the
+/// border, without contrast) are left out.
 ///
 /// # Errors
 /// When the board has no dots, when a marker is not on the board, or when the image is inconsistent.
@@ -120,11 +121,12 @@ pub fn refine_circles(
     Ok(refined.into_iter().flatten().collect())
 }
 
-/// Finds the crossings of a chessboard or ChArUco board by fitting two soft edges to the grey values around each. A
-/// crossing is a point in perspective, so no camera is needed. Crossings that cannot be fitted are left out.
+/// Finds the crossings of a chessboard or ChArUco board, or the corners of tags, by fitting two soft edges to the grey
+/// values around each. A corner is a point in perspective, so no camera is needed. Those that cannot be fitted are
+/// left out.
 ///
 /// # Errors
-/// When the board has no crossings, when a marker is not on the board, or when the image is inconsistent.
+/// When the board has no corners, when a marker is not on the board, or when the image is inconsistent.
 pub fn refine_corners(
     image: &GrayImage,
     detection: &Detection,
@@ -132,15 +134,9 @@ pub fn refine_corners(
     options: &RefineOptions,
 ) -> Result<Vec<RefinedMarker>, DetectError> {
     check(image, detection, target)?;
-    // Between a ChArUco board's crossing and the markers in its white squares.
-    let clear_mm = match target.pattern {
-        Pattern::Chessboard => target.spacing_mm * options.corner_reach,
-        Pattern::Charuco { marker_mm, .. } => {
-            let margin = (target.spacing_mm - marker_mm) / 2.0 * std::f64::consts::SQRT_2;
-            margin.min(target.spacing_mm * options.corner_reach)
-        }
-        _ => return Err(DetectError::WrongKind { kind: kind(target), markers: "crossings" }),
-    };
+    if target.circle_diameter_mm().is_some() {
+        return Err(DetectError::WrongKind { kind: kind(target), markers: "corners" });
+    }
     let Some(map) = homography_mapping(detection, target) else { return Ok(Vec::new()) };
     let pixels = Pixels::new(image);
     let refined = detection
@@ -148,15 +144,19 @@ pub fn refine_corners(
         .par_iter()
         .map(|marker| {
             let p = target.point(marker.index);
-            let step = target.spacing_mm / 2.0;
+            let (shape, axes, clear_mm) = surroundings(target, marker.index, options)?;
+            let half = clear_mm;
             let difference = |d: [f64; 2]| {
-                let (a, b) = (map.apply([p[0] - d[0], p[1] - d[1]])?, map.apply([p[0] + d[0], p[1] + d[1]])?);
-                Some([b[0] - a[0], b[1] - a[1]])
+                let (a, b) = (
+                    map.apply([p[0] - half * d[0], p[1] - half * d[1]])?,
+                    map.apply([p[0] + half * d[0], p[1] + half * d[1]])?,
+                );
+                Some([(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0])
             };
-            let axes = [difference([step, 0.0])?, difference([0.0, step])?];
+            let axes = [difference(axes[0])?, difference(axes[1])?];
             let shortest = axes[0][0].hypot(axes[0][1]).min(axes[1][0].hypot(axes[1][1]));
-            let reach = (shortest * clear_mm / target.spacing_mm).clamp(2.6, options.max_corner_reach_px);
-            let fitted = crossing::fit_crossing(&pixels, marker.pixel, axes, reach, options.iterations)?;
+            let reach = shortest.clamp(MIN_REACH_PX, options.max_corner_reach_px.max(MIN_REACH_PX));
+            let fitted = crossing::fit_crossing(&pixels, shape, marker.pixel, axes, reach, options.iterations)?;
             Some(RefinedMarker {
                 index: marker.index,
                 pixel: fitted.pixel,
@@ -169,6 +169,31 @@ pub fn refine_corners(
         })
         .collect::<Vec<Option<RefinedMarker>>>();
     Ok(refined.into_iter().flatten().collect())
+}
+
+/// Smallest neighbourhood that determines a crossing, px.
+const MIN_REACH_PX: f64 = 2.6;
+
+/// What a corner looks like: its shape, the board's directions along its edges (right-handed, for a tag's corner into
+/// the tag), and how far around it nothing else is printed, mm.
+fn surroundings(target: &Target, index: usize, options: &RefineOptions) -> Option<(Shape, [[f64; 2]; 2], f64)> {
+    let (x, y) = ([1.0, 0.0], [0.0, 1.0]);
+    let square = target.spacing_mm * options.corner_reach;
+    match target.pattern {
+        Pattern::Chessboard => Some((Shape::Crossing, [x, y], square)),
+        Pattern::Charuco { marker_mm, .. } => {
+            // Up to the tags in the white squares.
+            let margin = (target.spacing_mm - marker_mm) / 2.0 * std::f64::consts::SQRT_2;
+            Some((Shape::Crossing, [x, y], margin.min(square)))
+        }
+        Pattern::Aprilgrid { marker_mm } => {
+            // The tag's black border is one of eight cells wide; its inner corner is √2 of that away.
+            let clear = (1.3 * marker_mm / 8.0).min(0.9 * (target.spacing_mm - marker_mm));
+            let axes = [[x, y], [y, [-1.0, 0.0]], [[-1.0, 0.0], [0.0, -1.0]], [[0.0, -1.0], x]][index % 4];
+            Some((Shape::Corner, axes, clear))
+        }
+        Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => None,
+    }
 }
 
 fn standard_deviation(covariance: &Matrix2<f64>) -> f64 {
@@ -189,13 +214,35 @@ pub(crate) fn sharpen_circles(
     detection: &mut Detection,
     target: &Target,
 ) -> Result<(), DetectError> {
+    let options = RefineOptions::default();
     // The second round has the better mapping; a third changes nothing.
-    for _ in 0..2 {
+    for last in [false, true] {
         let Some(map) = homography_mapping(detection, target) else { break };
-        let refined = refine_circles(image, detection, target, &|p| map.apply(p), &RefineOptions::default())?;
-        take_over(detection, &refined);
+        let refined = refine_circles(image, detection, target, &|p| map.apply(p), &options)?;
+        if last { keep_clear(detection, &refined) } else { take_over(detection, &refined) }
     }
     Ok(())
+}
+
+/// Markers whose scatter about the model is this many times that of the others show something else as well: a reflex,
+/// dirt, a finger.
+const UNCLEAR: f64 = 4.0;
+/// Scatter that is never held against a marker.
+const ORDINARY_NOISE: f64 = 0.06;
+/// Part of the markers that must be clear for the others to be dropped.
+const CLEAR_PART: f64 = 0.75;
+
+/// Moves markers to where they were refined to and drops those that are not clear; if too many are not, they stay.
+pub(crate) fn keep_clear(detection: &mut Detection, refined: &[RefinedMarker]) {
+    let mut noise: Vec<f64> = refined.iter().map(|r| r.relative_noise).collect();
+    noise.sort_by(f64::total_cmp);
+    let limit = noise.get(noise.len() / 2).map_or(0.0, |median| (UNCLEAR * median).max(ORDINARY_NOISE));
+    let clear: Vec<RefinedMarker> = refined.iter().filter(|r| r.relative_noise <= limit).copied().collect();
+    if (clear.len() as f64) < CLEAR_PART * detection.markers.len() as f64 {
+        take_over(detection, refined);
+        return;
+    }
+    detection.markers = clear.iter().map(|r| Marker { index: r.index, pixel: r.pixel }).collect();
 }
 
 /// Moves markers to where they were refined to; the others stay.

@@ -1,6 +1,6 @@
 //! A small renderer of boards under known pose and lens, independent of what it tests: rays are cast from pixels to the
 //! board, several per pixel.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
 pub mod measured;
 pub mod scene;

@@ -23,16 +23,8 @@ impl Texture {
         self
     }
 
-    /// Smallest and largest coordinates of the markers.
-    fn extent(&self) -> [[f64; 2]; 2] {
-        self.target.points().iter().fold([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]], |[low, high], p| {
-            [[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]]
-        })
-    }
-
     /// Reflectance; `None` beside the board.
     pub fn at(&self, x: f64, y: f64) -> Option<f64> {
-        let [low, high] = self.extent_cached();
         if let Some((data, width, scale, origin)) = &self.raster {
             let (u, v) = ((x - origin[0]) * scale, (y - origin[1]) * scale);
             let height = data.len() / width;
@@ -42,6 +34,7 @@ impl Texture {
             let grey = f64::from(data[v as usize * width + u as usize]) / 255.0;
             return Some(self.ink + (self.paper - self.ink) * grey);
         }
+        let [low, high] = self.extent();
         if x < low[0] - self.margin
             || y < low[1] - self.margin
             || x > high[0] + self.margin
@@ -71,14 +64,15 @@ impl Texture {
         Some(if dark { self.ink } else { self.paper })
     }
 
-    fn extent_cached(&self) -> [[f64; 2]; 2] {
+    /// Smallest and largest coordinates of the print.
+    fn extent(&self) -> [[f64; 2]; 2] {
         let s = self.target.spacing_mm;
         let (c, r) = (self.target.columns as f64 - 1.0, self.target.rows as f64 - 1.0);
         match self.target.pattern {
             Pattern::AsymmetricCircles { .. } => [[0.0, 0.0], [(2.0 * c + 1.0) * s, r * s]],
             Pattern::SymmetricCircles { .. } => [[0.0, 0.0], [c * s, r * s]],
             Pattern::Chessboard => [[-s, -s], [(c + 1.0) * s, (r + 1.0) * s]],
-            _ => self.extent(),
+            _ => [[0.0, 0.0], [c * s, r * s]],
         }
     }
 }
