@@ -7,6 +7,7 @@ use thiserror::Error;
 use tracing::{info, warn};
 
 use crate::adjustment::{Adjusted, Adjustment};
+use crate::board_region::BoardPlane;
 use crate::depth_sampling::sample_depth;
 use crate::estimators::{self, EstimatorError};
 use crate::noise::{DepthNoise, NoiseModel, clipped_sigma};
@@ -292,6 +293,7 @@ fn joint(
         let sampling = sample_depth(&mut capture, &from_image.camera, &from_image.poses, options.samples_per_frame);
         correlation = Some(sampling.correlation_length_px);
     }
+    seed_samples(&mut capture, &from_image);
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
     }
@@ -458,6 +460,22 @@ fn depth_noise_from_planes(capture: &Capture) -> DepthNoise {
     let least = 1e-7;
     let law = DepthNoise::fit(&samples, 1.0).unwrap_or(DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 });
     DepthNoise { a_per_mm: law.a_per_mm.max(least), ..law }
+}
+
+/// Gives samples that came without a depth image the board point that their ray meets; those that meet none go.
+fn seed_samples(capture: &mut Capture, from_image: &Calibrated) {
+    for (frame, pose) in capture.frames.iter_mut().zip(&from_image.poses) {
+        let plane = BoardPlane::new(pose);
+        frame.samples.retain_mut(|sample| {
+            if sample.board_seed[0].is_finite() {
+                return true;
+            }
+            let ray = from_image.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm).ok();
+            let point = ray.and_then(|ray| plane.depth(ray).map(|z| plane.to_board(ray, z)));
+            sample.board_seed = point.map_or([f64::NAN; 2], |p| [p.x, p.y]);
+            point.is_some()
+        });
+    }
 }
 
 /// (inverse depth, residual in inverse depth) of every sample, 1/mm.

@@ -5,6 +5,7 @@ pub mod board_region;
 pub mod calibrate;
 pub mod capture;
 pub mod cli;
+pub mod corrector;
 pub mod depth_sampling;
 #[cfg(feature = "detect")]
 mod detection;
@@ -16,4 +17,5 @@ pub mod noise;
 pub mod observations;
 mod progress;
 pub mod record;
+pub mod simulated;
 pub mod start;
