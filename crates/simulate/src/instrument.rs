@@ -127,6 +127,11 @@ impl Instrument {
         [pixel[0] - self.registration[0], pixel[1] - self.registration[1]]
     }
 
+    /// Inverse depth with the depth effects only, without the projective distortion, from a depth that has them not.
+    pub fn distort(&self, at: &Reading, rho: f64) -> f64 {
+        self.effects.iter().fold(rho, |rho, effect| effect.distort(at, rho))
+    }
+
     /// Measured inverse depth, without noise, from the true one.
     pub fn measure(&self, at: &Reading, rho: f64) -> f64 {
         let [dx, dy, dz, dw] = self.projective;

@@ -29,6 +29,11 @@ impl Pose {
         }
     }
 
+    /// The pose with this rotation vector, radians, and translation, mm.
+    pub fn from_rotation_vector(rotation: [f64; 3], translation: [f64; 3]) -> Self {
+        Self::new(Rotation3::new(Vector3::from(rotation)), Vector3::from(translation))
+    }
+
     /// R as a matrix.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::from_fn(|i, j| self.rotation[i][j])

@@ -34,7 +34,10 @@ impl<'a> Session<'a> {
         simulation.check()?;
         let Simulation { camera, board, kind, seed, unit, noise, defects, .. } = *simulation;
         let (instrument, effects) = effects::install(&camera, &board, &simulation.effects, unit, seed)?;
-        let poses = pose::choose(&camera, &board, kind, simulation.frames, seed)?;
+        let poses = match &simulation.poses {
+            Some(poses) => poses.clone(),
+            None => pose::choose(&camera, &board, kind, simulation.frames, seed)?,
+        };
         let conditions = conditions::choose(simulation.frames, crate::streams::seed_with_name(seed, &kind.to_string()));
         let (frames, defective) = defects.frames(&poses, &conditions, &board, seed);
         let frame_truth = |(i, frame): (usize, &Frame)| FrameTruth {

@@ -8,6 +8,7 @@ use crate::error::SimulateError;
 use crate::kind::Kind;
 use crate::light::Exposure;
 use crate::noise::Noise;
+use crate::pose::Pose;
 use crate::render::Rendering;
 use crate::session::Session;
 use crate::truth::Truth;
@@ -32,6 +33,7 @@ pub struct Simulation {
     pub(crate) seed: u64,
     pub(crate) unit: u64,
     pub(crate) frames: usize,
+    pub(crate) poses: Option<Vec<Pose>>,
     pub(crate) board: Board,
     pub(crate) noise: Noise,
     pub(crate) exposure: Exposure,
@@ -49,6 +51,7 @@ impl Simulation {
             seed,
             unit: 0,
             frames: kind.frames(),
+            poses: None,
             board: Board::default(),
             noise: Noise::default(),
             exposure: Exposure::Auto { white: 0.6 },
@@ -60,6 +63,14 @@ impl Simulation {
     /// Number of frames instead of the kind's.
     pub fn frames(mut self, frames: usize) -> Self {
         self.frames = frames;
+        self.poses = None;
+        self
+    }
+
+    /// One frame for each of these poses of the board instead of the kind's own. The board may leave the image.
+    pub fn poses(mut self, poses: Vec<Pose>) -> Self {
+        self.frames = poses.len();
+        self.poses = Some(poses);
         self
     }
 
@@ -126,6 +137,13 @@ impl Simulation {
         for (field, value) in positive {
             if !(value.is_finite() && value > 0.0) {
                 return Err(SimulateError::BadParameter { field, value, expected: "a positive number" });
+            }
+        }
+        for &value in
+            self.poses.iter().flatten().flat_map(|pose| pose.rotation.as_flattened().iter().chain(&pose.translation))
+        {
+            if !value.is_finite() {
+                return Err(SimulateError::BadParameter { field: "poses", value, expected: "finite numbers" });
             }
         }
         if !(board.card_margin_mm.is_finite() && board.card_margin_mm >= 0.0) {

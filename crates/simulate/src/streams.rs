@@ -21,6 +21,7 @@ pub(crate) enum Purpose {
     Defects,
     EffectShape,
     EffectFrames,
+    Planting,
 }
 
 /// The stream for `purpose` and `index` (a frame, an effect) under `seed`.

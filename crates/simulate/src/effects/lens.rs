@@ -49,32 +49,27 @@ pub(super) fn focus_breathing(_: &Context, size: f64, to: &mut Instrument) -> Re
     Ok(parameters([("growth_mm", growth), ("focused_at_mm", 1.0 / crate::optics::FOCUSED_AT)]))
 }
 
-/// A radial distortion that no polynomial of three terms reaches: a pole near the image's corner. Numerator and
-/// denominator largely cancel, as in calibrations of real wide lenses; what is left is what counts.
+/// A radial distortion that no polynomial of three terms reaches. As in calibrations of real wide lenses, numerator and
+/// denominator largely cancel; what is left is what counts.
 pub(super) fn rational_distortion(
     context: &Context,
     size: f64,
     to: &mut Instrument,
 ) -> Result<Parameters, SimulateError> {
-    let form = [context.near(0.2, 0.2), context.near(-0.5, 0.2), context.near(-1.0, 0.2)];
+    let form = [context.near(-1.0, 0.1), context.near(1.0, 0.2), context.near(1.0, 0.2)];
     let base = Optics::new(context.camera);
     let of = |scale: f64| rational(context, &base, form.map(|k| k * scale));
-    // The remainder grows monotonically, and much faster than linearly, up to the pole.
-    let corner = context
-        .pixel_grid()
-        .into_iter()
-        .filter_map(|pixel| base.ray(pixel, 0.001))
-        .map(|[x, y]| x * x + y * y)
-        .fold(0.0, f64::max);
-    let pole = form.iter().rev().fold(0.0, |sum, k| corner * (k + sum));
-    let limit = if pole < 0.0 { 0.85 / -pole } else { f64::INFINITY };
-    let (mut low, mut high) = (0.0, limit.min(1e3));
     let wanted = size.abs();
-    if context.rms_px(&base, &of(high)) < wanted {
-        let reason = "the lens would have its pole inside the image";
-        return Err(SimulateError::EffectTooLarge { name: "rational_distortion", size, unit: "px", reason });
+    // What is left grows with the scale until the denominator comes near to zero.
+    let (mut low, mut high) = (0.0, 0.05);
+    while context.rms_px(&base, &of(high)) < wanted {
+        (low, high) = (high, high * 1.1);
+        if !usable(context, &base, &of(high)) {
+            let reason = "the lens would fold inside the image";
+            return Err(SimulateError::EffectTooLarge { name: "rational_distortion", size, unit: "px", reason });
+        }
     }
-    for _ in 0..60 {
+    for _ in 0..40 {
         let middle = (low + high) / 2.0;
         if context.rms_px(&base, &of(middle)) < wanted { low = middle } else { high = middle }
     }
@@ -83,6 +78,17 @@ pub(super) fn rational_distortion(
     to.optics.denominator = lens.denominator;
     let ([k1, k2, k3], [k4, k5, k6]) = (lens.radial, lens.denominator);
     Ok(parameters([("k1", k1), ("k2", k2), ("k3", k3), ("k4", k4), ("k5", k5), ("k6", k6)]))
+}
+
+/// Whether the lens shows every ray that `base` shows and stays away from the denominator's zeros.
+fn usable(context: &Context, base: &Optics, lens: &Optics) -> bool {
+    let rays: Vec<[f64; 2]> =
+        context.pixel_grid().into_iter().filter_map(|pixel| base.ray(pixel, crate::optics::FOCUSED_AT)).collect();
+    let [k4, k5, k6] = lens.denominator;
+    rays.iter().all(|[x, y]| {
+        let s = x * x + y * y;
+        1.0 + s * (k4 + s * (k5 + s * k6)) > 0.1 && lens.project([*x, *y, 1.0]).is_some()
+    })
 }
 
 /// The lens with this denominator and the numerator that keeps it closest to `base` over the image.

@@ -13,6 +13,8 @@ mod lens;
 mod light;
 mod range;
 mod registration;
+#[cfg(test)]
+mod size_tests;
 mod sizing;
 mod table;
 mod triangulation;

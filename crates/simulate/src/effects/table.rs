@@ -41,7 +41,7 @@ static CATALOGUE: [EffectInfo; 17] = [
         "rational_distortion",
         "lens",
         "px",
-        0.3,
+        0.2,
         "rms displacement over all pixels that the best k1, k2, k3 leave; the sign has no effect",
         "1 + k4 r² + k5 r⁴ + k6 r⁶ in the denominator, with the numerator that nearly cancels it",
         lens::rational_distortion,

@@ -50,11 +50,21 @@ impl Backdrop {
         Self { wall, things }
     }
 
+    /// Whether there is more than a wall.
+    pub fn has_edges(&self) -> bool {
+        !self.things.is_empty()
+    }
+
+    /// Which of the things the ray (x, y, 1) meets; none for the wall.
+    pub fn part(&self, [x, y]: [f64; 2]) -> Option<usize> {
+        let inside = |[x0, y0, x1, y1]: [f64; 4]| x >= x0 && x <= x1 && y >= y0 && y <= y1;
+        self.things.iter().position(|thing| inside(thing.outline))
+    }
+
     /// The first surface on the ray (x, y, 1).
     pub fn hit(&self, [x, y]: [f64; 2]) -> Option<Behind> {
         let secant = (1.0 + x * x + y * y).sqrt();
-        let inside = |[x0, y0, x1, y1]: [f64; 4]| x >= x0 && x <= x1 && y >= y0 && y <= y1;
-        if let Some(thing) = self.things.iter().find(|thing| inside(thing.outline)) {
+        if let Some(thing) = self.part([x, y]).map(|index| &self.things[index]) {
             return Some(Behind { z: thing.z, albedo: thing.albedo, cosine: 1.0 / secant });
         }
         let [a, b, c] = self.wall?;

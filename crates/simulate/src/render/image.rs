@@ -4,20 +4,19 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
-use super::{Renderer, field};
+use super::Renderer;
+use super::spread::Spread;
 use crate::defects::Shot;
 use crate::light::Light;
 use crate::scene::{Cut, PlacedBoard};
 use crate::streams::{Purpose, stream};
-
-/// Samples per side of a pixel that an edge crosses.
-const SAMPLES: usize = 8;
 
 /// What a pixel's ray meets first.
 pub(super) struct Look<'a, 'b> {
     pub renderer: &'b Renderer<'a>,
     pub placed: PlacedBoard<'b>,
     pub light: Light,
+    spread: Spread,
     /// u0, v0, u1, v1 around the card.
     bounds: [f64; 4],
 }
@@ -41,9 +40,10 @@ impl<'a, 'b> Look<'a, 'b> {
                 }
             }
         }
-        let grow = 3.0;
+        let spread = Spread::new(session.simulation.noise.blur_px);
+        let grow = 2.0 + spread.reach;
         let bounds = [bounds[0] - grow, bounds[1] - grow, bounds[2] + grow, bounds[3] + grow];
-        Self { renderer, light: session.light(shot), placed, bounds }
+        Self { renderer, light: session.light(shot), placed, spread, bounds }
     }
 
     /// Whether the card may be visible at this pixel of the image.
@@ -79,11 +79,18 @@ impl<'a, 'b> Look<'a, 'b> {
         self.renderer.rays.at(if optics.breathing_mm == 0.0 { pixel } else { optics.in_focus(pixel, rho) })
     }
 
-    /// Signal at one point of the image.
-    fn sample(&self, pixel: [f64; 2]) -> f64 {
+    /// Signal around one point of the image, over a part of the pixel that is `side` pixels wide.
+    fn sample(&self, pixel: [f64; 2], side: f64) -> f64 {
         match self.board(pixel) {
             Some((ray, cut)) => {
-                let albedo = self.placed.board.surface(cut.design).albedo;
+                let board = self.placed.board;
+                let surface = board.surface(cut.design);
+                // An edge that crosses this part divides it: samples that are either dark or bright would place the
+                // edges of small dots on a lattice.
+                let width = side * cut.z / self.renderer.session.instrument.optics.focal[0];
+                let beyond = (0.5 - surface.print_edge_mm / width).max(0.0);
+                let other = board.bright + board.dark - surface.albedo;
+                let albedo = surface.albedo + beyond * (other - surface.albedo);
                 self.light.signal(albedo, cut.cosine, ray, cut.z)
             }
             None => self.sample_behind(pixel),
@@ -95,17 +102,27 @@ impl<'a, 'b> Look<'a, 'b> {
         behind.map_or(0.0, |(ray, hit)| self.light.signal(hit.albedo, hit.cosine, ray, hit.z))
     }
 
-    /// Whether an edge of print or card may cross the pixel.
-    fn has_edge(&self, pixel: [f64; 2]) -> bool {
-        match self.board(pixel) {
-            Some((_, cut)) => {
+    /// Whether light from beyond an edge of print, card or backdrop may reach the pixel.
+    fn has_edge(&self, pixel: [f64; 2], near_board: bool) -> bool {
+        let reach = self.spread.reach;
+        let around = || {
+            (0..9).filter(|i| *i != 4).map(|i| {
+                let [i, j] = [f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0];
+                [pixel[0] + i * reach, pixel[1] + j * reach]
+            })
+        };
+        if near_board {
+            if let Some((_, cut)) = self.board(pixel) {
                 let surface = self.placed.board.surface(cut.design);
-                surface.print_edge_mm.min(surface.card_edge_mm) < 0.8 * self.footprint(&cut)
+                return surface.print_edge_mm.min(surface.card_edge_mm) < reach.max(0.8) * self.footprint(&cut);
             }
-            None => [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]]
-                .iter()
-                .any(|d| self.board([pixel[0] + d[0], pixel[1] + d[1]]).is_some()),
+            if around().any(|p| self.board(p).is_some()) {
+                return true;
+            }
         }
+        let backdrop = &self.renderer.backdrop;
+        let part = |p: [f64; 2]| self.ray_behind(p).map(|ray| backdrop.part(ray));
+        backdrop.has_edges() && around().any(|p| part(p) != part(pixel))
     }
 
     /// Length of a pixel's longer side on the board, mm, with some allowance for the lens.
@@ -115,15 +132,16 @@ impl<'a, 'b> Look<'a, 'b> {
     }
 
     fn pixel(&self, pixel: [f64; 2]) -> f64 {
-        if !self.may_show_board(pixel) {
-            return self.sample_behind(pixel);
+        let near_board = self.may_show_board(pixel);
+        if self.has_edge(pixel, near_board) {
+            let side = self.spread.step;
+            let sample = |&([du, dv], weight): &([f64; 2], f64)| {
+                let at = [pixel[0] + du, pixel[1] + dv];
+                weight * if near_board { self.sample(at, side) } else { self.sample_behind(at) }
+            };
+            return self.spread.samples.iter().map(sample).sum();
         }
-        if !self.has_edge(pixel) {
-            return self.sample(pixel);
-        }
-        let offset = |i: usize| (i as f64 + 0.5) / SAMPLES as f64 - 0.5;
-        let samples = (0..SAMPLES * SAMPLES).map(|i| [pixel[0] + offset(i % SAMPLES), pixel[1] + offset(i / SAMPLES)]);
-        samples.map(|p| self.sample(p)).sum::<f64>() / (SAMPLES * SAMPLES) as f64
+        if near_board { self.sample(pixel, 1.0) } else { self.sample_behind(pixel) }
     }
 }
 
@@ -132,13 +150,13 @@ pub(super) fn signal(renderer: &Renderer<'_>, shot: &Shot) -> Vec<f32> {
     let simulation = renderer.session.simulation;
     let (width, height) = (simulation.camera.width, simulation.camera.height);
     let look = Look::new(renderer, shot);
-    let mut sharp = vec![0.0f32; width * height];
-    sharp.par_chunks_mut(width).enumerate().for_each(|(row, values)| {
+    let mut signal = vec![0.0f32; width * height];
+    signal.par_chunks_mut(width).enumerate().for_each(|(row, values)| {
         for (column, value) in values.iter_mut().enumerate() {
             *value = look.pixel([column as f64, row as f64]) as f32;
         }
     });
-    field::blur(&sharp, width, simulation.noise.blur_px)
+    signal
 }
 
 /// The image with noise, in whole steps.

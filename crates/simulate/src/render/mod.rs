@@ -5,6 +5,7 @@ mod depth;
 mod field;
 mod image;
 mod rays;
+mod spread;
 
 use serde::{Deserialize, Serialize};
 
