@@ -113,12 +113,15 @@ fn measure(look: &Look<'_, '_>, shot: &Shot, amplitude: &[f32], [column, row]: [
     if let Some((ray, cut)) = board {
         let surface = look.placed.board.surface(cut.design);
         let edge_px = 1.2 * surface.print_edge_mm / look.footprint(&cut);
-        let chessboard = matches!(look.placed.board.pattern, Pattern::Chessboard);
+        // Only dark dots swallow the light; the squares of a chessboard are large enough to be measured.
+        let board = look.placed.board;
+        let chessboard = matches!(board.pattern, Pattern::Chessboard);
+        let dark_dot = surface.printed && !chessboard && !board.white_on_black;
         let missing_below = match () {
             () if edge_px < 1.2 => missing::PRINT_EDGE,
-            () if surface.printed && !chessboard => missing::DOT,
+            () if dark_dot => missing::DOT,
             () if edge_px < 2.5 => missing::BESIDE_PRINT,
-            () if surface.printed => missing::DARK_SQUARE,
+            () if surface.printed && chessboard => missing::DARK_SQUARE,
             () => weak,
         };
         let roughness = if edge_px < 2.0 { simulation.rendering.edge_noise } else { 1.0 };
