@@ -1,18 +1,33 @@
-//! Finds out where this OpenCV has its fiducials: in contrib's `aruco` until 4.6, in `objdetect` since 4.7.
+//! Finds out where this OpenCV has its fiducials: in contrib's `aruco` until 4.6, in `objdetect` since 4.7, or nowhere
+//! (a build without contrib).
 
+use std::path::Path;
 use std::process::Command;
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-env-changed=PKG_CONFIG_PATH");
-    println!("cargo::rustc-check-cfg=cfg(fiducials, values(\"contrib\", \"objdetect\"))");
-    let version = ["opencv4", "opencv5"].iter().find_map(|name| {
-        let output = Command::new("pkg-config").args(["--modversion", name]).output().ok()?;
-        let text = String::from_utf8(output.stdout).ok().filter(|_| output.status.success())?;
-        let mut parts = text.trim().split('.').map(|part| part.parse::<u32>());
-        Some((parts.next()?.ok()?, parts.next()?.ok()?))
-    });
-    // Without an answer the version that the project is built for is assumed.
-    let place = if version.unwrap_or((4, 6)) >= (4, 7) { "objdetect" } else { "contrib" };
+    println!("cargo::rustc-check-cfg=cfg(fiducials, values(\"contrib\", \"objdetect\", \"none\"))");
+    let has = |headers: &str, file: &str| Path::new(headers).join("opencv2").join(file).exists();
+    let place = match ["opencv4", "opencv5"].iter().find_map(|name| pkg_config("--cflags-only-I", name)) {
+        Some(flags) => {
+            let folders: Vec<&str> = flags.split_whitespace().filter_map(|flag| flag.strip_prefix("-I")).collect();
+            if folders.iter().any(|folder| has(folder, "objdetect/aruco_detector.hpp")) {
+                "objdetect"
+            } else if folders.iter().any(|folder| has(folder, "aruco.hpp")) {
+                "contrib"
+            } else {
+                "none"
+            }
+        }
+        // OpenCV was found in another way; the version that the project is built for is assumed.
+        None => "contrib",
+    };
     println!("cargo::rustc-cfg=fiducials=\"{place}\"");
+}
+
+/// What pkg-config says of a package; `None` when it does not know it.
+fn pkg_config(question: &str, package: &str) -> Option<String> {
+    let output = Command::new("pkg-config").args([question, package]).output().ok()?;
+    output.status.success().then(|| String::from_utf8(output.stdout).ok()).flatten()
 }

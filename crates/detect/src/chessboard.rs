@@ -3,7 +3,6 @@
 
 use depthcal_io::GrayImage;
 use depthcal_model::target::Target;
-use opencv::calib3d;
 use opencv::core::{Point2f, Size, Vector};
 
 use crate::circles::upright;
@@ -13,6 +12,10 @@ use crate::geometry::BoardMap;
 use crate::refine::{self, RefineOptions};
 use crate::saddles;
 use crate::stretch::{Plane, Stretch, unscaled};
+
+// OpenCV 5 has moved the detector.
+opencv::not_opencv_branch_5! { use opencv::calib3d as detectors; }
+opencv::opencv_branch_5! { use opencv::objdetect as detectors; }
 
 /// Largest rms distance of the corners from a smooth map, in squares.
 const MAX_RMS: f64 = 0.08;
@@ -33,7 +36,7 @@ const ATTEMPTS: [Attempt; 4] = [
     Attempt::Sectors(1, 0),
     Attempt::Saddles,
     Attempt::Sectors(2, 0),
-    Attempt::Sectors(1, calib3d::CALIB_CB_NORMALIZE_IMAGE | calib3d::CALIB_CB_EXHAUSTIVE),
+    Attempt::Sectors(1, detectors::CALIB_CB_NORMALIZE_IMAGE | detectors::CALIB_CB_EXHAUSTIVE),
 ];
 
 pub(crate) fn find(
@@ -99,7 +102,7 @@ fn sector_corners(
     let scaled = plane.to_mat(scale)?;
     let mut corners = Vector::<Point2f>::new();
     let size = Size::new(target.columns as i32, target.rows as i32);
-    let found = calib3d::find_chessboard_corners_sb(&scaled, size, &mut corners, flags).context(operation)?;
+    let found = detectors::find_chessboard_corners_sb(&scaled, size, &mut corners, flags).context(operation)?;
     let complete = found && corners.len() == target.len();
     Ok(complete.then(|| corners.iter().map(|p| unscaled(p, scale)).collect()))
 }

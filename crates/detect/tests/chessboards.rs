@@ -89,7 +89,7 @@ fn run(target: &Target, min_px: f64, count: usize, refine: bool) -> (usize, f64,
 #[test]
 fn boards_are_found_and_their_order_is_the_printed_one() {
     for target in [common::chessboard(9, 6, 25.0), common::chessboard(7, 5, 30.0), common::chessboard(6, 6, 25.0)] {
-        let count = common::frames(20);
+        let count = common::frames(12);
         let (columns, rows) = (target.columns, target.rows);
         let (found, raw, _) = run(&target, 10.0, count, false);
         println!("chessboard {columns} x {rows}: {found} of {count} found by OpenCV, rms {raw:.4} px");

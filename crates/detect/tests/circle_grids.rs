@@ -129,22 +129,22 @@ fn check(name: &str, outcomes: &[Outcome]) {
 
 #[test]
 fn asymmetric_dark_dots() {
-    check("asymmetric", &run(&common::asymmetric(4, 11, 17.0, 11.5), false, false, common::frames(40), 8));
+    check("asymmetric", &run(&common::asymmetric(4, 11, 17.0, 11.5), false, false, common::frames(24), 8));
 }
 
 #[test]
 fn asymmetric_bright_dots() {
-    check("asymmetric, bright", &run(&common::asymmetric(4, 11, 17.0, 11.5), true, false, common::frames(20), 8));
+    check("asymmetric, bright", &run(&common::asymmetric(4, 11, 17.0, 11.5), true, false, common::frames(12), 8));
 }
 
 #[test]
 fn symmetric_dots() {
-    check("symmetric", &run(&common::symmetric(7, 6, 24.0, 12.0), false, true, common::frames(20), 8));
+    check("symmetric", &run(&common::symmetric(7, 6, 24.0, 12.0), false, true, common::frames(12), 8));
 }
 
 #[test]
 fn infrared_amplitudes_with_a_lamp() {
-    check("16 bits", &run(&common::asymmetric(4, 11, 17.0, 11.5), false, false, common::frames(20), 16));
+    check("16 bits", &run(&common::asymmetric(4, 11, 17.0, 11.5), false, false, common::frames(12), 16));
 }
 
 #[test]

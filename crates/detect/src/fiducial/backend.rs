@@ -3,10 +3,11 @@
 use opencv::core::{Point2f, ToInputArray, Vector};
 
 use super::Tag;
-use crate::error::{Context, DetectError};
+use crate::error::DetectError;
 use crate::stretch::{Plane, unscaled};
 
 /// How tags are read.
+#[cfg_attr(fiducials = "none", allow(dead_code))]
 pub(super) struct Reading {
     /// OpenCV's number of the dictionary.
     pub(super) dictionary: i32,
@@ -23,6 +24,7 @@ mod implementation {
     use opencv::prelude::*;
 
     use super::*;
+    use crate::error::Context;
 
     fn dictionary(number: i32) -> Result<Ptr<aruco::Dictionary>, DetectError> {
         aruco::get_predefined_dictionary_i32(number).context("getPredefinedDictionary")
@@ -53,6 +55,7 @@ mod implementation {
     use opencv::prelude::*;
 
     use super::*;
+    use crate::error::Context;
 
     fn dictionary(number: i32) -> Result<objdetect::Dictionary, DetectError> {
         objdetect::get_predefined_dictionary_i32(number).context("getPredefinedDictionary")
@@ -76,6 +79,32 @@ mod implementation {
             objdetect::ArucoDetector::new(&dictionary(reading.dictionary)?, &parameters, refine).context(operation)?;
         let mut rejected = opencv::core::no_array();
         detector.detect_markers(mat, corners, ids, &mut rejected).context(operation)
+    }
+}
+
+#[cfg(fiducials = "none")]
+mod implementation {
+    use super::*;
+
+    fn missing() -> DetectError {
+        DetectError::MissingFeature {
+            feature: "the reader of ArUco and AprilTag markers",
+            version: opencv::core::CV_VERSION,
+            remedy: "build with an OpenCV that has the contrib module aruco, or with 4.7 or later",
+        }
+    }
+
+    pub(in super::super) fn dictionary_size(_: i32) -> Result<usize, DetectError> {
+        Err(missing())
+    }
+
+    pub(super) fn detect(
+        _: &impl ToInputArray,
+        _: &Reading,
+        _: &mut Vector<Vector<Point2f>>,
+        _: &mut Vector<i32>,
+    ) -> Result<(), DetectError> {
+        Err(missing())
     }
 }
 

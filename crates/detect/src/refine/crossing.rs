@@ -1,10 +1,10 @@
 //! The crossing of a chessboard and the corner of a tag, by fitting two soft edges to the grey values around it.
 //!
-//! Measured, as OpenCV's own calibration reprojects the corners of a set of grey images of a 9 × 6 board (640 × 480) and of
-//! infrared ones of a 5 × 7 board (512 × 424): findChessboardCornersSB 0.243 and 0.093 px; cornerSubPix on top of it at best
-//! 0.183 px (window 7) and 0.071 px (window 5, of the square root of the amplitudes), 0.41 and 3.7 px with the customary window
-//! of 11, which reaches into the next square; this fit 0.158 and 0.032 px. It hardly depends on the size of the
-//! neighbourhood from 0.4 to 0.6 squares.
+//! Measured, as OpenCV's own calibration reprojects the corners of a set of grey images of a 9 × 6 board (640 × 480)
+//! and of infrared ones of a 5 × 7 board (512 × 424): findChessboardCornersSB 0.243 and 0.093 px; cornerSubPix on top
+//! of it at best 0.183 px (window 7) and 0.071 px (window 5, of the square root of the amplitudes), 0.41 and 3.7 px with
+//! the customary window of 11, which reaches into the next square; this fit 0.158 and 0.032 px. It hardly depends on the
+//! size of the neighbourhood from 0.4 to 0.6 squares.
 
 use nalgebra::{Matrix2, SVector};
 
