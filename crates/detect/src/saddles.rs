@@ -15,11 +15,11 @@ const MAX_SADDLES: usize = 1200;
 /// Candidates from which a lattice is grown.
 const MAX_SEEDS: usize = 400;
 /// Weakest saddle, as a part of the strongest tenth's: the response goes with the square of the contrast.
-const WEAKEST: f32 = 0.05;
+const WEAKEST: f32 = 0.02;
 /// Radius of the ring on which a crossing is checked, px.
 const RING_PX: f64 = 3.0;
 /// Mean difference between opposite points of the ring, over its range.
-const MAX_ASYMMETRY: f32 = 0.35;
+const MAX_ASYMMETRY: f32 = 0.4;
 /// Smoothing, px; blurred and large squares need the second.
 const SMOOTHING: [f32; 2] = [1.0, 2.0];
 
