@@ -1,9 +1,12 @@
 //! The command line: one file per command.
 
+mod apply;
 mod calibrate;
 mod common;
 mod detect;
 mod evaluate;
+mod export;
+mod simulate;
 
 use std::process::ExitCode;
 
@@ -40,6 +43,9 @@ enum Command {
     Detect(detect::Detect),
     Calibrate(calibrate::Calibrate),
     Evaluate(evaluate::Evaluate),
+    Apply(apply::Apply),
+    Export(export::Export),
+    Simulate(simulate::Simulate),
 }
 
 /// Parses the arguments, runs the command, and says with the exit code how it went.
@@ -71,6 +77,9 @@ pub fn run() -> ExitCode {
         Command::Detect(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Evaluate(command) => command.run(),
+        Command::Apply(command) => command.run(),
+        Command::Export(command) => command.run(),
+        Command::Simulate(command) => command.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,36 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use depthcal_io::{Calibration, ExportCamera, ExportFormat, write_atomically};
+
+use super::common::{Failure, input};
+
+/// Writes a calibration in the format of another program.
+///
+/// What that program cannot represent is said on standard error.
+#[derive(Debug, Args)]
+pub(super) struct Export {
+    /// A calibration.json.
+    calibration: PathBuf,
+    /// OpenCV YAML, ROS camera_info, Kalibr camchain, or mrcal .cameramodel.
+    #[arg(long, value_parser = ["opencv", "ros", "kalibr", "mrcal"])]
+    format: String,
+    /// File to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+impl Export {
+    pub(super) fn run(&self) -> Result<(), Failure> {
+        let format: ExportFormat = self.format.parse().map_err(input)?;
+        let calibration = Calibration::read(&self.calibration).map_err(input)?;
+        let of_file = |error| Failure::Input(format!("{}: {error}", self.calibration.display()));
+        let export = ExportCamera::from_calibration(&calibration).and_then(|c| c.export(format)).map_err(of_file)?;
+        for warning in &export.warnings {
+            eprintln!("warning: {warning}");
+        }
+        write_atomically(&self.out, |writer| writer.write_all(export.text.as_bytes())).map_err(input)?;
+        println!("written: {}", self.out.display());
+        Ok(())
+    }
+}

@@ -1,0 +1,163 @@
+use std::fmt::Write as _;
+use std::path::{Component, Path, PathBuf};
+use std::{fs, io};
+
+use clap::Args;
+use depthcal_io::write_json;
+use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Simulation, catalogue, uncatalogued};
+
+use super::common::{Failure, Output, input};
+
+/// Renders captures of a board by a depth camera whose errors are known, as a dataset.
+///
+/// Nothing in the dataset tells which effects were simulated; --truth writes that to a file elsewhere. The same seed
+/// gives the same bytes.
+#[derive(Debug, Args)]
+#[command(after_long_help = effects_help())]
+pub(super) struct Simulate {
+    /// Camera of the thesis: 1, 2, 3 or 4.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    camera: usize,
+    /// How the board is held: general1 (any generalN is another such capture), centered1, longplywood1, longplywood2,
+    /// plywood1, sameheight1, sameheight2 or vertical1.
+    #[arg(long, default_value = "general1")]
+    kind: String,
+    /// Something that is wrong with camera or board, at its usual size or at SIZE; may be given several times. --help
+    /// lists them.
+    #[arg(long, value_name = "NAME[=SIZE]")]
+    effect: Vec<String>,
+    /// Decides poses, times and noise.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Number of frames instead of the kind's own.
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// File (JSON) that receives what was simulated; it must lie outside the dataset.
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Frames are rendered here, inside the dataset's folder, and renamed when all are complete.
+const STAGING: &str = ".depthcal-simulate.tmp";
+/// What a dataset consists of; `dataset.toml`, which makes it one, comes last.
+const PARTS: [&str; 4] = ["image", "depth", "frames.csv", "dataset.toml"];
+
+impl Simulate {
+    pub(super) fn run(&self) -> Result<(), Failure> {
+        let simulation = self.simulation()?;
+        let out = &self.output.out;
+        if let Some(truth) = self.truth.as_deref().filter(|truth| resolved(truth).starts_with(resolved(out))) {
+            return Err(Failure::Input(format!(
+                "--truth {} lies inside the dataset, which must not tell what was simulated: give a file outside {}",
+                truth.display(),
+                out.display()
+            )));
+        }
+        let existed = out.exists();
+        check_empty(out)?;
+        let staging = out.join(STAGING);
+        let frames = self.render(&simulation, &staging);
+        // What is left of the staging folder is this command's own; the dataset's folder goes only where it is empty and
+        // was not there before.
+        let _ = fs::remove_dir_all(&staging);
+        if frames.is_err() && !existed {
+            let _ = fs::remove_dir(out);
+        }
+        println!("{} frames written: {}", frames?, out.display());
+        Ok(())
+    }
+
+    fn simulation(&self) -> Result<Simulation, Failure> {
+        let camera = CameraTruth::published(self.camera).map_err(|e| Failure::Input(format!("--camera: {e}")))?;
+        let kind: Kind = self.kind.parse().map_err(|e| Failure::Input(format!("--kind: {e}")))?;
+        let effects = self.effect.iter().filter_map(|text| Effect::parse(text).transpose());
+        let effects: Vec<Effect> =
+            effects.collect::<Result<_, _>>().map_err(|e| Failure::Input(format!("--effect: {e}")))?;
+        let simulation = Simulation::new(camera, kind, &effects, self.seed);
+        let simulation = match self.frames {
+            Some(frames) => simulation.frames(frames),
+            None => simulation,
+        };
+        // Whatever makes it impossible shows before a folder is made.
+        simulation.truth().map_err(input)?;
+        Ok(simulation)
+    }
+
+    /// Renders into `staging` and moves the result one folder up; returns the number of frames.
+    fn render(&self, simulation: &Simulation, staging: &Path) -> Result<usize, Failure> {
+        remove(staging)?;
+        let truth = simulation.write_dataset(staging).map_err(input)?;
+        if let Some(path) = &self.truth {
+            write_json(path, &truth).map_err(input)?;
+        }
+        for part in PARTS {
+            let target = self.output.file(part);
+            fs::rename(staging.join(part), &target).map_err(|e| unwritable(&target, &e))?;
+        }
+        Ok(truth.frames.len())
+    }
+}
+
+/// Refuses a folder that holds anything: nothing of the user's is overwritten or mixed with the dataset.
+fn check_empty(out: &Path) -> Result<(), Failure> {
+    let entries = match fs::read_dir(out) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(unwritable(out, &error)),
+    };
+    for entry in entries {
+        let name = entry.map_err(|e| unwritable(out, &e))?.file_name();
+        if name != STAGING {
+            return Err(Failure::Input(format!(
+                "{} is not empty (it holds {}): give --out a new or an empty folder",
+                out.display(),
+                name.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Removes what an interrupted run has left.
+fn remove(staging: &Path) -> Result<(), Failure> {
+    match fs::remove_dir_all(staging) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(unwritable(staging, &error)),
+        _ => Ok(()),
+    }
+}
+
+fn unwritable(path: &Path, error: &io::Error) -> Failure {
+    Failure::Input(format!("{}: cannot write here: {error}; give --out a folder that can be written", path.display()))
+}
+
+/// The path without links, `.` and `..`, whether it exists or not.
+fn resolved(path: &Path) -> PathBuf {
+    let mut resolved = PathBuf::new();
+    for component in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
+        match component {
+            Component::ParentDir => _ = resolved.pop(),
+            other => resolved.push(other),
+        }
+        if let Ok(real) = resolved.canonicalize() {
+            resolved = real;
+        }
+    }
+    resolved
+}
+
+/// All effects with their usual sizes.
+fn effects_help() -> String {
+    let mut text = String::new();
+    let mut list = |title: &str, effects: &[EffectInfo]| {
+        let _ = writeln!(text, "{title}:");
+        for effect in effects {
+            let _ =
+                writeln!(text, "  {:22} {:>5} {}  {}", effect.name, effect.default_size, effect.unit, effect.size_is);
+        }
+    };
+    list("Effects that diagnose knows by name, with their usual sizes", catalogue());
+    list("\nEffects beyond them", uncatalogued());
+    text
+}

@@ -1,0 +1,252 @@
+use depthcal_model::{Block, Register};
+
+use super::*;
+
+const WIDTH: usize = 160;
+const HEIGHT: usize = 120;
+
+fn block(name: &str, theta: &[f64]) -> Block {
+    let mut block = Register::builtin().block(name, None).unwrap();
+    block.theta = theta.to_vec();
+    block
+}
+
+/// The lens of the thesis' camera 1 on a small image, with further pieces.
+fn camera(pieces: &[(&str, &[f64])]) -> Camera {
+    let lens = block("brown_conrady", &[-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
+    let pieces = pieces.iter().map(|(name, theta)| block(name, theta));
+    Camera::new(WIDTH, HEIGHT, [140.0, 139.0, 77.9, 60.2, 0.0], [lens].into_iter().chain(pieces).collect())
+}
+
+const PROJECTIVE: (&str, &[f64]) = ("projective", &[1.3406e-4, -3.52e-6, -6.99e-6, 1.00604654]);
+const CYCLIC: (&str, &[f64]) = ("cyclic_depth", &[3.0, -2.0, 0.5, 1.0]);
+const REGISTRATION: (&str, &[f64]) = ("depth_registration", &[1.7, -0.6]);
+
+/// Depths from `near` to `far`, neighbours far from each other.
+fn depths(near: f64, far: f64) -> impl Iterator<Item = f64> {
+    (0..WIDTH * HEIGHT).map(move |i| near + (far - near) * (i as f64 * 0.618_033_988_749_895).fract())
+}
+
+fn image(data: Vec<u16>) -> DepthImage {
+    DepthImage { width: WIDTH, height: HEIGHT, data }
+}
+
+fn blank() -> DepthImage {
+    image(vec![7; WIDTH * HEIGHT])
+}
+
+fn reference(camera: &Camera, context: &FrameContext<'_>, index: usize, measured_mm: f64) -> f64 {
+    let context = context.at(pixel(index, WIDTH), index);
+    1.0 / camera.correct(&context, 1.0, 1.0 / measured_mm).unwrap().1
+}
+
+#[test]
+fn agrees_with_the_camera() {
+    let models: [&[(&str, &[f64])]; 5] = [
+        &[],
+        &[PROJECTIVE],
+        &[PROJECTIVE, REGISTRATION],
+        &[PROJECTIVE, CYCLIC],
+        &[PROJECTIVE, CYCLIC, REGISTRATION, ("focus_breathing", &[1.5])],
+    ];
+    let context = FrameContext::default();
+    for pieces in models {
+        let camera = camera(pieces);
+        let corrector = Corrector::new(&camera).unwrap();
+        let fast = pieces.iter().all(|(name, _)| ["projective", "depth_registration"].contains(name));
+        assert_eq!(corrector.affine.is_some(), fast, "{pieces:?}");
+
+        let measured: Vec<f32> = depths(300.0, 4000.0).map(|z| z as f32).collect();
+        let mut corrected = vec![0.0; measured.len()];
+        let summary = corrector.correct_f32(&measured, &context, &mut corrected).unwrap();
+        assert_eq!(summary, CorrectionSummary { corrected: measured.len(), ..CorrectionSummary::default() });
+        for index in 0..measured.len() {
+            let expected = reference(&camera, &context, index, f64::from(measured[index]));
+            assert!((f64::from(corrected[index]) - expected).abs() < 0.01, "{pieces:?}: pixel {index}");
+        }
+
+        for unit in [1.0, 0.25] {
+            let measured = image(depths(300.0 / unit, 4000.0 / unit).map(|z| z as u16).collect());
+            let mut corrected = blank();
+            corrector.correct_u16(&measured, unit, &context, &mut corrected).unwrap();
+            for index in 0..measured.data.len() {
+                let expected = reference(&camera, &context, index, f64::from(measured.data[index]) * unit) / unit;
+                let error = f64::from(corrected.data[index]) - expected;
+                assert!(error.abs() <= 0.5 + 1e-9, "{pieces:?}: pixel {index}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn invalid_stays_invalid_and_results_saturate() {
+    // z = z_m / 2 and z = 2 z_m.
+    let halved = Corrector::new(&camera(&[("projective", &[0.0, 0.0, 0.0, 0.5])])).unwrap();
+    let doubled = Corrector::new(&camera(&[("projective", &[0.0, 0.0, 0.0, 2.0])])).unwrap();
+    let context = FrameContext::default();
+    let mut measured = image(vec![1000; WIDTH * HEIGHT]);
+    measured.data[..4].copy_from_slice(&[0, 1, 40_000, 65_535]);
+    let mut out = blank();
+    let summary = doubled.correct_u16(&measured, 0.1, &context, &mut out).unwrap();
+    assert_eq!(out.data[..5], [0, 2, 65_535, 65_535, 2000]);
+    let corrected = WIDTH * HEIGHT - 1;
+    assert_eq!(summary, CorrectionSummary { corrected, saturated: 2, invalid: 1, not_correctable: 0 });
+    let summary = halved.correct_u16(&measured, 5.0, &context, &mut out).unwrap();
+    assert_eq!(out.data[..5], [0, 1, 20_000, 32_768, 500]);
+    assert_eq!(summary.saturated, 0);
+
+    let mut measured = vec![1000.0f32; WIDTH * HEIGHT];
+    measured[..5].copy_from_slice(&[0.0, -5.0, f32::NAN, f32::INFINITY, f32::MAX]);
+    let mut out = vec![7.0f32; WIDTH * HEIGHT];
+    let summary = doubled.correct_f32(&measured, &context, &mut out).unwrap();
+    assert_eq!(out[..6], [0.0, 0.0, 0.0, 0.0, f32::MAX, 2000.0]);
+    assert_eq!((summary.invalid, summary.saturated), (4, 1));
+}
+
+#[test]
+fn what_has_no_inverse_becomes_invalid_and_is_counted() {
+    // ρ_m = ρ + 1/2000: whatever is measured beyond 2000 mm lies behind infinity.
+    let offset = ("projective", &[0.0, 0.0, 5e-4, 1.0][..]);
+    let context = FrameContext::default();
+    let mut measured = image(vec![1000; WIDTH * HEIGHT]);
+    measured.data[..3].copy_from_slice(&[2000, 2500, 0]);
+    for pieces in [vec![offset], vec![offset, CYCLIC]] {
+        let mut out = blank();
+        let corrector = Corrector::new(&camera(&pieces)).unwrap();
+        let summary = corrector.correct_u16(&measured, 1.0, &context, &mut out).unwrap();
+        assert_eq!(out.data[..3], [0; 3]);
+        assert_eq!((summary.not_correctable, summary.invalid), (2, 1), "{pieces:?}");
+    }
+    // A lens whose image folds before the corners, and a model that turns depth around.
+    let folding = block("brown_conrady", &[-0.6, 0.0, 0.0, 0.0, 0.0]);
+    let corrector =
+        Corrector::new(&Camera::new(WIDTH, HEIGHT, [119.2, 119.2, 79.5, 59.5, 0.0], vec![folding])).unwrap();
+    let mut out = blank();
+    let summary = corrector.correct_u16(&measured, 1.0, &context, &mut out).unwrap();
+    assert!(summary.not_correctable > 100 && summary.corrected > WIDTH * HEIGHT / 2, "{summary:?}");
+    assert_eq!(out.data[WIDTH * HEIGHT - 1], 0);
+    let corrector = Corrector::new(&camera(&[("projective", &[0.0, 0.0, 5e-3, -1.0])])).unwrap();
+    assert_eq!(corrector.correct_u16(&measured, 1.0, &context, &mut out).unwrap().corrected, 0);
+}
+
+#[test]
+fn effects_of_time_temperature_and_amplitude_are_taken_from_the_frame() {
+    let camera = camera(&[
+        PROJECTIVE,
+        ("temporal_drift", &[1e-2, 1e-6]),
+        ("temperature_drift", &[1e-3, 1e-7]),
+        ("reflectivity_bias", &[4.0, 1.0, 0.0]),
+    ]);
+    let corrector = Corrector::new(&camera).unwrap();
+    assert_eq!(corrector.needs(), Needs { time: true, temperature: true, amplitude: true, incidence: false });
+    let data = (0..WIDTH * HEIGHT).map(|i| 100 + (i % 3000) as u16).collect();
+    let amplitude = GrayImage { width: WIDTH, height: HEIGHT, data, bits: 16 };
+    let known = FrameContext { time_s: 250.0, temperature_c: 41.0, amplitude: Some(&amplitude) };
+    let measured: Vec<f32> = depths(300.0, 4000.0).map(|z| z as f32).collect();
+    let mut results = [vec![0.0; measured.len()], vec![0.0; measured.len()]];
+    for (context, out) in [known, FrameContext::default()].iter().zip(&mut results) {
+        corrector.correct_f32(&measured, context, out).unwrap();
+        for index in (0..measured.len()).step_by(7) {
+            let expected = reference(&camera, context, index, f64::from(measured[index]));
+            assert!((f64::from(out[index]) - expected).abs() < 0.01);
+        }
+    }
+    let difference = results[0].iter().zip(&results[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(difference > 20.0, "{difference}");
+}
+
+#[test]
+fn the_angle_of_incidence_comes_from_the_neighbours() {
+    // A plane tilted by 60°, seen with a bias of 8 mm (1 / cos θ − 1).
+    let camera = camera(&[PROJECTIVE, ("incidence_bias", &[8.0])]);
+    let corrector = Corrector::new(&camera).unwrap();
+    assert!(corrector.needs().incidence);
+    let (sin, cos) = 60f64.to_radians().sin_cos();
+    let mut truth = Vec::new();
+    let mut measured = Vec::new();
+    for index in 0..WIDTH * HEIGHT {
+        let context = Context { pixel: pixel(index, WIDTH), ..Context::default() };
+        let [x, y] = camera.ray(context.pixel, 1e-3).unwrap();
+        let rho = (sin * x + cos) / (1000.0 * cos);
+        let cosine = (sin * x + cos) / (1.0 + x * x + y * y).sqrt();
+        let seen = rho > 1.0 / 3000.0 && cosine > 0.3;
+        truth.push(1.0 / rho);
+        let rho = camera.measured_inverse_depth(&context, [x, y], cosine, rho);
+        measured.push(if seen { (1.0 / rho) as f32 } else { 0.0 });
+    }
+    let mut out = vec![0.0; measured.len()];
+    corrector.correct_f32(&measured, &FrameContext::default(), &mut out).unwrap();
+    // What a correction that does not know the angle leaves.
+    let straight = |i: usize| reference(&camera, &FrameContext::default(), i, f64::from(measured[i]));
+    let valid = || (0..truth.len()).filter(|i| measured[*i] > 0.0);
+    let before = valid().map(|i| (straight(i) - truth[i]).abs()).fold(0.0, f64::max);
+    let after = valid().map(|i| (f64::from(out[i]) - truth[i]).abs()).fold(0.0, f64::max);
+    assert!(before > 15.0 && after < 0.5, "{before} {after}");
+    // A pixel without neighbours has no slope, and counts as seen at a right angle.
+    let lone = HEIGHT / 2 * WIDTH + WIDTH / 2;
+    let mut alone = vec![0.0; measured.len()];
+    alone[lone] = 1000.0;
+    corrector.correct_f32(&alone, &FrameContext::default(), &mut out).unwrap();
+    let expected = reference(&camera, &FrameContext::default(), lone, 1000.0);
+    assert!((f64::from(out[lone]) - expected).abs() < 1e-3);
+}
+
+#[test]
+fn points_lie_on_the_true_rays() {
+    for pieces in [vec![PROJECTIVE, REGISTRATION], vec![PROJECTIVE, ("focus_breathing", &[20.0][..])]] {
+        let camera = camera(&pieces);
+        let corrector = Corrector::new(&camera).unwrap();
+        let mut corrected = image(depths(300.0, 4000.0).map(|z| (2.0 * z) as u16).collect());
+        corrected.data[5] = 0;
+        let points = corrector.points(&corrected, 0.5).unwrap();
+        assert_eq!(points.len(), WIDTH * HEIGHT);
+        assert!(points[5].iter().all(|c| c.is_nan()));
+        for (index, point) in points.iter().enumerate().filter(|(i, _)| *i != 5) {
+            let [x, y, z] = point.map(f64::from);
+            assert_eq!(z, f64::from(corrected.data[index]) * 0.5);
+            let seen = camera.project(&nalgebra::Vector3::new(x, y, z)).unwrap();
+            let context = Context { pixel: pixel(index, WIDTH), ..Context::default() };
+            let expected = camera.image_pixel(&context);
+            assert!((seen[0] - expected[0]).hypot(seen[1] - expected[1]) < 1e-4);
+        }
+        let millimetres: Vec<f32> = corrected.data.iter().map(|z| f32::from(*z) * 0.5).collect();
+        let again = corrector.points_f32(&millimetres).unwrap();
+        assert!(again.iter().zip(&points).all(|(a, b)| a.map(f32::to_bits) == b.map(f32::to_bits)));
+    }
+}
+
+#[test]
+fn wrong_sizes_units_and_cameras_are_refused() {
+    let corrector = Corrector::new(&camera(&[PROJECTIVE])).unwrap();
+    let context = FrameContext::default();
+    let small = DepthImage { width: 4, height: 3, data: vec![1000; 12] };
+    let torn = DepthImage { data: vec![1000; 12], ..blank() };
+    let error = corrector.correct_u16(&small, 1.0, &context, &mut blank()).unwrap_err();
+    assert_eq!(error, CorrectorError::Size { what: "the depth image", found: (4, 3), expected: (WIDTH, HEIGHT) });
+    assert!(error.to_string().contains("4×3") && error.to_string().contains("160×120"));
+    assert!(matches!(
+        corrector.correct_u16(&blank(), 1.0, &context, &mut small.clone()),
+        Err(CorrectorError::Size { .. })
+    ));
+    assert!(matches!(
+        corrector.correct_u16(&torn, 1.0, &context, &mut blank()),
+        Err(CorrectorError::Length { found: 12, .. })
+    ));
+    assert!(matches!(corrector.correct_f32(&[1.0], &context, &mut [0.0]), Err(CorrectorError::Length { .. })));
+    assert!(matches!(corrector.points(&small, 1.0), Err(CorrectorError::Size { .. })));
+    for unit in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let mut out = blank();
+        let result = corrector.correct_u16(&blank(), unit, &context, &mut out);
+        assert!(matches!(result, Err(CorrectorError::Unit { .. })));
+        assert_eq!(out, blank());
+    }
+    let amplitude = GrayImage { width: 2, height: 2, data: vec![0; 4], bits: 8 };
+    let context = FrameContext { amplitude: Some(&amplitude), ..context };
+    let error = corrector.correct_u16(&blank(), 1.0, &context, &mut blank()).unwrap_err();
+    assert!(matches!(error, CorrectorError::Size { what: "the amplitude image", .. }));
+
+    let empty = Camera::new(0, 480, [500.0, 500.0, 0.0, 0.0, 0.0], Vec::new());
+    assert_eq!(Corrector::new(&empty).unwrap_err(), CorrectorError::Empty { width: 0, height: 480 });
+    let broken = Camera::new(4, 3, [f64::NAN; 5], Vec::new());
+    assert!(matches!(Corrector::new(&broken), Err(CorrectorError::NoRay { .. })));
+}
