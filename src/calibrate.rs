@@ -3,6 +3,7 @@
 use depthcal_model::{Block, Camera, CameraError, Register, RegisterError};
 use depthcal_solver::{CovarianceError, SolveError};
 use nalgebra::{DMatrix, Isometry3};
+use rayon::prelude::*;
 use thiserror::Error;
 use tracing::{info, warn};
 
@@ -12,7 +13,7 @@ use crate::depth_sampling::sample_depth;
 use crate::estimators::{self, EstimatorError};
 use crate::noise::{DepthNoise, NoiseModel, clipped_sigma};
 use crate::observations::{Capture, DroppedFrame};
-use crate::start::{FEWEST_FRAMES, FEWEST_MARKERS, FrameMarkers, StartError, estimate_pose, start_values};
+use crate::start::{FEWEST_FRAMES, FEWEST_MARKERS, FrameMarkers, StartError, estimate_pose, refine_pose, start_values};
 
 /// How the depth model is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -235,6 +236,9 @@ pub fn calibrate_image(capture: &Capture, options: &CalibrateOptions) -> Result<
             }
             continue;
         }
+        if round < ROUNDS && leave_mirrored_poses(&capture, &camera, &mut poses) > 0 {
+            continue;
+        }
         let before = noise.pixel_sigma;
         let covariance = adjustment.covariance()?;
         let redundancy = adjustment.redundancies(&covariance).0;
@@ -411,6 +415,28 @@ fn finish(
 /// Root mean square; 0 of nothing.
 pub(crate) fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// A start camera without lens may put a frame into the wrong one of a plane's two poses, where the adjustment then stays.
+/// Estimates every pose anew under the adjusted camera and takes those that fit clearly better; returns how many.
+fn leave_mirrored_poses(capture: &Capture, camera: &Camera, poses: &mut [Isometry3<f64>]) -> usize {
+    const CLEARLY: f64 = 0.9;
+    let better: Vec<Option<Isometry3<f64>>> = capture
+        .frames
+        .par_iter()
+        .zip(&*poses)
+        .map(|(frame, pose)| {
+            let markers = FrameMarkers { name: &frame.name, markers: &frame.markers };
+            let stays = refine_pose(camera, &capture.target, &frame.markers, pose)?;
+            let other = estimate_pose(camera, &capture.target, &markers).ok()?;
+            (other.rms_px < CLEARLY * stays.rms_px).then_some(other.camera_from_board)
+        })
+        .collect();
+    let moved = better.iter().flatten().count();
+    for (pose, better) in poses.iter_mut().zip(better) {
+        *pose = better.unwrap_or(*pose);
+    }
+    moved
 }
 
 /// The frame that fits far worse than the others, and why it goes.
