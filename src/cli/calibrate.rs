@@ -68,7 +68,18 @@ pub(super) struct Calibrate {
 }
 
 impl Calibrate {
+    /// Names are checked before the images are read, which takes its time.
+    fn check_names(&self) -> Result<(), Failure> {
+        let register = CalibrateOptions::default().register;
+        register.depth_model(&self.model).map_err(|e| Failure::Input(format!("--model {}: {e}", self.model)))?;
+        for name in &self.with {
+            register.block(name, None).map_err(|e| Failure::Input(format!("--with {name}: {e}")))?;
+        }
+        Ok(())
+    }
+
     pub(super) fn run(&self) -> Result<(), Failure> {
+        self.check_names()?;
         let loaded = self.reading.load(&self.dataset)?;
         let (fitted, held) = match self.hold_out {
             Some(hold_out) => {
