@@ -17,5 +17,6 @@ pub mod noise;
 pub mod observations;
 mod progress;
 pub mod record;
+pub mod report;
 pub mod simulated;
 pub mod start;

@@ -1,0 +1,127 @@
+//! Depth errors as maps over the image and over the board.
+
+use serde_json::{Value, json};
+
+use super::{Figure, colour_bar, diverging, image_axes, short};
+use crate::evaluate::PixelError;
+use crate::report::ReportInput;
+use crate::report::binned::{Binned, Cell};
+use crate::report::covariates::Image;
+use crate::report::html::number;
+use crate::report::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, judged, noise_mm};
+use crate::report::pool::Pool;
+use crate::report::statistics::quantile;
+
+/// A map of cells, row by row.
+fn heat(cells: &[Cell], columns: usize, x: &Value, y: &Value, limit: f64) -> Value {
+    let rows = |f: &dyn Fn(&Cell) -> Value| -> Value {
+        cells.chunks(columns).map(|row| row.iter().map(f).collect::<Value>()).collect()
+    };
+    let note = |c: &Cell| {
+        let half = if c.half.is_finite() { format!("± {} mm", number(c.half)) } else { "interval unknown".to_owned() };
+        json!(format!("{half}, {} frames", c.frames))
+    };
+    json!({
+        "type": "heatmap", "x": x, "y": y, "z": rows(&|c| short(c.value)), "text": rows(&note),
+        "zmin": -limit, "zmax": limit, "colorscale": diverging(), "colorbar": colour_bar("mm"), "hoverongaps": false,
+        "hovertemplate": "(%{x:.0f}, %{y:.0f}): %{z:+.3~g} mm %{text}<extra></extra>",
+    })
+}
+
+/// Marks cells that differ from zero beyond their interval.
+fn marks(cells: &[Cell], at: impl Fn(usize) -> [f64; 2]) -> Value {
+    let sure: Vec<[f64; 2]> = cells.iter().enumerate().filter(|(_, c)| c.stands_out()).map(|(i, _)| at(i)).collect();
+    json!({
+        "type": "scatter", "mode": "markers", "hoverinfo": "skip", "showlegend": false,
+        "x": sure.iter().map(|p| short(p[0])).collect::<Value>(),
+        "y": sure.iter().map(|p| short(p[1])).collect::<Value>(),
+        "marker": {"symbol": "circle", "size": 4, "color": "#111111", "opacity": 0.65},
+    })
+}
+
+fn limit(cells: &[Cell]) -> f64 {
+    quantile(cells.iter().filter(|c| c.pixels > 0).map(|c| c.value.abs()), 0.98).max(1e-3)
+}
+
+/// Typical half width of a cell's interval, mm.
+fn noise_level(cells: &[Cell]) -> f64 {
+    quantile(cells.iter().map(|c| c.half), 0.5)
+}
+
+/// Maps over the image: as measured, corrected on the same scale, and corrected on a scale of its own.
+pub(in crate::report) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> {
+    let pool = judged(input);
+    if !pool.has_depth() {
+        return Vec::new();
+    }
+    let grid = image.grid(MAP_COLUMNS);
+    let n = grid[0] * grid[1];
+    let bins = |value: &dyn Fn(&PixelError) -> f64| {
+        Binned::new(&pool, n, |p| image.cell(grid, p.context.pixel), value, noise_mm(input)).cells()
+    };
+    let (before, after) = (bins(&|p| p.before_mm), bins(&|p| p.after_mm));
+    let x: Value = (0..grid[0]).map(|c| short(image.middle(grid, c)[0])).collect();
+    let y: Value = (0..grid[1]).map(|r| short(image.middle(grid, r * grid[0])[1])).collect();
+    let shared = limit(&before).max(limit(&after));
+    let own = limit(&after);
+    let layout = image_axes(image);
+    let aspect = image.width / image.height * 1.02;
+    let range = |cells: &[Cell]| {
+        let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
+        format!("from {} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+    };
+    let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool| {
+        let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
+        if marked {
+            data.push(marks(cells, |i| image.middle(grid, i)));
+        }
+        Figure::new(id, title, data, layout.clone()).alt(format!("{title}: {}.", range(cells))).aspect(aspect)
+    };
+    let frames = pool.frames.len();
+    vec![
+        figure("map-before", "Depth error as measured", &before, shared, false).caption(format!(
+            "Mean over {frames} frames of each frame's median error in the cell, measured minus true depth: orange is \
+             too far, blue too near. {}.",
+            capital(&range(&before))
+        )),
+        figure("map-after", "Depth error after correction, same colours", &after, shared, false)
+            .caption(format!("{}. What is white here is gone.", capital(&range(&after)))),
+        figure("map-left", "What is left, on a scale of its own", &after, own, true).caption(format!(
+            "The same map, stretched. Dots mark cells that differ from zero beyond their 95 % interval, which is \
+             typically ± {} mm wide; by chance alone, one cell in twenty would carry a dot.",
+            number(noise_level(&after))
+        )),
+    ]
+}
+
+/// What is left over the board: a bent board or a bad print would show here.
+pub(in crate::report) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
+    let pool: Pool<'_> = judged(input);
+    let [ax, ay] = board_axes(&pool)?;
+    let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
+    let cells = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells();
+    let x: Value = (0..BOARD_GRID[0]).map(|i| short(ax.middle(i))).collect();
+    let y: Value = (0..BOARD_GRID[1]).map(|i| short(ay.middle(i))).collect();
+    let layout = json!({
+        "xaxis": {"title": {"text": "board x / mm"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "board y / mm"}, "autorange": "reversed", "scaleanchor": "x",
+                  "constrain": "domain", "showgrid": false},
+    });
+    let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
+    let data = vec![heat(&cells, BOARD_GRID[0], &x, &y, limit(&cells)), marks(&cells, at)];
+    Some(
+        Figure::new("map-board", "What is left, over the board", data, layout)
+            .caption(format!(
+                "Corrected depth error where it was seen on the board. A bent board shows as a bowl or a saddle. Cells \
+                 are known to ± {} mm.",
+                number(noise_level(&cells))
+            ))
+            .alt("Map of the corrected depth error over the board.")
+            .aspect(1.3),
+    )
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
+}

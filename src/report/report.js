@@ -1,0 +1,144 @@
+// Draws the figures of the page, follows light, dark and paper, and connects the pickers.
+(() => {
+  "use strict";
+  const root = document.documentElement;
+  const figures = JSON.parse(document.getElementById("figure-data").textContent);
+  const byId = new Map(figures.map((figure) => [figure.id, figure]));
+  const narrow = window.matchMedia("(max-width: 40rem)");
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const config = {
+    responsive: true,
+    displaylogo: false,
+    modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"],
+    toImageButtonOptions: { format: "svg" },
+  };
+
+  const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);
+
+  // Fields of `over` win; both stay as they are.
+  const merged = (under, over) => {
+    const out = { ...under };
+    for (const [key, value] of Object.entries(over)) {
+      out[key] = isObject(value) && isObject(out[key]) ? merged(out[key], value) : value;
+    }
+    return out;
+  };
+
+  const colours = (paper) => {
+    if (paper) return { ink: "#000", soft: "#444", grid: "#ddd" };
+    const style = getComputedStyle(root);
+    const get = (name) => style.getPropertyValue(name).trim();
+    return { ink: get("--ink"), soft: get("--soft"), grid: get("--grid") };
+  };
+
+  const theme = (figure, paper) => {
+    const { ink, soft, grid } = colours(paper);
+    const axis = {
+      gridcolor: grid, zerolinecolor: soft, linecolor: grid, tickcolor: grid, automargin: true, zeroline: false,
+      title: { standoff: 8, font: { size: 13 } },
+    };
+    const base = {
+      paper_bgcolor: "rgba(0,0,0,0)",
+      plot_bgcolor: "rgba(0,0,0,0)",
+      font: { color: ink, size: 12, family: getComputedStyle(document.body).fontFamily },
+      margin: { l: 48, r: 10, t: 30, b: 42 },
+      legend: { orientation: "h", x: 0, y: 1.01, yanchor: "bottom", font: { size: 12 }, itemsizing: "constant" },
+      hoverlabel: { font: { family: getComputedStyle(document.body).fontFamily } },
+      autosize: true,
+      xaxis: axis,
+      yaxis: axis,
+      dragmode: narrow.matches ? false : "zoom",
+    };
+    if (figure.layout.scene) {
+      const wall = { ...axis, showbackground: false, zeroline: false };
+      delete wall.automargin;
+      base.scene = { xaxis: wall, yaxis: wall, zaxis: wall };
+      base.dragmode = "turntable";
+      delete base.xaxis;
+      delete base.yaxis;
+    }
+    const layout = merged(base, figure.layout);
+    if (layout.yaxis && layout.yaxis.zeroline) layout.yaxis.zerolinewidth = 1.5;
+    return layout;
+  };
+
+  const data = (figure) => {
+    const traces = figure.data.map((trace) => {
+      const copy = { ...trace };
+      // On a narrow screen a colour bar beside the map would leave no room for the map.
+      if (copy.colorbar && narrow.matches) {
+        copy.colorbar = { ...copy.colorbar, orientation: "h", y: -0.18, yanchor: "top", thickness: 10,
+          title: { ...copy.colorbar.title, side: "right" } };
+      }
+      return copy;
+    });
+    if (figure.variants) Object.assign(traces[0], figure.variants[figure.chosen || 0].trace);
+    return traces;
+  };
+
+  const canDraw3d = (() => {
+    try {
+      const canvas = document.createElement("canvas");
+      return Boolean(canvas.getContext("webgl") || canvas.getContext("experimental-webgl"));
+    } catch {
+      return false;
+    }
+  })();
+
+  const draw = (figure, paper) => {
+    const element = document.getElementById(figure.id);
+    if (!element) return Promise.resolve();
+    if (figure.layout.scene && !canDraw3d) {
+      element.classList.add("failed");
+      element.textContent = "This browser cannot draw in three dimensions; the figures beside show the same boards.";
+      return Promise.resolve();
+    }
+    return Plotly.react(element, data(figure), theme(figure, paper), config).catch((error) => {
+      element.classList.add("failed");
+      element.textContent = "This figure could not be drawn.";
+      console.error(`figure ${figure.id}: ${error}`);
+    });
+  };
+
+  const drawAll = (paper) => Promise.all(figures.map((figure) => draw(figure, paper)));
+
+  for (const picker of document.querySelectorAll(".picker")) {
+    const select = picker.querySelector("select");
+    const output = picker.querySelector("output");
+    const targets = picker.dataset.figures.split(" ").map((id) => byId.get(id));
+    const choose = (index) => {
+      select.selectedIndex = index;
+      output.textContent = targets[0].variants[index].note;
+      for (const figure of targets) {
+        figure.chosen = index;
+        draw(figure, false);
+      }
+    };
+    select.addEventListener("change", () => choose(select.selectedIndex));
+    for (const button of picker.querySelectorAll("button")) {
+      button.addEventListener("click", () => {
+        const count = select.options.length;
+        choose((select.selectedIndex + Number(button.dataset.step) + count) % count);
+      });
+    }
+    select.selectedIndex = 0;
+  }
+
+  dark.addEventListener("change", () => drawAll(false));
+  narrow.addEventListener("change", () => drawAll(false));
+  window.addEventListener("beforeprint", () => {
+    document.querySelectorAll("details").forEach((d) => { d.open = true; });
+    drawAll(true);
+  });
+  window.addEventListener("afterprint", () => drawAll(false));
+
+  // What is seen first is drawn first; the page stays responsive in between.
+  (async () => {
+    for (const figure of figures) {
+      await draw(figure, false);
+      await new Promise((resolve) => setTimeout(resolve, 0));
+    }
+    root.dataset.figures = String(document.querySelectorAll(".plot .main-svg").length > 0 || figures.length === 0);
+    root.dataset.ready = "true";
+  })();
+})();

@@ -1,0 +1,201 @@
+//! Errors with intervals, resampled by frames.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Resamples of an interval.
+const RESAMPLES: usize = 2000;
+/// Fewest frames that are resampled.
+const FEWEST_FRAMES: usize = 3;
+/// Same input, same report.
+const SEED: u64 = 0x6465_7074_6863_616c;
+
+/// Sum and count of one frame's contributions to a mean.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Total {
+    /// Of the values, or of their squares.
+    pub sum: f64,
+    /// Number of values.
+    pub count: usize,
+}
+
+impl Total {
+    /// Of finite values.
+    pub(super) fn of(values: impl Iterator<Item = f64>) -> Self {
+        values.filter(|v| v.is_finite()).fold(Self::default(), |t, v| Self { sum: t.sum + v, count: t.count + 1 })
+    }
+}
+
+/// How totals become an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// The mean.
+    Mean,
+    /// The root of the mean; the totals are of squares.
+    Rms,
+}
+
+/// An error and the interval that holds it with 95 % confidence; NaN where there is none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Estimate {
+    pub value: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Estimate {
+    pub(super) fn has_interval(&self) -> bool {
+        self.low.is_finite() && self.high.is_finite()
+    }
+}
+
+/// An error before and after, and the difference after − before with an interval of its own: both are made from the
+/// same frames, so that the difference is known better than either.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Change {
+    pub before: Estimate,
+    pub after: Estimate,
+    pub difference: Estimate,
+    /// Frames with such an error.
+    pub frames: usize,
+}
+
+fn pooled(totals: &[Total], kind: Kind, weight: impl Fn(usize) -> f64) -> f64 {
+    let (sum, count) = totals.iter().enumerate().fold((0.0, 0.0), |(s, n), (i, t)| {
+        let w = weight(i);
+        (s + w * t.sum, n + w * t.count as f64)
+    });
+    match kind {
+        Kind::Mean => sum / count,
+        Kind::Rms => (sum / count).sqrt(),
+    }
+}
+
+/// Before and after over frames, with intervals; `None` without any value.
+pub(super) fn change(before: &[Total], after: &[Total], kind: Kind) -> Option<Change> {
+    let used: Vec<usize> = (0..before.len()).filter(|i| before[*i].count > 0 && after[*i].count > 0).collect();
+    let before: Vec<Total> = used.iter().map(|i| before[*i]).collect();
+    let after: Vec<Total> = used.iter().map(|i| after[*i]).collect();
+    let frames = before.len();
+    if frames == 0 {
+        return None;
+    }
+    let (b, a) = (pooled(&before, kind, |_| 1.0), pooled(&after, kind, |_| 1.0));
+    let none = |value: f64| Estimate { value, low: f64::NAN, high: f64::NAN };
+    if frames < FEWEST_FRAMES {
+        return Some(Change { before: none(b), after: none(a), difference: none(a - b), frames });
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let mut drawn: [Vec<f64>; 3] = Default::default();
+    let mut weights = vec![0.0; frames];
+    for _ in 0..RESAMPLES {
+        weights.fill(0.0);
+        (0..frames).for_each(|_| weights[rng.random_range(0..frames)] += 1.0);
+        let (b, a) = (pooled(&before, kind, |i| weights[i]), pooled(&after, kind, |i| weights[i]));
+        for (list, value) in drawn.iter_mut().zip([b, a, a - b]) {
+            list.push(value);
+        }
+    }
+    let interval = |value: f64, list: &mut Vec<f64>| {
+        list.sort_by(f64::total_cmp);
+        Estimate { value, low: quantile_of_sorted(list, 0.025), high: quantile_of_sorted(list, 0.975) }
+    };
+    let [db, da, dd] = &mut drawn;
+    Some(Change { before: interval(b, db), after: interval(a, da), difference: interval(a - b, dd), frames })
+}
+
+/// One error with its interval.
+pub(super) fn estimate(totals: &[Total], kind: Kind) -> Option<(Estimate, usize)> {
+    change(totals, totals, kind).map(|c| (c.after, c.frames))
+}
+
+/// Quantile of sorted values, linearly interpolated; NaN of none.
+pub(super) fn quantile_of_sorted(sorted: &[f64], q: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let position = q * last as f64;
+    let (i, t) = (position.floor() as usize, position.fract());
+    let next = sorted[(i + 1).min(last)];
+    sorted[i] + t * (next - sorted[i])
+}
+
+/// Quantile of finite values; NaN of none.
+pub(super) fn quantile(values: impl Iterator<Item = f64>, q: f64) -> f64 {
+    let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    quantile_of_sorted(&sorted, q)
+}
+
+/// Median of values, which are reordered; NaN of none.
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// A generator for tests that flip signs; not the one of the intervals.
+pub(super) fn sign_generator() -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(SEED ^ 1)
+}
+
+/// Quantile 0.975 of Student's t, by Cornish–Fisher expansion about the normal quantile; exact to 1 % from three
+/// degrees of freedom on.
+pub(super) fn student(degrees: usize) -> f64 {
+    match degrees {
+        0 => f64::NAN,
+        1 => 12.706,
+        2 => 4.303,
+        n => {
+            let (z, n) = (1.959_964_f64, n as f64);
+            let (z3, z5, z7) = (z.powi(3), z.powi(5), z.powi(7));
+            z + (z3 + z) / (4.0 * n)
+                + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * n * n)
+                + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * n * n * n)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_distr::{Distribution, Normal};
+
+    #[test]
+    fn intervals_hold_what_the_frames_say() {
+        // 40 frames of one value each, standard normal about 10: the standard error is 1/√40 = 0.158.
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let normal = Normal::new(10.0, 1.0).unwrap();
+        let totals: Vec<Total> = (0..40).map(|_| Total { sum: normal.sample(&mut rng), count: 1 }).collect();
+        let (e, frames) = estimate(&totals, Kind::Mean).unwrap();
+        assert_eq!(frames, 40);
+        let half = (e.high - e.low) / 2.0;
+        assert!((half / (1.96 * 0.158) - 1.0).abs() < 0.3, "half width {half}");
+        assert!(e.low < e.value && e.value < e.high);
+    }
+
+    #[test]
+    fn a_paired_difference_is_known_better_than_its_parts() {
+        let before: Vec<Total> = (0..20).map(|i| Total { sum: 10.0 + f64::from(i), count: 1 }).collect();
+        let after: Vec<Total> = before.iter().map(|t| Total { sum: t.sum - 1.0, count: 1 }).collect();
+        let c = change(&before, &after, Kind::Mean).unwrap();
+        assert!((c.difference.low + 1.0).abs() < 1e-9 && (c.difference.high + 1.0).abs() < 1e-9);
+        assert!(c.before.high - c.before.low > 1.0);
+    }
+
+    #[test]
+    fn too_few_frames_have_no_interval_and_no_frames_no_value() {
+        let two = [Total { sum: 1.0, count: 1 }, Total { sum: 3.0, count: 1 }];
+        let (e, _) = estimate(&two, Kind::Mean).unwrap();
+        assert!(e.value == 2.0 && !e.has_interval());
+        assert!(estimate(&[Total::default()], Kind::Rms).is_none());
+        assert_eq!(Total::of([f64::NAN, 2.0].into_iter()).count, 1);
+    }
+
+    #[test]
+    fn student_quantiles() {
+        for (n, t) in [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042)] {
+            assert!((student(n) / t - 1.0).abs() < 0.011, "{n}: {}", student(n));
+        }
+    }
+}
