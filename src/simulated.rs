@@ -9,7 +9,9 @@ use crate::observations::{Capture, DepthSample, Frame, MarkerObservation};
 /// The board of a simulation, in the model's terms.
 pub fn target(board: &simulate::Board, declared_spacing_mm: f64) -> Target {
     let pattern = match board.pattern {
-        simulate::Pattern::AsymmetricCircles { circle_diameter_mm } => Pattern::AsymmetricCircles { circle_diameter_mm },
+        simulate::Pattern::AsymmetricCircles { circle_diameter_mm } => {
+            Pattern::AsymmetricCircles { circle_diameter_mm }
+        }
         simulate::Pattern::SymmetricCircles { circle_diameter_mm } => Pattern::SymmetricCircles { circle_diameter_mm },
         simulate::Pattern::Chessboard => Pattern::Chessboard,
     };

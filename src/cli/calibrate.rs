@@ -3,13 +3,14 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use depthcal_io::{Evaluation, FileReference};
 
-use super::common::{Failure, Output, Reading, input};
+use super::common::{Failure, Output, Reading, command_line, input, write_report};
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::capture::declared_camera;
 use crate::evaluate::{Evaluated, evaluate, table};
 use crate::observations::Capture;
 use crate::progress::Progress;
 use crate::record::to_record;
+use crate::report::{ReportDataset, ReportInput, Role};
 
 /// Every `every`-th frame from number `first` on.
 #[derive(Debug, Clone, Copy)]
@@ -108,7 +109,8 @@ impl Calibrate {
         }
         let result = calibrate(&fitted, &options)?;
         print_parameters(&result);
-        let mut datasets = vec![evaluate(&result.camera, &result.capture).record()];
+        let fitted = evaluate(&result.camera, &result.capture);
+        let mut datasets = vec![fitted.record()];
         let held_out = match (held, self.cross_validate) {
             (Some(held), _) => Some(("held out", evaluate(&result.camera, &held))),
             (None, Some(folds)) => {
@@ -129,7 +131,17 @@ impl Calibrate {
         record.write(self.output.file("calibration.json")).map_err(input)?;
         let evaluation = Evaluation { datasets };
         evaluation.write(self.output.file("evaluation.json")).map_err(input)?;
-        println!("written: {}", self.output.file("calibration.json").display());
+        let mut shown = vec![ReportDataset { evaluated: &fitted, role: Role::Fitted }];
+        shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
+        let report = ReportInput {
+            title: result.capture.name.clone(),
+            command_line: command_line(),
+            calibrated: Some(&result),
+            evaluations: &shown,
+            story: &[],
+        };
+        let report = write_report(&report, &self.output.out)?;
+        println!("written: {} and {}", self.output.file("calibration.json").display(), report.display());
         Ok(())
     }
 }
@@ -158,7 +170,7 @@ fn cross_validate(capture: &Capture, folds: usize, options: &CalibrateOptions) -
 }
 
 /// Parameters with standard deviations, and how the fit went.
-fn print_parameters(result: &Calibrated) {
+pub(super) fn print_parameters(result: &Calibrated) {
     let mut stds = result.std_devs().into_iter();
     for block in result.camera.blocks() {
         println!("{}", block.name());

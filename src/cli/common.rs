@@ -4,12 +4,13 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::Calibration;
+use depthcal_io::{Calibration, write_atomically};
 use depthcal_model::{Camera, Register};
 
 use crate::calibrate::CalibrateError;
 use crate::capture::{CaptureOptions, Loaded, default_cache, load};
 use crate::record::to_camera;
+use crate::report::{ReportInput, render};
 
 /// Why a command ends with another exit code than 0.
 #[derive(Debug)]
@@ -74,6 +75,20 @@ impl Reading {
         }
         Ok(loaded)
     }
+}
+
+/// Writes `report.html` into a folder; returns its path.
+pub(super) fn write_report(report: &ReportInput<'_>, out: &Path) -> Result<PathBuf, Failure> {
+    let html = render(report).map_err(input)?;
+    let path = out.join("report.html");
+    write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;
+    Ok(path)
+}
+
+/// The command as it was given, for the record.
+pub(super) fn command_line() -> String {
+    let words = std::env::args().skip(1);
+    std::iter::once("depthcal".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
 /// Reads a calibration and its camera.

@@ -3,6 +3,7 @@
 mod apply;
 mod calibrate;
 mod common;
+mod demo;
 mod detect;
 mod evaluate;
 mod export;
@@ -46,6 +47,7 @@ enum Command {
     Apply(apply::Apply),
     Export(export::Export),
     Simulate(simulate::Simulate),
+    Demo(demo::Demo),
 }
 
 /// Parses the arguments, runs the command, and says with the exit code how it went.
@@ -80,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Apply(command) => command.run(),
         Command::Export(command) => command.run(),
         Command::Simulate(command) => command.run(),
+        Command::Demo(command) => command.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
