@@ -14,6 +14,8 @@ use crate::report::{ReportDataset, ReportInput, Role};
 
 /// What the demo's camera has and its model does not declare.
 const EFFECT: &str = "projector_distortion";
+/// Its size, mm rms over the working volume; most of it looks like D and lens, and what does not is left over.
+const SIZE_MM: f64 = 8.0;
 const SEED: u64 = 1;
 /// Tells captures that an earlier demo made, which may be replaced, from everything else.
 const MARK: &str = ".made-by-depthcal-demo";
@@ -86,7 +88,7 @@ fn story() -> Vec<String> {
 
 fn render(folder: &Path, kind: Kind) -> Result<(), Failure> {
     let camera = CameraTruth::published(1).map_err(input)?;
-    let effect = Effect::with_default_size(EFFECT).map_err(input)?;
+    let effect = Effect::new(EFFECT, SIZE_MM).map_err(input)?;
     Simulation::new(camera, kind, &[effect], SEED).write_dataset(folder).map_err(input)?;
     Ok(())
 }
