@@ -3,12 +3,13 @@
 use super::pool::{Pool, usable};
 use super::statistics::{median, sign_generator, student};
 use crate::evaluate::PixelError;
+use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 
 /// Fewest pixels of a frame that make a median.
 const FEWEST_PIXELS: usize = 4;
 /// Fewest frames whose disagreement is an uncertainty.
-pub(super) const FEWEST_FRAMES: usize = 3;
+const FEWEST_FRAMES: usize = 3;
 /// Sign patterns of a test.
 const FLIPS: usize = 1999;
 
@@ -25,9 +26,7 @@ struct Median {
 pub(super) struct Cell {
     /// Mean of the frames' medians; NaN of an empty cell.
     pub value: f64,
-    /// Its standard error from the frames' disagreement; NaN below [`FEWEST_FRAMES`] frames.
-    pub error: f64,
-    /// Half the width of its 95 % interval.
+    /// Half the width of its 95 % interval, from the frames' disagreement; NaN below [`FEWEST_FRAMES`] frames.
     pub half: f64,
     /// Frames that contribute.
     pub frames: usize,
@@ -56,8 +55,10 @@ pub(super) struct Binned {
 pub(super) struct Structure {
     /// Probability of that much structure if every frame's errors were as likely negative as positive.
     pub p_value: f64,
-    /// Root mean square of the cells' values beyond their own uncertainty, mm; 0 where the uncertainty explains them.
+    /// Root mean square of the smooth pattern beyond what chance gives, mm; 0 where chance gives as much.
     pub size_mm: f64,
+    /// Root mean square of a pattern that chance hides in nineteen of twenty cases, mm.
+    pub hidden_mm: f64,
 }
 
 impl Binned {
@@ -101,48 +102,99 @@ impl Binned {
         lists.iter().map(|list| summary(list)).collect()
     }
 
-    /// Whether anything is left in the cells that does not average out over the frames.
+    /// Whether a smooth pattern over the cells, spanned by the functions whose values `basis` gives for every cell, is
+    /// left that does not average out over the frames.
     ///
-    /// Signs of whole frames are flipped: correlation between the pixels of a frame, errors of its pose, and noise that
-    /// differs from frame to frame do no harm. Frames weigh by their noise, as the noise law has it.
-    pub(super) fn structure(&self) -> Structure {
-        let used: Vec<usize> = (0..self.frames.len()).filter(|f| !self.frames[*f].is_empty()).collect();
-        let mut scale = vec![0.0; self.cells];
-        let mut frames_in = vec![0_usize; self.cells];
-        for f in &used {
-            for m in &self.frames[*f] {
-                scale[m.cell] += (self.weights[*f] * m.value).powi(2);
-                frames_in[m.cell] += 1;
-            }
-        }
-        let statistic = |sign: &dyn Fn(usize) -> f64, sums: &mut Vec<f64>| {
-            sums.clear();
-            sums.resize(self.cells, 0.0);
-            for (i, f) in used.iter().enumerate() {
-                let w = sign(i) * self.weights[*f];
-                self.frames[*f].iter().for_each(|m| sums[m.cell] += w * m.value);
-            }
-            let cells = (0..self.cells).filter(|c| frames_in[*c] >= FEWEST_FRAMES && scale[*c] > 0.0);
-            cells.map(|c| sums[c] * sums[c] / scale[c]).sum::<f64>()
-        };
-        let mut sums = Vec::new();
-        let found = statistic(&|_| 1.0, &mut sums);
+    /// The score of the pattern is compared with what it is when the signs of whole frames are flipped at random:
+    /// correlation between the pixels of a frame, errors of its pose, and noise that differs from frame to frame do no
+    /// harm. For the probability frames weigh by their noise, for the size in mm they count the same.
+    pub(super) fn structure(&self, basis: &[Vec<f64>]) -> Structure {
+        let mut weighted = Score::new(self, basis, |f| self.weights[f]);
+        let mut plain = Score::new(self, basis, |_| 1.0);
+        let ones = vec![1.0; self.frames.len()];
+        let (found, size) = (weighted.of(&ones), plain.of(&ones));
         let mut rng = sign_generator();
-        let mut signs = vec![1.0; used.len()];
-        let mut exceeding = 0;
+        let mut signs = ones;
+        let (mut exceeding, mut sizes) = (0, Vec::with_capacity(FLIPS));
         for _ in 0..FLIPS {
             signs.iter_mut().for_each(|s| *s = if rng.random::<bool>() { 1.0 } else { -1.0 });
             // Rounding must not make the same pattern of signs count as smaller.
-            exceeding += usize::from(statistic(&|i| signs[i], &mut sums) >= found * (1.0 - 1e-12));
+            exceeding += usize::from(weighted.of(&signs) >= found * (1.0 - 1e-9));
+            sizes.push(plain.of(&signs));
         }
-        let (mut excess, mut pixels) = (0.0, 0.0);
-        for cell in self.cells().iter().filter(|c| c.error.is_finite()) {
-            excess += cell.pixels as f64 * (cell.value.powi(2) - cell.error.powi(2));
-            pixels += cell.pixels as f64;
+        let chance = sizes.iter().sum::<f64>() / sizes.len() as f64;
+        sizes.sort_by(f64::total_cmp);
+        let rare = super::statistics::quantile_of_sorted(&sizes, 0.95);
+        let medians = self.frames.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        Structure {
+            p_value: (1 + exceeding) as f64 / (1 + FLIPS) as f64,
+            size_mm: ((size - chance).max(0.0) / medians).sqrt(),
+            hidden_mm: (rare / medians).sqrt(),
         }
-        let size_mm = if pixels > 0.0 { (excess / pixels).max(0.0).sqrt() } else { 0.0 };
-        Structure { p_value: (1 + exceeding) as f64 / (1 + FLIPS) as f64, size_mm }
     }
+}
+
+/// The score b' (X'WX)⁻¹ b of a pattern with b the sum of the frames' X'Wy: the sum of squares that it explains.
+struct Score {
+    inverse: DMatrix<f64>,
+    frames: Vec<DVector<f64>>,
+    sum: DVector<f64>,
+}
+
+impl Score {
+    fn new(binned: &Binned, basis: &[Vec<f64>], weight: impl Fn(usize) -> f64) -> Self {
+        let n = basis.first().map_or(0, Vec::len);
+        let mut normal = DMatrix::zeros(n, n);
+        let mut frames = Vec::with_capacity(binned.frames.len());
+        for (f, medians) in binned.frames.iter().enumerate() {
+            let mut right = DVector::zeros(n);
+            for m in medians {
+                let x = DVector::from_column_slice(&basis[m.cell]);
+                normal.ger(weight(f), &x, &x, 1.0);
+                right.axpy(weight(f) * m.value, &x, 1.0);
+            }
+            frames.push(right);
+        }
+        // Functions that the cells cannot tell apart count once.
+        let scale = normal.diagonal().max();
+        let inverse = normal.pseudo_inverse(1e-9 * scale).unwrap_or_else(|_| DMatrix::zeros(n, n));
+        Self { inverse, frames, sum: DVector::zeros(n) }
+    }
+
+    fn of(&mut self, signs: &[f64]) -> f64 {
+        self.sum.fill(0.0);
+        for (b, sign) in self.frames.iter().zip(signs) {
+            self.sum.axpy(*sign, b, 1.0);
+        }
+        self.sum.dot(&(&self.inverse * &self.sum))
+    }
+}
+
+/// Values of the Legendre polynomials up to an order at points of [−1, 1].
+pub(super) fn legendre(order: usize, t: f64) -> Vec<f64> {
+    let mut values = vec![1.0, t];
+    for n in 1..order {
+        let n = n as f64;
+        let next = ((2.0 * n + 1.0) * t * values[values.len() - 1] - n * values[values.len() - 2]) / (n + 1.0);
+        values.push(next);
+    }
+    values.truncate(order + 1);
+    values
+}
+
+/// Smooth functions over `bins` equal bins, one row per bin.
+pub(super) fn smooth(bins: usize, order: usize) -> Vec<Vec<f64>> {
+    (0..bins).map(|i| legendre(order, (2 * i + 1) as f64 / bins as f64 - 1.0)).collect()
+}
+
+/// Smooth functions over a grid, row by row: products of total order up to `order`.
+pub(super) fn smooth_over([columns, rows]: [usize; 2], order: usize) -> Vec<Vec<f64>> {
+    let (x, y) = (smooth(columns, order), smooth(rows, order));
+    let products = |i: usize| {
+        let (a, b) = (&x[i % columns], &y[i / columns]);
+        (0..=order).flat_map(|n| (0..=n).map(move |k| a[n - k] * b[k])).collect()
+    };
+    (0..columns * rows).map(products).collect()
 }
 
 fn summary(list: &[Median]) -> Cell {
@@ -152,7 +204,7 @@ fn summary(list: &[Median]) -> Cell {
     let spread = list.iter().map(|m| (m.value - value).powi(2)).sum::<f64>();
     let error = if frames < FEWEST_FRAMES { f64::NAN } else { (spread / (frames * (frames - 1)) as f64).sqrt() };
     let half = error * student(frames.saturating_sub(1));
-    Cell { value, error, half, frames, pixels }
+    Cell { value, half, frames, pixels }
 }
 
 /// Equal bins over the bulk of some values.

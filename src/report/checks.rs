@@ -105,7 +105,8 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
     }
     match leftover {
         Some(l) => {
-            let level = if l.found().next().is_some() { Level::Care } else { Level::Good };
+            let doubt = l.found().next().is_some() || l.could_hide_much();
+            let level = if doubt { Level::Care } else { Level::Good };
             add(level, "Is the rest noise?", l.sentence());
         }
         None if depth.is_some() => {
@@ -139,6 +140,8 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
             format!("No: {} of the board cannot be corrected, the model folds there.", count(lost, "depth pixel"));
         add(Level::Care, "Can every pixel be corrected?", answer);
     }
+    // What needs thought comes first.
+    list.sort_by_key(|c| std::cmp::Reverse(c.level));
     list
 }
 

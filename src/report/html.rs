@@ -27,6 +27,7 @@ pub(super) fn number(value: f64) -> String {
         return "–".to_owned();
     }
     let decimals = match value.abs() {
+        0.0 => 0,
         a if a >= 99.95 => 0,
         a if a >= 0.995 => 1,
         a if a >= 0.0995 => 2,

@@ -3,7 +3,7 @@
 //! A simple test, not a diagnosis: errors are binned over everything that is known of a pixel, and a bin in which the
 //! frames agree on an error that is not zero shows something that the model does not describe.
 
-use super::binned::{Axis, Binned, Structure};
+use super::binned::{Axis, Binned, Structure, smooth, smooth_over};
 use super::covariates::{BINS, Image, all};
 use super::html::{count, number, signed};
 use super::pool::Pool;
@@ -18,10 +18,15 @@ pub(super) const BOARD_GRID: [usize; 2] = [12, 12];
 const FEWEST_FRAMES: usize = 8;
 /// Held-out frames are enough for the test from here on; else all frames take part.
 const ENOUGH_HELD_OUT: usize = 12;
+/// Order of the smooth patterns over one quantity, and over image and board.
+const ORDER: usize = 6;
+const ORDER_OVER: usize = 4;
 /// Probability of a false alarm over all tests together.
 const FALSE_ALARM: f64 = 0.05;
 /// A structure is worth words when it is this share of the total error.
 const WORTH: f64 = 0.1;
+/// A test that finds nothing says little when it would miss this share of the total error.
+const HIDDEN: f64 = 0.8;
 
 /// Structure over one quantity.
 #[derive(Debug, Clone)]
@@ -42,6 +47,8 @@ pub(super) struct Leftover {
     /// Frames that were looked at, and whether fitted ones are among them.
     pub frames: usize,
     pub with_fitted: bool,
+    /// Root mean square of all corrected errors, mm.
+    total_mm: f64,
 }
 
 /// Noise of a depth pixel in mm, from the calibration's noise law; 1 where there is none.
@@ -71,7 +78,8 @@ impl Leftover {
 
         let grid = image.grid(MAP_COLUMNS);
         let map = Binned::new(&pool, grid[0] * grid[1], |p| image.cell(grid, p.context.pixel), after, sigma);
-        findings.push(finding("the position in the image", &map, |c| image.place(image.middle(grid, c))));
+        let basis = smooth_over(grid, ORDER_OVER);
+        findings.push(finding("the position in the image", &map, &basis, |c| image.place(image.middle(grid, c))));
 
         if let Some([x, y]) = board_axes(&pool) {
             let cell = |p: &PixelError| Some(y.bin(p.board[1])? * BOARD_GRID[0] + x.bin(p.board[0])?);
@@ -80,13 +88,15 @@ impl Leftover {
                 let at = [x.middle(c % BOARD_GRID[0]), y.middle(c / BOARD_GRID[0])];
                 format!("on the board around ({:.0}, {:.0}) mm", at[0], at[1])
             };
-            findings.push(finding("the position on the board", &board, place));
+            let basis = smooth_over(BOARD_GRID, ORDER_OVER);
+            findings.push(finding("the position on the board", &board, &basis, place));
         }
         for covariate in all(image) {
             let Some(axis) = Axis::over(pool.pixels().map(&covariate.value), BINS) else { continue };
             let binned = Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), after, sigma);
             let place = |c: usize| format!("around {} {}", number(axis.middle(c)), covariate.unit);
-            findings.push(finding(&format!("the {}", covariate.name), &binned, place));
+            let basis = smooth(BINS, ORDER);
+            findings.push(finding(&format!("the {}", covariate.name), &binned, &basis, place));
         }
         let level = FALSE_ALARM / findings.len() as f64;
         for f in &mut findings {
@@ -98,7 +108,7 @@ impl Leftover {
                 .unwrap_or(std::cmp::Ordering::Equal)
         });
         let with_fitted = pool.frames.iter().any(|f| f.role == Role::Fitted);
-        Some(Self { findings, frames, with_fitted })
+        Some(Self { findings, frames, with_fitted, total_mm: total })
     }
 
     /// The findings that noise does not explain.
@@ -106,17 +116,33 @@ impl Leftover {
         self.findings.iter().filter(|f| f.found)
     }
 
+    /// The largest pattern that chance hides, mm rms.
+    fn hidden_mm(&self) -> f64 {
+        self.findings.iter().map(|f| f.structure.hidden_mm).fold(0.0, f64::max)
+    }
+
+    /// Whether the silence of the tests says little: what they would miss is most of the error.
+    pub(super) fn could_hide_much(&self) -> bool {
+        self.hidden_mm() > HIDDEN * self.total_mm
+    }
+
     /// The answer in a sentence or two.
     pub(super) fn sentence(&self) -> String {
         let frames = count(self.frames, "frame");
         let found: Vec<&Finding> = self.found().collect();
         let Some(first) = found.first() else {
-            let largest = self.findings.iter().map(|f| f.structure.size_mm).fold(0.0, f64::max);
-            return format!(
-                "Nothing is left that the noise of these {frames} does not explain: the largest pattern that could hide in \
-                 it is about {} mm rms.",
-                number(largest)
-            );
+            let hidden = number(self.hidden_mm());
+            return if self.could_hide_much() {
+                format!(
+                    "Nothing was found beyond noise, but these {frames} would hide a pattern of {hidden} mm rms: too few to \
+                     tell."
+                )
+            } else {
+                format!(
+                    "Nothing is left that the noise of these {frames} does not explain; a pattern of less than {hidden} mm \
+                     rms could hide in it."
+                )
+            };
         };
         let size = number(first.structure.size_mm);
         let mut text = format!(
@@ -138,7 +164,7 @@ pub(super) fn board_axes(pool: &Pool<'_>) -> Option<[Axis; 2]> {
     Some([axis(0)?, axis(1)?])
 }
 
-fn finding(over: &str, binned: &Binned, place: impl Fn(usize) -> String) -> Finding {
+fn finding(over: &str, binned: &Binned, basis: &[Vec<f64>], place: impl Fn(usize) -> String) -> Finding {
     let cells = binned.cells();
     let sure = cells.iter().enumerate().filter(|(_, c)| c.stands_out());
     let worst = sure.max_by(|a, b| a.1.value.abs().total_cmp(&b.1.value.abs())).map(|(i, c)| {
@@ -147,7 +173,7 @@ fn finding(over: &str, binned: &Binned, place: impl Fn(usize) -> String) -> Find
     });
     Finding {
         over: over.to_owned(),
-        structure: binned.structure(),
+        structure: binned.structure(basis),
         worst: worst.unwrap_or_else(|| "nowhere in particular".to_owned()),
         found: false,
     }

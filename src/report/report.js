@@ -7,8 +7,10 @@
   const narrow = window.matchMedia("(max-width: 40rem)");
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const config = {
-    responsive: true,
+    responsive: false,
     displaylogo: false,
+    // Without a pointer that hovers, the buttons would hide the legends all the time.
+    displayModeBar: window.matchMedia("(hover: hover)").matches ? "hover" : false,
     modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"],
     toImageButtonOptions: { format: "svg" },
   };
@@ -31,6 +33,17 @@
     return { ink: get("--ink"), soft: get("--soft"), grid: get("--grid") };
   };
 
+  const wide = (figure) =>
+    document.getElementById(figure.id).closest(".one, .fill > figure:last-child:nth-child(odd)") !== null;
+
+  // On paper nothing redraws a figure when its box changes: there the drawing shrinks with the box.
+  const scale = (element, paper) => {
+    for (const svg of element.querySelectorAll(".main-svg")) {
+      if (paper) svg.setAttribute("viewBox", `0 0 ${svg.getAttribute("width")} ${svg.getAttribute("height")}`);
+      else svg.removeAttribute("viewBox");
+    }
+  };
+
   const theme = (figure, paper) => {
     const { ink, soft, grid } = colours(paper);
     const axis = {
@@ -45,6 +58,7 @@
       legend: { orientation: "h", x: 0, y: 1.01, yanchor: "bottom", font: { size: 12 }, itemsizing: "constant" },
       hoverlabel: { font: { family: getComputedStyle(document.body).fontFamily } },
       autosize: true,
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: soft, activecolor: ink },
       xaxis: axis,
       yaxis: axis,
       dragmode: narrow.matches ? false : "zoom",
@@ -58,6 +72,12 @@
       delete base.yaxis;
     }
     const layout = merged(base, figure.layout);
+    if (paper) {
+      // Paper has its own width, which is not known yet: drawn at the size of a card there, and scaled by the view box.
+      layout.width = wide(figure) ? 860 : 430;
+      layout.height = Math.round(layout.width / (wide(figure) ? 2.8 : figure.aspect));
+      layout.autosize = false;
+    }
     if (layout.yaxis && layout.yaxis.zeroline) layout.yaxis.zerolinewidth = 1.5;
     return layout;
   };
@@ -67,7 +87,7 @@
       const copy = { ...trace };
       // On a narrow screen a colour bar beside the map would leave no room for the map.
       if (copy.colorbar && narrow.matches) {
-        copy.colorbar = { ...copy.colorbar, orientation: "h", y: -0.18, yanchor: "top", thickness: 10,
+        copy.colorbar = { ...copy.colorbar, orientation: "h", y: -0.3, yanchor: "top", thickness: 10,
           title: { ...copy.colorbar.title, side: "right" } };
       }
       return copy;
@@ -88,12 +108,13 @@
   const draw = (figure, paper) => {
     const element = document.getElementById(figure.id);
     if (!element) return Promise.resolve();
+    element.classList.toggle("map", figure.data.some((trace) => trace.colorbar));
     if (figure.layout.scene && !canDraw3d) {
       element.classList.add("failed");
       element.textContent = "This browser cannot draw in three dimensions; the figures beside show the same boards.";
       return Promise.resolve();
     }
-    return Plotly.react(element, data(figure), theme(figure, paper), config).catch((error) => {
+    return Plotly.react(element, data(figure), theme(figure, paper), config).then(() => scale(element, paper)).catch((error) => {
       element.classList.add("failed");
       element.textContent = "This figure could not be drawn.";
       console.error(`figure ${figure.id}: ${error}`);
@@ -106,12 +127,12 @@
     const select = picker.querySelector("select");
     const output = picker.querySelector("output");
     const targets = picker.dataset.figures.split(" ").map((id) => byId.get(id));
-    const choose = (index) => {
+    const choose = (index, drawn = true) => {
       select.selectedIndex = index;
       output.textContent = targets[0].variants[index].note;
       for (const figure of targets) {
         figure.chosen = index;
-        draw(figure, false);
+        if (drawn) draw(figure, false);
       }
     };
     select.addEventListener("change", () => choose(select.selectedIndex));
@@ -121,8 +142,22 @@
         choose((select.selectedIndex + Number(button.dataset.step) + count) % count);
       });
     }
-    select.selectedIndex = 0;
+    // Of a few variants the middle one says most; of many, the first.
+    choose(targets[0].variants.length === 3 ? 1 : 0, false);
   }
+
+  // Figures follow their cards, whatever changes the width of these.
+  const waiting = new Set();
+  const observer = new ResizeObserver((entries) => {
+    for (const { target } of entries) waiting.add(target);
+    requestAnimationFrame(() => {
+      for (const element of waiting) {
+        if (element.classList.contains("js-plotly-plot") && element.clientWidth > 0) Plotly.Plots.resize(element);
+      }
+      waiting.clear();
+    });
+  });
+  for (const element of document.querySelectorAll(".plot")) observer.observe(element);
 
   dark.addEventListener("change", () => drawAll(false));
   narrow.addEventListener("change", () => drawAll(false));

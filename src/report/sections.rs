@@ -10,6 +10,14 @@ use super::parameters::CONFOUNDED;
 use super::uncertainty::Uncertainty;
 use super::{ReportInput, Role, checks, headline, tables};
 
+/// Doubts that the first screen repeats.
+const DOUBTS: usize = 3;
+
+/// Keeps numbers and units on one line.
+fn tie(text: &str) -> String {
+    [" mm", " px", " %"].iter().fold(text.to_owned(), |t, unit| t.replace(unit, &unit.replace(' ', "\u{a0}")))
+}
+
 /// What the page is filled with.
 #[derive(Debug, Default)]
 pub(super) struct Content {
@@ -19,8 +27,8 @@ pub(super) struct Content {
 }
 
 impl Content {
-    fn open(&mut self, id: &str, title: &str, intro: &str) {
-        self.navigation += &format!("<li><a href=\"#{id}\">{title}</a></li>\n");
+    fn open(&mut self, id: &str, [short, title]: [&str; 2], intro: &str) {
+        self.navigation += &format!("<li><a href=\"#{id}\">{short}</a></li>\n");
         self.body +=
             &format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n");
         if !intro.is_empty() {
@@ -82,7 +90,7 @@ pub(super) fn content(input: &ReportInput<'_>) -> Content {
     per_frame(&mut page, input);
     volume(&mut page, input, &image);
     camera(&mut page, input);
-    page.open("dropped", "Frames that were not used", "");
+    page.open("dropped", ["Not used", "Frames that were not used"], "");
     page.body += &tables::dropped_table(input);
     page.close();
     reading(&mut page);
@@ -98,12 +106,27 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
         "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
          Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<p class=\"trust {level}\">\
          <a href=\"#trust\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n{story}<div class=\"first\">\n",
-        escape(&headline::sentence(input)),
+        tie(&escape(&headline::sentence(input))),
         escape(&text),
         level = level.name(),
     );
     page.body += "<div class=\"panel\">";
     page.body += &tables::headline(input);
+    let doubts: String = checks
+        .iter()
+        .filter(|c| c.level != checks::Level::Good)
+        .take(DOUBTS)
+        .map(|c| {
+            format!(
+                "<li class=\"{}\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</li>\n",
+                c.level.name(),
+                tie(&escape(&c.answer))
+            )
+        })
+        .collect();
+    if !doubts.is_empty() {
+        page.body += &format!("<ul class=\"checks doubts\" aria-label=\"To consider\">{doubts}</ul>\n");
+    }
     page.body += "</div>\n";
     if let Some(figure) = figures::headline_bars(input) {
         page.figure(&figure);
@@ -113,7 +136,7 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
 }
 
 fn trust(page: &mut Content, checks: &[checks::Check]) {
-    page.open("trust", "May I trust it?", "");
+    page.open("trust", ["Trust", "May I trust it?"], "");
     let rows: String = checks
         .iter()
         .map(|c| {
@@ -138,7 +161,7 @@ fn left(page: &mut Content, input: &ReportInput<'_>, image: &Image, leftover: Op
         return;
     }
     let intro = leftover.map_or(String::new(), |l| escape(&l.sentence()));
-    page.open("where", "Where was it wrong, and what is left?", &intro);
+    page.open("where", ["What is left", "Where was it wrong, and what is left?"], &intro);
     page.grid(&maps, "three");
     if let Some(l) = leftover {
         page.body += &leftover_table(l);
@@ -155,10 +178,11 @@ fn leftover_table(l: &Leftover) -> String {
         .map(|f| {
             let (class, verdict) = if f.found { ("care", "more than noise") } else { ("good", "within noise") };
             format!(
-                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text {class}\">{verdict}</td>\
+                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td class=\"text {class}\">{verdict}</td>\
                  <td class=\"text\">{}</td></tr>\n",
                 escape(&f.over),
                 number(f.structure.size_mm),
+                number(f.structure.hidden_mm),
                 p_value(f.structure.p_value),
                 escape(&f.worst)
             )
@@ -167,10 +191,10 @@ fn leftover_table(l: &Leftover) -> String {
     let whose = if l.with_fitted { "fitted ones among them" } else { "none of them seen by the fit" };
     format!(
         "<details><summary>The tests behind this sentence</summary><div class=\"scroll\" tabindex=\"0\"><table><caption>Corrected depth \
-         error in bins, over {} ({whose}). Size: rms of the bins beyond their own uncertainty. p: chance of as much when \
-         every frame's errors were as likely negative as positive; it must stay below {:.4} here, since {} tests are \
+         error in bins, over {} ({whose}). Size: rms of a smooth pattern beyond what chance gives. Hidden: what chance \
+         would hide. p: chance of as much when every frame's errors were as likely negative as positive; it must stay below {:.4} here, since {} tests are \
          made.</caption><thead><tr><th scope=\"col\">pattern over</th><th scope=\"col\">size / mm</th>\
-         <th scope=\"col\">p</th><th scope=\"col\">verdict</th><th scope=\"col\">largest</th></tr></thead>\
+         <th scope=\"col\">hidden / mm</th><th scope=\"col\">p</th><th scope=\"col\" class=\"text\">verdict</th><th scope=\"col\" class=\"text\">largest</th></tr></thead>\
          <tbody>{rows}</tbody></table></div></details>\n",
         count(l.frames, "frame"),
         0.05 / l.findings.len().max(1) as f64,
@@ -188,7 +212,7 @@ fn single_frames(page: &mut Content, input: &ReportInput<'_>) {
         return;
     }
     let intro = "Choose a frame; ‹ and › step through them, and so do the arrow keys on the list.";
-    page.open("frames", "Frame by frame", intro);
+    page.open("frames", ["Frames", "Frame by frame"], intro);
     page.picker("frame-picker", "Frame", &list);
     page.grid(&list, "two");
     page.close();
@@ -210,8 +234,8 @@ fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     } else {
         String::new()
     };
-    page.open("against", "What does the error depend on?", &intro);
-    page.grid(&list, "two");
+    page.open("against", ["Trends", "What does the error depend on?"], &intro);
+    page.grid(&list, "two fill");
     page.close();
 }
 
@@ -222,7 +246,7 @@ fn per_frame(page: &mut Content, input: &ReportInput<'_>) {
     if list.is_empty() && datasets.is_empty() && input.evaluations.is_empty() {
         return;
     }
-    page.open("datasets", "Errors of every dataset and frame", "");
+    page.open("datasets", ["Datasets", "Errors of every dataset and frame"], "");
     page.body += &tables::datasets(input);
     page.grid(&datasets, "two");
     page.grid(&list, "one");
@@ -237,8 +261,8 @@ fn volume(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     if list.is_empty() {
         return;
     }
-    page.open("volume", "The volume that was measured", "");
-    page.grid(&list, "two");
+    page.open("volume", ["Volume", "The volume that was measured"], "");
+    page.grid(&list, "two fill");
     page.close();
 }
 
@@ -252,14 +276,14 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
         } else {
             "The parameters' covariance, carried through the correction. It holds if the model is right."
         };
-        page.open("uncertainty", "How sure is corrected depth?", intro);
+        page.open("uncertainty", ["Uncertainty", "How sure is corrected depth?"], intro);
         let map = [figures::uncertainty_map(c, &u)];
         page.picker("distance-picker", "Distance of the map", &map);
         let [map] = map;
         page.grid(&[figures::uncertainty_curves(c, &u), map], "two");
         page.close();
     }
-    page.open("parameters", "The camera", "");
+    page.open("parameters", ["Parameters", "The camera"], "");
     page.body += &tables::parameters(c);
     if c.camera.block("projective").is_some() {
         page.body += &format!("<p class=\"note\">{}</p>\n", escape(CONFOUNDED));
@@ -271,7 +295,7 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
 }
 
 fn reading(page: &mut Content) {
-    page.open("reading", "How the numbers are made", "");
+    page.open("reading", ["Definitions", "How the numbers are made"], "");
     page.body += include_str!("reading.html");
     page.close();
 }

@@ -107,7 +107,7 @@ pub(super) fn datasets(input: &ReportInput<'_>) -> String {
     format!(
         "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors of every dataset, mm (reprojection: px)</caption>\
          <thead><tr><th scope=\"col\">dataset</th>\
-         <th scope=\"col\">frames</th><th scope=\"col\">reprojection</th><th scope=\"col\">depth</th>\
+         <th scope=\"col\">frames</th><th scope=\"col\">reprojection</th><th scope=\"col\" class=\"text\">depth</th>\
          <th scope=\"col\">dot, mean</th><th scope=\"col\">std</th><th scope=\"col\">plane, mean</th>\
          <th scope=\"col\">std</th><th scope=\"col\">depth, rms</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
@@ -252,7 +252,7 @@ pub(super) fn dropped_table(input: &ReportInput<'_>) -> String {
         .collect();
     format!(
         "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} not used</caption><thead><tr><th scope=\"col\">dataset</th>\
-         <th scope=\"col\">frame</th><th scope=\"col\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
+         <th scope=\"col\" class=\"text\">frame</th><th scope=\"col\" class=\"text\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
         count(list.len(), "frame")
     )
 }

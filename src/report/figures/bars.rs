@@ -60,7 +60,7 @@ pub(in crate::report) fn headline_bars(input: &ReportInput<'_>) -> Option<Figure
         Figure::new("errors", title, pair(&labels, &changes), layout())
             .caption("Whiskers: 95 % intervals from resampling whole frames.")
             .alt(format!("Bars of errors before and after correction. {}.", told.join("; ")))
-            .aspect(1.35),
+            .aspect(1.45),
     )
 }
 
@@ -74,8 +74,11 @@ pub(in crate::report) fn by_dataset(input: &ReportInput<'_>) -> Vec<Figure> {
             .evaluations
             .iter()
             .filter_map(|d| {
-                let star = if d.role == Role::Fitted { " (fitted)" } else { "" };
-                Some((format!("{}{star}", plain(&d.evaluated.name)), of(&Pool::one(d))?))
+                let role = match d.role {
+                    Role::Fitted | Role::HeldOut => format!(" ({})", d.role.name()),
+                    Role::Other => String::new(),
+                };
+                Some((format!("{}{role}", plain(&d.evaluated.name)), of(&Pool::one(d))?))
             })
             .unzip();
         let caption = "Per dataset, with 95 % intervals from resampling its frames.";

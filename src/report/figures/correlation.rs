@@ -12,8 +12,16 @@ const MOST: usize = 40;
 /// The matrix; `None` without covariance or with too many parameters.
 pub(in crate::report) fn correlation(c: &Calibrated) -> Option<Figure> {
     let covariance = c.covariance.as_ref()?;
-    let names: Vec<&'static str> =
+    let short: Vec<&'static str> =
         c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|p| p.name)).collect();
+    let pieces: Vec<&'static str> =
+        c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|_| b.name())).collect();
+    // Two pieces may have a parameter of the same name.
+    let name = |i: usize| match short.iter().filter(|s| **s == short[i]).count() {
+        1 => short[i].to_owned(),
+        _ => format!("{}.{}", pieces[i], short[i]),
+    };
+    let names: Vec<String> = (0..short.len()).map(name).collect();
     let free: Vec<usize> = (0..names.len()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
     if free.len() < 2 || free.len() > MOST {
         return None;
@@ -27,7 +35,7 @@ pub(in crate::report) fn correlation(c: &Calibrated) -> Option<Figure> {
             }
         }
     }
-    let labels: Value = free.iter().map(|i| names[*i]).collect();
+    let labels: Value = free.iter().map(|i| names[*i].clone()).collect();
     let z: Value = free.iter().map(|i| free.iter().map(|j| rounded(r(*i, *j), 2)).collect::<Value>()).collect();
     let data = json!({
         "type": "heatmap", "x": labels, "y": labels, "z": z, "zmin": -1, "zmax": 1, "colorscale": diverging(),

@@ -15,6 +15,8 @@ use crate::report::statistics::quantile;
 const POINTS: usize = 700;
 
 fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: &str, symbol: &str) -> Value {
+    // A thin line for depth as measured: it is the background of what corrected depth shows.
+    let width = if colour == AFTER { 2.5 } else { 1.0 };
     let used: Vec<(usize, &Cell)> = cells.iter().enumerate().filter(|(_, c)| c.value.is_finite()).collect();
     json!({
         "type": "scatter", "mode": "lines+markers", "name": name,
@@ -22,7 +24,7 @@ fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: &str, symbo
         "y": used.iter().map(|(_, c)| short(c.value)).collect::<Value>(),
         "error_y": {"type": "data", "array": used.iter().map(|(_, c)| short(c.half)).collect::<Value>(),
                     "thickness": 1.5, "width": 3, "color": colour},
-        "line": {"color": colour, "width": 2}, "marker": {"color": colour, "size": 7, "symbol": symbol},
+        "line": {"color": colour, "width": width}, "marker": {"color": colour, "size": 7, "symbol": symbol},
         "customdata": used.iter().map(|(_, c)| c.frames).collect::<Value>(),
         "hovertemplate": "%{x:.4~g}: %{y:+.3~g} mm, %{customdata} frames<extra>%{fullData.name}</extra>",
     })

@@ -84,7 +84,7 @@ pub(in crate::report) fn image_maps(input: &ReportInput<'_>, image: &Image) -> V
              too far, blue too near. {}.",
             capital(&range(&before))
         )),
-        figure("map-after", "Depth error after correction, same colours", &after, shared, false)
+        figure("map-after", "After correction, same colours", &after, shared, false)
             .caption(format!("{}. What is white here is gone.", capital(&range(&after)))),
         figure("map-left", "What is left, on a scale of its own", &after, own, true).caption(format!(
             "The same map, stretched. Dots mark cells that differ from zero beyond their 95 % interval, which is \

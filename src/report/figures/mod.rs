@@ -113,7 +113,7 @@ impl Figure {
 
     /// What the script draws.
     pub(super) fn json(&self) -> Value {
-        let mut value = json!({"id": self.id, "data": self.data, "layout": self.layout});
+        let mut value = json!({"id": self.id, "aspect": self.aspect, "data": self.data, "layout": self.layout});
         if !self.variants.is_empty() {
             let variant = |v: &Variant| json!({"label": v.label, "note": v.note, "trace": v.trace});
             value["variants"] = self.variants.iter().map(variant).collect();

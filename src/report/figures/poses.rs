@@ -25,7 +25,6 @@ fn board(pose: &Isometry3<f64>, corners: &[[f64; 2]; 4]) -> Vec<[f64; 3]> {
         let p = pose * Point3::new(c[0], c[1], 0.0);
         [p.x, p.y, p.z]
     };
-    // The first side is drawn twice over its first third, so that "up" of the board can be told.
     corners.iter().chain(std::iter::once(&corners[0])).map(at).collect()
 }
 
@@ -79,7 +78,7 @@ pub(in crate::report) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
     let layout = json!({
         "scene": {
             "aspectmode": "data", "xaxis": axis("x / mm"), "yaxis": axis("distance / mm"), "zaxis": axis("up / mm"),
-            "camera": {"eye": {"x": -1.35, "y": -1.35, "z": 0.75}},
+            "camera": {"eye": {"x": -1.05, "y": -1.25, "z": 0.65}, "center": {"x": 0.0, "y": 0.0, "z": -0.12}},
         },
         "margin": {"l": 0, "r": 0, "t": 24, "b": 0},
     });

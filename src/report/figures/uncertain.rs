@@ -36,7 +36,7 @@ pub(in crate::report) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> 
     let ends = [u.curve_at.first().copied().unwrap_or(near), u.curve_at.last().copied().unwrap_or(far)];
     let layout = json!({
         "xaxis": {"title": {"text": "distance / mm"}, "range": [ends[0], ends[1]]},
-        "yaxis": {"title": {"text": "standard deviation / mm"}, "type": "log", "dtick": 1},
+        "yaxis": {"title": {"text": "standard deviation / mm"}, "type": "log", "dtick": "D2"},
         "shapes": [outside(ends[0], near), outside(far, ends[1])],
     });
     let at = |curve: &[f64]| {

@@ -60,7 +60,8 @@ fn a_browser_draws_every_figure_without_complaint() {
     let (dom, log) = browse(&chromium, &page, &["--dump-dom", "--window-size=1280,900"]);
     assert!(complaints(&log).is_empty(), "{:#?}", complaints(&log));
     assert!(dom.contains("data-ready=\"true\""), "the script did not finish:\n{log}");
-    let drawn = dom.matches("js-plotly-plot").count();
+    let classes = ["class=\"plot js-plotly-plot\"", "class=\"plot map js-plotly-plot\""];
+    let drawn: usize = classes.iter().map(|c| dom.matches(c).count()).sum();
     assert_eq!(drawn, super::figure_ids(&html).len(), "figures drawn, figures there");
     for id in ["errors", "map-left", "difference-after", "against-depth", "uncertainty-map"] {
         let at = dom.find(&format!("id=\"{id}\"")).unwrap();

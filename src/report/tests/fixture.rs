@@ -13,6 +13,9 @@ use crate::observations::{Capture, DroppedFrame, Frame};
 use crate::start::{FrameMarkers, estimate_pose};
 use depthcal_model::Camera;
 
+/// Frames of a capture in the thesis.
+const FRAMES: usize = 27;
+
 /// Everything that a full report needs.
 #[derive(Debug, Clone)]
 pub(super) struct Fixture {
@@ -22,10 +25,10 @@ pub(super) struct Fixture {
     pub held: Evaluated,
 }
 
-fn observe(effects: &[Effect], samples: usize) -> Capture {
+fn observe(effects: &[Effect], samples: usize, frames: usize) -> Capture {
     let camera = CameraTruth::published(1).unwrap();
     let options = PointOptions { depth_samples: samples, ..PointOptions::default() };
-    let simulation = Simulation::new(camera, Kind::General(1), effects, 7);
+    let simulation = Simulation::new(camera, Kind::General(1), effects, 7).frames(frames);
     crate::simulated::capture(&simulation.observe_points(&options).unwrap())
 }
 
@@ -79,8 +82,8 @@ pub(super) fn evaluated(name: &str, frames: &[EvaluatedFrame]) -> Evaluated {
     Evaluated { name: name.to_owned(), frames: frames.to_vec(), dropped: Vec::new() }
 }
 
-fn build(effects: &[Effect], samples: usize) -> Fixture {
-    let capture = observe(effects, samples);
+fn build(effects: &[Effect], samples: usize, frames: usize) -> Fixture {
+    let capture = observe(effects, samples, frames);
     let train = capture.subset(|i, _| i % 3 != 2);
     let mut fit = train.clone();
     fit.frames.iter_mut().for_each(|f| f.samples.truncate(500));
@@ -97,7 +100,16 @@ impl Fixture {
     /// Camera 1 of the thesis with effects that the model does not have; the clean one is made once.
     pub(super) fn simulated(effects: &[Effect]) -> Self {
         static CLEAN: OnceLock<Fixture> = OnceLock::new();
-        if effects.is_empty() { CLEAN.get_or_init(|| build(&[], 500)).clone() } else { build(effects, 3000) }
+        if effects.is_empty() {
+            CLEAN.get_or_init(|| build(&[], 500, FRAMES)).clone()
+        } else {
+            build(effects, 3000, FRAMES)
+        }
+    }
+
+    /// As many frames and pixels as a large capture has.
+    pub(super) fn large() -> Self {
+        build(&[], 3000, 51)
     }
 
     pub(super) fn input<'a>(&'a self, evaluations: &'a [ReportDataset<'a>]) -> ReportInput<'a> {
@@ -126,7 +138,7 @@ impl Fixture {
 
 /// A calibration without depth, and its errors.
 pub(super) fn image_only() -> (Calibrated, Evaluated) {
-    let mut capture = observe(&[], 10);
+    let mut capture = observe(&[], 10, FRAMES);
     capture.frames.iter_mut().for_each(|f| f.samples.clear());
     let calibrated = calibrate_image(&capture, &CalibrateOptions::default()).unwrap();
     let evaluated = evaluate(&calibrated.camera, &capture);

@@ -55,12 +55,25 @@ fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
         assert!(ids.contains(&id), "{id} is missing among {ids:?}");
     }
     assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[])));
-    assert!(html.contains("95 % interval") && html.contains("over 9 frames"));
+    assert!(html.contains("95\u{a0}% interval") && html.contains("over 9 frames"));
     assert!(html.contains("the board was not found"), "dropped frames have reasons");
     assert!(html.contains("A true camera was simulated."));
     assert!(html.contains("A board cannot tell apart"));
     assert!(html.len() < 6_000_000, "{} bytes", html.len());
     assert_eq!(html, report(&fixture), "same input, same bytes");
+}
+
+/// 51 frames of up to 3000 pixels: the size of a large capture. Printed with `--nocapture`.
+#[test]
+fn a_large_capture_gives_a_small_file_in_a_short_time() {
+    let fixture = Fixture::large();
+    let pixels: usize = [&fixture.fitted, &fixture.held].iter().flat_map(|d| &d.frames).map(|f| f.pixels.len()).sum();
+    assert!(pixels > 120_000, "{pixels}");
+    let start = std::time::Instant::now();
+    let html = fixture.render(&[]);
+    eprintln!("51 frames, {pixels} pixels: {} bytes in {:?}", html.len(), start.elapsed());
+    assert!(html.len() < 6_000_000, "{} bytes", html.len());
+    assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }
 
 #[test]
