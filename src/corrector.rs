@@ -1,7 +1,7 @@
 //! Correction of depth images with a calibrated camera: built once, then applied to every frame.
 //!
 //! A [`Corrector`] keeps what does not change from frame to frame. The true ray of a pixel is one of those things unless
-//! the lens breathes; where all depth pieces are [affine in inverse depth](table), a frame costs one multiplication and
+//! the lens breathes; where all depth pieces are affine in inverse depth, a frame costs one multiplication and
 //! one division per pixel, else every pixel is inverted by [`Camera`]. Corrected depth stays at the pixels of the depth
 //! image: pieces at the hook `pixel` decide which ray a depth pixel has, nothing is moved.
 //!
