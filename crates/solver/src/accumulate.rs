@@ -1,10 +1,14 @@
 //! Evaluation of a chunk's groups and accumulation of its part of the normal equations.
 
-use crate::chunk::{ChunkPlan, Elimination, GroupPlan, Scatter};
+use pulp::Arch;
+
+use crate::chunk::{ChunkPlan, Elimination, GroupPlan};
+use crate::eliminate::{BackSubstitute, Eliminate, multiply_strip};
 use crate::error::{EvaluationError, EvaluationFailure};
-use crate::kernels;
+use crate::lanes::{LANES, Lane, LaneAccess, LaneProducts};
 use crate::layout::{BatchInfo, NONE};
 use crate::loss::Loss;
+use crate::scatter::{self, Add, EliminatedBlocks, PADDING};
 use crate::values::Values;
 
 /// A chunk with its numbers.
@@ -25,6 +29,7 @@ pub(crate) struct Chunk {
     pub lee: Vec<f64>,
     /// Blocks of Σ H_ce H_ee⁻¹ H_ec and components of Σ H_ce H_ee⁻¹ g_e.
     pub scc: Vec<f64>,
+    dense: Vec<f64>,
     pub sc: Vec<f64>,
     /// Step of the eliminated variables.
     pub step: Vec<f64>,
@@ -35,6 +40,7 @@ pub(crate) struct Chunk {
 
 #[derive(Debug, Default)]
 struct Scratch {
+    lanes: Vec<Lane>,
     residuals: Vec<f64>,
     jacobian: Vec<f64>,
     gram: Vec<f64>,
@@ -53,13 +59,15 @@ impl Chunk {
             gc: zeros(plan.local_dim),
             lee: zeros(plan.hee_len),
             scc: zeros(plan.scc_len),
+            dense: zeros(plan.dense_len),
             sc: zeros(plan.local_dim),
             step: zeros(plan.dim),
             scratch: Scratch {
+                lanes: vec![[0.0; LANES]; plan.max_lanes],
                 residuals: zeros(plan.max_rows),
-                jacobian: zeros(plan.max_jacobian),
-                gram: zeros(plan.max_columns * plan.max_columns),
-                gradient: zeros(plan.max_columns),
+                jacobian: zeros(plan.max_jacobian + PADDING),
+                gram: zeros(plan.max_columns * plan.max_columns + PADDING),
+                gradient: zeros(plan.max_columns + PADDING),
                 strip: zeros(plan.max_strip),
             },
             cost: 0.0,
@@ -75,9 +83,18 @@ impl Chunk {
         self.failure = None;
         for group in &self.plan.groups {
             let Some(info) = &batches[group.batch as usize] else { continue };
-            let r = &mut self.scratch.residuals[..group.rows as usize];
-            let cost = match info.batch.evaluate(group.group as usize, values, r, None) {
-                Ok(()) => weigh(&info.loss, info.residual_dim, r, None),
+            let (index, dim) = (group.group as usize, info.residual_dim);
+            let cost = if let Some(lanes) = info.batch.lanes() {
+                let count = group.rows as usize / dim;
+                let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * dim];
+                evaluate_lanes(lanes, index, values, blocks, count, false)
+                    .map(|()| weigh_lanes(&info.loss, dim, blocks, dim, count))
+            } else {
+                let r = &mut self.scratch.residuals[..group.rows as usize];
+                info.batch.evaluate(index, values, r, None).map(|()| weigh(&info.loss, dim, r, None))
+            };
+            let cost = match cost {
+                Ok(cost) => cost,
                 Err(source) => return self.failure = Some(failure(info, group, source)),
             };
             if !cost.is_finite() {
@@ -106,11 +123,31 @@ impl Chunk {
     fn add_group(&mut self, info: &BatchInfo, group: &GroupPlan, values: &Values) -> Result<(), EvaluationError> {
         let scatter = &self.plan.scatters[group.scatter as usize];
         let (rows, columns, m) = (group.rows as usize, scatter.columns as usize, scatter.m as usize);
-        let r = &mut self.scratch.residuals[..rows];
-        let jacobian = &mut self.scratch.jacobian[..rows * columns];
-        let wanted = if m > 0 { Some(&mut *jacobian) } else { None };
-        info.batch.evaluate(group.group as usize, values, r, wanted)?;
-        let cost = weigh(&info.loss, info.residual_dim, r, (m > 0).then_some((&mut *jacobian, columns)));
+        let (index, dim) = (group.group as usize, info.residual_dim);
+        let (gram, gradient) = (&mut self.scratch.gram, &mut self.scratch.gradient);
+        let cost = if let (Some(lanes), Some(lane_rows)) = (info.batch.lanes(), &scatter.lanes) {
+            let (count, size) = (rows / dim, scatter.block as usize);
+            let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * size];
+            evaluate_lanes(lanes, index, values, blocks, count, true)?;
+            let weighted = (!info.loss.is_trivial()).then(|| weigh_lanes(&info.loss, dim, blocks, size, count));
+            let (gram, gradient) = (&mut gram[..m * m], &mut gradient[..m]);
+            let products = LaneProducts { blocks, size, rows: lane_rows, m, gram, gradient };
+            let squares = Arch::new().dispatch(products);
+            weighted.unwrap_or(squares)
+        } else {
+            let r = &mut self.scratch.residuals[..rows];
+            let jacobian = &mut self.scratch.jacobian[..rows * columns];
+            let wanted = if m > 0 { Some(&mut *jacobian) } else { None };
+            info.batch.evaluate(index, values, r, wanted)?;
+            let cost = weigh(&info.loss, dim, r, (m > 0).then_some((&mut *jacobian, columns)));
+            if m > 0 {
+                if let Some(keep) = &scatter.keep {
+                    compact(jacobian, rows, columns, keep);
+                }
+                scatter::products(&self.scratch.jacobian, r, m, gram, gradient);
+            }
+            cost
+        };
         if !cost.is_finite() {
             return Err(EvaluationError::new("a residual is not finite"));
         }
@@ -118,120 +155,65 @@ impl Chunk {
         if m == 0 {
             return Ok(());
         }
-        if let Some(keep) = &scatter.keep {
-            compact(jacobian, rows, columns, keep);
-        }
-        let gram = &mut self.scratch.gram[..m * m];
-        let gradient = &mut self.scratch.gradient[..m];
-        kernels::gram_lower(jacobian, rows, m, gram);
-        kernels::gram_vector(&jacobian[..rows * m], r, m, gradient);
         let trace: f64 = (0..m).map(|i| gram[i * m + i]).sum();
         if !trace.is_finite() {
             return Err(EvaluationError::new("a Jacobian is not finite"));
         }
-        if group.elimination != NONE {
-            let elimination = self.plan.eliminations[group.elimination as usize];
-            let width = self.plan.strips[elimination.strip as usize].width as usize;
-            let columns = &self.plan.strip_columns[group.strip_columns as usize..][..scatter.kept.len()];
-            let d = elimination.d as usize;
-            scatter_eliminated(
-                scatter,
-                gram,
-                gradient,
-                columns,
-                &mut self.hee[elimination.ee..][..d * d],
-                &mut self.hec[elimination.ec..][..d * width],
-                &mut self.ge[elimination.e..][..d],
-            );
-        }
-        for variable in &scatter.kept {
-            let (column, d) = (variable.column as usize, variable.d as usize);
-            let target = &mut self.gc[variable.local as usize..][..d];
-            target.iter_mut().zip(&gradient[column..column + d]).for_each(|(t, g)| *t += g);
-        }
-        for pair in &scatter.pairs {
-            let (row, dr) = (pair.row as usize, pair.row_d as usize);
-            let (column, dc) = (pair.column as usize, pair.column_d as usize);
-            let block = &mut self.hcc[pair.block as usize..][..dr * dc];
-            if row > column {
-                for (a, target) in block.chunks_exact_mut(dc).enumerate() {
-                    let source = &gram[(row + a) * m + column..][..dc];
-                    target.iter_mut().zip(source).for_each(|(t, s)| *t += s);
-                }
-            } else if row == column {
-                for (a, target) in block.chunks_exact_mut(dc).enumerate() {
-                    let source = &gram[(row + a) * m + column..][..=a];
-                    target.iter_mut().zip(source).for_each(|(t, s)| *t += s);
-                }
-            } else {
-                for (a, target) in block.chunks_exact_mut(dc).enumerate() {
-                    for (b, t) in target.iter_mut().enumerate() {
-                        *t += gram[(column + b) * m + row + a];
-                    }
-                }
+        let eliminated = (group.elimination != NONE).then(|| {
+            let e = self.plan.eliminations[group.elimination as usize];
+            let stride = self.plan.strips[e.strip as usize].stride as usize;
+            let d = e.d as usize;
+            EliminatedBlocks {
+                strip_columns: &self.plan.strip_columns[group.strip_columns as usize..][..scatter.kept.len()],
+                hee: &mut self.hee[e.ee..][..d * d],
+                hec: &mut self.hec[e.ec..][..d * stride],
+                ge: &mut self.ge[e.e..][..d],
             }
-        }
+        });
+        Arch::new().dispatch(Add { scatter, gram, gradient, eliminated, hcc: &mut self.hcc, gc: &mut self.gc });
         Ok(())
     }
 
     /// Factorises every H_ee + μ D² and accumulates its share of the Schur complement. `d2` is D² of the eliminated
     /// variables of all chunks.
     pub fn eliminate(&mut self, mu: f64, d2: &[f64]) {
-        self.scc.fill(0.0);
-        self.sc.fill(0.0);
-        self.definite = true;
-        let d2 = &d2[self.plan.offset..][..self.plan.dim];
-        for e in &self.plan.eliminations {
-            let d = e.d as usize;
-            let strip = &self.plan.strips[e.strip as usize];
-            let width = strip.width as usize;
-            let l = &mut self.lee[e.ee..][..d * d];
-            l.copy_from_slice(&self.hee[e.ee..][..d * d]);
-            for i in 0..d {
-                l[i * d + i] += mu * d2[e.e + i];
-            }
-            if !kernels::cholesky(l, d) {
-                self.definite = false;
-                return;
-            }
-            if width == 0 {
-                continue;
-            }
-            let (w, y) = self.scratch.strip[..d * (width + 1)].split_at_mut(d * width);
-            w.copy_from_slice(&self.hec[e.ec..][..d * width]);
-            y.copy_from_slice(&self.ge[e.e..][..d]);
-            kernels::solve_lower(l, d, w, width);
-            kernels::solve_lower(l, d, y, 1);
-            let mut pairs = strip.pairs.iter();
-            for (k, row) in strip.variables.iter().enumerate() {
-                let (i, di) = (row.column as usize, row.d as usize);
-                for column in &strip.variables[..=k] {
-                    let (j, dj) = (column.column as usize, column.d as usize);
-                    let Some(offset) = pairs.next() else { continue };
-                    let block = &mut self.scc[*offset as usize..][..di * dj];
-                    kernels::accumulate_product(w, width, (i, di), (j, dj), block);
-                }
-                let target = &mut self.sc[row.local as usize..][..di];
-                for (w, y) in w.chunks_exact(width).zip(y.iter()) {
-                    target.iter_mut().zip(&w[i..i + di]).for_each(|(t, w)| *t += w * y);
-                }
-            }
-        }
+        self.definite = Arch::new().dispatch(Eliminate {
+            plan: &self.plan,
+            hee: &self.hee,
+            hec: &self.hec,
+            ge: &self.ge,
+            mu,
+            d2: &d2[self.plan.offset..][..self.plan.dim],
+            lee: &mut self.lee,
+            scc: &mut self.scc,
+            sc: &mut self.sc,
+            dense: &mut self.dense,
+            w: &mut self.scratch.strip,
+        });
     }
 
-    /// The step of the eliminated variables, −H_ee⁻¹ (g_e + H_ec δ_c), from that of the kept ones.
+    /// The step of the eliminated variables from that of the kept ones.
     pub fn back_substitute(&mut self, kept_step: &[f64]) {
+        let Self { plan, hec, ge, lee, step, .. } = self;
+        Arch::new().dispatch(BackSubstitute { plan, hec, ge, lee, kept_step, step });
+    }
+
+    /// x_eᵀ H_ee x_e + 2 x_eᵀ H_ec x_c over the chunk's eliminated variables.
+    pub fn quadratic_form(&self, x: &[f64], kept: &[f64]) -> f64 {
+        let mut sum = 0.0;
         for e in &self.plan.eliminations {
             let d = e.d as usize;
-            let step = &mut self.step[e.e..][..d];
-            step.copy_from_slice(&self.ge[e.e..][..d]);
+            let x = &x[e.e..][..d];
             let strip = &self.plan.strips[e.strip as usize];
-            multiply_strip(strip, &self.hec[e.ec..], d, kept_step, step);
-            let l = &self.lee[e.ee..][..d * d];
-            kernels::solve_lower(l, d, step, 1);
-            kernels::solve_lower_transposed(l, d, step);
-            step.iter_mut().for_each(|s| *s = -*s);
+            for i in 0..d {
+                let mut product = [0.0];
+                multiply_strip(strip, &self.hec[e.ec + i * strip.stride as usize..], 1, kept, &mut product);
+                let row = &self.hee[e.ee + i * d..][..=i];
+                let lower: f64 = row[..i].iter().zip(x).map(|(h, x)| h * x).sum();
+                sum += x[i] * (2.0 * (lower + product[0]) + row[i] * x[i]);
+            }
         }
+        sum
     }
 
     /// The diagonal of H for the eliminated variables of this chunk.
@@ -240,55 +222,6 @@ impl Chunk {
             let d = *d as usize;
             for i in 0..d {
                 target[e + i] = self.hee[ee + i * d + i];
-            }
-        }
-    }
-}
-
-/// target += H_ec x for x over all kept variables.
-pub(crate) fn multiply_strip(strip: &crate::chunk::Strip, hec: &[f64], d: usize, x: &[f64], target: &mut [f64]) {
-    let width = strip.width as usize;
-    if width == 0 {
-        return;
-    }
-    for (row, t) in hec[..d * width].chunks_exact(width).zip(target) {
-        let mut sum = 0.0;
-        for v in &strip.variables {
-            let (column, dv, kept) = (v.column as usize, v.d as usize, v.kept as usize);
-            sum += row[column..column + dv].iter().zip(&x[kept..kept + dv]).map(|(h, x)| h * x).sum::<f64>();
-        }
-        *t += sum;
-    }
-}
-
-fn scatter_eliminated(
-    scatter: &Scatter,
-    gram: &[f64],
-    gradient: &[f64],
-    strip_columns: &[u32],
-    hee: &mut [f64],
-    hec: &mut [f64],
-    ge: &mut [f64],
-) {
-    let Some((first, d)) = scatter.eliminated else { return };
-    let (first, d, m) = (first as usize, d as usize, scatter.m as usize);
-    let width = hec.len() / d;
-    for i in 0..d {
-        let source = &gram[(first + i) * m + first..][..=i];
-        hee[i * d..=i * d + i].iter_mut().zip(source).for_each(|(t, s)| *t += s);
-        ge[i] += gradient[first + i];
-    }
-    for (variable, column) in scatter.kept.iter().zip(strip_columns) {
-        let (own, dv, column) = (variable.column as usize, variable.d as usize, *column as usize);
-        for i in 0..d {
-            let target = &mut hec[i * width + column..][..dv];
-            if own < first {
-                let source = &gram[(first + i) * m + own..][..dv];
-                target.iter_mut().zip(source).for_each(|(t, s)| *t += s);
-            } else {
-                for (a, t) in target.iter_mut().enumerate() {
-                    *t += gram[(own + a) * m + first + i];
-                }
             }
         }
     }
@@ -313,6 +246,52 @@ fn weigh(loss: &Loss, dim: usize, residuals: &mut [f64], mut jacobian: Option<(&
             let weight = first.sqrt();
             r.iter_mut().for_each(|x| *x *= weight);
             jacobian[i * dim * *columns..(i + 1) * dim * *columns].iter_mut().for_each(|x| *x *= weight);
+        }
+    }
+    cost
+}
+
+/// Evaluates a group in lanes; what lies beyond its last residual becomes zero.
+fn evaluate_lanes(
+    lanes: &dyn LaneAccess,
+    group: usize,
+    values: &Values,
+    blocks: &mut [Lane],
+    count: usize,
+    jacobian: bool,
+) -> Result<(), EvaluationError> {
+    lanes.evaluate_lanes(group, values, blocks, jacobian)?;
+    let used = count % LANES;
+    if used > 0 {
+        let first = blocks.len() - blocks.len() / count.div_ceil(LANES);
+        blocks[first..].iter_mut().for_each(|lane| lane[used..].fill(0.0));
+    }
+    Ok(())
+}
+
+/// The cost of a group in lanes; multiplies blocks by √ρ′.
+fn weigh_lanes(loss: &Loss, dim: usize, blocks: &mut [Lane], size: usize, count: usize) -> f64 {
+    let mut cost = 0.0;
+    for (block, first) in blocks.chunks_exact_mut(size).zip((0..count).step_by(LANES)) {
+        let mut squares = [0.0; LANES];
+        for lane in &block[..dim] {
+            squares.iter_mut().zip(lane).for_each(|(s, r)| *s += r * r);
+        }
+        if loss.is_trivial() {
+            cost += 0.5 * squares.iter().sum::<f64>();
+            continue;
+        }
+        let mut weights = [1.0; LANES];
+        for (s, w) in squares.iter().zip(&mut weights).take(count - first) {
+            if !s.is_finite() {
+                return f64::NAN;
+            }
+            let [value, first, _] = loss.evaluate(*s);
+            cost += 0.5 * value;
+            *w = first.sqrt();
+        }
+        for lane in block {
+            lane.iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
         }
     }
     cost

@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use nalgebra::SVector;
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::error::EvaluationError;
-use crate::factor::{Factor, VariableTuple, value};
+use crate::factor::{Borrowed, Factor, VariableTuple, value};
 use crate::graph::FactorBatch;
 use crate::loss::Loss;
 use crate::noise::Noise;
@@ -123,24 +123,43 @@ impl<F: Factor<M>, const M: usize> FactorBatch for Batch<F, M> {
         jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError> {
         let factors = &self.factors[self.start(group)..self.groups[group].end];
-        let dim = F::Variables::DIM;
         let variables = F::Variables::borrow(&self.groups[group].keys, values)
             .ok_or(EvaluationError::new("a variable of another problem"))?;
+        let noise = &self.noise;
+        Arch::new().dispatch(Evaluation { factors, variables, noise, residuals, jacobian });
+        Ok(())
+    }
+}
+
+/// The factors of one group, compiled for the vector instructions of the machine.
+struct Evaluation<'a, F: Factor<M>, const M: usize> {
+    factors: &'a [F],
+    variables: Borrowed<'a, F::Variables>,
+    noise: &'a Noise<M>,
+    residuals: &'a mut [f64],
+    jacobian: Option<&'a mut [f64]>,
+}
+
+impl<F: Factor<M>, const M: usize> WithSimd for Evaluation<'_, F, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { factors, variables, noise, residuals, jacobian } = self;
         let rows = factors.iter().zip(residuals.chunks_exact_mut(M));
         match jacobian {
             None => {
                 for (factor, r) in rows {
-                    let whitened: SVector<f64, M> = self.noise.whiten(value(factor, &variables));
-                    r.copy_from_slice(whitened.as_slice());
+                    r.copy_from_slice(noise.whiten(value(factor, &variables)).as_slice());
                 }
             }
             Some(jacobian) => {
+                let dim = F::Variables::DIM;
                 for ((factor, r), j) in rows.zip(jacobian.chunks_exact_mut(M * dim)) {
-                    r.copy_from_slice(self.noise.whiten(factor.linearize(&variables, j)).as_slice());
-                    self.noise.whiten_rows(j, dim);
+                    r.copy_from_slice(noise.whiten(factor.linearize(&variables, j)).as_slice());
+                    noise.whiten_rows(j, dim);
                 }
             }
         }
-        Ok(())
     }
 }

@@ -124,6 +124,24 @@ impl ReducedBlocks {
         }
     }
 
+    /// xᵀ H_cc x.
+    pub fn quadratic_form(&self, x: &[f64]) -> f64 {
+        let mut sum = 0.0;
+        for block in self.blocks.iter().filter(|b| !b.hessian.is_empty()) {
+            let (dr, dc) = (block.row_d as usize, block.column_d as usize);
+            let (row, column) = (&x[block.row_offset as usize..][..dr], &x[block.column_offset as usize..][..dc]);
+            for (i, h) in self.values[block.value..][..dr * dc].chunks_exact(dc).enumerate() {
+                if block.row == block.column {
+                    let lower: f64 = h[..i].iter().zip(column).map(|(h, x)| h * x).sum();
+                    sum += row[i] * (2.0 * lower + h[i] * row[i]);
+                } else {
+                    sum += 2.0 * row[i] * h.iter().zip(column).map(|(h, x)| h * x).sum::<f64>();
+                }
+            }
+        }
+        sum
+    }
+
     /// H_cc, n × n, both triangles.
     pub fn to_dense(&self, n: usize) -> DMatrix<f64> {
         let mut dense = DMatrix::zeros(n, n);

@@ -5,7 +5,16 @@
 
 use std::collections::HashMap;
 
+use crate::lanes::{LANES, LaneColumn};
 use crate::layout::{Layout, NONE};
+
+/// Columns of strips are padded to a multiple of this.
+pub(crate) const QUAD: usize = 4;
+
+/// From this many variables with the same strip on their products are summed as one matrix, if the strip is not wider than
+/// `DENSE_WIDTH`: blocks of few columns do not fill vector registers.
+const DENSE_COUNT: u32 = 4;
+const DENSE_WIDTH: u32 = 64;
 
 /// An eliminated variable and its offsets in the chunk's arrays.
 #[derive(Clone, Copy, Debug)]
@@ -14,7 +23,7 @@ pub(crate) struct Elimination {
     pub d: u32,
     /// H_ee, d × d, in `hee`.
     pub ee: usize,
-    /// H_ec, d × width of its strip, in `hec`.
+    /// H_ec, d × stride of its strip, in `hec`.
     pub ec: usize,
     /// Components in `ge` and `step`.
     pub e: usize,
@@ -40,6 +49,12 @@ pub(crate) struct StripVariable {
 pub(crate) struct Strip {
     pub variables: Vec<StripVariable>,
     pub width: u32,
+    /// Width with a column for the right-hand side, padded.
+    pub stride: u32,
+    /// Number of variables that have it.
+    count: u32,
+    /// Where the products are summed as one matrix, if they are.
+    pub dense: Option<u32>,
     /// For every pair of variables (k, l ≤ k) the block of the Schur complement in `scc`.
     pub pairs: Vec<u32>,
     /// Kept ranks, ascending.
@@ -79,6 +94,10 @@ pub(crate) struct Scatter {
     pub eliminated: Option<(u32, u32)>,
     pub kept: Vec<ScatterVariable>,
     pub pairs: Vec<ScatterPair>,
+    /// For groups in lanes, the free columns of each row and its residual.
+    pub lanes: Option<Box<[Box<[LaneColumn]>]>>,
+    /// Lanes of a block: residuals and entries of the Jacobian.
+    pub block: u32,
 }
 
 /// A group of residuals within the chunk.
@@ -131,7 +150,9 @@ pub(crate) struct ChunkPlan {
     pub scc_len: usize,
     pub hee_len: usize,
     pub hec_len: usize,
+    pub dense_len: usize,
     pub max_rows: usize,
+    pub max_lanes: usize,
     pub max_jacobian: usize,
     pub max_columns: usize,
     pub max_strip: usize,
@@ -181,13 +202,22 @@ impl<'a> ChunkBuilder<'a> {
         for group in &share.others {
             builder.add_group(*group, NONE);
         }
+        let plan = &mut builder.plan;
+        for strip in &mut plan.strips {
+            if strip.count >= DENSE_COUNT && (1..=DENSE_WIDTH).contains(&strip.width) {
+                strip.dense = Some(plan.dense_len as u32);
+                plan.dense_len += (strip.stride * strip.stride) as usize;
+            }
+        }
         builder.plan
     }
 
     fn add_eliminated(&mut self, e: u32, groups: &[u32]) {
         let d = self.layout.active[e as usize].free;
         let strip = self.strip(groups);
-        let width = self.plan.strips[strip as usize].width as usize;
+        let common = &mut self.plan.strips[strip as usize];
+        common.count += 1;
+        let stride = common.stride as usize;
         self.plan.eliminations.push(Elimination {
             d,
             ee: self.plan.hee_len,
@@ -196,9 +226,9 @@ impl<'a> ChunkBuilder<'a> {
             strip,
         });
         self.plan.hee_len += (d * d) as usize;
-        self.plan.hec_len += d as usize * width;
+        self.plan.hec_len += d as usize * stride;
         self.plan.dim += d as usize;
-        self.plan.max_strip = self.plan.max_strip.max(d as usize * (width + 1));
+        self.plan.max_strip = self.plan.max_strip.max(d as usize * stride);
         let index = self.plan.eliminations.len() as u32 - 1;
         for group in groups {
             self.add_group(*group, index);
@@ -239,7 +269,9 @@ impl<'a> ChunkBuilder<'a> {
                 pairs.push(self.schur_block(*rank, *other));
             }
         }
-        self.plan.strips.push(Strip { variables, width, pairs, ranks: ranks.to_vec() });
+        let stride = if width == 0 { 0 } else { (width + 1).next_multiple_of(QUAD as u32) };
+        let ranks_of = ranks.to_vec();
+        self.plan.strips.push(Strip { variables, width, stride, count: 0, dense: None, pairs, ranks: ranks_of });
         let index = self.plan.strips.len() as u32 - 1;
         self.strips.insert(ranks.into(), index);
         index
@@ -290,6 +322,8 @@ impl<'a> ChunkBuilder<'a> {
         let mut key = std::mem::take(&mut self.key);
         key.clear();
         key.push(info.columns);
+        let in_lanes = self.layout.batches[info.batch as usize].as_ref().is_some_and(|b| b.batch.lanes().is_some());
+        key.push(if in_lanes { info.batch } else { NONE });
         for slot in self.layout.slots(info) {
             let active = &self.layout.active[slot.active as usize];
             key.push(slot.column);
@@ -324,8 +358,14 @@ impl<'a> ChunkBuilder<'a> {
             }
         }
         let (rows, columns) = (info.rows as usize, info.columns as usize);
-        self.plan.max_rows = self.plan.max_rows.max(rows);
-        self.plan.max_jacobian = self.plan.max_jacobian.max(rows * columns);
+        let scattered = &self.plan.scatters[scatter as usize];
+        if let Some(lanes) = &scattered.lanes {
+            let blocks = (rows / lanes.len()).div_ceil(LANES);
+            self.plan.max_lanes = self.plan.max_lanes.max(blocks * scattered.block as usize);
+        } else {
+            self.plan.max_rows = self.plan.max_rows.max(rows);
+            self.plan.max_jacobian = self.plan.max_jacobian.max(rows * columns);
+        }
         self.plan.max_columns = self.plan.max_columns.max(columns);
         self.plan.groups.push(GroupPlan {
             batch: info.batch,
@@ -371,7 +411,23 @@ impl<'a> ChunkBuilder<'a> {
             }
         }
         let m = keep.len() as u32;
+        let batch = self.layout.batches[info.batch as usize].as_ref();
+        let pattern = batch.and_then(|b| b.batch.lanes()).map(|l| l.pattern());
+        let mut block = pattern.map_or(0, <[_]>::len) as u32;
+        let lanes = pattern.map(|pattern| {
+            let rows = pattern.iter().enumerate().map(|(row, columns)| {
+                let entries = columns.iter().zip(block..);
+                block += columns.len() as u32;
+                // Both lists ascend, so that the free columns do, too.
+                let free = entries.filter_map(|(c, entry)| {
+                    let column = keep.iter().position(|k| k == c)? as u32;
+                    Some(LaneColumn { entry, column })
+                });
+                free.chain([LaneColumn { entry: row as u32, column: NONE }]).collect()
+            });
+            rows.collect()
+        });
         let keep = (m < info.columns).then(|| keep.into_boxed_slice());
-        Scatter { columns: info.columns, keep, m, eliminated, kept, pairs }
+        Scatter { columns: info.columns, keep, m, eliminated, kept, pairs, lanes, block }
     }
 }

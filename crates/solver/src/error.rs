@@ -73,6 +73,16 @@ pub enum StructureError {
         /// Rows per residual.
         residual_dim: usize,
     },
+    /// The pattern of a batch in lanes names a column that a group does not have, or does not have a row for every row.
+    #[error("the pattern of factors \"{batch}\" does not fit group {group}, whose Jacobian has {columns} columns")]
+    Pattern {
+        /// Name of the batch.
+        batch: String,
+        /// Group within the batch.
+        group: usize,
+        /// Columns of the group's Jacobian.
+        columns: usize,
+    },
     /// A mask of fixed components has the wrong length.
     #[error("{variable} has {dim} components, but its mask of fixed components has {mask}")]
     MaskLength {

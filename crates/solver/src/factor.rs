@@ -11,7 +11,8 @@ use crate::values::{Key, Values, VariableId};
 /// A residual of static dimension M over a tuple of one to six variables.
 ///
 /// One generic function makes a factor; its Jacobian follows by forward differentiation, four directions at a time.
-/// Write the function without branches on derivatives, and mind that √0 has none.
+/// Write the function without branches on derivatives, and mind that √0 has none. Marked `#[inline(always)]` it is compiled
+/// for the vector instructions of the machine it runs on.
 ///
 /// ```
 /// use depthcal_solver::{Factor, Graph, Lifted, Options, Scalar, Values, minimize};
@@ -71,7 +72,7 @@ pub trait Factor<const M: usize>: Send + Sync + 'static {
     ///
     /// The default differentiates [`residual`](Self::residual). Override it where derivatives by hand are faster, and
     /// check them with [`check_jacobians`](crate::check_jacobians).
-    #[inline]
+    #[inline(always)]
     fn linearize(&self, variables: &Borrowed<'_, Self::Variables>, jacobian: &mut [f64]) -> SVector<f64, M> {
         differentiate(self, variables, jacobian)
     }
@@ -144,7 +145,7 @@ variable_tuple!(5; A 0, B 1, C 2, D 3, E 4);
 variable_tuple!(6; A 0, B 1, C 2, D 3, E 4, F 5);
 
 /// The residual's value.
-#[inline]
+#[inline(always)]
 pub(crate) fn value<F: Factor<M> + ?Sized, const M: usize>(
     factor: &F,
     variables: &Borrowed<'_, F::Variables>,
@@ -155,7 +156,7 @@ pub(crate) fn value<F: Factor<M> + ?Sized, const M: usize>(
 /// Width of the dual numbers. Four derivatives fit the vector registers; one wide dual number is many times slower.
 const WIDTH: usize = 4;
 
-#[inline]
+#[inline(always)]
 fn differentiate<F: Factor<M> + ?Sized, const M: usize>(
     factor: &F,
     variables: &Borrowed<'_, F::Variables>,

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use crate::batch::Batch;
 use crate::error::{EvaluationError, EvaluationFailure};
 use crate::factor::{Factor, VariableTuple};
+use crate::lanes::LaneAccess;
 use crate::loss::Loss;
 use crate::values::{Values, VariableId};
 
@@ -51,6 +52,11 @@ pub trait FactorBatch: Send + Sync {
         residuals: &mut [f64],
         jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError>;
+
+    /// Access to residuals in lanes, if the batch has them: see [`Lanes`](crate::Lanes).
+    fn lanes(&self) -> Option<&dyn LaneAccess> {
+        None
+    }
 }
 
 /// Names a batch of a [`Graph`].

@@ -52,7 +52,8 @@ impl Inverse {
                 .map(|s| s.variables.iter().map(|v| (v.kept as usize, v.column as usize, v.d as usize)).collect())
                 .collect();
             for e in &chunk.plan.eliminations {
-                let (d, width) = (e.d as usize, chunk.plan.strips[e.strip as usize].width as usize);
+                let strip = &chunk.plan.strips[e.strip as usize];
+                let (d, width, stride) = (e.d as usize, strip.width as usize, strip.stride as usize);
                 let h = DMatrix::from_fn(d, d, |i, j| chunk.hee[e.ee + i.max(j) * d + i.min(j)]);
                 let (p, vectors) = pseudo_inverse_small(&h, tolerance)?;
                 for v in vectors {
@@ -60,7 +61,7 @@ impl Inverse {
                     full.rows_mut(chunk.plan.offset + e.e, d).copy_from(&v);
                     null.push(full);
                 }
-                let hec = DMatrix::from_row_slice(d, width, &chunk.hec[e.ec..e.ec + d * width]);
+                let hec = DMatrix::from_fn(d, width, |i, j| chunk.hec[e.ec + i * stride + j]);
                 let t = -(&p * &hec);
                 let update = hec.tr_mul(&t);
                 let columns = Arc::clone(&strips[e.strip as usize]);

@@ -3,35 +3,20 @@
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, MatMut, MatRef, Par};
 
-/// From this many rows on the general matrix product pays.
-const STACKED_ROWS: usize = 12;
-
-/// Lower triangle of JᵀJ for J of `rows` × `m` into `a`, m × m.
+/// Lower triangle of JᵀJ for J of `rows` × `m` into `a`, m × m. For many rows.
 pub(crate) fn gram_lower(j: &[f64], rows: usize, m: usize, a: &mut [f64]) {
-    if rows >= STACKED_ROWS && m >= 4 {
-        let j = MatRef::from_row_major_slice(&j[..rows * m], rows, m);
-        matmul(
-            MatMut::from_row_major_slice_mut(&mut a[..m * m], m, m),
-            BlockStructure::TriangularLower,
-            Accum::Replace,
-            j.transpose(),
-            BlockStructure::Rectangular,
-            j,
-            BlockStructure::Rectangular,
-            1.0,
-            Par::Seq,
-        );
-        return;
-    }
-    a[..m * m].fill(0.0);
-    for row in j[..rows * m].chunks_exact(m) {
-        for i in 0..m {
-            let x = row[i];
-            for (a, y) in a[i * m..=i * m + i].iter_mut().zip(row) {
-                *a += x * y;
-            }
-        }
-    }
+    let j = MatRef::from_row_major_slice(&j[..rows * m], rows, m);
+    matmul(
+        MatMut::from_row_major_slice_mut(&mut a[..m * m], m, m),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        j.transpose(),
+        BlockStructure::Rectangular,
+        j,
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
 }
 
 /// Jᵀ r for J of `rows` × `m` into `g`.
@@ -90,24 +75,6 @@ pub(crate) fn solve_lower_transposed(l: &[f64], n: usize, x: &mut [f64]) {
         let (above, rest) = x.split_at_mut(i);
         for (k, x) in above.iter_mut().enumerate() {
             *x -= l[i * n + k] * rest[0];
-        }
-    }
-}
-
-/// B += Wᵢᵀ Wⱼ, where Wᵢ and Wⱼ are the columns from `i` and `j` on of W, n × `width`, and B is `di` × `dj`.
-pub(crate) fn accumulate_product(
-    w: &[f64],
-    width: usize,
-    (i, di): (usize, usize),
-    (j, dj): (usize, usize),
-    b: &mut [f64],
-) {
-    for row in w.chunks_exact(width) {
-        let y = &row[j..j + dj];
-        for (x, b) in row[i..i + di].iter().zip(b.chunks_exact_mut(dj)) {
-            for (b, y) in b.iter_mut().zip(y) {
-                *b += x * y;
-            }
         }
     }
 }

@@ -1,14 +1,16 @@
-//! The Levenberg–Marquardt method as a solver of argmin.
+//! Levenberg–Marquardt, dog-leg and Gauss–Newton as a solver of argmin.
 
 use std::borrow::Borrow;
 use std::time::Instant;
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State, TerminationReason};
 
+use crate::dog_leg::DogLeg;
 use crate::error::SolveError;
 use crate::graph::Graph;
+use crate::interrupt::Interrupt;
 use crate::normal::NormalEquations;
-use crate::options::{Damping, Options, Scaling};
+use crate::options::{Damping, Method, Options, Scaling};
 use crate::report::{Iteration, Report, StageSeconds, Termination};
 use crate::values::Values;
 
@@ -25,7 +27,7 @@ const COST_ROUNDING: f64 = 1e-12;
 const ZERO_RESIDUAL: f64 = 1e-10;
 
 /// Levenberg 1944, Marquardt 1963: minimises ½ Σ ρ(‖r(x)‖²) by steps (H + μ D²) δ = −g with H = Jᵀ W J, g = Jᵀ W r and W the
-/// weights ρ′ of the loss.
+/// weights ρ′ of the loss. With [`Options::method`] the same solver makes dog-leg or Gauss–Newton steps.
 ///
 /// An `argmin` solver for problems that lend a [`Graph`]: `&Graph`, `Graph` or `Arc<Graph>`. [`minimize`](crate::minimize)
 /// runs it; use argmin's `Executor` for observers, checkpoints and the like:
@@ -57,6 +59,10 @@ pub struct LevenbergMarquardt {
     /// D².
     d2: Vec<f64>,
     step: Vec<f64>,
+    /// The Gauss–Newton step of the last linearisation, for other methods than Levenberg–Marquardt.
+    newton: Option<Vec<f64>>,
+    /// Radius of the dog-leg, share of the Gauss–Newton step.
+    radius: f64,
     linearized: bool,
     /// What the model predicted at the first trial since the last linearisation.
     first_prediction: Option<f64>,
@@ -91,6 +97,8 @@ impl LevenbergMarquardt {
             nu: 2.0,
             d2: Vec::new(),
             step: Vec::new(),
+            newton: None,
+            radius: 0.0,
             linearized: false,
             first_prediction: None,
             cost0: f64::INFINITY,
@@ -131,6 +139,11 @@ impl LevenbergMarquardt {
         let n = system.dim();
         self.d2 = vec![0.0; n];
         self.step = vec![0.0; n];
+        self.newton = None;
+        self.radius = match self.options.method {
+            Method::DogLeg { radius } => radius,
+            _ => 1.0,
+        };
         self.system = Some(Box::new(system));
         self.linearized = false;
         Ok(())
@@ -144,6 +157,7 @@ impl LevenbergMarquardt {
         self.seconds.linearize += start.elapsed().as_secs_f64();
         self.cost = cost?;
         self.linearized = true;
+        self.newton = None;
         self.first_prediction = None;
         self.gradient = system.gradient().iter().fold(0.0, |max, g| g.abs().max(max));
         for (d2, h) in self.d2.iter_mut().zip(system.diagonal()) {
@@ -159,6 +173,7 @@ impl LevenbergMarquardt {
         }
         if self.mu == 0.0 {
             self.mu = match self.options.damping {
+                _ if self.options.method != Method::LevenbergMarquardt => MIN_DAMPING,
                 Damping::Nielsen { tau } => {
                     let scaled = system.diagonal().iter().zip(&self.d2).map(|(h, d2)| h / d2);
                     tau * scaled.fold(0.0, f64::max)
@@ -170,11 +185,47 @@ impl LevenbergMarquardt {
         Ok(())
     }
 
+    /// Writes the next step to try; returns the decrease of the cost that the model predicts and ‖D δ‖ where it matters, or
+    /// nothing if the linear system is not positive definite.
+    fn find_step(&mut self) -> Option<(f64, f64)> {
+        let system = self.system.as_mut()?;
+        if self.options.method == Method::LevenbergMarquardt {
+            let (mu, d2, step) = (self.mu, &self.d2, &mut self.step);
+            if !in_pool(self.pool.as_ref(), || system.solve(mu, d2, step)) {
+                return None;
+            }
+            // F(0) − F(δ) of the model ½ ‖r + J δ‖², with H δ = −g − μ D² δ put in.
+            let terms = self.step.iter().zip(system.gradient()).zip(&self.d2);
+            return Some((terms.map(|((s, g), d2)| 0.5 * s * (mu * d2 * s - g)).sum(), 0.0));
+        }
+        if self.newton.is_none() {
+            let mut newton = vec![0.0; self.step.len()];
+            let (mu, d2) = (self.mu, &self.d2);
+            if !in_pool(self.pool.as_ref(), || system.solve(mu, d2, &mut newton)) {
+                return None;
+            }
+            self.newton = Some(newton);
+        }
+        let newton = self.newton.as_ref()?;
+        let gradient = system.gradient();
+        if let Method::DogLeg { .. } = self.options.method {
+            for ((s, g), d2) in self.step.iter_mut().zip(gradient).zip(&self.d2) {
+                *s = -g / d2;
+            }
+            let curvature = system.quadratic_form(&self.step);
+            let dog_leg = DogLeg { gradient, d2: &self.d2, newton, curvature, radius: self.radius };
+            return Some(dog_leg.step(&mut self.step));
+        }
+        let share = self.radius;
+        self.step.iter_mut().zip(newton).for_each(|(s, n)| *s = share * n);
+        let slope: f64 = newton.iter().zip(gradient).map(|(n, g)| -n * g).sum();
+        Some((share * (1.0 - 0.5 * share) * slope, 0.0))
+    }
+
     /// Solves for a step and tries it; the moved values if the step is good.
     fn try_step(&mut self, values: &Values) -> Option<Values> {
-        let system = self.system.as_mut()?;
         let start = Instant::now();
-        let solved = in_pool(self.pool.as_ref(), || system.solve(self.mu, &self.d2, &mut self.step));
+        let found = self.find_step();
         self.seconds.linear_solve += start.elapsed().as_secs_f64();
         let mut record = Iteration {
             cost: self.cost,
@@ -182,19 +233,17 @@ impl LevenbergMarquardt {
             predicted: f64::NAN,
             gradient: self.gradient,
             step: f64::NAN,
-            damping: self.mu,
+            damping: if self.options.method == Method::LevenbergMarquardt { self.mu } else { self.radius },
             accepted: false,
         };
-        if !solved {
+        let Some((predicted, length)) = found else {
             self.trace.push(record);
-            self.reject();
+            self.mu *= self.nu;
+            self.nu *= 2.0;
+            self.stop_if_stalled();
             return None;
-        }
-        // F(0) − F(δ) of the model ½ ‖r + J δ‖², with H δ = −g − μ D² δ put in.
-        let mut predicted = 0.0;
-        for ((s, g), d2) in self.step.iter().zip(system.gradient()).zip(&self.d2) {
-            predicted += 0.5 * s * (self.mu * d2 * s - g);
-        }
+        };
+        let system = self.system.as_mut()?;
         record.predicted = predicted;
         record.step = self.step.iter().zip(system.diagonal()).fold(0.0, |max, (s, h)| (s.abs() * h.sqrt()).max(max));
         let start = Instant::now();
@@ -224,8 +273,15 @@ impl LevenbergMarquardt {
             } else if last {
                 self.termination = Some(Termination::Rounding);
             }
-            if ratio.is_finite() {
-                self.mu = (self.mu * (1.0 - (2.0 * ratio - 1.0).powi(3)).max(1.0 / 3.0)).max(self.min_damping());
+            match self.options.method {
+                Method::LevenbergMarquardt if ratio.is_finite() => {
+                    let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(1.0 / 3.0);
+                    self.mu = (self.mu * factor).max(self.min_damping());
+                }
+                Method::DogLeg { .. } if ratio > 0.75 => self.radius = self.radius.max(3.0 * length),
+                Method::DogLeg { .. } if ratio < 0.25 => self.radius *= 0.5,
+                Method::GaussNewton => self.radius = 1.0,
+                _ => {}
             }
             self.nu = 2.0;
             self.cost = trial_cost;
@@ -239,7 +295,7 @@ impl LevenbergMarquardt {
         } else if self.cost <= 0.5 * residuals * ZERO_RESIDUAL * ZERO_RESIDUAL {
             self.termination = Some(Termination::Rounding);
         }
-        self.reject();
+        self.reject(length);
         None
     }
 
@@ -250,10 +306,26 @@ impl LevenbergMarquardt {
         }
     }
 
-    fn reject(&mut self) {
-        self.mu *= self.nu;
-        self.nu *= 2.0;
-        if self.mu > MAX_DAMPING && self.termination.is_none() {
+    fn reject(&mut self, length: f64) {
+        match self.options.method {
+            Method::LevenbergMarquardt => {
+                self.mu *= self.nu;
+                self.nu *= 2.0;
+            }
+            // The region has to shrink below the step just rejected.
+            Method::DogLeg { .. } => self.radius = 0.5 * self.radius.min(length),
+            Method::GaussNewton => self.radius *= 0.5,
+        }
+        self.stop_if_stalled();
+    }
+
+    fn stop_if_stalled(&mut self) {
+        let tiny = match self.options.method {
+            Method::LevenbergMarquardt => false,
+            Method::DogLeg { .. } => self.radius <= 1.0 / MAX_DAMPING,
+            Method::GaussNewton => self.radius <= MIN_DAMPING,
+        };
+        if (tiny || self.mu > MAX_DAMPING) && self.termination.is_none() {
             self.termination = Some(Termination::Stalled);
         }
     }
@@ -269,7 +341,11 @@ fn in_pool<T: Send>(pool: Option<&rayon::ThreadPool>, f: impl FnOnce() -> T + Se
 
 impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
     fn name(&self) -> &str {
-        "Levenberg-Marquardt"
+        match self.options.method {
+            Method::LevenbergMarquardt => "Levenberg-Marquardt",
+            Method::DogLeg { .. } => "dog-leg",
+            Method::GaussNewton => "Gauss-Newton",
+        }
     }
 
     fn init(&mut self, problem: &mut Problem<G>, mut state: SolverState) -> Result<(SolverState, Option<KV>), Error> {
@@ -304,6 +380,9 @@ impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
             self.termination = Some(Termination::NothingToEstimate);
         } else if self.gradient <= self.options.gradient_tolerance {
             self.termination = Some(Termination::Gradient);
+        }
+        if self.termination.is_none() && self.options.interrupt.as_ref().is_some_and(Interrupt::is_raised) {
+            self.termination = Some(Termination::Interrupted);
         }
         let trial = match self.termination {
             Some(_) => None,

@@ -6,7 +6,7 @@
 //! | step | types |
 //! |---|---|
 //! | variables | [`Variable`]: vectors, rotations, poses, directions, own ones; [`Values`] keeps them under typed [`Key`]s |
-//! | residuals | [`Factor`]: one generic function, derivatives follow; [`Batch`]: many of a kind, with [`Noise`] and [`Loss`]; [`Prior`]; [`FactorBatch`]: anything, with Jacobians by hand |
+//! | residuals | [`Factor`]: one generic function, derivatives follow; [`Batch`]: many of a kind, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: many that share their variables, eight at a time; [`FactorBatch`]: anything, with Jacobians by hand |
 //! | problem | [`Graph`]: batches, fixed variables, variables to eliminate |
 //! | solution | [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`] |
 //! | uncertainty | [`Covariance`]: any joint or marginal; names what is not determined |
@@ -53,11 +53,15 @@ mod blocks;
 mod check;
 mod chunk;
 mod covariance;
+mod dog_leg;
+mod eliminate;
 mod error;
 mod factor;
 mod graph;
+mod interrupt;
 mod inverse;
 mod kernels;
+mod lanes;
 mod layout;
 mod levenberg_marquardt;
 mod lift;
@@ -71,6 +75,7 @@ mod partition;
 mod prior;
 mod reduced;
 mod report;
+mod scatter;
 mod values;
 mod variable;
 
@@ -80,12 +85,14 @@ pub use covariance::{Covariance, CovarianceError, CovarianceOptions, NullCompone
 pub use error::{EvaluationError, EvaluationFailure, SolveError, StructureError};
 pub use factor::{Borrowed, Factor, Lifted, VariableTuple};
 pub use graph::{BatchId, FactorBatch, Graph};
+pub use interrupt::Interrupt;
+pub use lanes::{LANES, Lane, LaneAccess, LaneBatch, Lanes};
 pub use levenberg_marquardt::{LevenbergMarquardt, SolverState};
 pub use lift::{Lift, Pose, Rotation, Scalar};
 pub use loss::Loss;
 pub use minimize::{Solution, minimize};
 pub use noise::{Noise, NoiseError};
-pub use options::{Damping, LinearSolver, LinearSolverUsed, Options, Scaling};
+pub use options::{Damping, LinearSolver, LinearSolverUsed, Method, Options, Scaling};
 pub use prior::Prior;
 pub use report::{Iteration, Report, StageSeconds, Termination};
 pub use values::{Key, Values, VariableId};

@@ -18,7 +18,7 @@ pub struct Solution {
     pub report: Report,
 }
 
-/// Minimises ½ Σ ρ(‖r(x)‖²) by Levenberg–Marquardt, starting from `values`.
+/// Minimises ½ Σ ρ(‖r(x)‖²) by Levenberg–Marquardt or what [`Options::method`] says, starting from `values`.
 ///
 /// Not having converged is no error: see [`Report::termination`].
 ///

@@ -85,7 +85,7 @@ impl<const M: usize> Noise<M> {
     }
 
     /// A e.
-    #[inline]
+    #[inline(always)]
     pub fn whiten(&self, e: SVector<f64, M>) -> SVector<f64, M> {
         match &self.0 {
             Whitening::Unit => e,
@@ -95,6 +95,7 @@ impl<const M: usize> Noise<M> {
     }
 
     /// Whitens the rows of a Jacobian, row-major M × `columns`.
+    #[inline(always)]
     pub fn whiten_rows(&self, jacobian: &mut [f64], columns: usize) {
         match &self.0 {
             Whitening::Unit => {}

@@ -114,6 +114,13 @@ impl NormalEquations {
         Ok(cost)
     }
 
+    /// xᵀ H x at the last linearisation.
+    pub fn quadratic_form(&self, x: &[f64]) -> f64 {
+        let (eliminated, kept) = x.split_at(self.layout.eliminated_dim);
+        let own = |chunk: &Chunk| chunk.quadratic_form(&eliminated[chunk.plan.offset..][..chunk.plan.dim], kept);
+        self.chunks.iter().map(own).sum::<f64>() + self.blocks.quadratic_form(kept)
+    }
+
     /// Writes the solution of (H + μ D²) δ = −g, where `d2` is the diagonal of D²; false if the matrix is not positive
     /// definite.
     #[must_use]

@@ -5,6 +5,24 @@ use std::time::Duration;
 use serde::Serialize;
 
 use crate::error::SolveError;
+use crate::interrupt::Interrupt;
+
+/// How steps are made from the normal equations H δ = −g.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub enum Method {
+    /// Levenberg–Marquardt: (H + μ D²) δ = −g, with μ by [`Options::damping`].
+    #[default]
+    LevenbergMarquardt,
+    /// Powell's dog-leg between the scaled gradient and the Gauss–Newton step, within ‖D δ‖ ≤ Δ (Powell 1970). A rejected
+    /// step costs no linear solve.
+    DogLeg {
+        /// Δ at the start; √(2 · cost) is the length at which residuals change by their own size.
+        radius: f64,
+    },
+    /// Gauss–Newton steps, halved until the cost falls. Where H is singular it is damped as little as it takes.
+    GaussNewton,
+}
 
 /// Damping of the Levenberg–Marquardt step (H + μ D²) δ = −g.
 ///
@@ -111,6 +129,8 @@ pub struct Options {
     pub parameter_tolerance: f64,
     /// A step is accepted when the cost falls by more than this share of what the linear model predicts. Default 1e-3.
     pub min_gain_ratio: f64,
+    /// How steps are made.
+    pub method: Method,
     /// Damping rule.
     pub damping: Damping,
     /// Scaling of columns.
@@ -123,6 +143,8 @@ pub struct Options {
     pub time_limit: Option<Duration>,
     /// Stop at Ctrl-C with the best state so far. A process can only do this once. Default false.
     pub ctrlc: bool,
+    /// Stop when this flag is raised, with the best state so far.
+    pub interrupt: Option<Interrupt>,
 }
 
 impl Default for Options {
@@ -133,12 +155,14 @@ impl Default for Options {
             cost_tolerance: 1e-9,
             parameter_tolerance: 1e-9,
             min_gain_ratio: 1e-3,
+            method: Method::default(),
             damping: Damping::default(),
             scaling: Scaling::default(),
             linear_solver: LinearSolver::default(),
             threads: 0,
             time_limit: None,
             ctrlc: false,
+            interrupt: None,
         }
     }
 }
@@ -158,6 +182,11 @@ impl Options {
         }
         if !(0.0..1.0).contains(&self.min_gain_ratio) {
             return Err(bad("min_gain_ratio", self.min_gain_ratio));
+        }
+        if let Method::DogLeg { radius } = self.method
+            && !(radius > 0.0 && radius.is_finite())
+        {
+            return Err(bad("method.radius", radius));
         }
         match self.damping {
             Damping::Nielsen { tau } if !(tau > 0.0 && tau.is_finite()) => Err(bad("damping.tau", tau)),

@@ -73,7 +73,7 @@ pub struct Iteration {
     pub gradient: f64,
     /// max |δ_j| √H_jj: the largest change of the residuals by one component of the step.
     pub step: f64,
-    /// μ.
+    /// μ; the radius Δ of a dog-leg; the share of the whole step of Gauss–Newton.
     pub damping: f64,
     /// Whether the step was taken.
     pub accepted: bool,

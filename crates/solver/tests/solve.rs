@@ -4,11 +4,11 @@ mod common;
 
 use common::{Bundle, Distance, Exponential, bundle, normal, rng};
 use depthcal_solver::{
-    Batch, Covariance, CovarianceError, CovarianceOptions, Damping, EvaluationError, FactorBatch, Graph, LinearSolver,
-    Loss, Noise, Options, Prior, SolveError, StructureError, Termination, Values, VariableId, check_jacobians,
-    minimize,
+    Batch, Covariance, CovarianceError, CovarianceOptions, Damping, EvaluationError, Factor, FactorBatch, Graph,
+    Interrupt, Lifted, LinearSolver, Loss, Method, Noise, Options, Prior, Scalar, SolveError, StructureError,
+    Termination, Values, VariableId, check_jacobians, minimize,
 };
-use nalgebra::{DMatrix, DVector, Isometry3, Unit, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, SVector, Unit, UnitQuaternion, Vector1, Vector2, Vector3};
 
 fn exponential(noise: f64, outliers: bool) -> (Graph, Values, depthcal_solver::Key<Vector2<f64>>) {
     let mut rng = rng(1);
@@ -279,4 +279,53 @@ fn batches_may_be_removed_and_added_and_the_rest_solved_again() {
     let distance = (second.values.get(a) - second.values.get(b)).norm();
     // z of b is free: the distance can be met exactly.
     assert!((distance - 5.0).abs() < 1e-6, "{distance} {}", second.report);
+}
+
+#[test]
+fn every_method_reaches_the_same_minimum() {
+    let common::Bundle { graph, values, .. } = common::bundle(5, 60, 0.5, Loss::Huber { delta: 2.0 }, 21);
+    let solve = |method| {
+        let solution = minimize(&graph, values.clone(), &Options { method, ..Options::default() }).unwrap();
+        assert!(solution.report.converged, "{}", solution.report);
+        solution.report.cost
+    };
+    let expected = solve(Method::LevenbergMarquardt);
+    // From a region far too small, one that fits, and one far too large.
+    for method in [1e-3, 1e2, 1e9].map(|radius| Method::DogLeg { radius }).into_iter().chain([Method::GaussNewton]) {
+        let cost = solve(method);
+        // The cost has converged to 1e-9 of itself.
+        assert!((cost - expected).abs() < 1e-8 * expected, "{method:?} {cost} {expected}");
+    }
+    let (graph, values, key) = exponential(0.0, false);
+    for method in [Method::DogLeg { radius: 1.0 }, Method::GaussNewton] {
+        let solution = minimize(&graph, values.clone(), &Options { method, ..Options::default() }).unwrap();
+        assert!((solution.values.get(key) - Vector2::new(2.0, -0.3)).norm() < 1e-9, "{}", solution.report);
+    }
+}
+
+#[test]
+fn an_interrupted_solver_returns_the_best_so_far() {
+    /// x² + 1 = 0, whose evaluation raises the flag after a while.
+    struct Raising(Interrupt, std::sync::atomic::AtomicUsize);
+    impl Factor<1> for Raising {
+        type Variables = (Vector1<f64>,);
+        fn residual<T: Scalar>(&self, (x,): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+            if self.1.fetch_add(1, std::sync::atomic::Ordering::Relaxed) == 8 {
+                self.0.raise();
+            }
+            SVector::<T, 1>::new(x[0] * x[0] + 1.0)
+        }
+    }
+    let mut values = Values::new();
+    let x = values.insert(Vector1::new(100.0));
+    let interrupt = Interrupt::new();
+    let mut graph = Graph::new();
+    graph.add(Raising(interrupt.clone(), Default::default()), (x,));
+    let options = Options { interrupt: Some(interrupt.clone()), ..Options::default() };
+    let solution = minimize(&graph, values.clone(), &options).unwrap();
+    assert!(interrupt.is_raised());
+    assert_eq!(solution.report.termination, Termination::Interrupted);
+    assert!(!solution.report.converged && solution.report.iterations > 0);
+    assert!(solution.report.cost < solution.report.cost0);
+    assert_eq!(graph.cost(&solution.values).unwrap().to_bits(), solution.report.cost.to_bits());
 }

@@ -1,0 +1,132 @@
+//! Bundle adjustment in the large: cameras and points from image observations.
+//!
+//! `cargo run --release --example bal -- FILE --threads N` reads a problem of <https://grail.cs.washington.edu/projects/bal/>,
+//! plain or compressed by bzip2, and prints one line of JSON.
+
+mod support;
+
+use std::error::Error;
+
+use depthcal_io::BalProblem;
+use depthcal_solver::{Batch, Borrowed, Factor, Graph, Lift, Lifted, Noise, Pose, Scalar, Values, Variable};
+use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
+use num_dual::{Derivative, DualSVec64};
+
+/// Pose, focal length in px, and radial distortion k1, k2.
+#[derive(Clone, Debug)]
+struct Camera {
+    pose: Isometry3<f64>,
+    intrinsics: Vector3<f64>,
+}
+
+impl Variable for Camera {
+    fn dim(&self) -> usize {
+        9
+    }
+
+    fn retract(&self, delta: &[f64]) -> Self {
+        Self { pose: self.pose.retract(&delta[..6]), intrinsics: self.intrinsics.retract(&delta[6..]) }
+    }
+
+    fn local(&self, other: &Self, delta: &mut [f64]) {
+        self.pose.local(&other.pose, &mut delta[..6]);
+        self.intrinsics.local(&other.intrinsics, &mut delta[6..]);
+    }
+}
+
+impl Lift for Camera {
+    const DIM: usize = 9;
+    type Lifted<T: Scalar> = (Pose<T>, Vector3<T>);
+
+    #[inline(always)]
+    fn lift<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> (Pose<T>, Vector3<T>) {
+        (self.pose.lift(&delta), self.intrinsics.lift(|i| delta(i + 6)))
+    }
+}
+
+/// A point seen at (u, v), px from the centre.
+struct Observation {
+    pixel: Vector2<f64>,
+}
+
+/// Pixel of a point in the camera's frame, which looks along −z.
+#[inline(always)]
+fn project<T: Scalar>([x, y, z]: [T; 3], [f, k1, k2]: [T; 3]) -> [T; 2] {
+    let rho = -z.recip();
+    let (x, y) = (x * rho, y * rho);
+    let r2 = x * x + y * y;
+    let scale = f * ((k2 * r2 + k1) * r2 + 1.0);
+    [scale * x, scale * y]
+}
+
+impl Factor<2> for Observation {
+    type Variables = (Camera, Vector3<f64>);
+
+    #[inline(always)]
+    fn residual<T: Scalar>(&self, ((pose, intrinsics), point): Lifted<Self::Variables, T>) -> SVector<T, 2> {
+        let [u, v] = project(pose.transform(&point).into(), intrinsics.into());
+        SVector::<T, 2>::new(u - self.pixel.x, v - self.pixel.y)
+    }
+
+    /// The projection by dual numbers, the rigid motion by ∂x/∂ω = −R [X]×, ∂x/∂t = I, ∂x/∂X = R.
+    #[inline(always)]
+    fn linearize(&self, (camera, point): &Borrowed<'_, Self::Variables>, jacobian: &mut [f64]) -> SVector<f64, 2> {
+        let r = camera.pose.rotation.to_rotation_matrix().into_inner();
+        let x: [f64; 3] = (r * *point + camera.pose.translation.vector).into();
+        let seed = |value: f64, i: usize| {
+            let mut eps = SVector::<f64, 3>::zeros();
+            eps[i] = 1.0;
+            DualSVec64::<3>::new(value, Derivative::some(eps))
+        };
+        let constant = DualSVec64::<3>::from;
+        let c: [f64; 3] = camera.intrinsics.into();
+        let by_x = project([seed(x[0], 0), seed(x[1], 1), seed(x[2], 2)], c.map(constant));
+        let by_c = project(x.map(constant), [seed(c[0], 0), seed(c[1], 1), seed(c[2], 2)]);
+        let x_w = r * (-*point).cross_matrix();
+        let Some((jacobian, _)) = jacobian.split_first_chunk_mut::<24>() else { return SVector::zeros() };
+        for row in 0..2 {
+            let u_x = by_x[row].eps.unwrap_generic(nalgebra::Const::<3>, nalgebra::Const::<1>);
+            let u_c = by_c[row].eps.unwrap_generic(nalgebra::Const::<3>, nalgebra::Const::<1>);
+            let target = &mut jacobian[12 * row..12 * row + 12];
+            for k in 0..3 {
+                target[k] = u_x.dot(&x_w.column(k));
+                target[3 + k] = u_x[k];
+                target[6 + k] = u_c[k];
+                target[9 + k] = u_x.dot(&r.column(k));
+            }
+        }
+        SVector::<f64, 2>::new(by_x[0].re - self.pixel.x, by_x[1].re - self.pixel.y)
+    }
+}
+
+fn build(problem: BalProblem) -> Result<(Graph, Values), Box<dyn Error>> {
+    let mut values = Values::new();
+    let cameras: Vec<_> = problem
+        .cameras
+        .iter()
+        .map(|[r1, r2, r3, t1, t2, t3, f, k1, k2]| {
+            let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(*r1, *r2, *r3));
+            let pose = Isometry3::from_parts(Translation3::new(*t1, *t2, *t3), rotation);
+            values.insert(Camera { pose, intrinsics: Vector3::new(*f, *k1, *k2) })
+        })
+        .collect();
+    let points: Vec<_> = problem.points.iter().map(|p| values.insert(Vector3::from(*p))).collect();
+    let mut observations = problem.observations;
+    // Observations of a point one after the other: its share of the normal equations stays in the cache.
+    observations.sort_by_key(|o| (o.point, o.camera));
+    let mut batch = Batch::new("observations").with_noise(Noise::unit());
+    for o in &observations {
+        batch.push(Observation { pixel: o.pixel.into() }, (cameras[o.camera], points[o.point]));
+    }
+    let mut graph = Graph::new();
+    graph.add_batch(batch);
+    Ok((graph, values))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let parse = |path: &str| Ok(BalProblem::read(path)?);
+    support::run("bal", parse, build, |options| {
+        options.cost_tolerance = 1e-6;
+    })?;
+    Ok(())
+}
