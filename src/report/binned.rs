@@ -46,8 +46,8 @@ impl Cell {
 pub(super) struct Binned {
     cells: usize,
     frames: Vec<Vec<Median>>,
-    /// Weight of each frame in tests.
-    weights: Vec<f64>,
+    /// Variance of a pixel's noise in each frame, mm².
+    variances: Vec<f64>,
 }
 
 /// The answer of a test for structure.
@@ -62,7 +62,8 @@ pub(super) struct Structure {
 }
 
 impl Binned {
-    /// Bins the pixels of a pool. `cell` gives the cell of a pixel, `value` its error, `sigma` the noise of a pixel (mm).
+    /// Bins the pixels of a pool. `cell` gives the cell of a pixel, `value` its error, `sigma` the noise of a pixel
+    /// (mm).
     pub(super) fn new(
         pool: &Pool<'_>,
         cells: usize,
@@ -72,7 +73,7 @@ impl Binned {
     ) -> Self {
         let mut lists: Vec<Vec<f64>> = vec![Vec::new(); cells];
         let mut frames = Vec::with_capacity(pool.frames.len());
-        let mut weights = Vec::with_capacity(pool.frames.len());
+        let mut variances = Vec::with_capacity(pool.frames.len());
         for pooled in &pool.frames {
             let (mut variance, mut n) = (0.0, 0_usize);
             for p in pooled.frame.pixels.iter().filter(|p| usable(p)) {
@@ -87,10 +88,10 @@ impl Binned {
                 Median { cell, value: median(list), pixels }
             });
             frames.push(medians.collect());
-            weights.push(if variance > 0.0 { n as f64 / variance } else { 0.0 });
+            variances.push(variance / n.max(1) as f64);
             lists.iter_mut().for_each(Vec::clear);
         }
-        Self { cells, frames, weights }
+        Self { cells, frames, variances }
     }
 
     /// The cells, every frame counting the same.
@@ -109,7 +110,13 @@ impl Binned {
     /// correlation between the pixels of a frame, errors of its pose, and noise that differs from frame to frame do no
     /// harm. For the probability frames weigh by their noise, for the size in mm they count the same.
     pub(super) fn structure(&self, basis: &[Vec<f64>]) -> Structure {
-        let mut weighted = Score::new(self, basis, |f| self.weights[f]);
+        // Frames disagree by more than the noise of their pixels; sizes do not change when signs do.
+        let mut sizes: Vec<f64> = self.frames.iter().flatten().map(|m| m.value.abs()).collect();
+        let spread = median(&mut sizes).powi(2);
+        let mut weighted = Score::new(self, basis, |f| {
+            let variance = self.variances[f] + spread;
+            if variance > 0.0 { 1.0 / variance } else { 0.0 }
+        });
         let mut plain = Score::new(self, basis, |_| 1.0);
         let ones = vec![1.0; self.frames.len()];
         let (found, size) = (weighted.of(&ones), plain.of(&ones));

@@ -69,14 +69,13 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         let (level, answer) = match (role, frames) {
             (Role::Fitted, _) => (
                 Level::Care,
-                "No: all errors here are on frames that the fit has seen, which flatters them. Calibrate with --hold-out, \
-                 or evaluate on another capture."
+                "No: all errors here are on frames that the fit has seen, which flatters them. Calibrate with \
+                 --hold-out, or evaluate on another capture."
                     .to_owned(),
             ),
-            (_, n) if n < FEW_FRAMES => (
-                Level::Care,
-                format!("Yes, but on {} only: the interval is likely too narrow.", count(n, "frame")),
-            ),
+            (_, n) if n < FEW_FRAMES => {
+                (Level::Care, format!("Yes, but on {} only: the interval is likely too narrow.", count(n, "frame")))
+            }
             (_, n) => (Level::Good, format!("Yes, on {}.", count(n, "frame"))),
         };
         add(level, "Was it judged on frames that the fit did not see?", answer);

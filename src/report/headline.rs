@@ -48,8 +48,8 @@ pub(super) fn sentence(input: &ReportInput<'_>) -> String {
         let unit = interval(&change.after, "mm").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
         return match direction(&change) {
             _ if !change.after.has_interval() => format!(
-                "{what} depth error went from {before} mm to {after} mm rms over {frames}: too few frames to say how sure \
-                 that is."
+                "{what} depth error went from {before} mm to {after} mm rms over {frames}: too few frames to say how \
+                 sure that is."
             ),
             Direction::Fell => format!("{what} depth error fell from {before} mm to {after} mm rms ({unit})."),
             Direction::Rose => format!(

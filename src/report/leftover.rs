@@ -5,6 +5,7 @@
 
 use super::binned::{Axis, Binned, Structure, smooth, smooth_over};
 use super::covariates::{BINS, Image, all};
+use super::frame_noise::offsets;
 use super::html::{count, number, signed};
 use super::pool::Pool;
 use super::{ReportInput, Role};
@@ -21,6 +22,8 @@ const ENOUGH_HELD_OUT: usize = 12;
 /// Order of the smooth patterns over one quantity, and over image and board.
 const ORDER: usize = 6;
 const ORDER_OVER: usize = 4;
+/// What the test of whole frames is over.
+pub(super) const WHOLE_FRAMES: &str = "whole frames";
 /// Probability of a false alarm over all tests together.
 const FALSE_ALARM: f64 = 0.05;
 /// A structure is worth words when it is this share of the total error.
@@ -98,6 +101,7 @@ impl Leftover {
             let basis = smooth(BINS, ORDER);
             findings.push(finding(&format!("the {}", covariate.name), &binned, &basis, place));
         }
+        findings.extend(input.calibrated.and_then(|c| offsets(c, &pool, FEWEST_FRAMES)));
         let level = FALSE_ALARM / findings.len() as f64;
         for f in &mut findings {
             f.found = f.structure.p_value < level && f.structure.size_mm > WORTH * total;
@@ -134,24 +138,40 @@ impl Leftover {
             let hidden = number(self.hidden_mm());
             return if self.could_hide_much() {
                 format!(
-                    "Nothing was found beyond noise, but these {frames} would hide a pattern of {hidden} mm rms: too few to \
-                     tell."
+                    "Nothing was found beyond noise, but these {frames} would hide a pattern of {hidden} mm rms: too \
+                     few to tell."
                 )
             } else {
                 format!(
-                    "Nothing is left that the noise of these {frames} does not explain; a pattern of less than {hidden} mm \
-                     rms could hide in it."
+                    "Nothing is left that the noise of these {frames} does not explain; a pattern of less than \
+                     {hidden} mm rms could hide in it."
                 )
             };
         };
+        // A pattern says more than the bare fact that frames are off.
+        let first = found.iter().find(|f| f.over != WHOLE_FRAMES).unwrap_or(first);
         let size = number(first.structure.size_mm);
+        if first.over == WHOLE_FRAMES {
+            let patterns = self.findings.iter().filter(|f| f.over != WHOLE_FRAMES);
+            let likely = patterns.min_by(|a, b| a.structure.p_value.total_cmp(&b.structure.p_value));
+            let follows = match likely.filter(|f| f.structure.p_value < FALSE_ALARM) {
+                Some(f) => format!("It follows {} most, but not beyond doubt.", f.over),
+                None => "These frames do not single out what it depends on.".to_owned(),
+            };
+            return format!(
+                "Something is left that this model does not describe: whole frames are off by {size} mm rms beyond \
+                 what noise explains, worst {}. {follows}",
+                first.worst
+            );
+        }
         let mut text = format!(
             "Something is left that this model does not describe: a pattern of {size} mm rms over {}, worst {}.",
             first.over, first.worst
         );
-        if found.len() > 1 {
+        let others = || found.iter().filter(|f| f.over != first.over && f.over != WHOLE_FRAMES);
+        if others().next().is_some() {
             let others: Vec<String> =
-                found[1..].iter().map(|f| format!("{} ({} mm rms)", f.over, number(f.structure.size_mm))).collect();
+                others().map(|f| format!("{} ({} mm rms)", f.over, number(f.structure.size_mm))).collect();
             text += &format!(" It also shows over {}.", join(&others));
         }
         text

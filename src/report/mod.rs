@@ -1,7 +1,8 @@
 //! `report.html`: one file that tells a researcher how wrong the depth was, where, how wrong it is after correction on
 //! frames that the fit did not see, how sure that is, and whether the calibration may be trusted.
 //!
-//! The file needs no network: its plots are drawn by plotly.js, which ships inside the `plotly` crate and is written into
+//! The file needs no network: its plots are drawn by plotly.js, which ships inside the `plotly` crate and is written
+//! into
 //! the page, and a content security policy forbids the page to load anything. Every number and sentence is in the HTML
 //! itself and readable without scripts; the scripts draw the figures. Same input, same bytes: nothing in it depends on
 //! time, and resampling has a fixed seed.
@@ -13,6 +14,7 @@ mod binned;
 mod checks;
 mod covariates;
 mod figures;
+mod frame_noise;
 mod headline;
 mod html;
 mod leftover;
@@ -86,8 +88,8 @@ pub struct ReportInput<'a> {
 pub enum ReportError {
     /// There is neither a calibration nor an evaluated frame.
     #[error(
-        "there is nothing to report: neither a calibration nor an evaluated frame was given; evaluate the calibration on \
-         a dataset in which the board was found"
+        "there is nothing to report: neither a calibration nor an evaluated frame was given; evaluate the calibration \
+         on a dataset in which the board was found"
     )]
     Nothing,
     /// The plotting library has no script to embed.

@@ -47,6 +47,7 @@ pub(super) fn piece_title(piece: &str) -> String {
 }
 
 /// What a board cannot tell apart, where the calibration has a projective piece.
-pub(super) const CONFOUNDED: &str = "A board cannot tell apart what D takes up: dw is baseline, focal scale and the board's print \
-    scale together (a print that is 0.1 % too large makes every depth 0.1 % too large), dz is any constant offset of the disparity, dy any \
-    roll of the projector. The standard deviations say how well the frames determine the number, not its cause.";
+pub(super) const CONFOUNDED: &str = "A board cannot tell apart what D takes up: dw is baseline, focal scale and the \
+board's print scale together (a print that is 0.1 % too large makes every depth 0.1 % too large), dz is any constant \
+offset of the disparity, dy any roll of the projector. The standard deviations say how well the frames determine the \
+number, not its cause.";

@@ -105,7 +105,8 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
     page.body += &format!(
         "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
          Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<p class=\"trust {level}\">\
-         <a href=\"#trust\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n{story}<div class=\"first\">\n",
+         <a href=\"#trust\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n{story}<div \
+         class=\"first\">\n",
         tie(&escape(&headline::sentence(input))),
         escape(&text),
         level = level.name(),
@@ -178,7 +179,8 @@ fn leftover_table(l: &Leftover) -> String {
         .map(|f| {
             let (class, verdict) = if f.found { ("care", "more than noise") } else { ("good", "within noise") };
             format!(
-                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td class=\"text {class}\">{verdict}</td>\
+                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td class=\"text \
+                 {class}\">{verdict}</td>\
                  <td class=\"text\">{}</td></tr>\n",
                 escape(&f.over),
                 number(f.structure.size_mm),
@@ -190,11 +192,14 @@ fn leftover_table(l: &Leftover) -> String {
         .collect();
     let whose = if l.with_fitted { "fitted ones among them" } else { "none of them seen by the fit" };
     format!(
-        "<details><summary>The tests behind this sentence</summary><div class=\"scroll\" tabindex=\"0\"><table><caption>Corrected depth \
+        "<details><summary>The tests behind this sentence</summary><div class=\"scroll\" \
+         tabindex=\"0\"><table><caption>Corrected depth \
          error in bins, over {} ({whose}). Size: rms of a smooth pattern beyond what chance gives. Hidden: what chance \
-         would hide. p: chance of as much when every frame's errors were as likely negative as positive; it must stay below {:.4} here, since {} tests are \
-         made.</caption><thead><tr><th scope=\"col\">pattern over</th><th scope=\"col\">size / mm</th>\
-         <th scope=\"col\">hidden / mm</th><th scope=\"col\">p</th><th scope=\"col\" class=\"text\">verdict</th><th scope=\"col\" class=\"text\">largest</th></tr></thead>\
+         would hide. p: chance of as much when every frame's errors were as likely negative as positive; it must stay \
+         below {:.4} here, since {} tests are made.</caption><thead><tr><th scope=\"col\">pattern over</th><th \
+         scope=\"col\">size / mm</th>\
+         <th scope=\"col\">hidden / mm</th><th scope=\"col\">p</th><th scope=\"col\" class=\"text\">verdict</th><th \
+         scope=\"col\" class=\"text\">largest</th></tr></thead>\
          <tbody>{rows}</tbody></table></div></details>\n",
         count(l.frames, "frame"),
         0.05 / l.findings.len().max(1) as f64,
@@ -227,8 +232,8 @@ fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     }
     let intro = if with_depth {
         format!(
-            "Points with whiskers: mean over the {} of each frame's median in the bin, with its 95 % interval. Small dots: \
-             single pixels. A correct model leaves the blue points on zero within their whiskers.",
+            "Points with whiskers: mean over the {} of each frame's median in the bin, with its 95 % interval. Small \
+             dots: single pixels. A correct model leaves the blue points on zero within their whiskers.",
             count(judged(input).frames.len(), "frame")
         )
     } else {

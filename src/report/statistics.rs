@@ -131,7 +131,13 @@ pub(super) fn median(values: &mut [f64]) -> f64 {
         return f64::NAN;
     }
     let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    let upper = *values.select_nth_unstable_by(middle, f64::total_cmp).1;
+    // Of an even number the mean of the two in the middle: the upper one alone would be biased.
+    if values.len() % 2 == 1 { upper } else { (upper + greatest(&values[..middle])) / 2.0 }
+}
+
+fn greatest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// A generator for tests that flip signs; not the one of the intervals.
@@ -181,6 +187,13 @@ mod tests {
         let c = change(&before, &after, Kind::Mean).unwrap();
         assert!((c.difference.low + 1.0).abs() < 1e-9 && (c.difference.high + 1.0).abs() < 1e-9);
         assert!(c.before.high - c.before.low > 1.0);
+    }
+
+    #[test]
+    fn medians_are_not_biased() {
+        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&mut [4.0, 1.0, 3.0, 2.0]), 2.5);
+        assert!(median(&mut []).is_nan());
     }
 
     #[test]

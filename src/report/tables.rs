@@ -86,7 +86,8 @@ pub(super) fn datasets(input: &ReportInput<'_>) -> String {
                 String::new()
             } else {
                 format!(
-                    "<th scope=\"rowgroup\" rowspan=\"2\">{}<span class=\"hint\">{}</span></th><td rowspan=\"2\">{}</td>\
+                    "<th scope=\"rowgroup\" rowspan=\"2\">{}<span class=\"hint\">{}</span></th><td \
+                     rowspan=\"2\">{}</td>\
                      <td rowspan=\"2\">{}</td>",
                     escape(&r.name),
                     d.role.name(),
@@ -126,7 +127,8 @@ pub(super) fn parameters(c: &Calibrated) -> String {
         let options = if options.is_empty() { String::new() } else { format!(" · {}", escape(&options.join(", "))) };
         let _ = writeln!(
             rows,
-            "<tr class=\"piece\"><th colspan=\"5\" scope=\"rowgroup\">{} <span class=\"hint\">{}{options}</span></th></tr>",
+            "<tr class=\"piece\"><th colspan=\"5\" scope=\"rowgroup\">{} <span \
+             class=\"hint\">{}{options}</span></th></tr>",
             escape(&piece_title(block.name())),
             escape(source)
         );
@@ -152,14 +154,16 @@ pub(super) fn parameters(c: &Calibrated) -> String {
     }
     let z = number(quantile(distances(c).into_iter(), 0.5));
     format!(
-        "<div class=\"scroll\" tabindex=\"0\"><table class=\"parameters\"><caption>Values ± one standard deviation. Moves depth by: the \
-         largest change over the image at {z} mm that this parameter makes.</caption><thead><tr>\
+        "<div class=\"scroll\" tabindex=\"0\"><table class=\"parameters\"><caption>Values ± one standard deviation. \
+         Moves depth by: the largest change over the image at {z} mm that this parameter makes.</caption><thead><tr>\
          <th scope=\"col\">name</th><th scope=\"col\">value</th><th scope=\"col\">unit</th>\
-         <th scope=\"col\">moves depth by</th><th scope=\"col\">meaning</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+         <th scope=\"col\">moves depth by</th><th \
+         scope=\"col\">meaning</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
 }
 
-/// The largest change of depth over the image, at the middle of the fitted distances, that a parameter makes against its
+/// The largest change of depth over the image, at the middle of the fitted distances, that a parameter makes against
+/// its
 /// nominal value, mm.
 fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f64> {
     let z = quantile(distances(c).into_iter(), 0.5);
@@ -251,8 +255,10 @@ pub(super) fn dropped_table(input: &ReportInput<'_>) -> String {
         })
         .collect();
     format!(
-        "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} not used</caption><thead><tr><th scope=\"col\">dataset</th>\
-         <th scope=\"col\" class=\"text\">frame</th><th scope=\"col\" class=\"text\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} not used</caption><thead><tr><th \
+         scope=\"col\">dataset</th>\
+         <th scope=\"col\" class=\"text\">frame</th><th scope=\"col\" \
+         class=\"text\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
         count(list.len(), "frame")
     )
 }

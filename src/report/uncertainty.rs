@@ -87,7 +87,7 @@ impl Uncertainty {
 }
 
 /// Standard deviation of the corrected depth at pixels with a measured depth.
-fn standard_deviations(c: &Calibrated, covariance: &DMatrix<f64>, points: &[(Context, f64)]) -> Vec<f64> {
+pub(super) fn standard_deviations(c: &Calibrated, covariance: &DMatrix<f64>, points: &[(Context, f64)]) -> Vec<f64> {
     let theta = c.camera.theta();
     let free: Vec<usize> = (0..theta.len()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
     let depth = |theta: &[f64]| -> Vec<f64> {

@@ -80,7 +80,8 @@ pub(in crate::report) fn reprojection_field(input: &ReportInput<'_>, image: &Ima
         "type": "scatter", "mode": "markers", "name": format!("mean of a cell, {emphasis} × longer"),
         "x": tip(0), "y": tip(1),
         "marker": {"symbol": "triangle-up", "size": 9, "color": AFTER,
-                   "angle": means.iter().map(|(_, d, _)| rounded(d[0].atan2(-d[1]).to_degrees(), 0)).collect::<Value>()},
+                   "angle": means.iter().map(|(_, d, _)| rounded(d[0].atan2(-d[1]).to_degrees(),
+                    0)).collect::<Value>()},
         "text": means.iter().map(|(_, d, n)| format!("({}, {}) px, mean of {n}", number(d[0]), number(d[1])))
             .collect::<Value>(),
         "hovertemplate": "%{text}<extra></extra>",

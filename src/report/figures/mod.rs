@@ -1,6 +1,8 @@
-//! The figures: data and layout in the schema of plotly.js, with title, caption and a text for those who cannot see them.
+//! The figures: data and layout in the schema of plotly.js, with title, caption and a text for those who cannot see
+//! them.
 //!
-//! Colours of text, axes and grid are set in the page, which knows whether it is light, dark or printed. What belongs to
+//! Colours of text, axes and grid are set in the page, which knows whether it is light, dark or printed. What belongs
+//! to
 //! depth as measured is orange with open marks, what belongs to corrected depth blue with full marks, everywhere.
 
 mod bars;
@@ -102,7 +104,8 @@ impl Figure {
     pub(super) fn html(&self) -> String {
         format!(
             "<figure id=\"figure-{id}\"><h3>{title}</h3>\n<div class=\"plot\" id=\"{id}\" role=\"img\" \
-             aria-label=\"{alt}\" style=\"aspect-ratio:{aspect:.3}\"></div>\n<figcaption>{caption}</figcaption></figure>\n",
+             aria-label=\"{alt}\" \
+             style=\"aspect-ratio:{aspect:.3}\"></div>\n<figcaption>{caption}</figcaption></figure>\n",
             id = self.id,
             title = escape(&self.title),
             alt = escape(&self.alt),
@@ -164,7 +167,8 @@ pub(super) fn axis(title: &str) -> Value {
 /// Axes in pixels of an image, v downwards, with square pixels.
 pub(super) fn image_axes(image: &super::covariates::Image) -> Value {
     json!({
-        "xaxis": {"title": {"text": "u / px"}, "range": [-0.5, image.width - 0.5], "constrain": "domain", "showgrid": false},
+        "xaxis": {"title": {"text": "u / px"}, "range": [-0.5, image.width - 0.5], "constrain": "domain", "showgrid":
+         false},
         "yaxis": {"title": {"text": "v / px"}, "range": [image.height - 0.5, -0.5], "scaleanchor": "x",
                   "constrain": "domain", "showgrid": false},
     })

@@ -43,7 +43,8 @@ pub(in crate::report) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
     });
     let found = json!({
         "type": "scatter", "mode": "markers", "name": "frames",
-        "x": frames.iter().map(|f| short(f.1)).collect::<Value>(), "y": frames.iter().map(|f| short(f.2)).collect::<Value>(),
+        "x": frames.iter().map(|f| short(f.1)).collect::<Value>(), "y": frames.iter().map(|f|
+         short(f.2)).collect::<Value>(),
         "text": frames.iter().map(|f| f.0.clone()).collect::<Value>(),
         "marker": {"color": NEUTRAL, "size": 7},
         "hovertemplate": "frame %{text}: %{y:.3~g} mm at %{x:.0f} mm<extra></extra>",
@@ -57,8 +58,8 @@ pub(in crate::report) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
     Some(
         Figure::new("noise", "Noise of depth", vec![found, law], layout)
             .caption(format!(
-                "One standard deviation of a pixel: the fitted law ({told}), and the scatter of each frame about its own \
-                 median. Frames far above the law have structure that noise does not explain."
+                "One standard deviation of a pixel: the fitted law ({told}), and the scatter of each frame about its \
+                 own median. Frames far above the law have structure that noise does not explain."
             ))
             .alt(format!("Noise of depth against distance: {told}."))
             .aspect(1.45),

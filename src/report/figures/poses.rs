@@ -8,6 +8,9 @@ use crate::report::html::{count, number};
 use crate::report::pool::Pool;
 use crate::report::{ReportInput, Role};
 
+/// A frame's name and pose.
+type Named = (String, Isometry3<f64>);
+
 /// Corners of the board's rectangle of markers, mm.
 fn outline(input: &ReportInput<'_>, pool: &Pool<'_>) -> Option<[[f64; 2]; 4]> {
     let points: Vec<[f64; 2]> = match input.calibrated {
@@ -32,7 +35,7 @@ fn board(pose: &Isometry3<f64>, corners: &[[f64; 2]; 4]) -> Vec<[f64; 3]> {
 pub(in crate::report) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
     let pool = Pool::of(input, |_| true);
     let corners = outline(input, &pool)?;
-    let mut groups: Vec<(Role, Vec<(String, Isometry3<f64>)>)> = Vec::new();
+    let mut groups: Vec<(Role, Vec<Named>)> = Vec::new();
     let mut add = |role: Role, name: &str, pose: Isometry3<f64>| match groups.iter_mut().find(|g| g.0 == role) {
         Some(g) => g.1.push((name.to_owned(), pose)),
         None => groups.push((role, vec![(name.to_owned(), pose)])),
@@ -86,8 +89,8 @@ pub(in crate::report) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
     Some(
         Figure::new("poses", "The boards before the camera", data, layout)
             .caption(format!(
-                "Outlines of the markers of {}, between {} and {} mm from the camera (the pyramid). Drag to turn. Errors \
-                 are only known within this volume.",
+                "Outlines of the markers of {}, between {} and {} mm from the camera (the pyramid). Drag to turn. \
+                 Errors are only known within this volume.",
                 count(boards, "board"),
                 number(reach[0]),
                 number(reach[1])
@@ -110,7 +113,8 @@ fn frustum(camera: &depthcal_model::Camera, depth: f64) -> Value {
     let path = [o, c[0], c[1], o, c[2], c[1], c[2], c[3], o, c[0], c[3]];
     let part = |i: usize, sign: f64| -> Value { path.iter().map(|p| rounded(sign * p[i], 0)).collect() };
     json!({
-        "type": "scatter3d", "mode": "lines", "name": "camera", "x": part(0, 1.0), "y": part(2, 1.0), "z": part(1, -1.0),
+        "type": "scatter3d", "mode": "lines", "name": "camera", "x": part(0, 1.0), "y": part(2, 1.0), "z": part(1,
+         -1.0),
         "line": {"color": super::BEFORE, "width": 4}, "hoverinfo": "name",
     })
 }

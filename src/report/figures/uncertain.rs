@@ -30,7 +30,8 @@ pub(in crate::report) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> 
     }));
     let [near, far] = u.covered;
     let outside = |from: f64, to: f64| {
-        json!({"type": "rect", "xref": "x", "yref": "paper", "x0": from, "x1": to, "y0": 0, "y1": 1, "line": {"width": 0},
+        json!({"type": "rect", "xref": "x", "yref": "paper", "x0": from, "x1": to, "y0": 0, "y1": 1, "line":
+        {"width": 0},
                "fillcolor": NEUTRAL, "opacity": 0.13, "layer": "below"})
     };
     let ends = [u.curve_at.first().copied().unwrap_or(near), u.curve_at.last().copied().unwrap_or(far)];
@@ -51,9 +52,9 @@ pub(in crate::report) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> 
     );
     Figure::new("uncertainty-curves", "How sure is corrected depth?", data, layout)
         .caption(format!(
-            "One standard deviation of the correction itself (the same for every pixel of a shot, so averaging does not \
-             remove it), beside the noise of a single pixel, on a logarithmic scale. {told}. Grey: outside the distances \
-             of the fitted boards."
+            "One standard deviation of the correction itself (the same for every pixel of a shot, so averaging does \
+             not remove it), beside the noise of a single pixel, on a logarithmic scale. {told}. Grey: outside the \
+             distances of the fitted boards."
         ))
         .alt(format!("Standard deviation of corrected depth against distance. {told}."))
         .aspect(1.45)

@@ -50,6 +50,7 @@ fn a_browser_draws_every_figure_without_complaint() {
     let fixture = Fixture::simulated(&[Effect::new("cyclic_depth", 6.0).unwrap()]);
     let html =
         fixture.render(&["Simulated: a camera whose depth waves over distance, which the model lacks.".to_owned()]);
+    assert!(html.contains("Something is left that this model does not describe"));
     let kept = std::env::var_os("DEPTHCAL_REPORT_DIR").map(PathBuf::from);
     let temporary = tempfile::tempdir().unwrap();
     let folder = kept.unwrap_or_else(|| temporary.path().to_path_buf());

@@ -25,10 +25,10 @@ pub(super) struct Fixture {
     pub held: Evaluated,
 }
 
-fn observe(effects: &[Effect], samples: usize, frames: usize) -> Capture {
+fn observe(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> Capture {
     let camera = CameraTruth::published(1).unwrap();
     let options = PointOptions { depth_samples: samples, ..PointOptions::default() };
-    let simulation = Simulation::new(camera, Kind::General(1), effects, 7).frames(frames);
+    let simulation = Simulation::new(camera, Kind::General(1), effects, seed).frames(frames);
     crate::simulated::capture(&simulation.observe_points(&options).unwrap())
 }
 
@@ -82,8 +82,8 @@ pub(super) fn evaluated(name: &str, frames: &[EvaluatedFrame]) -> Evaluated {
     Evaluated { name: name.to_owned(), frames: frames.to_vec(), dropped: Vec::new() }
 }
 
-fn build(effects: &[Effect], samples: usize, frames: usize) -> Fixture {
-    let capture = observe(effects, samples, frames);
+fn build(effects: &[Effect], samples: usize, frames: usize, seed: u64) -> Fixture {
+    let capture = observe(effects, samples, frames, seed);
     let train = capture.subset(|i, _| i % 3 != 2);
     let mut fit = train.clone();
     fit.frames.iter_mut().for_each(|f| f.samples.truncate(500));
@@ -101,15 +101,20 @@ impl Fixture {
     pub(super) fn simulated(effects: &[Effect]) -> Self {
         static CLEAN: OnceLock<Fixture> = OnceLock::new();
         if effects.is_empty() {
-            CLEAN.get_or_init(|| build(&[], 500, FRAMES)).clone()
+            CLEAN.get_or_init(|| build(&[], 500, FRAMES, 7)).clone()
         } else {
-            build(effects, 3000, FRAMES)
+            build(effects, 3000, FRAMES, 7)
         }
+    }
+
+    /// Another capture of the same camera.
+    pub(super) fn seeded(effects: &[Effect], seed: u64) -> Self {
+        build(effects, 300, FRAMES, seed)
     }
 
     /// As many frames and pixels as a large capture has.
     pub(super) fn large() -> Self {
-        build(&[], 3000, 51)
+        build(&[], 3000, 51, 7)
     }
 
     pub(super) fn input<'a>(&'a self, evaluations: &'a [ReportDataset<'a>]) -> ReportInput<'a> {
@@ -138,7 +143,7 @@ impl Fixture {
 
 /// A calibration without depth, and its errors.
 pub(super) fn image_only() -> (Calibrated, Evaluated) {
-    let mut capture = observe(&[], 10, FRAMES);
+    let mut capture = observe(&[], 10, FRAMES, 7);
     capture.frames.iter_mut().for_each(|f| f.samples.clear());
     let calibrated = calibrate_image(&capture, &CalibrateOptions::default()).unwrap();
     let evaluated = evaluate(&calibrated.camera, &capture);
