@@ -221,7 +221,9 @@ pub fn calibrate_image(capture: &Capture, options: &CalibrateOptions) -> Result<
         }
     }
     let mut noise = NoiseModel { pixel_sigma: 0.3, depth: DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 } };
-    for round in 0.. {
+    let mut round = 0;
+    loop {
+        round += 1;
         let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, false);
         let adjusted = adjustment.solve()?;
         (camera, poses) = (adjusted.camera.clone(), adjusted.poses.clone());
@@ -236,7 +238,7 @@ pub fn calibrate_image(capture: &Capture, options: &CalibrateOptions) -> Result<
             }
             continue;
         }
-        if round < ROUNDS && leave_mirrored_poses(&capture, &camera, &mut poses) > 0 {
+        if round <= ROUNDS && leave_mirrored_poses(&capture, &camera, &mut poses) > 0 {
             continue;
         }
         let before = noise.pixel_sigma;
@@ -245,13 +247,12 @@ pub fn calibrate_image(capture: &Capture, options: &CalibrateOptions) -> Result<
         let n = adjusted.image_residuals.len() as f64;
         noise.pixel_sigma *= clipped_sigma(&adjusted.image_residuals) * (n / redundancy.max(1.0)).sqrt();
         let settled = (noise.pixel_sigma / before - 1.0).abs() < NOISE_SETTLED;
-        if settled || round >= ROUNDS + 10 {
+        if settled || round > 2 * ROUNDS {
             converged(&adjusted)?;
             let covariance = adjustment.camera_covariance(&covariance);
             return Ok(finish(capture, adjusted, noise, before, Some(covariance), None, options));
         }
     }
-    unreachable!("the rounds end by returning")
 }
 
 /// Calibrates a depth camera: markers first, then depth by the estimator asked for.
@@ -308,7 +309,9 @@ fn joint(
     let mut poses = from_image.poses.clone();
     let mut noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
     let mut outliers = 0;
-    for round in 0.. {
+    let mut round = 0;
+    loop {
+        round += 1;
         let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, true);
         let adjusted = adjustment.solve()?;
         (camera, poses) = (adjusted.camera.clone(), adjusted.poses.clone());
@@ -319,59 +322,28 @@ fn joint(
         let n = adjusted.image_residuals.len();
         noise.pixel_sigma *= clipped_sigma(&adjusted.image_residuals) * inflation(n, image_redundancy).sqrt();
         let residuals = inverse_depth_residuals(&capture, &adjusted.depth_residuals, &used);
-        let n = residuals.len();
-        if let Some(law) = DepthNoise::fit(&residuals, inflation(n, depth_redundancy)) {
+        if let Some(law) = DepthNoise::fit(&residuals, inflation(residuals.len(), depth_redundancy)) {
             noise.depth = law;
         }
-        let dropped = drop_outliers(&mut capture, &residuals, &noise);
+        // The last round keeps its samples, so that the result belongs to them.
+        let dropped = if round < ROUNDS { drop_outliers(&mut capture, &residuals, &noise) } else { 0 };
         outliers += dropped;
         let settled = (noise.pixel_sigma / used.pixel_sigma - 1.0).abs() < NOISE_SETTLED
             && residuals
                 .iter()
                 .all(|(rho, _)| (noise.depth.sigma(*rho) / used.depth.sigma(*rho) - 1.0).abs() < 2.0 * NOISE_SETTLED);
-        if round + 1 >= ROUNDS || (settled && dropped == 0) {
-            if dropped > 0 {
-                adjustment = Adjustment::new(&capture, &camera, &poses, &used, true);
-                let last = adjustment.solve()?;
-                let covariance = adjustment.covariance()?;
-                return finish_joint(
-                    capture,
-                    last,
-                    &adjustment,
-                    &covariance,
-                    noise,
-                    used,
-                    (correlation, outliers),
-                    options,
-                );
-            }
-            let extras = (correlation, outliers);
-            return finish_joint(capture, adjusted, &adjustment, &covariance, noise, used, extras, options);
+        if dropped == 0 && (settled || round >= ROUNDS) {
+            converged(&adjusted)?;
+            let camera_covariance = adjustment.camera_covariance(&covariance);
+            let depth_mm = depth_residuals_mm(&capture, &adjusted.depth_residuals, &used);
+            let (sigma, covariance) = (used.pixel_sigma, Some(camera_covariance));
+            let mut result = finish(capture, adjusted, noise, sigma, covariance, Some(&depth_mm), options);
+            result.correlation_length_px = correlation;
+            result.outliers = outliers;
+            check_invertible(&result)?;
+            return Ok(result);
         }
     }
-    unreachable!("the rounds end by returning")
-}
-
-#[allow(clippy::too_many_arguments)]
-fn finish_joint(
-    capture: Capture,
-    adjusted: Adjusted,
-    adjustment: &Adjustment,
-    covariance: &depthcal_solver::Covariance,
-    noise: NoiseModel,
-    used: NoiseModel,
-    (correlation, outliers): (Option<usize>, usize),
-    options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
-    converged(&adjusted)?;
-    let camera_covariance = adjustment.camera_covariance(covariance);
-    let depth_mm = depth_residuals_mm(&capture, &adjusted.depth_residuals, &used);
-    let mut result =
-        finish(capture, adjusted, noise, used.pixel_sigma, Some(camera_covariance), Some(&depth_mm), options);
-    result.correlation_length_px = correlation;
-    result.outliers = outliers;
-    check_invertible(&result)?;
-    Ok(result)
 }
 
 fn converged(adjusted: &Adjusted) -> Result<(), CalibrateError> {

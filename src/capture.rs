@@ -119,7 +119,7 @@ impl Loaded {
             height: self.capture.height,
             markers: frame.markers.iter().map(to_file).collect(),
             depth: Vec::new(),
-            metadata: self.dataset.frame(&frame.name).map(|f| f.metadata.clone()).unwrap_or_default(),
+            metadata: frame.metadata.clone(),
         });
         Observations {
             dataset: self.reference.clone(),
@@ -242,6 +242,7 @@ fn read_frames(dataset: &Dataset) -> Result<(Vec<Frame>, (usize, usize)), Captur
                 name: frame.name.clone(),
                 time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
                 temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
+                metadata: frame.metadata.clone(),
                 depth: depth.map(Arc::new),
                 image: Some(Arc::new(image)),
                 ..Frame::default()

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
 use crate::board_region::{BoardPixel, BoardPlane, BoardRegion, board_pixels};
-use crate::estimators::marker_points;
+use crate::estimators::{MarkerPoint, marker_points};
 use crate::observations::{Capture, DroppedFrame, Frame};
 use crate::start::{FrameMarkers, estimate_pose};
 
@@ -101,42 +101,43 @@ fn evaluate_frame(
     let plane = BoardPlane::new(&pose);
     let region = BoardRegion::new(&capture.target);
     let all = board_pixels(frame, unit_mm, bare, &region, &pose, 1);
-    let pixels: Vec<PixelError> = all.iter().filter_map(|p| pixel_error(camera, &plane, p)).collect();
-    let before = marker_points(frame, unit_mm, bare, &capture.target, &pose);
-    let dots = before
-        .iter()
-        .zip(&frame.markers)
-        .filter_map(|(point, marker)| {
-            let point = (*point)?;
-            let at = |ray: [f64; 2], z: f64| Vector3::new(ray[0] * z, ray[1] * z, z);
-            let context = frame.context(marker.pixel);
-            let cos = plane.cos_incidence(point.ray);
-            let (ray, rho) = camera.correct(&context, cos, point.inverse_depth).ok()?;
-            // The marker is seen in the image; only its depth is read at a pixel that pixel pieces may move.
-            let _ = ray;
-            let raw = at(point.ray, 1.0 / point.inverse_depth);
-            let corrected = at(point.ray, 1.0 / rho);
-            Some([(raw - point.point_in_camera).norm(), (corrected - point.point_in_camera).norm()])
-        })
+    let corrected: Vec<(PixelError, BoardPixel)> = all.iter().filter_map(|p| pixel_error(camera, &plane, p)).collect();
+    let (pixels, corrected): (Vec<PixelError>, Vec<BoardPixel>) = corrected.into_iter().unzip();
+    let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, bare, &capture.target, &pose);
+    let dots = points(&all)
+        .into_iter()
+        .zip(points(&corrected))
+        .filter_map(|(before, after)| Some([dot_distance(&before?), dot_distance(&after?)]))
         .collect();
     let uncorrectable = all.len() - pixels.len();
     let name = frame.name.clone();
     Ok(EvaluatedFrame { name, camera_from_board: pose, reprojection, dots, pixels, uncorrectable })
 }
 
-fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<PixelError> {
+/// Distance between a marker's defined position and where image and depth put it, mm.
+fn dot_distance(point: &MarkerPoint) -> f64 {
+    let measured = Vector3::new(point.ray[0], point.ray[1], 1.0) / point.inverse_depth;
+    (measured - point.point_in_camera).norm()
+}
+
+/// A board pixel's errors, and the pixel as it is after correction.
+fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(PixelError, BoardPixel)> {
     let (ray, rho) = camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?;
-    let board_depth = plane.depth(ray)?;
-    Some(PixelError {
+    let board_depth_mm = plane.depth(ray)?;
+    let on_board = plane.to_board(ray, board_depth_mm);
+    let board = [on_board.x, on_board.y];
+    let corrected = BoardPixel { depth_mm: 1.0 / rho, board_depth_mm, board, ray, ..*p };
+    let error = PixelError {
         context: p.context,
         board_depth_mm: p.board_depth_mm,
         board: p.board,
         cos_incidence: p.cos_incidence,
         before_mm: p.depth_mm - p.board_depth_mm,
-        after_mm: 1.0 / rho - board_depth,
+        after_mm: corrected.depth_mm - board_depth_mm,
         height_before_mm: plane.to_board(p.ray, p.depth_mm).z,
-        height_after_mm: plane.to_board(ray, 1.0 / rho).z,
-    })
+        height_after_mm: plane.to_board(ray, corrected.depth_mm).z,
+    };
+    Some((error, corrected))
 }
 
 /// Mean and standard deviation; zeros of nothing.

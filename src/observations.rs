@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use depthcal_io::{DepthImage, GrayImage};
+use depthcal_io::{DepthImage, FrameMetadata, GrayImage};
 use depthcal_model::{Context, Target};
 
 /// A marker found in an image.
@@ -40,6 +40,8 @@ pub struct Frame {
     pub time_s: f64,
     /// Temperature, °C; NaN where unknown.
     pub temperature_c: f64,
+    /// What the dataset says about the frame, as it says it.
+    pub metadata: FrameMetadata,
     /// The whole depth image, where there is one.
     pub depth: Option<Arc<DepthImage>>,
     /// The whole image (the infrared amplitude), where it was kept.

@@ -128,7 +128,7 @@ fn frame_records(result: &Calibrated) -> Vec<FrameRecord> {
                 translation_mm: [t.x, t.y, t.z],
                 reprojection_rms_px: errors.as_ref().map_or(0.0, |e| e.reprojection_px.rms),
                 depth_rms_mm: errors.and_then(|e| e.depth_rms_mm).map(|d| d.after),
-                metadata: depthcal_io::FrameMetadata::default(),
+                metadata: frame.metadata.clone(),
             }
         })
         .collect()

@@ -8,7 +8,7 @@ use depthcal_model::{Block, Camera, Target};
 use nalgebra::{Isometry3, Vector3, Vector4};
 use thiserror::Error;
 
-use crate::board_region::{BoardRegion, board_pixels};
+use crate::board_region::{BoardPixel, BoardRegion, board_pixels};
 use crate::calibrate::{Calibrated, Estimator, rms};
 use crate::marker_depth::marker_inverse_depths;
 use crate::observations::Frame;
@@ -59,20 +59,18 @@ pub struct MarkerPoint {
     pub inverse_depth: f64,
 }
 
-/// Markers of a frame with the depth measured at them, under a camera and a pose from the image. `None` where the depth
-/// around a marker is missing.
+/// Markers of a frame with the depth measured at them, from the board pixels around (see [`board_pixels`]) under a camera
+/// and a pose from the image. `None` where the depth around a marker is missing.
 pub fn marker_points(
     frame: &Frame,
-    unit_mm: f64,
+    pixels: &[BoardPixel],
     camera: &Camera,
     target: &Target,
     camera_from_board: &Isometry3<f64>,
 ) -> Vec<Option<MarkerPoint>> {
-    let region = BoardRegion::new(target);
-    let pixels = board_pixels(frame, unit_mm, camera, &region, camera_from_board, 1);
     let rays: Vec<(usize, [f64; 2])> =
         frame.markers.iter().map(|m| (m.index, camera.ray(m.pixel, 1e-3).unwrap_or([f64::NAN; 2]))).collect();
-    let depths = marker_inverse_depths(target, &rays, &pixels);
+    let depths = marker_inverse_depths(target, &rays, pixels);
     rays.iter()
         .zip(depths)
         .map(|((index, ray), depth)| {
@@ -108,12 +106,16 @@ pub fn estimate(
         _ => return Err(EstimatorError::NotProjective { estimator: estimator.name(), model }),
     };
     let unit_mm = result.capture.depth_unit_mm.unwrap_or(1.0);
+    let region = BoardRegion::new(&result.capture.target);
     let points: Vec<MarkerPoint> = result
         .capture
         .frames
         .iter()
         .zip(&result.poses)
-        .flat_map(|(f, pose)| marker_points(f, unit_mm, &result.camera, &result.capture.target, pose))
+        .flat_map(|(f, pose)| {
+            let pixels = board_pixels(f, unit_mm, &result.camera, &region, pose, 1);
+            marker_points(f, &pixels, &result.camera, &result.capture.target, pose)
+        })
         .flatten()
         .collect();
     let free: [bool; 4] = std::array::from_fn(|i| block.free[i]);
