@@ -1,0 +1,155 @@
+//! Everything in one adjustment: markers and depth pixels, with the noise of both estimated on the way.
+
+use depthcal_model::Block;
+
+use super::{CalibrateError, CalibrateOptions, Calibrated, NOISE_SETTLED, ROUNDS, converged, finish};
+use crate::adjustment::Adjustment;
+use crate::board_region::BoardPlane;
+use crate::depth_sampling::sample_depth;
+use crate::noise::{DepthNoise, NoiseModel, clipped_sigma};
+use crate::observations::Capture;
+
+/// Depth samples beyond this many standard deviations are outliers.
+const OUTLIER: f64 = 8.0;
+
+/// Adds the depth pieces to a camera that was fitted to the images, and adjusts everything jointly.
+pub(super) fn joint(
+    from_image: Calibrated,
+    depth_blocks: Vec<Block>,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let mut capture = from_image.capture.clone();
+    let mut correlation = None;
+    if capture.frames.iter().any(|f| f.depth.is_some()) {
+        let sampling = sample_depth(&mut capture, &from_image.camera, &from_image.poses, options.samples_per_frame);
+        correlation = Some(sampling.correlation_length_px);
+    }
+    seed_samples(&mut capture, &from_image);
+    if capture.frames.iter().all(|f| f.samples.is_empty()) {
+        return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
+    }
+    let mut camera = from_image.camera.clone();
+    for block in depth_blocks {
+        camera = camera.with_block(block);
+    }
+    let mut poses = from_image.poses.clone();
+    let mut noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
+    let mut outliers = 0;
+    let mut round = 0;
+    loop {
+        round += 1;
+        let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, true);
+        let adjusted = adjustment.solve()?;
+        (camera, poses) = (adjusted.camera.clone(), adjusted.poses.clone());
+        let used = noise;
+        let covariance = adjustment.covariance()?;
+        let (image_redundancy, depth_redundancy) = adjustment.redundancies(&covariance);
+        let inflation = |n: usize, redundancy: f64| n as f64 / redundancy.max(1.0);
+        let n = adjusted.image_residuals.len();
+        noise.pixel_sigma *= clipped_sigma(&adjusted.image_residuals) * inflation(n, image_redundancy).sqrt();
+        let residuals = inverse_depth_residuals(&capture, &adjusted.depth_residuals, &used);
+        if let Some(law) = DepthNoise::fit(&residuals, inflation(residuals.len(), depth_redundancy)) {
+            noise.depth = law;
+        }
+        // The last round keeps its samples, so that the result belongs to them.
+        let dropped = if round < ROUNDS { drop_outliers(&mut capture, &residuals, &noise) } else { 0 };
+        outliers += dropped;
+        let settled = (noise.pixel_sigma / used.pixel_sigma - 1.0).abs() < NOISE_SETTLED
+            && residuals
+                .iter()
+                .all(|(rho, _)| (noise.depth.sigma(*rho) / used.depth.sigma(*rho) - 1.0).abs() < 2.0 * NOISE_SETTLED);
+        if dropped == 0 && (settled || round >= ROUNDS) {
+            converged(&adjusted)?;
+            let camera_covariance = adjustment.camera_covariance(&covariance);
+            let depth_mm = depth_residuals_mm(&capture, &adjusted.depth_residuals, &used);
+            let (sigma, covariance) = (used.pixel_sigma, Some(camera_covariance));
+            let mut result = finish(capture, adjusted, noise, sigma, covariance, Some(&depth_mm), options);
+            result.correlation_length_px = correlation;
+            result.outliers = outliers;
+            check_invertible(&result)?;
+            return Ok(result);
+        }
+    }
+}
+
+/// Depth noise to start with: deviations from a plane of each frame's own.
+fn depth_noise_from_planes(capture: &Capture) -> DepthNoise {
+    let mut samples = Vec::new();
+    for frame in &capture.frames {
+        let pixels: Vec<_> = frame
+            .samples
+            .iter()
+            .map(|s| crate::board_region::BoardPixel {
+                context: s.context,
+                depth_mm: s.depth_mm,
+                board_depth_mm: s.depth_mm,
+                board: s.board_seed,
+                // Pixels instead of rays: a plane is affine in either, up to the lens.
+                ray: [s.context.pixel[0] / 1000.0, s.context.pixel[1] / 1000.0],
+                cos_incidence: 1.0,
+            })
+            .collect();
+        let deviations = crate::depth_sampling::plane_deviations(&pixels);
+        samples.extend(pixels.iter().zip(deviations).map(|(p, d)| (1.0 / p.depth_mm, d)));
+    }
+    let least = 1e-7;
+    let law = DepthNoise::fit(&samples, 1.0).unwrap_or(DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 });
+    DepthNoise { a_per_mm: law.a_per_mm.max(least), ..law }
+}
+
+/// Gives samples that came without a depth image the board point that their ray meets; those that meet none go.
+fn seed_samples(capture: &mut Capture, from_image: &Calibrated) {
+    for (frame, pose) in capture.frames.iter_mut().zip(&from_image.poses) {
+        let plane = BoardPlane::new(pose);
+        frame.samples.retain_mut(|sample| {
+            if sample.board_seed[0].is_finite() {
+                return true;
+            }
+            let ray = from_image.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm).ok();
+            let point = ray.and_then(|ray| plane.depth(ray).map(|z| plane.to_board(ray, z)));
+            sample.board_seed = point.map_or([f64::NAN; 2], |p| [p.x, p.y]);
+            point.is_some()
+        });
+    }
+}
+
+/// (inverse depth, residual in inverse depth) of every sample, 1/mm.
+fn inverse_depth_residuals(capture: &Capture, whitened: &[f64], noise: &NoiseModel) -> Vec<(f64, f64)> {
+    let samples = capture.frames.iter().flat_map(|f| f.samples.iter());
+    samples
+        .zip(whitened)
+        .map(|(s, r)| {
+            let rho = 1.0 / s.depth_mm;
+            (rho, r * noise.depth.sigma(rho))
+        })
+        .collect()
+}
+
+/// Measured minus predicted depth of every sample, mm.
+fn depth_residuals_mm(capture: &Capture, whitened: &[f64], noise: &NoiseModel) -> Vec<f64> {
+    inverse_depth_residuals(capture, whitened, noise).iter().map(|(rho, r)| 1.0 / rho - 1.0 / (rho + r)).collect()
+}
+
+/// Takes samples out that no noise explains; returns how many.
+fn drop_outliers(capture: &mut Capture, residuals: &[(f64, f64)], noise: &NoiseModel) -> usize {
+    let mut rest = residuals.iter();
+    let mut dropped = 0;
+    for frame in &mut capture.frames {
+        frame.samples.retain(|_| {
+            let keep = rest.next().is_none_or(|(rho, r)| r.abs() <= OUTLIER * noise.depth.sigma(*rho));
+            dropped += usize::from(!keep);
+            keep
+        });
+    }
+    dropped
+}
+
+/// The fitted camera must be invertible at every sample that it was fitted to.
+fn check_invertible(result: &Calibrated) -> Result<(), CalibrateError> {
+    for frame in &result.capture.frames {
+        for sample in frame.samples.iter().step_by(10) {
+            result.camera.correct(&sample.context, 1.0, 1.0 / sample.depth_mm)?;
+        }
+    }
+    Ok(())
+}
