@@ -11,7 +11,7 @@ use crate::observations::{Capture, DepthSample, Frame};
 
 /// Correlation is looked for up to this distance, px.
 const LONGEST_PX: usize = 8;
-/// Share of the variance at [`LONGEST_PX`] at which pixels count as uncorrelated.
+/// Share of the variance at the longest distance at which pixels count as uncorrelated.
 const SILL: f64 = 0.9;
 /// Frames from which the correlation is measured.
 const FRAMES: usize = 8;

@@ -82,7 +82,7 @@ impl DepthNoise {
     }
 }
 
-/// Standard deviation about zero, with residuals beyond [`CLIP`] standard deviations clipped; consistent for normal
+/// Standard deviation about zero, with residuals beyond three standard deviations clipped; consistent for normal
 /// noise, bounded influence for outliers (Huber 1981, proposal 2).
 pub fn clipped_sigma(residuals: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).filter(|r| r.is_finite()).collect();

@@ -11,10 +11,8 @@ use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
 /// The dataset of that name, or `None` with a message.
 fn measured(name: &str) -> Option<Loaded> {
-    let root = std::env::var_os("DEPTHCAL_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
-        PathBuf::from,
-    );
+    let root = std::env::var_os("DEPTHCAL_DATA")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
     let path = root.join(name);
     if !path.join("dataset.toml").exists() {
         eprintln!("SKIPPED: the measured dataset '{name}' is not present; set DEPTHCAL_DATA to its folder");
@@ -57,7 +55,11 @@ fn chessboard_is_found_and_fits_as_well_as_opencv() {
     let result = calibrate(&loaded.capture, &options).unwrap();
     let oracle = opencv_rms(&loaded);
     println!("chessboard: {:.4} px rms, OpenCV {oracle:.4} px on the same corners", result.reprojection_rms_px);
-    assert!((result.reprojection_rms_px / oracle - 1.0).abs() < 0.01, "{} against {oracle}", result.reprojection_rms_px);
+    assert!(
+        (result.reprojection_rms_px / oracle - 1.0).abs() < 0.01,
+        "{} against {oracle}",
+        result.reprojection_rms_px
+    );
     assert!(result.reprojection_rms_px < 0.26);
 }
 

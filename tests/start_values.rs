@@ -140,7 +140,7 @@ fn collinear_and_too_few_markers_are_refused() {
     let (_, mut capture) = observe(&posed(&[[0.3, 0.2, 0.1], [-0.3, 0.4, 0.2], [0.2, -0.4, 0.1]]), &exact());
     let all = capture.frames[1].markers.clone();
     // The dots of one column of even rows lie on a line.
-    let line = |m: &&MarkerObservation| m.index % 4 == 0 && (m.index / 4) % 2 == 0;
+    let line = |m: &&MarkerObservation| m.index.is_multiple_of(8);
     capture.frames[1].markers = all.iter().filter(line).copied().collect();
     assert!(matches!(start(&capture).unwrap_err(), StartError::Collinear { frame } if frame == capture.frames[1].name));
     capture.frames[1].markers = all[..5].to_vec();

@@ -38,7 +38,9 @@ fn errors_match_the_reported_covariance() {
         let rms = (runs.iter().map(|(z, _)| z[i] * z[i]).sum::<f64>() / SEEDS as f64).sqrt();
         println!("parameter {i}: rms of error over standard deviation {rms:.3}");
     }
-    println!("{within} of {SEEDS} seeds with every parameter within 3 standard deviations; mean normalised squared error {mean:.3}");
+    println!(
+        "{within} of {SEEDS} seeds with every parameter within 3 standard deviations; mean normalised squared error {mean:.3}"
+    );
     // With 13 nearly normal parameters 96.5 % of seeds are expected; the requirement is 95 %.
     assert!(within >= 95, "{within} of {SEEDS}");
     // χ² with 13 · 100 degrees of freedom over that number: 95 % within 1 ± 1.96 √(2 / 1300).

@@ -93,6 +93,9 @@ fn steps(chain: &Chain) -> Vec<f64> {
     steps
 }
 
+/// Predictions for parameters and a pose.
+type Predict<'a> = dyn FnMut(&[f64], &Isometry3<f64>) -> Vec<f64> + 'a;
+
 #[allow(clippy::too_many_arguments)]
 fn compare(
     names: &[&str],
@@ -101,7 +104,7 @@ fn compare(
     theta: &[f64],
     pose: &Isometry3<f64>,
     steps: &[f64],
-    f: &mut dyn FnMut(&[f64], &Isometry3<f64>) -> Vec<f64>,
+    f: &mut Predict<'_>,
     tolerance: f64,
 ) {
     for c in 0..columns {
