@@ -215,26 +215,29 @@ fn pair<S: Simd, const D: usize>(
     (j, dj): (usize, usize),
     block: &mut [f64],
 ) {
-    for (a, row) in block.chunks_exact_mut(dj).enumerate() {
-        let mut x = [simd.splat_f64s(0.0); D];
+    let lanes = S::F64_LANES;
+    let whole = dj - dj % lanes;
+    for c in (0..whole).step_by(lanes) {
+        let mut y = [simd.splat_f64s(0.0); D];
         for k in 0..D {
-            x[k] = simd.splat_f64s(w[k * stride + i + a]);
+            y[k] = S::as_simd_f64s(&w[k * stride + j + c..][..lanes]).0[0];
         }
-        let (head, tail) = S::as_mut_simd_f64s(row);
-        let whole = head.len() * S::F64_LANES;
-        for (v, sum) in head.iter_mut().enumerate() {
+        for (a, row) in block.chunks_exact_mut(dj).enumerate() {
+            let target = &mut S::as_mut_simd_f64s(&mut row[c..][..lanes]).0[0];
             for k in 0..D {
-                let y = S::as_simd_f64s(&w[k * stride + j + v * S::F64_LANES..][..S::F64_LANES]).0[0];
-                *sum = simd.mul_add_e_f64s(x[k], y, *sum);
+                *target = simd.mul_add_e_f64s(simd.splat_f64s(w[k * stride + i + a]), y[k], *target);
             }
         }
-        if !tail.is_empty() {
-            let mut sum = simd.partial_load_f64s(tail);
+    }
+    for c in whole..dj {
+        let mut y = [0.0; D];
+        for k in 0..D {
+            y[k] = w[k * stride + j + c];
+        }
+        for (a, row) in block.chunks_exact_mut(dj).enumerate() {
             for k in 0..D {
-                let y = simd.partial_load_f64s(&w[k * stride + j + whole..k * stride + j + dj]);
-                sum = simd.mul_add_e_f64s(x[k], y, sum);
+                row[c] += w[k * stride + i + a] * y[k];
             }
-            simd.partial_store_f64s(tail, sum);
         }
     }
 }

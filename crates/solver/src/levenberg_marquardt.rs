@@ -19,6 +19,8 @@ pub type SolverState = IterState<Values, (), (), (), (), f64>;
 
 /// Smallest damping: below, rounding errors of H exceed it.
 const MIN_DAMPING: f64 = 1e-15;
+/// By what a good step multiplies the damping at least. A third, as Nielsen has it, slows the last iterations down.
+const MIN_FACTOR: f64 = 0.1;
 /// Damping at which steps are too short to matter.
 const MAX_DAMPING: f64 = 1e20;
 /// Relative differences of the cost below this are rounding errors.
@@ -275,7 +277,7 @@ impl LevenbergMarquardt {
             }
             match self.options.method {
                 Method::LevenbergMarquardt if ratio.is_finite() => {
-                    let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(1.0 / 3.0);
+                    let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(MIN_FACTOR);
                     self.mu = (self.mu * factor).max(self.min_damping());
                 }
                 Method::DogLeg { .. } if ratio > 0.75 => self.radius = self.radius.max(3.0 * length),

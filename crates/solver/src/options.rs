@@ -26,7 +26,7 @@ pub enum Method {
 
 /// Damping of the Levenberg–Marquardt step (H + μ D²) δ = −g.
 ///
-/// Both rules divide μ by up to three after a good step, by the cubic of the gain ratio of Nielsen 1999, and multiply it
+/// Both rules divide μ by up to ten after a good step, by the cubic of the gain ratio of Nielsen 1999, and multiply it
 /// by 2, 4, 8, … after rejected ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]

@@ -149,8 +149,6 @@ pub(crate) fn add<S: Simd>(simd: S, t: &mut [f64], s: &[f64]) {
     for (t, s) in t.iter_mut().zip(s) {
         *t = simd.add_f64s(*t, *s);
     }
-    if !t_rest.is_empty() {
-        let sum = simd.add_f64s(simd.partial_load_f64s(t_rest), simd.partial_load_f64s(s_rest));
-        simd.partial_store_f64s(t_rest, sum);
-    }
+    // Loads and stores of parts of a vector cost more than a few numbers one by one.
+    t_rest.iter_mut().zip(s_rest).for_each(|(t, s)| *t += s);
 }

@@ -41,7 +41,8 @@ pub fn run<P>(
         serde_json::json!({
             "wall": wall, "cost0": report.cost0, "cost": report.cost, "iters": report.iterations,
             "converged": report.converged, "seconds": report.seconds, "build": building, "parse": parsing,
-            "rss_mb": peak_memory(), "linear_solver": report.linear_solver.to_string(), "threads": threads,
+            "rss_mb": peak_memory(), "linear_solver": report.linear_solver.to_string(), "chunks": report.linear_solver.chunks,
+            "threads": threads,
         })
     );
     Ok(solution)
