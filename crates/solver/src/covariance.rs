@@ -120,7 +120,7 @@ impl Covariance {
     /// [`CovarianceError::RankDeficient`] if combinations of variables are undetermined and no pseudo-inverse is asked for;
     /// others if the graph cannot be evaluated.
     pub fn compute(graph: &Graph, values: &Values, options: &CovarianceOptions) -> Result<Covariance, CovarianceError> {
-        let mut system = NormalEquations::new(graph, values, LinearSolver::DenseSchur)?;
+        let mut system = NormalEquations::new(graph, values, LinearSolver::DenseSchur, true)?;
         let cost = system.linearize(values)?;
         let inverse = Inverse::new(&system, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
         if !options.pseudo_inverse && !inverse.null.is_empty() {

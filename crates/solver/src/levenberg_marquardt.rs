@@ -129,15 +129,27 @@ impl LevenbergMarquardt {
         }
     }
 
-    /// Lays out memory for a problem.
-    fn prepare(&mut self, graph: &Graph, values: &Values) -> Result<(), SolveError> {
-        self.options.check()?;
-        if self.options.threads > 0 && self.pool.is_none() {
+    fn start_pool(&mut self) -> Result<(), SolveError> {
+        if self.pool.is_none() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(self.options.threads).build();
             self.pool = Some(pool.map_err(|e| SolveError::Option { option: "threads", reason: e.to_string() })?);
         }
+        Ok(())
+    }
+
+    /// Lays out memory for a problem.
+    fn prepare(&mut self, graph: &Graph, values: &Values) -> Result<(), SolveError> {
+        self.options.check()?;
+        // Threads take time to start: one thread does without others where it can.
+        let parallel = self.options.threads != 1;
+        if parallel && self.options.threads > 0 {
+            self.start_pool()?;
+        }
         let choice = self.options.linear_solver;
-        let system = in_pool(self.pool.as_ref(), || NormalEquations::new(graph, values, choice))?;
+        let system = in_pool(self.pool.as_ref(), || NormalEquations::new(graph, values, choice, parallel))?;
+        if !parallel && system.wants_pool() {
+            self.start_pool()?;
+        }
         let n = system.dim();
         self.d2 = vec![0.0; n];
         self.step = vec![0.0; n];

@@ -11,11 +11,11 @@ use crate::graph::Graph;
 use crate::layout::{Layout, NONE};
 use crate::options::{LinearSolver, LinearSolverUsed};
 use crate::partition;
-use crate::reduced::Reduced;
+use crate::reduced::{PARALLEL_SIZE, Reduced};
 use crate::values::Values;
 
 /// Work that a chunk should hold at least, in floating-point operations, and the largest number of chunks.
-const CHUNK_WORK: f64 = 2e5;
+const CHUNK_WORK: f64 = 5e5;
 const MAX_CHUNKS: f64 = 32.0;
 
 /// Size up to which the system over the kept variables is dense without further thought.
@@ -32,17 +32,21 @@ pub(crate) struct NormalEquations {
     gradient: Vec<f64>,
     diagonal: Vec<f64>,
     scratch: Vec<f64>,
+    parallel: bool,
 }
 
 impl NormalEquations {
-    pub fn new(graph: &Graph, values: &Values, choice: LinearSolver) -> Result<Self, StructureError> {
+    /// Lays out memory. Where not `parallel`, the chunks are worked through by the calling thread.
+    pub fn new(graph: &Graph, values: &Values, choice: LinearSolver, parallel: bool) -> Result<Self, StructureError> {
         let mut layout = Layout::new(graph, values)?;
         match choice {
             LinearSolver::Dense | LinearSolver::SparseCholesky => {}
             _ => layout.partition(&partition::choose(graph, values, &layout)?),
         }
         let shares = shares(&layout);
-        let plans: Vec<ChunkPlan> = shares.par_iter().map(|share| ChunkBuilder::build(&layout, share)).collect();
+        let plan = |share: &Share| ChunkBuilder::build(&layout, share);
+        let plans: Vec<ChunkPlan> =
+            if parallel { shares.par_iter().map(plan).collect() } else { shares.iter().map(plan).collect() };
         let chunks: Vec<Chunk> = plans.into_iter().map(Chunk::new).collect();
         let blocks = ReducedBlocks::new(&layout, &chunks);
         let reduced = reduced_system(&layout, &blocks, choice)?;
@@ -65,6 +69,7 @@ impl NormalEquations {
             gradient: vec![0.0; n],
             diagonal: vec![0.0; n],
             scratch: Vec::new(),
+            parallel,
         })
     }
 
@@ -74,6 +79,11 @@ impl NormalEquations {
 
     pub fn used(&self) -> &LinearSolverUsed {
         &self.used
+    }
+
+    /// Whether the factorisation itself is split among the threads of the pool it is called in.
+    pub fn wants_pool(&self) -> bool {
+        self.layout.kept_dim >= PARALLEL_SIZE
     }
 
     /// g = Jᵀ W r of the last linearisation.
@@ -89,14 +99,14 @@ impl NormalEquations {
     /// The cost ½ Σ ρ(‖r‖²).
     pub fn cost(&mut self, values: &Values) -> Result<f64, EvaluationFailure> {
         let batches = &self.layout.batches;
-        for_each(&mut self.chunks, |chunk| chunk.evaluate(batches, values));
+        for_each(&mut self.chunks, self.parallel, |chunk| chunk.evaluate(batches, values));
         total_cost(&mut self.chunks)
     }
 
     /// Evaluates H and g; returns the cost.
     pub fn linearize(&mut self, values: &Values) -> Result<f64, EvaluationFailure> {
         let batches = &self.layout.batches;
-        for_each(&mut self.chunks, |chunk| chunk.linearize(batches, values));
+        for_each(&mut self.chunks, self.parallel, |chunk| chunk.linearize(batches, values));
         let cost = total_cost(&mut self.chunks)?;
         self.blocks.gather(&self.chunks);
         let split = self.layout.eliminated_dim;
@@ -143,7 +153,7 @@ impl NormalEquations {
             return false;
         }
         let kept = &*kept;
-        for_each(&mut self.chunks, |chunk| chunk.back_substitute(kept));
+        for_each(&mut self.chunks, self.parallel, |chunk| chunk.back_substitute(kept));
         for chunk in &self.chunks {
             eliminated[chunk.plan.offset..][..chunk.plan.dim].copy_from_slice(&chunk.step);
         }
@@ -152,7 +162,7 @@ impl NormalEquations {
 
     /// Factorises H + μ D².
     fn eliminate(&mut self, mu: f64, d2: &[f64]) -> bool {
-        for_each(&mut self.chunks, |chunk| chunk.eliminate(mu, d2));
+        for_each(&mut self.chunks, self.parallel, |chunk| chunk.eliminate(mu, d2));
         if self.chunks.iter().any(|c| !c.definite) {
             return false;
         }
@@ -171,8 +181,8 @@ impl NormalEquations {
     }
 }
 
-fn for_each(chunks: &mut [Chunk], f: impl Fn(&mut Chunk) + Sync + Send) {
-    if chunks.len() < 2 || rayon::current_num_threads() == 1 {
+fn for_each(chunks: &mut [Chunk], parallel: bool, f: impl Fn(&mut Chunk) + Sync + Send) {
+    if !parallel || chunks.len() < 2 || rayon::current_num_threads() == 1 {
         chunks.iter_mut().for_each(f);
     } else {
         chunks.par_iter_mut().with_max_len(1).for_each(f);

@@ -13,7 +13,7 @@ use crate::blocks::{Block, ReducedBlocks};
 use crate::error::StructureError;
 
 /// Below this size a factorisation is not worth more than one thread.
-const PARALLEL_SIZE: usize = 256;
+pub(crate) const PARALLEL_SIZE: usize = 256;
 
 /// A symmetric positive definite system, refilled and factorised in every iteration.
 pub(crate) enum Reduced {
