@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Between, Bundle, bundle, normal3, rng};
-use depthcal_solver::{Batch, Graph, LinearSolver, Loss, Noise, Options, Prior, Report, Values, minimize};
+use depthcal_solver::{Batch, Graph, LinearSolver, Loss, Method, Noise, Options, Prior, Report, Values, minimize};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 /// Everything of a report that is a number, but for times.
@@ -27,6 +27,21 @@ fn same_bits(graph: &Graph, values: &Values, linear_solver: LinearSolver) {
     let one = solve(graph, values, linear_solver, 1);
     for threads in [2, 3, 4, 7] {
         assert_eq!(solve(graph, values, linear_solver, threads), one, "{linear_solver:?} {threads}");
+    }
+}
+
+#[test]
+fn every_method_gives_the_same_bits() {
+    let Bundle { graph, values, .. } = bundle(12, 400, 0.5, Loss::Huber { delta: 1.5 }, 8);
+    for method in [Method::DogLeg { radius: 1e2 }, Method::GaussNewton] {
+        let solve = |threads| {
+            let options = Options { method, threads, max_iterations: 6, ..Options::default() };
+            let solution = minimize(&graph, values.clone(), &options).unwrap();
+            (numbers(&solution.report), format!("{:?}", solution.values))
+        };
+        let one = solve(1);
+        assert_eq!(solve(2), one, "{method:?}");
+        assert_eq!(solve(5), one, "{method:?}");
     }
 }
 
