@@ -14,6 +14,7 @@ fn one(seed: u64) -> (Vec<f64>, f64) {
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed);
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
     let result = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
+    assert!(result.capture.dropped.is_empty(), "seed {seed}: {:?}", result.capture.dropped);
     let truth = simulated::true_theta(&camera);
     let covariance = result.covariance.as_ref().unwrap();
     let free: Vec<usize> = (0..truth.len()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
@@ -27,6 +28,22 @@ fn one(seed: u64) -> (Vec<f64>, f64) {
     let whitened = error.component_div(&std);
     let nees = whitened.dot(&correlation.cholesky().unwrap().solve(&whitened));
     (whitened.iter().copied().collect(), nees)
+}
+
+/// Exact observations give the exact camera, and no division by a noise of zero.
+#[test]
+fn exact_observations_give_the_exact_camera() {
+    let camera = CameraTruth::published(2).unwrap();
+    let simulation = Simulation::new(camera, Kind::General(1), &[], 1).noise(depthcal_simulate::Noise::none());
+    let options = PointOptions { sigma_px: 0.0, ..PointOptions::default() };
+    let observed = simulation.observe_points(&options).unwrap();
+    let result = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
+    let truth = simulated::true_theta(&camera);
+    // k1 … k3, fx … skew, D: rounding of the solution, in each group's own size.
+    let tolerances = [[1e-6; 5], [1e-4; 5]].concat().into_iter().chain([1e-10, 1e-10, 1e-10, 1e-6]);
+    for (i, ((found, truth), tolerance)) in result.camera.theta().iter().zip(&truth).zip(tolerances).enumerate() {
+        assert!((found - truth).abs() < tolerance, "parameter {i}: {found} for {truth}");
+    }
 }
 
 #[test]

@@ -5,7 +5,9 @@ use nalgebra::Isometry3;
 use rayon::prelude::*;
 use tracing::warn;
 
-use super::{CalibrateError, CalibrateOptions, Calibrated, NOISE_SETTLED, ROUNDS, converged, finish};
+use super::{
+    CalibrateError, CalibrateOptions, Calibrated, LEAST_PIXEL_SIGMA, NOISE_SETTLED, ROUNDS, converged, finish,
+};
 use crate::adjustment::Adjustment;
 use crate::noise::{DepthNoise, NoiseModel, clipped_sigma};
 use crate::observations::{Capture, DroppedFrame};
@@ -54,6 +56,10 @@ pub fn calibrate_image(capture: &Capture, options: &CalibrateOptions) -> Result<
         let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, false);
         let adjusted = adjustment.solve()?;
         (camera, poses) = (adjusted.camera.clone(), adjusted.poses.clone());
+        // Before a frame is called bad: its pose may only be the wrong one of two.
+        if round <= ROUNDS && leave_mirrored_poses(&capture, &camera, &mut poses) > 0 {
+            continue;
+        }
         if let Some(bad) = worst_frame(&capture, &adjusted.image_residuals, noise.pixel_sigma) {
             let frame = capture.frames.remove(bad.0);
             poses.remove(bad.0);
@@ -65,14 +71,12 @@ pub fn calibrate_image(capture: &Capture, options: &CalibrateOptions) -> Result<
             }
             continue;
         }
-        if round <= ROUNDS && leave_mirrored_poses(&capture, &camera, &mut poses) > 0 {
-            continue;
-        }
         let before = noise.pixel_sigma;
         let covariance = adjustment.covariance()?;
         let redundancy = adjustment.redundancies(&covariance).0;
         let n = adjusted.image_residuals.len() as f64;
         noise.pixel_sigma *= clipped_sigma(&adjusted.image_residuals) * (n / redundancy.max(1.0)).sqrt();
+        noise.pixel_sigma = noise.pixel_sigma.max(LEAST_PIXEL_SIGMA);
         let settled = (noise.pixel_sigma / before - 1.0).abs() < NOISE_SETTLED;
         if settled || round > 2 * ROUNDS {
             converged(&adjusted)?;

@@ -2,7 +2,10 @@
 
 use depthcal_model::Block;
 
-use super::{CalibrateError, CalibrateOptions, Calibrated, NOISE_SETTLED, ROUNDS, converged, finish};
+use super::{
+    CalibrateError, CalibrateOptions, Calibrated, LEAST_INVERSE_DEPTH_SIGMA, LEAST_PIXEL_SIGMA, NOISE_SETTLED, ROUNDS,
+    converged, finish,
+};
 use crate::adjustment::Adjustment;
 use crate::board_region::BoardPlane;
 use crate::depth_sampling::sample_depth;
@@ -47,9 +50,10 @@ pub(super) fn joint(
         let inflation = |n: usize, redundancy: f64| n as f64 / redundancy.max(1.0);
         let n = adjusted.image_residuals.len();
         noise.pixel_sigma *= clipped_sigma(&adjusted.image_residuals) * inflation(n, image_redundancy).sqrt();
+        noise.pixel_sigma = noise.pixel_sigma.max(LEAST_PIXEL_SIGMA);
         let residuals = inverse_depth_residuals(&capture, &adjusted.depth_residuals, &used);
         if let Some(law) = DepthNoise::fit(&residuals, inflation(residuals.len(), depth_redundancy)) {
-            noise.depth = law;
+            noise.depth = DepthNoise { a_per_mm: law.a_per_mm.max(LEAST_INVERSE_DEPTH_SIGMA), ..law };
         }
         // The last round keeps its samples, so that the result belongs to them.
         let dropped = if round < ROUNDS { drop_outliers(&mut capture, &residuals, &noise) } else { 0 };
@@ -92,9 +96,8 @@ fn depth_noise_from_planes(capture: &Capture) -> DepthNoise {
         let deviations = crate::depth_sampling::plane_deviations(&pixels);
         samples.extend(pixels.iter().zip(deviations).map(|(p, d)| (1.0 / p.depth_mm, d)));
     }
-    let least = 1e-7;
     let law = DepthNoise::fit(&samples, 1.0).unwrap_or(DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 });
-    DepthNoise { a_per_mm: law.a_per_mm.max(least), ..law }
+    DepthNoise { a_per_mm: law.a_per_mm.max(LEAST_INVERSE_DEPTH_SIGMA), ..law }
 }
 
 /// Gives samples that came without a depth image the board point that their ray meets; those that meet none go.

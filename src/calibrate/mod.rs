@@ -184,6 +184,10 @@ impl Calibrated {
 const ROUNDS: usize = 4;
 /// Change of a standard deviation that ends the rounds.
 const NOISE_SETTLED: f64 = 0.01;
+/// Markers are never believed better than this, px: simulated ones may be exact.
+const LEAST_PIXEL_SIGMA: f64 = 1e-4;
+/// Nor is depth better than this, 1/mm: a micrometre at 1 m.
+const LEAST_INVERSE_DEPTH_SIGMA: f64 = 1e-9;
 
 /// Calibrates a depth camera: markers first, then depth by the estimator asked for.
 ///
@@ -218,7 +222,9 @@ pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibr
 }
 
 fn converged(adjusted: &Adjusted) -> Result<(), CalibrateError> {
-    if adjusted.report.converged {
+    // Residuals far below any noise have nothing left to fall by: exact observations, where rounding hides the descent.
+    let residuals = (adjusted.image_residuals.len() + adjusted.depth_residuals.len()) as f64;
+    if adjusted.report.converged || adjusted.report.cost < 1e-6 * residuals {
         return Ok(());
     }
     Err(CalibrateError::NotConverged { reason: adjusted.report.termination.to_string() })
