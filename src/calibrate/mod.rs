@@ -48,7 +48,7 @@ impl Estimator {
 pub struct CalibrateOptions {
     /// Depth model: `none`, `projective`, `projective:xw`, `projective+…`.
     pub model: String,
-    /// Further effects by name, at whatever hook they act.
+    /// Further effects by name, at whatever hook they act; those of depth act before the depth model.
     pub effects: Vec<String>,
     /// Lens model: `brown-conrady` or `none`.
     pub lens: String,
@@ -163,7 +163,7 @@ pub struct Calibrated {
     pub termination: String,
     /// The options' names, for the record.
     pub estimator: Estimator,
-    /// Depth model and effects as asked for.
+    /// Depth model as asked for.
     pub model: String,
 }
 
@@ -195,13 +195,15 @@ const LEAST_INVERSE_DEPTH_SIGMA: f64 = 1e-9;
 ///
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
-    let mut depth_blocks = options.register.depth_model(&options.model)?;
+    // Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
+    let mut depth_blocks = Vec::new();
     for name in &options.effects {
         let block = options.register.block(name, None)?;
         if crate::adjustment::is_depth_only(&block) {
             depth_blocks.push(block);
         }
     }
+    depth_blocks.extend(options.register.depth_model(&options.model)?);
     let from_image = calibrate_image(capture, options)?;
     info!(
         "{} frames, {:.3} px rms from the image alone",

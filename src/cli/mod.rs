@@ -16,16 +16,17 @@ use tracing_subscriber::EnvFilter;
 
 use common::Failure;
 
-/// Calibrates depth cameras: intrinsics, lens, depth distortion and board poses in one joint adjustment.
+/// Calibrates depth cameras: intrinsics, lens, depth distortion and poses in one joint adjustment.
 ///
-/// A dataset is a folder with a dataset.toml that declares the board, the images and the depth images. Typical use:
+/// A dataset is a folder with a dataset.toml that declares the board, the images and the depth
+/// images. Typical use:
 ///
 ///   depthcal calibrate captures/ --out result/      fit a camera
 ///   depthcal evaluate result/calibration.json other-captures/ --out check/
 ///   depthcal apply result/calibration.json depth/*.png --out corrected/ --cloud
 ///
-/// Exit codes: 0 done; 1 the input or the arguments are at fault; 2 the fit cannot be trusted (not converged, parameters
-/// undetermined, folded), and why.
+/// Exit codes: 0 done; 1 the input or the arguments are at fault; 2 the fit cannot be trusted
+/// (not converged, parameters undetermined, folded), and why.
 #[derive(Debug, Parser)]
 #[command(version, verbatim_doc_comment, max_term_width = 120)]
 struct Arguments {

@@ -157,7 +157,7 @@ fn effects_help() -> String {
                 writeln!(text, "  {:22} {:>5} {}  {}", effect.name, effect.default_size, effect.unit, effect.size_is);
         }
     };
-    list("Effects that diagnose knows by name, with their usual sizes", catalogue());
+    list("Effects that the model has pieces for, with their usual sizes", catalogue());
     list("\nEffects beyond them", uncatalogued());
     text
 }

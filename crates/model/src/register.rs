@@ -36,6 +36,19 @@ pub enum RegisterError {
         /// Where it was to act.
         expected: &'static str,
     },
+    /// A constant that the piece does not have, or without a number.
+    #[error(
+        "'{given}' is no constant of '{name}': write {name}@CONSTANT=NUMBER with one of its constants: {}",
+        if known.is_empty() { "it has none".to_owned() } else { known.join(", ") }
+    )]
+    UnknownConstant {
+        /// The piece.
+        name: String,
+        /// What was given.
+        given: String,
+        /// Its constants.
+        known: Vec<String>,
+    },
     /// A subset names a parameter that the piece does not have.
     #[error("'{name}' has no parameter '{letter}'; a subset is written with the last letters of {}", parameters.join(", "))]
     UnknownParameter {
@@ -136,14 +149,29 @@ impl Register {
         name.split('+').map(|part| self.block(part.trim(), Some(HookKind::Depth))).collect()
     }
 
-    /// One block from `NAME` or `NAME:SUBSET`; where `hook` is given the piece must act there.
+    /// One block from `NAME`, `NAME:SUBSET` (only these parameters free) or `NAME@CONSTANT=VALUE` (a constant of the
+    /// piece, several with further `@`); where `hook` is given the piece must act there.
     ///
     /// # Errors
     ///
     /// [`RegisterError`].
     pub fn block(&self, name: &str, hook: Option<HookKind>) -> Result<Block, RegisterError> {
+        let mut parts = name.split('@');
+        let name = parts.next().unwrap_or_default();
         let (name, subset) = name.split_once(':').map_or((name, None), |(n, s)| (n, Some(s)));
-        let mut block = Block::new(self.piece(name, &Options::new())?);
+        let known = self.piece(name, &Options::new())?.options();
+        let mut options = Options::new();
+        for part in parts {
+            let constant = part.split_once('=').and_then(|(k, v)| Some((k.trim(), v.trim().parse::<f64>().ok()?)));
+            match constant.filter(|(key, value)| known.contains_key(*key) && !value.is_nan()) {
+                Some((key, value)) => _ = options.insert(key.to_owned(), value),
+                None => {
+                    let (name, known) = (name.to_owned(), known.into_keys().collect());
+                    return Err(RegisterError::UnknownConstant { name, given: part.to_owned(), known });
+                }
+            }
+        }
+        let mut block = Block::new(self.piece(name, &options)?);
         if let Some(expected) = hook.filter(|h| *h != block.hook()) {
             let found = block.hook().name();
             return Err(RegisterError::WrongHook { name: name.to_owned(), found, expected: expected.name() });
@@ -165,5 +193,31 @@ impl Register {
 impl Default for Register {
     fn default() -> Self {
         Self::builtin()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_with_subsets_and_constants() {
+        let register = Register::builtin();
+        let d = register.block("projective:xw", None).unwrap();
+        assert_eq!(d.free, [true, false, false, true]);
+        assert_eq!(register.depth_model("none").unwrap().len(), 0);
+        let stack = register.depth_model("projective+cyclic_depth@period_mm=250").unwrap();
+        assert_eq!(stack[1].piece().unwrap().options()["period_mm"], 250.0);
+    }
+
+    #[test]
+    fn what_is_unknown_is_refused_with_what_is_known() {
+        let register = Register::builtin();
+        let message = |name: &str| register.depth_model(name).unwrap_err().to_string();
+        assert!(message("projectiv").contains("projective"), "{}", message("projectiv"));
+        assert!(message("projective:q").contains("dx, dy, dz, dw"), "{}", message("projective:q"));
+        assert!(message("cyclic_depth@period=3").contains("period_mm"), "{}", message("cyclic_depth@period=3"));
+        assert!(message("cyclic_depth@period_mm=x").contains("period_mm"));
+        assert!(message("board_bow").contains("acts on the board"), "{}", message("board_bow"));
     }
 }
