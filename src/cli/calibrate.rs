@@ -174,10 +174,13 @@ pub(super) fn print_parameters(result: &Calibrated) {
     let mut stds = result.std_devs().into_iter();
     for block in result.camera.blocks() {
         println!("{}", block.name());
-        for (parameter, value) in block.parameters().iter().zip(&block.theta) {
-            let std = stds.next().flatten();
-            let std = std.map_or_else(|| "held".to_owned(), |s| format!("± {s:.2e}"));
-            println!("  {:6} {value:>14.6e} {std:>12}  {}", parameter.name, parameter.unit);
+        for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
+            let std = match stds.next().flatten() {
+                Some(std) => format!("± {std:.2e}"),
+                None if *free => "no std. dev.".to_owned(),
+                None => "held".to_owned(),
+            };
+            println!("  {:6} {value:>14.6e} {std:>13}  {}", parameter.name, parameter.unit);
         }
     }
     let noise = &result.noise;
