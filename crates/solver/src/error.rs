@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use thiserror::Error;
 
+use crate::checkpoint::CheckpointError;
 use crate::values::VariableId;
 
 /// A factor cannot be evaluated at these values, for instance because a point lies behind the camera.
@@ -137,6 +138,9 @@ pub enum SolveError {
         /// What is wrong.
         reason: String,
     },
+    /// A checkpoint cannot be written or does not fit.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
     /// The executor, an observer or a checkpoint failed.
     #[error("the executor stopped: {reason}")]
     Executor {

@@ -1,6 +1,7 @@
 //! Levenberg–Marquardt, dog-leg and Gauss–Newton as a solver of argmin.
 
 use std::borrow::Borrow;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State, TerminationReason};
@@ -12,6 +13,7 @@ use crate::interrupt::Interrupt;
 use crate::normal::NormalEquations;
 use crate::options::{Damping, Method, Options, Scaling};
 use crate::report::{Iteration, Report, StageSeconds, Termination};
+use crate::snapshot::{Resumed, Snapshot, setup};
 use crate::values::Values;
 
 /// State of the iteration as argmin keeps it.
@@ -52,6 +54,8 @@ const ZERO_RESIDUAL: f64 = 1e-10;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct LevenbergMarquardt {
+    /// What a checkpoint says, until the problem has been linearised where it stood.
+    resumed: Option<Resumed>,
     options: Options,
     system: Option<Box<NormalEquations>>,
     pool: Option<rayon::ThreadPool>,
@@ -92,6 +96,7 @@ impl LevenbergMarquardt {
     /// with an executor of your own, set them there.
     pub fn new(options: Options) -> Self {
         Self {
+            resumed: None,
             options,
             system: None,
             pool: None,
@@ -151,13 +156,18 @@ impl LevenbergMarquardt {
             self.start_pool()?;
         }
         let n = system.dim();
-        self.d2 = vec![0.0; n];
         self.step = vec![0.0; n];
         self.newton = None;
-        self.radius = match self.options.method {
-            Method::DogLeg { radius } => radius,
-            _ => 1.0,
-        };
+        match &self.resumed {
+            Some(resumed) => resumed.check_layout(system.layout.rows, n, self.d2.len())?,
+            None => {
+                self.d2 = vec![0.0; n];
+                self.radius = match self.options.method {
+                    Method::DogLeg { radius } => radius,
+                    _ => 1.0,
+                };
+            }
+        }
         self.system = Some(Box::new(system));
         self.linearized = false;
         Ok(())
@@ -390,6 +400,10 @@ impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
         {
             self.termination = Some(Termination::NotDifferentiable(failure.to_string()));
         }
+        if let Some(resumed) = self.resumed.take() {
+            resumed.check_cost(self.cost).map_err(SolveError::from)?;
+            self.first_prediction = resumed.first_prediction;
+        }
         if self.step.is_empty() {
             self.termination = Some(Termination::NothingToEstimate);
         } else if self.gradient <= self.options.gradient_tolerance {
@@ -406,12 +420,7 @@ impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
         let cost = self.cost;
         let mut state = state.param(trial.unwrap_or(values)).cost(cost);
         if let Some(termination) = &self.termination {
-            let reason = if termination.converged() {
-                TerminationReason::SolverConverged
-            } else {
-                TerminationReason::SolverExit(termination.to_string())
-            };
-            state = state.terminate_with(reason);
+            state = state.terminate_with(termination.reason());
         }
         let kv = argmin::kv!("gradient" => self.gradient; "damping" => self.mu;);
         Ok((state, Some(kv)))
@@ -419,6 +428,45 @@ impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
 }
 
 impl LevenbergMarquardt {
+    /// What it takes to go on from here.
+    pub(crate) fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            setup: setup(&self.options),
+            rows: self.system.as_ref().map_or(0, |s| s.layout.rows),
+            mu: self.mu,
+            nu: self.nu,
+            radius: self.radius,
+            d2: self.d2.clone(),
+            first_prediction: self.first_prediction.filter(|_| self.linearized),
+            cost0: self.cost0,
+            cost: self.cost,
+            gradient: self.gradient,
+            trace: self.trace.clone(),
+            seconds: self.seconds,
+            termination: self.termination.clone(),
+        }
+    }
+
+    /// A solver that goes on from a snapshot.
+    pub(crate) fn resume(options: Options, snapshot: Snapshot, path: PathBuf) -> Self {
+        let resumed =
+            Resumed { path, rows: snapshot.rows, cost: snapshot.cost, first_prediction: snapshot.first_prediction };
+        Self {
+            resumed: Some(resumed),
+            mu: snapshot.mu,
+            nu: snapshot.nu,
+            radius: snapshot.radius,
+            d2: snapshot.d2,
+            cost0: snapshot.cost0,
+            cost: snapshot.cost,
+            gradient: snapshot.gradient,
+            trace: snapshot.trace,
+            seconds: snapshot.seconds,
+            termination: snapshot.termination,
+            ..Self::new(options)
+        }
+    }
+
     /// Takes over why an executor stopped.
     pub(crate) fn stopped_by_executor(&mut self, reason: Option<&TerminationReason>) {
         if self.termination.is_none() {

@@ -9,6 +9,7 @@
 //! | residuals | [`Factor`]: one generic function, derivatives follow; [`Batch`]: many of a kind, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: many that share their variables, eight at a time; [`FactorBatch`]: anything, with Jacobians by hand |
 //! | problem | [`Graph`]: batches, fixed variables, variables to eliminate |
 //! | solution | [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`] |
+//! | interruption | [`CheckpointFile`]: go on from a file to the same bits; [`Interrupt`] |
 //! | uncertainty | [`Covariance`]: any joint or marginal; names what is not determined |
 //! | checks | [`check_jacobians`] |
 //!
@@ -51,11 +52,13 @@ mod accumulate;
 mod batch;
 mod blocks;
 mod check;
+mod checkpoint;
 mod chunk;
 mod covariance;
 mod dog_leg;
 mod eliminate;
 mod error;
+mod exact;
 mod factor;
 mod graph;
 mod interrupt;
@@ -76,11 +79,13 @@ mod prior;
 mod reduced;
 mod report;
 mod scatter;
+mod snapshot;
 mod values;
 mod variable;
 
 pub use batch::Batch;
 pub use check::{JacobianError, check_jacobians};
+pub use checkpoint::{CheckpointError, CheckpointFile};
 pub use covariance::{Covariance, CovarianceError, CovarianceOptions, NullComponent, NullDirection};
 pub use error::{EvaluationError, EvaluationFailure, SolveError, StructureError};
 pub use factor::{Borrowed, Factor, Lifted, VariableTuple};

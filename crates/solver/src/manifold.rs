@@ -1,6 +1,6 @@
 //! Rotations, poses and directions as variables.
 
-use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::variable::Variable;
 
@@ -29,6 +29,11 @@ fn rotate_by(rotation: &UnitQuaternion<f64>, omega: Vector3<f64>) -> UnitQuatern
     rotated
 }
 
+/// Whether stored numbers are those of a unit vector; normalising them again would change their last bits.
+fn is_unit(state: &[f64]) -> bool {
+    (state.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-6
+}
+
 /// SO(3), with R ← R · Exp(ω), ω in radians in the rotated (body) frame.
 impl Variable for UnitQuaternion<f64> {
     fn dim(&self) -> usize {
@@ -50,6 +55,15 @@ impl Variable for UnitQuaternion<f64> {
                 jacobian[3 * r + c] = j[(r, c)];
             }
         }
+    }
+
+    fn state(&self) -> Option<Vec<f64>> {
+        Some(self.coords.iter().copied().collect())
+    }
+
+    fn with_state(&self, state: &[f64]) -> Option<Self> {
+        let &[i, j, k, w] = state else { return None };
+        is_unit(state).then(|| UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k)))
     }
 }
 
@@ -81,6 +95,18 @@ impl Variable for Isometry3<f64> {
             }
             jacobian[6 * (r + 3) + r + 3] = 1.0;
         }
+    }
+
+    fn state(&self) -> Option<Vec<f64>> {
+        let mut state = self.rotation.state()?;
+        state.extend(self.translation.vector.iter());
+        Some(state)
+    }
+
+    fn with_state(&self, state: &[f64]) -> Option<Self> {
+        let (rotation, translation) = state.split_at_checked(4)?;
+        let translation = Translation3::from(self.translation.vector.with_state(translation)?);
+        Some(Isometry3::from_parts(translation, self.rotation.with_state(rotation)?))
     }
 }
 
@@ -118,5 +144,13 @@ impl Variable for Unit<Vector3<f64>> {
         let scale = if sine > 0.0 { angle / sine } else { 1.0 };
         delta[0] = if sine > 0.0 { u * scale } else { angle };
         delta[1] = v * scale;
+    }
+
+    fn state(&self) -> Option<Vec<f64>> {
+        self.as_ref().state()
+    }
+
+    fn with_state(&self, state: &[f64]) -> Option<Self> {
+        self.as_ref().with_state(state).filter(|_| is_unit(state)).map(Unit::new_unchecked)
     }
 }

@@ -2,12 +2,13 @@
 
 use std::fmt;
 
-use serde::Serialize;
+use argmin::core::TerminationReason;
+use serde::{Deserialize, Serialize};
 
 use crate::options::LinearSolverUsed;
 
 /// Why a solver stopped.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Termination {
     /// The gradient vanishes.
@@ -36,6 +37,15 @@ impl Termination {
     /// Whether the values are a minimum.
     pub fn converged(&self) -> bool {
         matches!(self, Self::Gradient | Self::Cost | Self::Parameters | Self::Rounding | Self::NothingToEstimate)
+    }
+
+    /// The same in argmin's terms.
+    pub(crate) fn reason(&self) -> TerminationReason {
+        if self.converged() {
+            TerminationReason::SolverConverged
+        } else {
+            TerminationReason::SolverExit(self.to_string())
+        }
     }
 }
 

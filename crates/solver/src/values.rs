@@ -73,6 +73,10 @@ trait AnyColumn: Any + Send + Sync + Debug {
     fn duplicate(&self) -> Arc<dyn AnyColumn>;
     fn dim(&self, slot: usize) -> usize;
     fn retract(&mut self, slot: usize, delta: &[f64]);
+    fn type_name(&self) -> &'static str;
+    fn state(&self, slot: usize) -> Option<Vec<f64>>;
+    /// Whether the state was that of such a variable.
+    fn set_state(&mut self, slot: usize, state: &[f64]) -> bool;
 }
 
 #[derive(Clone, Debug)]
@@ -89,6 +93,18 @@ impl<V: Variable> AnyColumn for Column<V> {
 
     fn retract(&mut self, slot: usize, delta: &[f64]) {
         self.0[slot] = self.0[slot].retract(delta);
+    }
+
+    fn type_name(&self) -> &'static str {
+        type_name::<V>()
+    }
+
+    fn state(&self, slot: usize) -> Option<Vec<f64>> {
+        self.0[slot].state()
+    }
+
+    fn set_state(&mut self, slot: usize, state: &[f64]) -> bool {
+        self.0[slot].with_state(state).map(|variable| self.0[slot] = variable).is_some()
     }
 }
 
@@ -206,6 +222,25 @@ impl Values {
         if let Some(Entry { column, slot }) = self.entries.get(id.index()).copied() {
             unique(&mut self.columns[column as usize]).retract(slot as usize, delta);
         }
+    }
+
+    /// Name of a variable's type; empty for an id that does not belong to these values.
+    pub fn type_name(&self, id: VariableId) -> &'static str {
+        self.entries.get(id.index()).map_or("", |e| self.columns[e.column as usize].type_name())
+    }
+
+    /// The numbers that a variable consists of, if its type tells them: see [`Variable::state`].
+    pub fn state(&self, id: VariableId) -> Option<Vec<f64>> {
+        let Entry { column, slot } = *self.entries.get(id.index())?;
+        self.columns[column as usize].state(slot as usize)
+    }
+
+    /// Replaces a variable by that with the given [`state`](Self::state). Returns whether there is one; if not, the
+    /// variable stays as it is.
+    #[must_use]
+    pub fn set_state(&mut self, id: VariableId, state: &[f64]) -> bool {
+        let Some(Entry { column, slot }) = self.entries.get(id.index()).copied() else { return false };
+        unique(&mut self.columns[column as usize]).set_state(slot as usize, state)
     }
 
     /// A number that is the same for variables of the same type.

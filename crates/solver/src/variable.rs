@@ -43,6 +43,21 @@ pub trait Variable: Clone + Send + Sync + Debug + 'static {
             }
         }
     }
+
+    /// Numbers from which [`with_state`](Self::with_state) makes the same point again, to the bit; a
+    /// [`CheckpointFile`](crate::CheckpointFile) stores them. By default there are none, and saving a checkpoint is an
+    /// error that names the type.
+    fn state(&self) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// The point that has this [`state`](Self::state); `self` gives what the numbers do not say, such as a size. Nothing
+    /// if they are not the state of such a point.
+    #[must_use]
+    fn with_state(&self, state: &[f64]) -> Option<Self> {
+        let _ = state;
+        None
+    }
 }
 
 fn write_identity(n: usize, jacobian: &mut [f64]) {
@@ -71,6 +86,14 @@ impl<const N: usize> Variable for SVector<f64, N> {
     fn local_jacobian(&self, _: &Self, jacobian: &mut [f64]) {
         write_identity(N, jacobian);
     }
+
+    fn state(&self) -> Option<Vec<f64>> {
+        Some(self.iter().copied().collect())
+    }
+
+    fn with_state(&self, state: &[f64]) -> Option<Self> {
+        (state.len() == N).then(|| Self::from_column_slice(state))
+    }
 }
 
 /// Euclidean space whose dimension is known at run time: x + δ.
@@ -91,5 +114,13 @@ impl Variable for DVector<f64> {
 
     fn local_jacobian(&self, _: &Self, jacobian: &mut [f64]) {
         write_identity(self.len(), jacobian);
+    }
+
+    fn state(&self) -> Option<Vec<f64>> {
+        Some(self.iter().copied().collect())
+    }
+
+    fn with_state(&self, state: &[f64]) -> Option<Self> {
+        (state.len() == self.len()).then(|| DVector::from_column_slice(state))
     }
 }
