@@ -12,6 +12,8 @@
 //! implicit function theorem, so that every piece (a bent board, a focal length that depends on distance) is treated
 //! alike.
 
+mod batch;
+
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
@@ -19,6 +21,9 @@ use thiserror::Error;
 
 use crate::hook::HookKind;
 use crate::piece::{AnyPiece, Context};
+
+pub use batch::Workspace;
+use batch::{Derive, Link, Ray, add_theta, links, run};
 
 /// Parameters of the pinhole in the chain: fx, fy, cx, cy, skew (px).
 pub const PINHOLE: usize = 5;
@@ -77,56 +82,6 @@ pub struct Chain {
     total: usize,
 }
 
-#[derive(Debug, Clone)]
-struct Link {
-    piece: Arc<dyn AnyPiece>,
-    /// First of its parameters in `theta`.
-    offset: usize,
-    count: usize,
-}
-
-impl Link {
-    fn theta<'a>(&self, theta: &'a [f64]) -> &'a [f64] {
-        &theta[self.offset..self.offset + self.count]
-    }
-}
-
-/// Scratch memory of a [`Chain`], reused from call to call so that nothing is allocated per observation.
-#[derive(Debug, Default)]
-pub struct Workspace {
-    board: Vec<Local>,
-    lens: Vec<Local>,
-    pixel: Vec<Local>,
-    depth: Vec<Local>,
-    state: Vec<f64>,
-    next: Vec<f64>,
-    contexts: Vec<Context>,
-    seeds: Vec<[f64; 2]>,
-    points: Vec<Ray>,
-}
-
-/// Derivatives of one piece over a batch.
-#[derive(Debug, Default, Clone)]
-struct Local {
-    d_state: Vec<f64>,
-    d_theta: Vec<f64>,
-}
-
-/// One observation in the middle of the chain.
-#[derive(Debug, Default, Clone, Copy)]
-struct Ray {
-    /// On the real board, board frame, mm.
-    on_board: [f64; 3],
-    /// Normalised direction and inverse depth.
-    x: f64,
-    y: f64,
-    rho: f64,
-    /// After the lens.
-    distorted: [f64; 2],
-    /// After pinhole and pixel pieces, px.
-    pixel: [f64; 2],
-}
-
 /// A frame's pose, ready for use.
 #[derive(Clone, Copy)]
 struct Pose {
@@ -141,13 +96,6 @@ impl From<&Isometry3<f64>> for Pose {
             translation: camera_from_board.translation.vector,
         }
     }
-}
-
-/// Which parts of the chain a caller runs, and whether parameters are differentiated.
-#[derive(Clone, Copy, PartialEq)]
-enum Derive {
-    State,
-    All,
 }
 
 impl Chain {
@@ -476,77 +424,5 @@ impl Chain {
             g = std::array::from_fn(|i| g[0] * d[i] + g[1] * d[3 + i] + g[2] * d[6 + i]);
         }
         [g[0], g[1]]
-    }
-}
-
-/// The pieces of one hook, with the places of their parameters.
-fn links(pieces: &[Arc<dyn AnyPiece>], kind: HookKind, offset: &mut usize) -> Vec<Link> {
-    let mut link = |piece: &Arc<dyn AnyPiece>| {
-        let count = piece.parameters().len();
-        *offset += count;
-        Link { piece: piece.clone(), offset: *offset - count, count }
-    };
-    pieces.iter().filter(|piece| piece.hook() == kind).map(&mut link).collect()
-}
-
-/// Adds gᵀ ∂(output)/∂(parameters) of one piece to its columns.
-#[inline(always)]
-fn add_theta<const OUT: usize>(row: &mut Option<&mut [f64]>, link: &Link, local: &Local, k: usize, g: &[f64; OUT]) {
-    if let Some(row) = row.as_deref_mut() {
-        let columns = &mut row[POSE + link.offset..][..link.count];
-        let block = &local.d_theta[k * OUT * link.count..(k + 1) * OUT * link.count];
-        for (o, g) in g.iter().enumerate() {
-            for (c, d) in columns.iter_mut().zip(&block[o * link.count..]) {
-                *c += g * d;
-            }
-        }
-    }
-}
-
-/// Runs the pieces of one hook over the batch in `work.state`, in place.
-fn run(
-    links: &[Link],
-    inputs: usize,
-    outputs: usize,
-    theta: &[f64],
-    work: &mut Workspace,
-    kind: HookKind,
-    derive: Option<Derive>,
-) {
-    if links.is_empty() {
-        return;
-    }
-    let n = work.contexts.len();
-    let locals = match kind {
-        HookKind::Board => &mut work.board,
-        HookKind::Lens => &mut work.lens,
-        HookKind::Pixel => &mut work.pixel,
-        HookKind::Depth => &mut work.depth,
-        HookKind::Pose => return,
-    };
-    locals.resize(links.len(), Local::default());
-    for (link, local) in links.iter().zip(locals) {
-        work.next.resize(n * outputs, 0.0);
-        let next = &mut work.next[..n * outputs];
-        let parameters = link.theta(theta);
-        match derive {
-            None => link.piece.evaluate(parameters, &work.state, &work.contexts, next),
-            Some(derive) => {
-                local.d_state.resize(n * outputs * inputs, 0.0);
-                local.d_theta.resize(n * outputs * link.count, 0.0);
-                let d_theta = (derive == Derive::All).then_some(&mut local.d_theta[..]);
-                let d_state = &mut local.d_state[..];
-                link.piece.linearize(parameters, &work.state, &work.contexts, next, d_state, d_theta);
-            }
-        }
-        // The output replaces the part of the state that the hook's pieces hand on.
-        let handed_on = match kind {
-            HookKind::Lens => 3..5,
-            HookKind::Depth => 2..3,
-            _ => 0..outputs,
-        };
-        for (state, out) in work.state.chunks_exact_mut(inputs).zip(next.chunks_exact(outputs)) {
-            state[handed_on.clone()].copy_from_slice(out);
-        }
     }
 }
