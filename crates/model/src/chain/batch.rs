@@ -21,7 +21,7 @@ impl Link {
     }
 }
 
-/// Scratch memory of a [`Chain`], reused from call to call so that nothing is allocated per observation.
+/// Scratch memory of a [`Chain`](super::Chain), reused from call to call so that nothing is allocated per observation.
 #[derive(Debug, Default)]
 pub struct Workspace {
     pub(super) board: Vec<Local>,
