@@ -5,6 +5,7 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use crate::accumulate::Chunk;
+use crate::hold::identity_row;
 use crate::layout::Layout;
 use crate::reduced::Reduced;
 
@@ -108,6 +109,26 @@ impl ReducedBlocks {
                     target.copy_from_slice(part);
                 } else {
                     target.iter_mut().zip(part).for_each(|(t, p)| *t += p);
+                }
+            }
+        }
+    }
+
+    /// Makes rows and columns of H_cc those of the identity.
+    pub fn hold(&mut self, held: &[bool]) {
+        for block in self.blocks.iter().filter(|b| !b.hessian.is_empty()) {
+            let (dr, dc) = (block.row_d as usize, block.column_d as usize);
+            let (row, column) = (block.row_offset as usize, block.column_offset as usize);
+            let values = &mut self.values[block.value..][..dr * dc];
+            if block.row == block.column {
+                (0..dr).filter(|i| held[row + i]).for_each(|i| identity_row(values, dr, i));
+                continue;
+            }
+            for (i, values) in values.chunks_exact_mut(dc).enumerate() {
+                for (j, value) in values.iter_mut().enumerate() {
+                    if held[row + i] || held[column + j] {
+                        *value = 0.0;
+                    }
                 }
             }
         }

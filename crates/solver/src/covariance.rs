@@ -97,7 +97,7 @@ fn join(directions: &[NullDirection]) -> String {
 ///
 /// In the tangent coordinates of the retractions. It is the covariance of the estimate to first order if residuals are
 /// whitened by the true noise; multiply by [`variance_factor`](Self::variance_factor) if only the noise's shape is known.
-/// With a robust loss, W holds the weights ρ′.
+/// With a robust loss, W holds the weights ρ′. A component on a bound across which the cost falls counts as fixed.
 #[derive(Clone)]
 pub struct Covariance {
     layout: Layout,
@@ -121,7 +121,14 @@ impl Covariance {
     /// others if the graph cannot be evaluated.
     pub fn compute(graph: &Graph, values: &Values, options: &CovarianceOptions) -> Result<Covariance, CovarianceError> {
         let mut system = NormalEquations::new(graph, values, LinearSolver::DenseSchur, true)?;
-        let cost = system.linearize(values)?;
+        let mut cost = system.linearize(values)?;
+        let active = system.bounds.active(values, system.gradient());
+        if !active.is_empty() {
+            let mut fixed = graph.clone();
+            active.iter().for_each(|(id, component)| fixed.fix_component(*id, *component, values.dim(*id)));
+            system = NormalEquations::new(&fixed, values, LinearSolver::DenseSchur, true)?;
+            cost = system.linearize(values)?;
+        }
         let inverse = Inverse::new(&system, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
         if !options.pseudo_inverse && !inverse.null.is_empty() {
             let directions = inverse.null.iter().map(|v| name_direction(graph, &system, v)).collect();

@@ -94,6 +94,16 @@ pub enum StructureError {
         /// Length of the mask.
         mask: usize,
     },
+    /// Bounds that make no sense.
+    #[error("bounds on component {component} of {variable}: {reason}")]
+    Bound {
+        /// Label of the variable.
+        variable: String,
+        /// The component.
+        component: usize,
+        /// What is wrong.
+        reason: String,
+    },
     /// Two variables that share a factor are both to be eliminated.
     #[error("{first} and {second} share a factor in \"{batch}\" and cannot both be eliminated")]
     Elimination {

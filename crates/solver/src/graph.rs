@@ -72,6 +72,7 @@ pub struct Graph {
     fixed: BTreeMap<VariableId, Fixed>,
     labels: BTreeMap<VariableId, String>,
     eliminated: Vec<VariableId>,
+    bounds: BTreeMap<(VariableId, usize), (f64, f64)>,
 }
 
 /// Which components of a variable stay as they are.
@@ -155,6 +156,21 @@ impl Graph {
         }
     }
 
+    /// Keeps a component of a variable within `lower` ≤ x ≤ `upper`, which may be infinite; it replaces former bounds.
+    ///
+    /// The component has to be a [coordinate](crate::Variable::coordinate): of a vector, or of a pose's translation. Steps
+    /// are projected: what would cross a bound stops on it, and in an iteration that starts on a bound with the cost
+    /// falling outwards the component is held. A start outside is moved onto the bound. To a
+    /// [`Covariance`](crate::Covariance) such an active bound is a fixed component. A fixed component stays as it is.
+    pub fn bound(&mut self, variable: impl Into<VariableId>, component: usize, lower: f64, upper: f64) {
+        self.bounds.insert((variable.into(), component), (lower, upper));
+    }
+
+    /// Takes the bounds off a component. Returns whether it had some.
+    pub fn unbound(&mut self, variable: impl Into<VariableId>, component: usize) -> bool {
+        self.bounds.remove(&(variable.into(), component)).is_some()
+    }
+
     /// Gives a variable a name for reports and errors.
     pub fn label(&mut self, variable: impl Into<VariableId>, label: impl Into<String>) {
         self.labels.insert(variable.into(), label.into());
@@ -213,6 +229,20 @@ impl Graph {
     /// If a batch cannot be evaluated at these values.
     pub fn cost(&self, values: &Values) -> Result<f64, EvaluationFailure> {
         (0..self.batches.len()).map(|i| self.batch_cost(BatchId(i), values)).sum()
+    }
+
+    pub(crate) fn bounds(&self) -> &BTreeMap<(VariableId, usize), (f64, f64)> {
+        &self.bounds
+    }
+
+    /// Fixes one more component of a variable of dimension `dim`.
+    pub(crate) fn fix_component(&mut self, variable: VariableId, component: usize, dim: usize) {
+        let fixed = self.fixed.entry(variable).or_insert_with(|| Fixed::Mask(vec![false; dim]));
+        if let Fixed::Mask(mask) = fixed
+            && let Some(entry) = mask.get_mut(component)
+        {
+            *entry = true;
+        }
     }
 
     pub(crate) fn fixed(&self, id: VariableId) -> Option<&Fixed> {

@@ -183,7 +183,6 @@ impl LevenbergMarquardt {
         self.linearized = true;
         self.newton = None;
         self.first_prediction = None;
-        self.gradient = system.gradient().iter().fold(0.0, |max, g| g.abs().max(max));
         for (d2, h) in self.d2.iter_mut().zip(system.diagonal()) {
             *d2 = match (self.options.damping, self.options.scaling) {
                 (Damping::Nielsen { .. }, Scaling::Jacobi) => d2.max(*h),
@@ -195,6 +194,8 @@ impl LevenbergMarquardt {
                 *d2 = 1.0;
             }
         }
+        system.hold_active(values);
+        self.gradient = system.gradient().iter().fold(0.0, |max, g| g.abs().max(max));
         if self.mu == 0.0 {
             self.mu = match self.options.damping {
                 _ if self.options.method != Method::LevenbergMarquardt => MIN_DAMPING,
@@ -211,11 +212,11 @@ impl LevenbergMarquardt {
 
     /// Writes the next step to try; returns the decrease of the cost that the model predicts and ‖D δ‖ where it matters, or
     /// nothing if the linear system is not positive definite.
-    fn find_step(&mut self) -> Option<(f64, f64)> {
+    fn find_step(&mut self, values: &Values) -> Option<(f64, f64)> {
         let system = self.system.as_mut()?;
         if self.options.method == Method::LevenbergMarquardt {
             let (mu, d2, step) = (self.mu, &self.d2, &mut self.step);
-            if !in_pool(self.pool.as_ref(), || system.solve(mu, d2, step)) {
+            if !in_pool(self.pool.as_ref(), || system.solve_within(values, mu, d2, step)) {
                 return None;
             }
             // F(0) − F(δ) of the model ½ ‖r + J δ‖², with H δ = −g − μ D² δ put in.
@@ -225,7 +226,7 @@ impl LevenbergMarquardt {
         if self.newton.is_none() {
             let mut newton = vec![0.0; self.step.len()];
             let (mu, d2) = (self.mu, &self.d2);
-            if !in_pool(self.pool.as_ref(), || system.solve(mu, d2, &mut newton)) {
+            if !in_pool(self.pool.as_ref(), || system.solve_within(values, mu, d2, &mut newton)) {
                 return None;
             }
             self.newton = Some(newton);
@@ -249,7 +250,13 @@ impl LevenbergMarquardt {
     /// Solves for a step and tries it; the moved values if the step is good.
     fn try_step(&mut self, values: &Values) -> Option<Values> {
         let start = Instant::now();
-        let found = self.find_step();
+        if self.system.as_ref().is_some_and(|s| s.narrowed()) {
+            // What the rejected step held may be free to move in a shorter one.
+            let first_prediction = self.first_prediction;
+            self.linearize(values).ok()?;
+            self.first_prediction = first_prediction;
+        }
+        let found = self.find_step(values);
         self.seconds.linear_solve += start.elapsed().as_secs_f64();
         let mut record = Iteration {
             cost: self.cost,
@@ -260,7 +267,7 @@ impl LevenbergMarquardt {
             damping: if self.options.method == Method::LevenbergMarquardt { self.mu } else { self.radius },
             accepted: false,
         };
-        let Some((predicted, length)) = found else {
+        let Some((mut predicted, length)) = found else {
             self.trace.push(record);
             self.mu *= self.nu;
             self.nu *= 2.0;
@@ -268,6 +275,10 @@ impl LevenbergMarquardt {
             return None;
         };
         let system = self.system.as_mut()?;
+        let clipped = system.clip(values, &mut self.step);
+        predicted = clipped.unwrap_or(predicted);
+        // While bounds come into play a small decrease says nothing.
+        let whole = clipped.is_none() && !system.narrowed();
         record.predicted = predicted;
         record.step = self.step.iter().zip(system.diagonal()).fold(0.0, |max, (s, h)| (s.abs() * h.sqrt()).max(max));
         let start = Instant::now();
@@ -275,14 +286,15 @@ impl LevenbergMarquardt {
         record.trial_cost =
             in_pool(self.pool.as_ref(), || system.cost(&trial)).ok().filter(|c| c.is_finite()).unwrap_or(f64::INFINITY);
         self.seconds.evaluate += start.elapsed().as_secs_f64();
-        let first = self.first_prediction.is_none();
+        let first = self.first_prediction.is_none() && whole;
         let promised = *self.first_prediction.get_or_insert(predicted);
         let decrease = self.cost - record.trial_cost;
         let ratio = decrease / predicted;
         // Close to the minimum the cost can no longer tell a good step from a bad one, but the model can.
         let rounding = COST_ROUNDING * self.cost;
-        let last = first && predicted <= rounding && decrease.abs() <= rounding;
-        record.accepted = last || decrease > 0.0 && ratio > self.options.min_gain_ratio;
+        let level = predicted <= rounding && decrease.abs() <= rounding;
+        let last = first && level;
+        record.accepted = last || clipped.is_some() && level || decrease > 0.0 && ratio > self.options.min_gain_ratio;
         let still = record.step <= self.options.parameter_tolerance * (2.0 * self.cost).sqrt();
         let tolerance = self.options.cost_tolerance * self.cost;
         let residuals = system.layout.rows as f64;
@@ -312,7 +324,7 @@ impl LevenbergMarquardt {
             self.linearized = false;
             return Some(trial);
         }
-        if promised <= tolerance {
+        if whole && promised <= tolerance {
             self.termination = Some(Termination::Cost);
         } else if first && still {
             self.termination = Some(Termination::Parameters);
@@ -374,9 +386,12 @@ impl<G: Borrow<Graph>> Solver<G, SolverState> for LevenbergMarquardt {
 
     fn init(&mut self, problem: &mut Problem<G>, mut state: SolverState) -> Result<(SolverState, Option<KV>), Error> {
         let begin = Instant::now();
-        let values = take_values(&mut state)?;
+        let mut values = take_values(&mut state)?;
         problem.problem("structure_count", |graph| Ok(self.prepare(graph.borrow(), &values)?))?;
         self.seconds.structure += begin.elapsed().as_secs_f64();
+        if let Some(system) = &self.system {
+            system.bounds.project(&mut values);
+        }
         problem.problem("linearize_count", |_| Ok(self.linearize(&values).map_err(SolveError::Start)?))?;
         self.cost0 = self.cost;
         self.seconds.total += begin.elapsed().as_secs_f64();

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | variables | [`Variable`]: vectors, rotations, poses, directions, own ones; [`Values`] keeps them under typed [`Key`]s |
 //! | residuals | [`Factor`]: one generic function, derivatives follow; [`Batch`]: many of a kind, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: many that share their variables, eight at a time; [`FactorBatch`]: anything, with Jacobians by hand |
-//! | problem | [`Graph`]: batches, fixed variables, variables to eliminate |
+//! | problem | [`Graph`]: batches, fixed and bounded variables, variables to eliminate |
 //! | solution | [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`] |
 //! | interruption | [`CheckpointFile`]: go on from a file to the same bits; [`Interrupt`] |
 //! | uncertainty | [`Covariance`]: any joint or marginal; names what is not determined |
@@ -51,6 +51,7 @@
 mod accumulate;
 mod batch;
 mod blocks;
+mod bounds;
 mod check;
 mod checkpoint;
 mod chunk;
@@ -61,6 +62,7 @@ mod error;
 mod exact;
 mod factor;
 mod graph;
+mod hold;
 mod interrupt;
 mod inverse;
 mod kernels;

@@ -97,6 +97,17 @@ impl Variable for Isometry3<f64> {
         }
     }
 
+    /// The translation's.
+    fn coordinate(&self, component: usize) -> Option<f64> {
+        self.translation.vector.coordinate(component.checked_sub(3)?)
+    }
+
+    fn set_coordinate(&mut self, component: usize, value: f64) {
+        if let Some(component) = component.checked_sub(3) {
+            self.translation.vector.set_coordinate(component, value);
+        }
+    }
+
     fn state(&self) -> Option<Vec<f64>> {
         let mut state = self.rotation.state()?;
         state.extend(self.translation.vector.iter());

@@ -5,9 +5,11 @@ use rayon::prelude::*;
 
 use crate::accumulate::Chunk;
 use crate::blocks::ReducedBlocks;
+use crate::bounds::Bounds;
 use crate::chunk::{ChunkBuilder, ChunkPlan, Share};
 use crate::error::{EvaluationFailure, StructureError};
 use crate::graph::Graph;
+use crate::hold::hold_chunk;
 use crate::layout::{Layout, NONE};
 use crate::options::{LinearSolver, LinearSolverUsed};
 use crate::partition;
@@ -33,6 +35,11 @@ pub(crate) struct NormalEquations {
     diagonal: Vec<f64>,
     scratch: Vec<f64>,
     parallel: bool,
+    pub bounds: Bounds,
+    /// Components that are held, if there are bounds.
+    held: Vec<bool>,
+    /// Whether components are held that the gradient would not lead across their bounds.
+    narrowed: bool,
 }
 
 impl NormalEquations {
@@ -51,6 +58,8 @@ impl NormalEquations {
         let blocks = ReducedBlocks::new(&layout, &chunks);
         let reduced = reduced_system(&layout, &blocks, choice)?;
         let n = layout.dim();
+        let bounds = Bounds::new(graph, values, &layout)?;
+        let held = vec![false; if bounds.is_empty() { 0 } else { n }];
         let used = LinearSolverUsed {
             eliminated_variables: layout.eliminated.len(),
             eliminated_dim: layout.eliminated_dim,
@@ -70,6 +79,9 @@ impl NormalEquations {
             diagonal: vec![0.0; n],
             scratch: Vec::new(),
             parallel,
+            bounds,
+            held,
+            narrowed: false,
         })
     }
 
@@ -122,6 +134,75 @@ impl NormalEquations {
             }
         }
         Ok(cost)
+    }
+
+    /// Holds components at a bound across which the cost falls: their gradient becomes zero, their rows and columns of H
+    /// those of the identity.
+    pub fn hold_active(&mut self, values: &Values) {
+        self.narrowed = false;
+        self.held.fill(false);
+        let gradient = &self.gradient;
+        if self.bounds.mark_outwards(values, |i| -gradient[i], &mut self.held) {
+            self.hold();
+        }
+    }
+
+    fn hold(&mut self) {
+        let (eliminated, kept) = self.held.split_at(self.layout.eliminated_dim);
+        for chunk in &mut self.chunks {
+            let range = chunk.plan.offset..chunk.plan.offset + chunk.plan.dim;
+            hold_chunk(chunk, &eliminated[range], kept);
+        }
+        self.blocks.hold(kept);
+        for (g, _) in self.gradient.iter_mut().zip(&self.held).filter(|(_, held)| **held) {
+            *g = 0.0;
+        }
+    }
+
+    /// Whether components are held that the gradient would not lead across their bounds, until the next linearisation.
+    pub fn narrowed(&self) -> bool {
+        self.narrowed
+    }
+
+    /// Like [`solve`](Self::solve), for a step that leads across none of the bounds on which `values` lie: components that
+    /// it would lead across theirs are held as well. What remains is a direction in which the cost falls.
+    #[must_use]
+    pub fn solve_within(&mut self, values: &Values, mu: f64, d2: &[f64], step: &mut [f64]) -> bool {
+        loop {
+            if !self.solve(mu, d2, step) {
+                return false;
+            }
+            if !self.bounds.mark_outwards(values, |i| step[i], &mut self.held) {
+                return true;
+            }
+            self.narrowed = true;
+            self.hold();
+        }
+    }
+
+    /// Cuts a step that crosses bounds: component by component, or as a whole where the cost would not fall otherwise.
+    /// Returns the decrease of the cost that the model then predicts, or nothing if no bound is crossed.
+    pub fn clip(&self, values: &Values, step: &mut [f64]) -> Option<f64> {
+        if self.bounds.is_empty() {
+            return None;
+        }
+        let whole = step.to_vec();
+        if !self.bounds.clip(values, step) {
+            return None;
+        }
+        let predicted = self.predict(step);
+        if predicted > 0.0 {
+            return Some(predicted);
+        }
+        step.copy_from_slice(&whole);
+        self.bounds.shorten(values, step);
+        Some(self.predict(step))
+    }
+
+    /// What the model of the last linearisation predicts as decrease of the cost for a step.
+    fn predict(&self, step: &[f64]) -> f64 {
+        let slope: f64 = step.iter().zip(&self.gradient).map(|(s, g)| s * g).sum();
+        -slope - 0.5 * self.quadratic_form(step)
     }
 
     /// xᵀ H x at the last linearisation.
@@ -177,7 +258,9 @@ impl NormalEquations {
 
     /// The values moved by a step.
     pub fn retract(&mut self, values: &Values, step: &[f64]) -> Values {
-        self.layout.retract(values, step, &mut self.scratch)
+        let mut moved = self.layout.retract(values, step, &mut self.scratch);
+        self.bounds.project(&mut moved);
+        moved
     }
 }
 

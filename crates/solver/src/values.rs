@@ -73,6 +73,8 @@ trait AnyColumn: Any + Send + Sync + Debug {
     fn duplicate(&self) -> Arc<dyn AnyColumn>;
     fn dim(&self, slot: usize) -> usize;
     fn retract(&mut self, slot: usize, delta: &[f64]);
+    fn coordinate(&self, slot: usize, component: usize) -> Option<f64>;
+    fn set_coordinate(&mut self, slot: usize, component: usize, value: f64);
     fn type_name(&self) -> &'static str;
     fn state(&self, slot: usize) -> Option<Vec<f64>>;
     /// Whether the state was that of such a variable.
@@ -93,6 +95,14 @@ impl<V: Variable> AnyColumn for Column<V> {
 
     fn retract(&mut self, slot: usize, delta: &[f64]) {
         self.0[slot] = self.0[slot].retract(delta);
+    }
+
+    fn coordinate(&self, slot: usize, component: usize) -> Option<f64> {
+        self.0[slot].coordinate(component)
+    }
+
+    fn set_coordinate(&mut self, slot: usize, component: usize, value: f64) {
+        self.0[slot].set_coordinate(component, value);
     }
 
     fn type_name(&self) -> &'static str {
@@ -221,6 +231,19 @@ impl Values {
     pub fn retract(&mut self, id: VariableId, delta: &[f64]) {
         if let Some(Entry { column, slot }) = self.entries.get(id.index()).copied() {
             unique(&mut self.columns[column as usize]).retract(slot as usize, delta);
+        }
+    }
+
+    /// A coordinate of a variable, if its type has one for this component: see [`Variable::coordinate`].
+    pub fn coordinate(&self, id: VariableId, component: usize) -> Option<f64> {
+        let Entry { column, slot } = *self.entries.get(id.index())?;
+        self.columns[column as usize].coordinate(slot as usize, component)
+    }
+
+    /// Replaces a coordinate of a variable, if there is one: see [`Variable::set_coordinate`].
+    pub fn set_coordinate(&mut self, id: VariableId, component: usize, value: f64) {
+        if let Some(Entry { column, slot }) = self.entries.get(id.index()).copied() {
+            unique(&mut self.columns[column as usize]).set_coordinate(slot as usize, component, value);
         }
     }
 

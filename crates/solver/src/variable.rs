@@ -44,6 +44,18 @@ pub trait Variable: Clone + Send + Sync + Debug + 'static {
         }
     }
 
+    /// A coordinate of the point that a retraction by δ moves by exactly δᵢ, i the component. Only such components can be
+    /// bounded: see [`Graph::bound`](crate::Graph::bound). By default there are none.
+    fn coordinate(&self, component: usize) -> Option<f64> {
+        let _ = component;
+        None
+    }
+
+    /// Replaces a [`coordinate`](Self::coordinate). By default, and for other components, it does nothing.
+    fn set_coordinate(&mut self, component: usize, value: f64) {
+        let _ = (component, value);
+    }
+
     /// Numbers from which [`with_state`](Self::with_state) makes the same point again, to the bit; a
     /// [`CheckpointFile`](crate::CheckpointFile) stores them. By default there are none, and saving a checkpoint is an
     /// error that names the type.
@@ -87,6 +99,16 @@ impl<const N: usize> Variable for SVector<f64, N> {
         write_identity(N, jacobian);
     }
 
+    fn coordinate(&self, component: usize) -> Option<f64> {
+        self.get(component).copied()
+    }
+
+    fn set_coordinate(&mut self, component: usize, value: f64) {
+        if let Some(x) = self.get_mut(component) {
+            *x = value;
+        }
+    }
+
     fn state(&self) -> Option<Vec<f64>> {
         Some(self.iter().copied().collect())
     }
@@ -114,6 +136,16 @@ impl Variable for DVector<f64> {
 
     fn local_jacobian(&self, _: &Self, jacobian: &mut [f64]) {
         write_identity(self.len(), jacobian);
+    }
+
+    fn coordinate(&self, component: usize) -> Option<f64> {
+        self.get(component).copied()
+    }
+
+    fn set_coordinate(&mut self, component: usize, value: f64) {
+        if let Some(x) = self.get_mut(component) {
+            *x = value;
+        }
     }
 
     fn state(&self) -> Option<Vec<f64>> {

@@ -54,7 +54,7 @@ fn trace(report: &Report) -> Vec<(Vec<u64>, bool)> {
 /// Cut after every iteration, in one process after the other as it were.
 #[test]
 fn a_run_that_is_cut_gives_the_same_bits() {
-    let Bundle { graph, values, .. } = bundle(6, 60, 0.5, Loss::Cauchy { scale: 0.3 }, 3);
+    let Bundle { graph, values, camera, points, .. } = bundle(6, 60, 0.5, Loss::Cauchy { scale: 0.3 }, 3);
     // A curve from a poor start.
     let mut start = Values::new();
     let key = start.insert(Vector2::new(1.0, -4.0));
@@ -71,7 +71,11 @@ fn a_run_that_is_cut_gives_the_same_bits() {
         ("gauss-newton", Method::GaussNewton, Damping::default()),
     ];
     let mut rejected = 0;
-    let problems = [(&graph, &values), (&curves, &start)];
+    let mut bounded = graph.clone();
+    bounded.bound(camera, 0, 0.0, 490.0);
+    bounded.bound(camera, 1, -0.06, 0.0);
+    points.iter().for_each(|p| bounded.bound(*p, 2, -0.5, 0.5));
+    let problems = [(&graph, &values), (&curves, &start), (&bounded, &values)];
     for ((name, method, damping), (graph, values)) in methods.into_iter().flat_map(|m| problems.map(|p| (m, p))) {
         let options = Options { method, damping, threads: 1, ..Options::default() };
         let (whole, report) = run(graph, values, &options, None).unwrap();
