@@ -33,6 +33,8 @@ pub(crate) struct Chunk {
     pub sc: Vec<f64>,
     /// Step of the eliminated variables.
     pub step: Vec<f64>,
+    /// A product over the chunk's kept variables, for conjugate gradients.
+    pub product: Vec<f64>,
     /// Whether all damped H_ee were positive definite.
     pub definite: bool,
     scratch: Scratch,
@@ -62,6 +64,7 @@ impl Chunk {
             dense: zeros(plan.dense_len),
             sc: zeros(plan.local_dim),
             step: zeros(plan.dim),
+            product: zeros(if plan.implicit { plan.local_dim } else { 0 }),
             scratch: Scratch {
                 lanes: vec![[0.0; LANES]; plan.max_lanes],
                 residuals: zeros(plan.max_rows),

@@ -145,6 +145,42 @@ impl ReducedBlocks {
         }
     }
 
+    /// First component and dimension of every kept variable.
+    pub fn diagonal_blocks(&self) -> impl Iterator<Item = (usize, usize)> {
+        let diagonal = self.blocks.iter().filter(|b| b.row == b.column);
+        diagonal.map(|b| (b.row_offset as usize, b.row_d as usize))
+    }
+
+    /// Copies the diagonal blocks of H_cc side by side.
+    pub fn copy_diagonal(&self, mut target: &mut [f64]) {
+        for block in self.blocks.iter().filter(|b| b.row == b.column) {
+            let (head, tail) = target.split_at_mut((block.row_d * block.row_d) as usize);
+            if !block.hessian.is_empty() {
+                head.copy_from_slice(&self.values[block.value..][..head.len()]);
+            }
+            target = tail;
+        }
+    }
+
+    /// y += H_cc x.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        for block in self.blocks.iter().filter(|b| !b.hessian.is_empty()) {
+            let (dr, dc) = (block.row_d as usize, block.column_d as usize);
+            let (row, column) = (block.row_offset as usize, block.column_offset as usize);
+            for (i, h) in self.values[block.value..][..dr * dc].chunks_exact(dc).enumerate() {
+                // Of a diagonal block the lower triangle counts.
+                let below = if block.row == block.column { i } else { dc };
+                for (j, h) in h[..below].iter().enumerate() {
+                    y[row + i] += h * x[column + j];
+                    y[column + j] += h * x[row + i];
+                }
+                if block.row == block.column {
+                    y[row + i] += h[i] * x[row + i];
+                }
+            }
+        }
+    }
+
     /// xᵀ H_cc x.
     pub fn quadratic_form(&self, x: &[f64]) -> f64 {
         let mut sum = 0.0;

@@ -156,6 +156,8 @@ pub(crate) struct ChunkPlan {
     pub max_jacobian: usize,
     pub max_columns: usize,
     pub max_strip: usize,
+    /// Whether the Schur complement is not formed.
+    pub implicit: bool,
 }
 
 /// The share of one chunk: eliminated variables with their groups, and groups without one.
@@ -179,10 +181,10 @@ pub(crate) struct ChunkBuilder<'a> {
 }
 
 impl<'a> ChunkBuilder<'a> {
-    pub fn build(layout: &'a Layout, share: &Share) -> ChunkPlan {
+    pub fn build(layout: &'a Layout, share: &Share, implicit: bool) -> ChunkPlan {
         let mut builder = Self {
             layout,
-            plan: ChunkPlan::default(),
+            plan: ChunkPlan { implicit, ..ChunkPlan::default() },
             local_of: HashMap::new(),
             hcc: HashMap::new(),
             scc: HashMap::new(),
@@ -204,7 +206,7 @@ impl<'a> ChunkBuilder<'a> {
         }
         let plan = &mut builder.plan;
         for strip in &mut plan.strips {
-            if strip.count >= DENSE_COUNT && (1..=DENSE_WIDTH).contains(&strip.width) {
+            if !implicit && strip.count >= DENSE_COUNT && (1..=DENSE_WIDTH).contains(&strip.width) {
                 strip.dense = Some(plan.dense_len as u32);
                 plan.dense_len += (strip.stride * strip.stride) as usize;
             }
@@ -265,7 +267,8 @@ impl<'a> ChunkBuilder<'a> {
             let d = active.free;
             variables.push(StripVariable { column: width, d, local: self.local(*rank), kept });
             width += d;
-            for other in &ranks[..=k] {
+            let formed = if self.plan.implicit { &[] } else { &ranks[..=k] };
+            for other in formed {
                 pairs.push(self.schur_block(*rank, *other));
             }
         }

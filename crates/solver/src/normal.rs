@@ -7,6 +7,7 @@ use crate::accumulate::Chunk;
 use crate::blocks::ReducedBlocks;
 use crate::bounds::Bounds;
 use crate::chunk::{ChunkBuilder, ChunkPlan, Share};
+use crate::conjugate::{Conjugate, multiply_chunk};
 use crate::error::{EvaluationFailure, StructureError};
 use crate::graph::Graph;
 use crate::hold::hold_chunk;
@@ -35,6 +36,8 @@ pub(crate) struct NormalEquations {
     diagonal: Vec<f64>,
     scratch: Vec<f64>,
     parallel: bool,
+    /// Takes the place of `reduced`, if it is there.
+    conjugate: Option<Conjugate>,
     pub bounds: Bounds,
     /// Components that are held, if there are bounds.
     held: Vec<bool>,
@@ -51,12 +54,17 @@ impl NormalEquations {
             _ => layout.partition(&partition::choose(graph, values, &layout)?),
         }
         let shares = shares(&layout);
-        let plan = |share: &Share| ChunkBuilder::build(&layout, share);
+        let implicit = matches!(choice, LinearSolver::ConjugateGradients(_));
+        let plan = |share: &Share| ChunkBuilder::build(&layout, share, implicit);
         let plans: Vec<ChunkPlan> =
             if parallel { shares.par_iter().map(plan).collect() } else { shares.iter().map(plan).collect() };
         let chunks: Vec<Chunk> = plans.into_iter().map(Chunk::new).collect();
         let blocks = ReducedBlocks::new(&layout, &chunks);
         let reduced = reduced_system(&layout, &blocks, choice)?;
+        let conjugate = match choice {
+            LinearSolver::ConjugateGradients(p) => Some(Conjugate::new(layout.kept_dim, &blocks, &chunks, p)),
+            _ => None,
+        };
         let n = layout.dim();
         let bounds = Bounds::new(graph, values, &layout)?;
         let held = vec![false; if bounds.is_empty() { 0 } else { n }];
@@ -65,6 +73,7 @@ impl NormalEquations {
             eliminated_dim: layout.eliminated_dim,
             reduced_variables: layout.kept.len(),
             reduced_dim: layout.kept_dim,
+            iterative: conjugate.is_some(),
             sparse: matches!(reduced, Reduced::Sparse(_)),
             factor_entries: reduced.factor_len(),
             chunks: chunks.len(),
@@ -79,6 +88,7 @@ impl NormalEquations {
             diagonal: vec![0.0; n],
             scratch: Vec::new(),
             parallel,
+            conjugate,
             bounds,
             held,
             narrowed: false,
@@ -230,7 +240,14 @@ impl NormalEquations {
                 target.iter_mut().zip(&chunk.sc[local.local as usize..]).for_each(|(t, s)| *t += s);
             }
         }
-        if !self.reduced.solve(kept) {
+        let parallel = self.parallel;
+        let solved = match &mut self.conjugate {
+            Some(conjugate) => conjugate.solve(kept, &mut self.chunks, &self.blocks, |chunks, x| {
+                for_each(chunks, parallel, |chunk| multiply_chunk(chunk, x));
+            }),
+            None => self.reduced.solve(kept),
+        };
+        if !solved {
             return false;
         }
         let kept = &*kept;
@@ -246,6 +263,9 @@ impl NormalEquations {
         for_each(&mut self.chunks, self.parallel, |chunk| chunk.eliminate(mu, d2));
         if self.chunks.iter().any(|c| !c.definite) {
             return false;
+        }
+        if let Some(conjugate) = &mut self.conjugate {
+            return conjugate.prepare(&self.chunks, &self.blocks, mu, &d2[self.layout.eliminated_dim..]);
         }
         self.blocks.assemble(&self.chunks, mu, &d2[self.layout.eliminated_dim..], &mut self.reduced);
         self.reduced.factorize()
@@ -282,6 +302,7 @@ fn total_cost(chunks: &mut [Chunk]) -> Result<f64, EvaluationFailure> {
 fn reduced_system(layout: &Layout, blocks: &ReducedBlocks, choice: LinearSolver) -> Result<Reduced, StructureError> {
     let n = layout.kept_dim;
     match choice {
+        LinearSolver::ConjugateGradients(_) => return Ok(Reduced::dense(0)),
         LinearSolver::Dense | LinearSolver::DenseSchur => return Ok(Reduced::dense(n)),
         LinearSolver::SparseCholesky | LinearSolver::SparseSchur if n > 0 => return Reduced::sparse(n, blocks),
         _ => {}

@@ -79,6 +79,20 @@ pub enum LinearSolver {
     DenseSchur,
     /// Schur complement on a block-diagonal group of variables, sparse Cholesky of the rest.
     SparseSchur,
+    /// Schur complement on a block-diagonal group of variables that is not formed: conjugate gradients for the rest, to a
+    /// relative residual of 1e-10. For problems whose reduced system is too large to factorise.
+    ConjugateGradients(Preconditioner),
+}
+
+/// What makes conjugate gradients converge sooner.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Preconditioner {
+    /// The diagonal blocks of H, one for each variable: cheap.
+    BlockJacobi,
+    /// The diagonal blocks of the Schur complement: fewer iterations.
+    #[default]
+    SchurJacobi,
 }
 
 /// The linear solver that was chosen.
@@ -94,6 +108,8 @@ pub struct LinearSolverUsed {
     pub reduced_dim: usize,
     /// Whether the reduced system is sparse.
     pub sparse: bool,
+    /// Whether the reduced system is solved by conjugate gradients, without being formed.
+    pub iterative: bool,
     /// Entries of the triangular factor of the reduced system.
     pub factor_entries: usize,
     /// Parts into which the work is divided for threads.
@@ -102,16 +118,17 @@ pub struct LinearSolverUsed {
 
 impl std::fmt::Display for LinearSolverUsed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = if self.sparse { "sparse" } else { "dense" };
+        let kind = match (self.iterative, self.sparse) {
+            (true, _) => "conjugate gradients",
+            (_, true) => "sparse Cholesky",
+            _ => "dense Cholesky",
+        };
         let n = self.reduced_dim;
         if self.eliminated_variables == 0 {
-            return write!(f, "{kind} Cholesky of {n} unknowns");
+            return write!(f, "{kind} of {n} unknowns");
         }
         let (variables, dim) = (self.eliminated_variables, self.eliminated_dim);
-        write!(
-            f,
-            "Schur complement on {variables} variables ({dim} unknowns), {kind} Cholesky of the other {n} unknowns"
-        )
+        write!(f, "Schur complement on {variables} variables ({dim} unknowns), {kind} of the other {n} unknowns")
     }
 }
 

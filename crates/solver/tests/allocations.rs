@@ -105,7 +105,12 @@ fn lines(count: usize) -> (Graph, Values) {
 #[test]
 fn iterations_allocate_a_small_constant() {
     let mut counts = Vec::new();
-    for linear_solver in [LinearSolver::DenseSchur, LinearSolver::SparseSchur, LinearSolver::SparseCholesky] {
+    for linear_solver in [
+        LinearSolver::DenseSchur,
+        LinearSolver::SparseSchur,
+        LinearSolver::SparseCholesky,
+        LinearSolver::ConjugateGradients(depthcal_solver::Preconditioner::SchurJacobi),
+    ] {
         for points in [20, 320] {
             let Bundle { graph, values, .. } = bundle(5, points, 0.5, Loss::Huber { delta: 1.0 }, 11);
             // What is laid out once and for the first iterations cancels.

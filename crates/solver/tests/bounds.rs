@@ -4,14 +4,19 @@ mod common;
 
 use common::{Bundle, Exponential, bundle, normal, rng};
 use depthcal_solver::{
-    Batch, Covariance, CovarianceOptions, Factor, Graph, Key, Lifted, LinearSolver, Loss, Method, Options, Prior,
-    Scalar, SolveError, StructureError, Values, minimize,
+    Batch, Covariance, CovarianceOptions, Factor, Graph, Key, Lifted, LinearSolver, Loss, Method, Options,
+    Preconditioner, Prior, Scalar, SolveError, StructureError, Values, minimize,
 };
 use nalgebra::{DMatrix, DVector, Isometry3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 const METHODS: [Method; 3] = [Method::LevenbergMarquardt, Method::DogLeg { radius: 10.0 }, Method::GaussNewton];
-const LINEAR_SOLVERS: [LinearSolver; 4] =
-    [LinearSolver::Dense, LinearSolver::SparseCholesky, LinearSolver::DenseSchur, LinearSolver::SparseSchur];
+const LINEAR_SOLVERS: [LinearSolver; 5] = [
+    LinearSolver::Dense,
+    LinearSolver::SparseCholesky,
+    LinearSolver::DenseSchur,
+    LinearSolver::SparseSchur,
+    LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
+];
 
 /// aᵀ (p, q) − b.
 struct Row {

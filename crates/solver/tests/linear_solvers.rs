@@ -4,8 +4,8 @@ mod common;
 
 use common::{normal, rng};
 use depthcal_solver::{
-    Covariance, CovarianceOptions, EvaluationError, FactorBatch, Graph, Key, LinearSolver, Options, Values, VariableId,
-    minimize,
+    Covariance, CovarianceOptions, EvaluationError, FactorBatch, Graph, Key, LinearSolver, Options, Preconditioner,
+    Values, VariableId, minimize,
 };
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
@@ -173,6 +173,8 @@ proptest! {
             LinearSolver::SparseCholesky,
             LinearSolver::DenseSchur,
             LinearSolver::SparseSchur,
+            LinearSolver::ConjugateGradients(Preconditioner::BlockJacobi),
+            LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
         ] {
             let options = Options { linear_solver, cost_tolerance: 1e-15, parameter_tolerance: 1e-12, ..Options::default() };
             let found = minimize(&graph, values.clone(), &options).unwrap();

@@ -3,7 +3,9 @@
 mod common;
 
 use common::{Between, Bundle, bundle, normal3, rng};
-use depthcal_solver::{Batch, Graph, LinearSolver, Loss, Method, Noise, Options, Prior, Report, Values, minimize};
+use depthcal_solver::{
+    Batch, Graph, LinearSolver, Loss, Method, Noise, Options, Preconditioner, Prior, Report, Values, minimize,
+};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
 /// Everything of a report that is a number, but for times.
@@ -50,6 +52,8 @@ fn a_bundle_gives_the_same_bits() {
     let Bundle { mut graph, values, poses, .. } = bundle(12, 400, 0.5, Loss::Huber { delta: 1.5 }, 6);
     same_bits(&graph, &values, LinearSolver::Auto);
     same_bits(&graph, &values, LinearSolver::SparseSchur);
+    same_bits(&graph, &values, LinearSolver::ConjugateGradients(Preconditioner::BlockJacobi));
+    same_bits(&graph, &values, LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi));
     // With cameras eliminated 1200 unknowns remain: the dense factorisation runs in parallel.
     graph.eliminate(poses);
     same_bits(&graph, &values, LinearSolver::DenseSchur);
