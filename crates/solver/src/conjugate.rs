@@ -34,6 +34,8 @@ pub(crate) struct Conjugate {
     conditioned: Vec<f64>,
     direction: Vec<f64>,
     product: Vec<f64>,
+    /// Iterations of the last solution.
+    pub iterations: usize,
 }
 
 impl Conjugate {
@@ -58,6 +60,7 @@ impl Conjugate {
             conditioned: zeros(),
             direction: zeros(),
             product: zeros(),
+            iterations: 0,
         }
     }
 
@@ -118,6 +121,7 @@ impl Conjugate {
         blocks: &ReducedBlocks,
         multiply: impl Fn(&mut [Chunk], &[f64]),
     ) -> bool {
+        self.iterations = 0;
         self.residual.copy_from_slice(rhs);
         rhs.fill(0.0);
         let mut rz = self.condition();
@@ -140,6 +144,7 @@ impl Conjugate {
             if !(curvature > 0.0 && rz.is_finite()) {
                 return false;
             }
+            self.iterations += 1;
             let alpha = rz / curvature;
             rhs.iter_mut().zip(&self.direction).for_each(|(x, p)| *x += alpha * p);
             self.residual.iter_mut().zip(&self.product).for_each(|(r, q)| *r -= alpha * q);
@@ -175,5 +180,53 @@ pub(crate) fn multiply_chunk(chunk: &mut Chunk, x: &[f64]) {
                 target.iter_mut().zip(row).for_each(|(y, h)| *y += h * t);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{SVector, Vector2, Vector3};
+
+    use crate::normal::NormalEquations;
+    use crate::options::{LinearSolver, Preconditioner};
+    use crate::{Batch, Factor, Graph, Lifted, Scalar, Values};
+
+    struct Row([f64; 5]);
+
+    impl Factor<1> for Row {
+        type Variables = (Vector2<f64>, Vector3<f64>);
+
+        fn residual<T: Scalar>(&self, (p, q): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+            let a = self.0;
+            SVector::<T, 1>::new(p[0] * a[0] + p[1] * a[1] + q[0] * a[2] + q[1] * a[3] + q[2] * a[4] - 1.0)
+        }
+    }
+
+    /// With one kept variable the diagonal block is the whole Schur complement.
+    #[test]
+    fn a_perfect_preconditioner_needs_one_iteration() {
+        let mut values = Values::new();
+        let shared = values.insert(Vector2::new(1.0, 2.0));
+        let points: Vec<_> = (0..6).map(|_| values.insert(Vector3::zeros())).collect();
+        let mut batch = Batch::new("rows");
+        for (i, point) in points.iter().enumerate() {
+            for j in 0..5 {
+                let entry = |k: usize| ((7 * i + 3 * j + 11 * k + i * j * k) as f64).sin();
+                batch.push(Row(std::array::from_fn(entry)), (shared, *point));
+            }
+        }
+        let mut graph = Graph::new();
+        graph.add_batch(batch);
+        graph.eliminate(points);
+        let iterations = |preconditioner| {
+            let choice = LinearSolver::ConjugateGradients(preconditioner);
+            let mut system = NormalEquations::new(&graph, &values, choice, false).unwrap();
+            system.linearize(&values).unwrap();
+            let n = system.dim();
+            assert!(system.solve(1e-3, &vec![1.0; n], &mut vec![0.0; n]));
+            system.conjugate_iterations()
+        };
+        assert_eq!(iterations(Preconditioner::SchurJacobi), Some(1));
+        assert_eq!(iterations(Preconditioner::BlockJacobi), Some(2));
     }
 }

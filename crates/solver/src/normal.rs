@@ -258,6 +258,12 @@ impl NormalEquations {
         step.iter().all(|s| s.is_finite())
     }
 
+    /// Iterations of conjugate gradients in the last solution, if they are used.
+    #[cfg(test)]
+    pub fn conjugate_iterations(&self) -> Option<usize> {
+        self.conjugate.as_ref().map(|c| c.iterations)
+    }
+
     /// Factorises H + μ D².
     fn eliminate(&mut self, mu: f64, d2: &[f64]) -> bool {
         for_each(&mut self.chunks, self.parallel, |chunk| chunk.eliminate(mu, d2));
