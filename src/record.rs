@@ -10,7 +10,7 @@ use depthcal_model::{Block, Camera, Register, RegisterError};
 use thiserror::Error;
 
 use crate::calibrate::Calibrated;
-use crate::evaluate::{Evaluated, evaluate};
+use crate::evaluate::Evaluated;
 
 /// Why a calibration file does not make a camera.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -37,7 +37,14 @@ pub enum RecordError {
 }
 
 /// The file's content for a calibration.
-pub fn to_record(result: &Calibrated, dataset: FileReference, observations: Option<FileReference>) -> Calibration {
+///
+/// `fitted` is the evaluation of the frames that were fitted; it gives the errors of each frame.
+pub fn to_record(
+    result: &Calibrated,
+    fitted: &Evaluated,
+    dataset: FileReference,
+    observations: Option<FileReference>,
+) -> Calibration {
     let camera = &result.camera;
     let mut stds = result.std_devs().into_iter();
     let mut names = Vec::new();
@@ -102,7 +109,7 @@ pub fn to_record(result: &Calibrated, dataset: FileReference, observations: Opti
             cost: result.cost,
             iterations: result.iterations,
         },
-        frames: frame_records(result),
+        frames: frame_records(result, fitted),
         dataset,
         depth_unit_mm: result.capture.depth_unit_mm,
         target: result.capture.target.clone(),
@@ -110,9 +117,8 @@ pub fn to_record(result: &Calibrated, dataset: FileReference, observations: Opti
     }
 }
 
-fn frame_records(result: &Calibrated) -> Vec<FrameRecord> {
-    let Evaluated { frames, .. } = evaluate(&result.camera, &result.capture);
-    let of = |name: &str| frames.iter().find(|f| f.name == name).map(|f| f.record());
+fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {
+    let of = |name: &str| fitted.frames.iter().find(|f| f.name == name).map(|f| f.record());
     result
         .capture
         .frames

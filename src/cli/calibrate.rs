@@ -1,15 +1,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use depthcal_io::{Evaluation, FileReference};
 
-use super::common::{Failure, Output, Reading, command_line, input, write_report};
+use super::common::{Failure, Output, Reading, command_line, write_calibration, write_report};
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::capture::declared_camera;
 use crate::evaluate::{Evaluated, evaluate, table};
 use crate::observations::Capture;
 use crate::progress::Progress;
-use crate::record::to_record;
 use crate::report::{ReportDataset, ReportInput, Role};
 
 /// Every `every`-th frame from number `first` on.
@@ -124,13 +122,7 @@ impl Calibrate {
             datasets.push(record);
         }
         println!("\n{}", table(&datasets, Some(&result.capture.name)));
-        let observations = loaded.observations();
-        observations.write(self.output.file("observations.json")).map_err(input)?;
-        let reference = FileReference { path: "observations.json".to_owned(), digest: loaded.reference.digest.clone() };
-        let record = to_record(&result, loaded.reference.clone(), Some(reference));
-        record.write(self.output.file("calibration.json")).map_err(input)?;
-        let evaluation = Evaluation { datasets };
-        evaluation.write(self.output.file("evaluation.json")).map_err(input)?;
+        let written = write_calibration(&result, &fitted, &loaded, datasets, &self.output.out)?;
         let mut shown = vec![ReportDataset { evaluated: &fitted, role: Role::Fitted }];
         shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
         let report = ReportInput {
@@ -141,7 +133,7 @@ impl Calibrate {
             story: &[],
         };
         let report = write_report(&report, &self.output.out)?;
-        println!("written: {} and {}", self.output.file("calibration.json").display(), report.display());
+        println!("written: {} and {}", written.display(), report.display());
         Ok(())
     }
 }

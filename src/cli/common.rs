@@ -4,12 +4,13 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{Calibration, write_atomically};
+use depthcal_io::{Calibration, DatasetEvaluation, Evaluation, FileReference, write_atomically};
 use depthcal_model::{Camera, Register};
 
-use crate::calibrate::CalibrateError;
+use crate::calibrate::{CalibrateError, Calibrated};
 use crate::capture::{CaptureOptions, Loaded, default_cache, load};
-use crate::record::to_camera;
+use crate::evaluate::Evaluated;
+use crate::record::{to_camera, to_record};
 use crate::report::{ReportInput, render};
 
 /// Why a command ends with another exit code than 0.
@@ -75,6 +76,24 @@ impl Reading {
         }
         Ok(loaded)
     }
+}
+
+/// Writes `observations.json`, `calibration.json` and `evaluation.json` of a calibration into a folder; returns the path
+/// of the calibration. `fitted` is the evaluation of the fitted frames, `datasets` what the evaluation file lists.
+pub(super) fn write_calibration(
+    result: &Calibrated,
+    fitted: &Evaluated,
+    loaded: &Loaded,
+    datasets: Vec<DatasetEvaluation>,
+    out: &Path,
+) -> Result<PathBuf, Failure> {
+    const OBSERVATIONS: &str = "observations.json";
+    loaded.observations().write(out.join(OBSERVATIONS)).map_err(input)?;
+    let observations = FileReference { path: OBSERVATIONS.to_owned(), digest: loaded.reference.digest.clone() };
+    let path = out.join("calibration.json");
+    to_record(result, fitted, loaded.reference.clone(), Some(observations)).write(&path).map_err(input)?;
+    Evaluation { datasets }.write(out.join("evaluation.json")).map_err(input)?;
+    Ok(path)
 }
 
 /// Writes `report.html` into a folder; returns its path.

@@ -2,14 +2,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{Evaluation, FileReference};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
 use super::calibrate::print_parameters;
-use super::common::{Failure, Reading, input, write_report};
+use super::common::{Failure, Reading, input, write_calibration, write_report};
 use crate::calibrate::{CalibrateOptions, calibrate};
 use crate::evaluate::{Evaluated, evaluate, table};
-use crate::record::to_record;
 use crate::report::{ReportDataset, ReportInput, Role};
 
 /// What the demo's camera has and its model does not declare.
@@ -50,12 +48,7 @@ impl Demo {
         let records: Vec<_> = evaluated.iter().map(Evaluated::record).collect();
         println!("\n{}", table(&records, Some(&result.capture.name)));
 
-        let observations = self.out.join("observations.json");
-        loaded.observations().write(&observations).map_err(input)?;
-        let reference = FileReference { path: "observations.json".to_owned(), digest: loaded.reference.digest.clone() };
-        let record = to_record(&result, loaded.reference.clone(), Some(reference));
-        record.write(self.out.join("calibration.json")).map_err(input)?;
-        Evaluation { datasets: records }.write(self.out.join("evaluation.json")).map_err(input)?;
+        write_calibration(&result, &evaluated[0], &loaded, records, &self.out)?;
         let datasets = [
             ReportDataset { evaluated: &evaluated[0], role: Role::Fitted },
             ReportDataset { evaluated: &evaluated[1], role: Role::Other },
