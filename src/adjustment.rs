@@ -2,18 +2,21 @@
 
 use std::sync::Arc;
 
-use depthcal_model::chain::DepthQuery;
+use depthcal_model::chain::{DepthQuery, POSE};
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera};
 use depthcal_solver::{
-    BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, Options, Report, SolveError, Values,
-    VariableId, minimize,
+    BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, Loss, Options, Report,
+    SolveError, Values, VariableId, minimize,
 };
 use nalgebra::{DMatrix, DVector, Isometry3};
+use rayon::prelude::*;
 
 use crate::factors::{DepthBatch, DepthGroup, ImageBatch, ImageGroup, SharedBlocks};
 use crate::noise::NoiseModel;
 use crate::observations::{Capture, Frame};
+use crate::roughness::FrameInformation;
+use crate::smoothness::{Smoothness, SmoothnessBatch};
 
 /// Residuals beyond this many standard deviations lose influence (Huber's loss): clean data are hardly touched.
 pub const HUBER: f64 = 3.0;
@@ -84,6 +87,73 @@ impl Adjustment {
         Self { graph, values, camera: camera.clone(), blocks, poses: pose_keys, image, depth }
     }
 
+    /// Adds the prior of the camera's fields; without it fields that leave freedom to the data are not determined.
+    #[must_use]
+    pub fn with_smoothness(mut self, smoothness: &Smoothness) -> Self {
+        for (block, key) in self.camera.blocks().iter().zip(&self.blocks) {
+            let rows = smoothness.rows(block);
+            if !rows.is_empty() {
+                self.graph.add_batch(SmoothnessBatch::new(block, *key, rows));
+            }
+        }
+        self
+    }
+
+    /// What every frame says of the camera's free parameters at the present values, its pose eliminated and priors left
+    /// out, with residuals weighted by their losses. Frames that cannot be evaluated say nothing.
+    pub fn frame_information(&self) -> Vec<FrameInformation> {
+        let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
+        let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
+        let size = POSE + columns.len();
+        self.poses
+            .par_iter()
+            .map(|pose| {
+                let (mut normal, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
+                for batch in [Some(self.image), self.depth].into_iter().flatten() {
+                    let Some(batch) = self.graph.batch(batch) else { continue };
+                    let own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose.id()));
+                    for group in own {
+                        self.add_information(batch, group, &columns, &mut normal, &mut gradient);
+                    }
+                }
+                eliminate_pose(&normal, &gradient)
+            })
+            .collect()
+    }
+
+    fn add_information(
+        &self,
+        batch: &dyn FactorBatch,
+        group: usize,
+        columns: &[usize],
+        normal: &mut DMatrix<f64>,
+        gradient: &mut DVector<f64>,
+    ) {
+        let rows = batch.row_count(group);
+        let width: usize = batch.variables(group).iter().map(|id| self.values.dim(*id)).sum();
+        let (mut r, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * width]);
+        if batch.evaluate(group, &self.values, &mut r, Some(&mut jacobian)).is_err() {
+            return;
+        }
+        let dim = batch.residual_dim();
+        // Images see the leading part of the parameters only.
+        let places: Vec<usize> = (0..POSE).chain(columns.iter().copied().filter(|c| *c < width)).collect();
+        let mut part = DMatrix::zeros(rows, places.len());
+        for (k, (residual, rows)) in r.chunks_exact_mut(dim).zip(jacobian.chunks_exact(dim * width)).enumerate() {
+            let size = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
+            let weight = if size > HUBER { (HUBER / size).sqrt() } else { 1.0 };
+            for (i, row) in rows.chunks_exact(width).enumerate() {
+                residual[i] *= weight;
+                for (c, place) in places.iter().enumerate() {
+                    part[(k * dim + i, c)] = weight * row[*place];
+                }
+            }
+        }
+        let n = places.len();
+        normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &part, &part, 1.0);
+        gradient.rows_mut(0, n).gemv_tr(1.0, &part, &DVector::from_vec(r), 1.0);
+    }
+
     /// Minimises the problem from its start values.
     ///
     /// # Errors
@@ -142,6 +212,21 @@ impl Adjustment {
             redundancy
         };
         (of(Some(self.image)), of(self.depth))
+    }
+}
+
+/// The Schur complement on the leading pose.
+fn eliminate_pose(normal: &DMatrix<f64>, gradient: &DVector<f64>) -> FrameInformation {
+    let n = gradient.len() - POSE;
+    let (normal_cc, cross) = (normal.view((POSE, POSE), (n, n)).into_owned(), normal.view((0, POSE), (POSE, n)));
+    let gradient_c = gradient.rows(POSE, n).into_owned();
+    match normal.view((0, 0), (POSE, POSE)).into_owned().cholesky() {
+        Some(pose) => {
+            let solved = pose.solve(&cross.into_owned());
+            let normal = normal_cc - cross.tr_mul(&solved);
+            FrameInformation { normal, gradient: gradient_c - solved.tr_mul(&gradient.rows(0, POSE)) }
+        }
+        None => FrameInformation { normal: DMatrix::zeros(n, n), gradient: DVector::zeros(n) },
     }
 }
 

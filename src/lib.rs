@@ -18,5 +18,7 @@ pub mod observations;
 mod progress;
 pub mod record;
 pub mod report;
+pub mod roughness;
 pub mod simulated;
+pub mod smoothness;
 pub mod start;

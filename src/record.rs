@@ -62,7 +62,7 @@ pub fn to_record(
                 .map(|((parameter, value), free)| {
                     names.push((format!("{}.{}", block.name(), parameter.name), *free));
                     ParameterRecord {
-                        name: parameter.name.to_owned(),
+                        name: parameter.name.to_string(),
                         unit: parameter.unit.to_owned(),
                         value: *value,
                         std_dev: stds.next().flatten(),
@@ -82,6 +82,13 @@ pub fn to_record(
     });
     let mut other = BTreeMap::new();
     other.insert("depth_outliers".to_owned(), result.outliers as f64);
+    for field in &result.smoothness.fields {
+        let mut note =
+            |what: &str, value: f64| _ = other.insert(format!("{}.{}.{what}", field.piece, field.field), value);
+        note("roughness", field.roughness);
+        note("untouched_nodes", field.untouched as f64);
+        field.effective.into_iter().for_each(|e| note("effective_parameters", e));
+    }
     let depth = result.with_depth.then_some(result.noise.depth);
     Calibration {
         camera: CameraRecord { width: camera.width, height: camera.height, pieces },
@@ -155,7 +162,7 @@ pub fn to_camera(record: &CameraRecord, register: &Register) -> Result<Camera, R
             Block::new(register.piece(&piece.name, &piece.options)?)
         };
         let found: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
-        let expected: Vec<&str> = block.parameters().iter().map(|p| p.name).collect();
+        let expected: Vec<&str> = block.parameters().iter().map(|p| &*p.name).collect();
         if found != expected {
             let (found, expected) = (found.join(", "), expected.join(", "));
             return Err(RecordError::Parameters { piece: piece.name.clone(), found, expected });

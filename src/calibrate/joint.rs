@@ -1,6 +1,7 @@
 //! Everything in one adjustment: markers and depth pixels, with the noise of both estimated on the way.
 
 use depthcal_model::Block;
+use depthcal_model::field::Domain;
 
 use super::{
     CalibrateError, CalibrateOptions, Calibrated, LEAST_INVERSE_DEPTH_SIGMA, LEAST_PIXEL_SIGMA, NOISE_SETTLED, ROUNDS,
@@ -11,6 +12,8 @@ use crate::board_region::BoardPlane;
 use crate::depth_sampling::sample_depth;
 use crate::noise::{DepthNoise, NoiseModel, clipped_sigma};
 use crate::observations::Capture;
+use crate::roughness;
+use crate::smoothness::{Smoothness, hold_untouched};
 
 /// Depth samples beyond this many standard deviations are outliers.
 const OUTLIER: f64 = 8.0;
@@ -31,17 +34,20 @@ pub(super) fn joint(
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
     }
+    let domain = seen(&capture);
     let mut camera = from_image.camera.clone();
     for block in depth_blocks {
-        camera = camera.with_block(block);
+        camera = camera.with_block(block.over(&domain));
     }
+    camera = hold_untouched(&camera, &capture);
+    let mut smoothness = Smoothness::of(&camera);
     let mut poses = from_image.poses.clone();
     let mut noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
     let mut outliers = 0;
     let mut round = 0;
     loop {
         round += 1;
-        let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, true);
+        let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, true).with_smoothness(&smoothness);
         let adjusted = adjustment.solve()?;
         (camera, poses) = (adjusted.camera.clone(), adjusted.poses.clone());
         let used = noise;
@@ -62,7 +68,13 @@ pub(super) fn joint(
             && residuals
                 .iter()
                 .all(|(rho, _)| (noise.depth.sigma(*rho) / used.depth.sigma(*rho) - 1.0).abs() < 2.0 * NOISE_SETTLED);
-        if dropped == 0 && (settled || round >= ROUNDS) {
+        let mut rough_enough = true;
+        if !smoothness.fields.is_empty() && round < ROUNDS {
+            let chosen = roughness::choose(&adjusted.camera, &smoothness, &adjustment.frame_information());
+            rough_enough = chosen.close_to(&smoothness);
+            smoothness = chosen;
+        }
+        if dropped == 0 && ((settled && rough_enough) || round >= ROUNDS) {
             converged(&adjusted)?;
             let camera_covariance = adjustment.camera_covariance(&covariance);
             let depth_mm = depth_residuals_mm(&capture, &adjusted.depth_residuals, &used);
@@ -70,9 +82,22 @@ pub(super) fn joint(
             let mut result = finish(capture, adjusted, noise, sigma, covariance, Some(&depth_mm), options);
             result.correlation_length_px = correlation;
             result.outliers = outliers;
+            result.smoothness = smoothness;
             check_invertible(&result)?;
             return Ok(result);
         }
+    }
+}
+
+/// The image and the depths that were seen, but for the outermost half per cent.
+fn seen(capture: &Capture) -> Domain {
+    let mut depths: Vec<f64> = capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.depth_mm)).collect();
+    depths.sort_by(f64::total_cmp);
+    let cut = depths.len() / 200;
+    let range = [depths[cut], depths[depths.len() - 1 - cut]];
+    Domain {
+        size_px: [capture.width as f64, capture.height as f64],
+        depth_mm: (range[1] > 1.01 * range[0]).then_some(range),
     }
 }
 

@@ -13,6 +13,7 @@ use crate::adjustment::Adjusted;
 use crate::estimators::{self, EstimatorError};
 use crate::noise::NoiseModel;
 use crate::observations::Capture;
+use crate::smoothness::Smoothness;
 use crate::start::StartError;
 
 pub use image::calibrate_image;
@@ -151,6 +152,8 @@ pub struct Calibrated {
     pub correlation_length_px: Option<usize>,
     /// Depth samples that were left out as outliers.
     pub outliers: usize,
+    /// Fields of the depth model: how rough they may be, what determines them.
+    pub smoothness: Smoothness,
     /// Reprojection error: root mean square distance, px.
     pub reprojection_rms_px: f64,
     /// Root mean square of the depth residuals at the samples, mm.
@@ -251,6 +254,7 @@ fn finish(
         with_depth: depth_mm.is_some(),
         correlation_length_px: None,
         outliers: 0,
+        smoothness: Smoothness::default(),
         reprojection_rms_px: (sum / f64::from(n.max(1))).sqrt(),
         depth_rms_mm: depth_mm.map(rms),
         cost: adjusted.report.cost,

@@ -1,6 +1,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use depthcal_model::Block;
 
 use super::common::{Failure, Output, Reading, command_line, write_calibration, write_report};
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
@@ -9,6 +10,7 @@ use crate::evaluate::{Evaluated, evaluate, table};
 use crate::observations::Capture;
 use crate::progress::Progress;
 use crate::report::{ReportDataset, ReportInput, Role};
+use crate::smoothness::indices;
 
 /// Every `every`-th frame from number `first` on.
 #[derive(Debug, Clone, Copy)]
@@ -161,11 +163,37 @@ fn cross_validate(capture: &Capture, folds: usize, options: &CalibrateOptions) -
     Ok(all)
 }
 
+/// Blocks of more parameters than this are printed by their fields.
+const MOST_PRINTED: usize = 24;
+
+/// Every field of a block by its range, its roughness, and what determines it.
+fn print_fields(result: &Calibrated, block: &Block) {
+    let Some(layout) = block.piece().and_then(|p| p.field()) else { return };
+    for field in result.smoothness.fields.iter().filter(|f| f.piece == block.name()) {
+        let values = || indices(&layout, field.index).map(|i| block.theta[i]);
+        let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        let effective = field.effective.map_or_else(String::new, |e| format!(", {e:.1} effective parameters"));
+        println!(
+            "  {:6} {least:>14.6e} to {most:.6e}  {} nodes with data{effective}, roughness {:.2e}; {} without data stay neutral",
+            field.field, field.nodes, field.roughness, field.untouched
+        );
+    }
+    for i in layout.parameter_count() - layout.shared..layout.parameter_count() {
+        let parameter = &block.parameters()[i];
+        println!("  {:6} {:>14.6e} {}", parameter.name, block.theta[i], parameter.unit);
+    }
+}
+
 /// Parameters with standard deviations, and how the fit went.
 pub(super) fn print_parameters(result: &Calibrated) {
     let mut stds = result.std_devs().into_iter();
     for block in result.camera.blocks() {
         println!("{}", block.name());
+        if block.theta.len() > MOST_PRINTED {
+            print_fields(result, block);
+            stds.nth(block.theta.len() - 1);
+            continue;
+        }
         for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
             let std = match stds.next().flatten() {
                 Some(std) => format!("± {std:.2e}"),

@@ -144,10 +144,10 @@ pub(super) fn parameters(c: &Calibrated) -> String {
                 rows,
                 "<tr><th scope=\"row\"><code>{}</code></th><td>{}{held}</td><td class=\"text\">{}</td><td>{effect}</td>\
                  <td class=\"text\">{}</td></tr>",
-                escape(parameter.name),
+                escape(&parameter.name),
                 measured(*value, std),
                 escape(unit),
-                meaning(block.name(), parameter.name).map_or_else(|| "–".to_owned(), escape)
+                meaning(block.name(), &parameter.name).map_or_else(|| "–".to_owned(), escape)
             );
             index += 1;
         }

@@ -6,12 +6,13 @@ use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::chain::{Chain, PINHOLE};
+use crate::field::Domain;
 use crate::hook::HookKind;
 use crate::piece::{AnyPiece, Context, Parameter};
 
 /// Parameters of the pinhole K: u = fx x' + s y' + cx, v = fy y' + cy. Nominal values mean nothing here: the start
 /// values come from the data.
-pub const PINHOLE_PARAMETERS: [Parameter; PINHOLE] = [
+pub static PINHOLE_PARAMETERS: [Parameter; PINHOLE] = [
     Parameter::new("fx", "px", 500.0, 10.0),
     Parameter::new("fy", "px", 500.0, 10.0),
     Parameter::new("cx", "px", 320.0, 10.0),
@@ -64,6 +65,12 @@ impl Block {
     /// Value of a parameter by name.
     pub fn value(&self, name: &str) -> Option<f64> {
         self.parameters().iter().position(|p| p.name == name).map(|i| self.theta[i])
+    }
+
+    /// The same block with its piece laid over a camera's image and the depth that was seen.
+    pub fn over(mut self, domain: &Domain) -> Self {
+        self.piece = self.piece.map(|piece| piece.over(domain).unwrap_or(piece));
+        self
     }
 
     /// Holds every parameter at its value.
@@ -123,7 +130,8 @@ impl Camera {
 
     /// The same from a pinhole block whose free parameters have been chosen.
     pub fn from_blocks(width: usize, height: usize, pinhole: Block, pieces: Vec<Block>) -> Self {
-        let mut blocks: Vec<Block> = pieces;
+        let domain = Domain { size_px: [width as f64, height as f64], depth_mm: None };
+        let mut blocks: Vec<Block> = pieces.into_iter().map(|block| block.over(&domain)).collect();
         blocks.push(pinhole);
         let rank = |b: &Block| match (b.hook(), b.piece.is_some()) {
             (HookKind::Board | HookKind::Pose, _) => 0,
@@ -182,6 +190,14 @@ impl Camera {
     pub fn filtered(&self, keep: impl Fn(&Block) -> bool) -> Self {
         let mut camera = self.clone();
         camera.blocks.retain(|b| b.piece.is_none() || keep(b));
+        camera.lens_limit = camera.monotone_radius();
+        camera
+    }
+
+    /// The same camera with every block changed by `change`, which keeps hook and order.
+    pub fn map_blocks(&self, change: impl FnMut(Block) -> Block) -> Self {
+        let mut camera = self.clone();
+        camera.blocks = camera.blocks.into_iter().map(change).collect();
         camera.lens_limit = camera.monotone_radius();
         camera
     }

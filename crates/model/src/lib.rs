@@ -10,6 +10,7 @@ pub mod board;
 pub mod camera;
 pub mod chain;
 pub mod depth;
+pub mod field;
 pub mod hook;
 pub mod lens;
 mod piece;

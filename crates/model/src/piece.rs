@@ -4,6 +4,7 @@
 //! calls once per batch of observations; its Jacobians come from static dual numbers four directions at a time, which
 //! costs about as much as derivatives by hand and never a dual wider than the piece.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::marker::PhantomData;
@@ -13,13 +14,14 @@ use num_dual::DualSVec64;
 use serde::{Deserialize, Serialize};
 
 use crate::Scalar;
+use crate::field::{Domain, FieldLayout};
 use crate::hook::{Hook, HookKind, MAX_STATE};
 
 /// One parameter of a piece.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     /// Short name, unique within the piece.
-    pub name: &'static str,
+    pub name: Cow<'static, str>,
     /// Unit, `1` for none.
     pub unit: &'static str,
     /// Value at which the piece does nothing (or its neutral start).
@@ -31,7 +33,7 @@ pub struct Parameter {
 impl Parameter {
     /// A parameter from its name, unit, nominal value and typical deviation.
     pub const fn new(name: &'static str, unit: &'static str, nominal: f64, scale: f64) -> Self {
-        Self { name, unit, nominal, scale }
+        Self { name: Cow::Borrowed(name), unit, nominal, scale }
     }
 }
 
@@ -117,14 +119,27 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
         d_state: &mut [f64],
         d_theta: Option<&mut [f64]>,
     );
+    /// How the parameters lie in the nodes of a grid, where they do.
+    fn field(&self) -> Option<FieldLayout> {
+        None
+    }
+    /// The same piece laid over a camera's image and the depth that was seen; `None` where that makes no difference.
+    fn over(&self, _domain: &Domain) -> Option<Arc<dyn AnyPiece>> {
+        None
+    }
+    /// The same piece with the parameters of one cell alone, for batches of observations that all lie in that cell.
+    fn of_cell(&self) -> Option<Arc<dyn AnyPiece>> {
+        None
+    }
 }
 
 /// Makes a piece usable where hook and size are not known at compile time.
 pub fn erase<H: Hook, const P: usize, M: Piece<H, P>>(piece: M) -> Arc<dyn AnyPiece> {
-    Arc::new(Erased::<H, P, M> { piece, hook: PhantomData })
+    Arc::new(Erased::<H, P, M>::new(piece))
 }
 
-struct Erased<H, const P: usize, M> {
+/// A [`Piece`] as an [`AnyPiece`].
+pub(crate) struct Erased<H, const P: usize, M> {
     piece: M,
     hook: PhantomData<fn() -> H>,
 }
@@ -140,6 +155,10 @@ const CHUNK: usize = 4;
 type Dual = DualSVec64<CHUNK>;
 
 impl<H: Hook, const P: usize, M: Piece<H, P>> Erased<H, P, M> {
+    pub(crate) fn new(piece: M) -> Self {
+        Self { piece, hook: PhantomData }
+    }
+
     fn parameters_of(theta: &[f64]) -> [f64; P] {
         std::array::from_fn(|i| theta[i])
     }

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::camera::Block;
-use crate::hook::{Hook, HookKind};
+use crate::field::Field;
+use crate::hook::{Depth, Hook, HookKind};
 use crate::piece::{AnyPiece, Piece, erase};
 use crate::{board, depth, lens, pixel};
 
@@ -48,6 +49,18 @@ pub enum RegisterError {
         given: String,
         /// Its constants.
         known: Vec<String>,
+    },
+    /// A constant outside what the piece can do.
+    #[error("{name}@{key}={value} is out of range; the nearest that '{name}' can do is {nearest}")]
+    OutOfRange {
+        /// The piece.
+        name: String,
+        /// The constant.
+        key: String,
+        /// What was given.
+        value: String,
+        /// What is possible.
+        nearest: String,
     },
     /// A subset names a parameter that the piece does not have.
     #[error("'{name}' has no parameter '{letter}'; a subset is written with the last letters of {}", parameters.join(", "))]
@@ -101,6 +114,11 @@ impl Register {
         register.add(depth::ReflectivityBias::with_options);
         register.add(depth::TemporalDrift::with_options);
         register.add(depth::TemperatureDrift::with_options);
+        register.add_field(depth::FreeMap::field);
+        register.add_field(depth::Bspline::field);
+        register.add_field(depth::Multiplier::field);
+        register.add_field(depth::DisparityDecay::field);
+        register.add_field(depth::PolynomialMap::field);
         register
     }
 
@@ -112,6 +130,16 @@ impl Register {
     ) {
         self.entries.retain(|(name, ..)| *name != M::NAME);
         self.entries.push((M::NAME, H::KIND, Arc::new(move |options: &Options| erase::<H, P, M>(make(options)))));
+    }
+
+    /// Adds a piece of depth whose parameters are fields over the image, as [`Register::add`] does.
+    pub fn add_field<const P: usize, M: Piece<Depth, P>>(
+        &mut self,
+        make: impl Fn(&Options) -> Field<M, P> + Send + Sync + 'static,
+    ) {
+        self.entries.retain(|(name, ..)| *name != M::NAME);
+        let make: Make = Arc::new(move |options: &Options| Arc::new(make(options)));
+        self.entries.push((M::NAME, HookKind::Depth, make));
     }
 
     /// All names, in the order of registration.
@@ -172,6 +200,16 @@ impl Register {
             }
         }
         let mut block = Block::new(self.piece(name, &options)?);
+        let taken = block.piece().map(|p| p.options()).unwrap_or_default();
+        if let Some((key, value)) = options.iter().find(|(key, value)| taken.get(*key) != Some(value)) {
+            let nearest = taken.get(key).copied().unwrap_or(f64::NAN);
+            return Err(RegisterError::OutOfRange {
+                name: name.to_owned(),
+                key: key.clone(),
+                value: value.to_string(),
+                nearest: nearest.to_string(),
+            });
+        }
         if let Some(expected) = hook.filter(|h| *h != block.hook()) {
             let found = block.hook().name();
             return Err(RegisterError::WrongHook { name: name.to_owned(), found, expected: expected.name() });
@@ -181,7 +219,7 @@ impl Register {
                 block.parameters().iter().map(|p| subset.chars().any(|c| p.name.ends_with(c))).collect();
             let unknown = subset.chars().find(|c| !block.parameters().iter().any(|p| p.name.ends_with(*c)));
             if let Some(letter) = unknown {
-                let parameters = block.parameters().iter().map(|p| p.name.to_owned()).collect();
+                let parameters = block.parameters().iter().map(|p| p.name.to_string()).collect();
                 return Err(RegisterError::UnknownParameter { name: name.to_owned(), letter, parameters });
             }
             block.free = free;

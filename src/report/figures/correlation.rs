@@ -12,8 +12,7 @@ const MOST: usize = 40;
 /// The matrix; `None` without covariance or with too many parameters.
 pub(in crate::report) fn correlation(c: &Calibrated) -> Option<Figure> {
     let covariance = c.covariance.as_ref()?;
-    let short: Vec<&'static str> =
-        c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|p| p.name)).collect();
+    let short: Vec<&str> = c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|p| &*p.name)).collect();
     let pieces: Vec<&'static str> =
         c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|_| b.name())).collect();
     // Two pieces may have a parameter of the same name.

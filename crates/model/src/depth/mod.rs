@@ -1,8 +1,13 @@
 //! Depth pieces: true to measured inverse depth.
 
+mod bspline;
 mod cyclic_depth;
+mod disparity_decay;
 mod disparity_ripple;
+mod free_map;
 mod incidence_bias;
+mod multiplier;
+mod polynomial_map;
 mod projective;
 mod projector_distortion;
 mod quadratic_depth;
@@ -12,9 +17,14 @@ mod reflectivity_bias;
 mod temperature_drift;
 mod temporal_drift;
 
+pub use bspline::Bspline;
 pub use cyclic_depth::CyclicDepth;
+pub use disparity_decay::DisparityDecay;
 pub use disparity_ripple::DisparityRipple;
+pub use free_map::FreeMap;
 pub use incidence_bias::IncidenceBias;
+pub use multiplier::Multiplier;
+pub use polynomial_map::PolynomialMap;
 pub use projective::Projective;
 pub use projector_distortion::ProjectorDistortion;
 pub use quadratic_depth::QuadraticDepth;

@@ -1,0 +1,252 @@
+//! How rough fields may be: chosen so that frames that are left out are predicted best.
+//!
+//! Everything is done on the linearised adjustment. Each frame contributes its information about the camera's parameters,
+//! its own pose eliminated; sums of these with a prior give the estimate from any set of frames without another adjustment,
+//! and the cost of the frames left out, each with its best pose, says how well they are predicted. Marginal likelihood would
+//! need independent noise, which depth within a frame does not have: it takes errors that a frame has for itself for signal.
+
+use depthcal_model::Camera;
+use nalgebra::{DMatrix, DVector};
+
+use crate::smoothness::{Smoothness, differences, ridge};
+
+/// What one frame says of the camera's free parameters, its pose eliminated: the cost is c + gᵀδ + ½ δᵀNδ.
+#[derive(Debug, Clone)]
+pub struct FrameInformation {
+    /// Normal matrix N.
+    pub normal: DMatrix<f64>,
+    /// Gradient g.
+    pub gradient: DVector<f64>,
+}
+
+/// Roughness is looked for in this range, in units of a parameter's typical deviation.
+const RANGE: [f64; 2] = [1e-4, 10.0];
+/// Factors by which it is changed, coarse to fine.
+const FACTORS: [f64; 3] = [8.0, 3.0, 1.5];
+/// Most parts into which frames are divided; fewer frames are left out one by one.
+const FOLDS: usize = 10;
+
+/// The problem of choosing: free parameters of fields and their priors.
+struct Choice<'a> {
+    frames: &'a [FrameInformation],
+    /// Normal matrices of smoothness at roughness 1, one per field; and of the ridge. Over all free parameters.
+    penalties: Vec<DMatrix<f64>>,
+    ridge: DMatrix<f64>,
+    /// Its standard deviation where it is not chosen.
+    fixed_ridge: Option<f64>,
+    /// Present deviation of the free parameters from neutral.
+    deviation: DVector<f64>,
+    folds: Vec<(DMatrix<f64>, DVector<f64>)>,
+    total: (DMatrix<f64>, DVector<f64>),
+}
+
+impl<'a> Choice<'a> {
+    fn new(camera: &Camera, smoothness: &Smoothness, frames: &'a [FrameInformation]) -> Self {
+        let n = frames.first().map_or(0, |f| f.gradient.len());
+        let mut place = Vec::new();
+        let mut deviation = Vec::new();
+        let mut next = 0;
+        for block in camera.blocks() {
+            for i in 0..block.theta.len() {
+                place.push(block.free[i].then_some(next));
+                if block.free[i] {
+                    next += 1;
+                    deviation.push(block.theta[i] - block.parameters()[i].nominal);
+                }
+            }
+        }
+        let mut penalties = vec![DMatrix::zeros(n, n); smoothness.fields.len()];
+        let mut ridge_matrix = DMatrix::zeros(n, n);
+        let mut offset = 0;
+        for block in camera.blocks() {
+            let own = &place[offset..offset + block.theta.len()];
+            offset += block.theta.len();
+            let Some(layout) = block.piece().and_then(|p| p.field()) else { continue };
+            let add = |to: &mut DMatrix<f64>, entries: &[(usize, f64)]| {
+                for (i, a) in entries {
+                    for (j, b) in entries {
+                        if let (Some(p), Some(q)) = (own[*i], own[*j]) {
+                            let scales = block.parameters()[*i].scale * block.parameters()[*j].scale;
+                            to[(p, q)] += a * b / scales;
+                        }
+                    }
+                }
+            };
+            for row in differences(&layout, &block.free, |_| 1.0) {
+                let field = (row.entries[0].0 % layout.per_node()) / layout.grid.bins;
+                let at = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field);
+                if let Some(at) = at {
+                    add(&mut penalties[at], &row.entries);
+                }
+            }
+            for row in ridge(&layout, &block.free, 1.0) {
+                add(&mut ridge_matrix, &row.entries);
+            }
+        }
+        let count = frames.len().clamp(1, FOLDS);
+        let mut folds = vec![(DMatrix::zeros(n, n), DVector::zeros(n)); count];
+        let mut total = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for (i, frame) in frames.iter().enumerate() {
+            let fold = &mut folds[i % count];
+            fold.0 += &frame.normal;
+            fold.1 += &frame.gradient;
+        }
+        for fold in &folds {
+            total.0 += &fold.0;
+            total.1 += &fold.1;
+        }
+        let deviation = DVector::from_vec(deviation);
+        let fixed_ridge = (!smoothness.beside_d).then_some(smoothness.ridge);
+        Self { frames, penalties, ridge: ridge_matrix, fixed_ridge, deviation, folds, total }
+    }
+
+    /// Precision of the prior; the last of `roughness` is the ridge's standard deviation where that is chosen.
+    fn precision(&self, roughness: &[f64]) -> DMatrix<f64> {
+        let ridge = self.fixed_ridge.unwrap_or(roughness[roughness.len() - 1]);
+        let mut precision = &self.ridge / (ridge * ridge);
+        for (penalty, r) in self.penalties.iter().zip(roughness) {
+            precision += penalty / (r * r);
+        }
+        precision
+    }
+
+    /// Cost of the frames left out, up to a constant, for every part; infinite where the others determine nothing.
+    fn left_out_costs(&self, roughness: &[f64]) -> Vec<f64> {
+        let prior = self.precision(roughness);
+        let pull = &prior * &self.deviation;
+        self.folds
+            .iter()
+            .map(|(normal, gradient)| {
+                let rest = &self.total.0 - normal + &prior;
+                let down = -(&self.total.1 - gradient + &pull);
+                match solve_scaled(rest, &down) {
+                    Some(step) => gradient.dot(&step) + 0.5 * step.dot(&(normal * &step)),
+                    None => f64::INFINITY,
+                }
+            })
+            .collect()
+    }
+
+    /// Effective number of parameters of every field: tr(Σ N) over its nodes, Σ the posterior covariance.
+    fn effective(&self, roughness: &[f64], fields: &[Vec<usize>]) -> Option<Vec<f64>> {
+        let prior = self.precision(roughness);
+        let posterior = inverse_scaled(&self.total.0 + &prior)?;
+        let share = DMatrix::identity(prior.nrows(), prior.ncols()) - posterior * prior;
+        Some(fields.iter().map(|own| own.iter().map(|i| share[(*i, *i)]).sum()).collect())
+    }
+}
+
+/// Solution of a symmetric positive definite system whose unknowns differ in size by many orders.
+fn solve_scaled(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+    let scale = scale(&mut matrix);
+    Some(matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale))
+}
+
+fn inverse_scaled(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale = scale(&mut matrix);
+    let inverse = matrix.cholesky()?.inverse();
+    Some(DMatrix::from_fn(inverse.nrows(), inverse.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]))
+}
+
+/// Brings the diagonal to 1; returns the factors.
+fn scale(matrix: &mut DMatrix<f64>) -> DVector<f64> {
+    let scale = DVector::from_fn(matrix.nrows(), |i, _| 1.0 / matrix[(i, i)].max(f64::MIN_POSITIVE).sqrt());
+    for j in 0..matrix.ncols() {
+        for i in 0..matrix.nrows() {
+            matrix[(i, j)] *= scale[i] * scale[j];
+        }
+    }
+    scale
+}
+
+/// The roughness of every field with which frames that are left out are predicted best, with the effective number of
+/// parameters that follows.
+pub fn choose(camera: &Camera, smoothness: &Smoothness, frames: &[FrameInformation]) -> Smoothness {
+    let choice = Choice::new(camera, smoothness, frames);
+    let mut best: Vec<f64> = smoothness.fields.iter().map(|f| f.roughness).collect();
+    best.extend(smoothness.beside_d.then_some(smoothness.ridge));
+    if choice.frames.len() < 2 {
+        return smoothness.clone();
+    }
+    let mut costs = choice.left_out_costs(&best);
+    for factor in FACTORS {
+        loop {
+            let mut moved = false;
+            for i in 0..best.len() {
+                for direction in [1.0 / factor, factor] {
+                    let mut tried = best.clone();
+                    tried[i] = (tried[i] * direction).clamp(RANGE[0], RANGE[1]);
+                    if tried[i] == best[i] {
+                        continue;
+                    }
+                    let next = choice.left_out_costs(&tried);
+                    if next.iter().sum::<f64>() < costs.iter().sum::<f64>() {
+                        (costs, best, moved) = (next, tried, true);
+                        break;
+                    }
+                }
+            }
+            if !moved {
+                break;
+            }
+        }
+    }
+    smoothest(&choice, &mut best, &costs);
+    let mut chosen = smoothness.clone();
+    let members: Vec<Vec<usize>> = field_members(camera, smoothness);
+    let effective = choice.effective(&best, &members);
+    if smoothness.beside_d {
+        chosen.ridge = best[smoothness.fields.len()];
+    }
+    for (i, field) in chosen.fields.iter_mut().enumerate() {
+        field.roughness = best[i];
+        field.effective = effective.as_ref().map(|e| e[i]);
+    }
+    chosen
+}
+
+/// Of all that predict no worse than the best by more than the standard error of the difference, the smoothest
+/// (Breiman, Friedman, Olshen, Stone 1984, section 3.4.3): roughness that the frames do not support is not fitted.
+fn smoothest(choice: &Choice<'_>, best: &mut [f64], costs: &[f64]) {
+    const STEP: f64 = 1.5;
+    for i in 0..best.len() {
+        loop {
+            let mut tried = best.to_vec();
+            tried[i] /= STEP;
+            if tried[i] < RANGE[0] {
+                break;
+            }
+            let worse: Vec<f64> =
+                choice.left_out_costs(&tried).iter().zip(costs).map(|(tried, best)| tried - best).collect();
+            let n = worse.len() as f64;
+            let mean = worse.iter().sum::<f64>() / n;
+            let variance = worse.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            if !(mean <= (variance / n).sqrt()) {
+                break;
+            }
+            best[i] = tried[i];
+        }
+    }
+}
+
+/// Places of every field's free parameters among all free ones.
+fn field_members(camera: &Camera, smoothness: &Smoothness) -> Vec<Vec<usize>> {
+    let mut members = vec![Vec::new(); smoothness.fields.len()];
+    let mut next = 0;
+    for block in camera.blocks() {
+        let layout = block.piece().and_then(|p| p.field());
+        for i in 0..block.theta.len() {
+            if !block.free[i] {
+                continue;
+            }
+            if let Some(layout) = layout.filter(|l| i < l.parameter_count() - l.shared) {
+                let field = (i % layout.per_node()) / layout.grid.bins;
+                if let Some(at) = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field) {
+                    members[at].push(next);
+                }
+            }
+            next += 1;
+        }
+    }
+    members
+}
