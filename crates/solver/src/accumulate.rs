@@ -2,7 +2,7 @@
 
 use pulp::Arch;
 
-use crate::chunk::{ChunkPlan, Elimination, GroupPlan};
+use crate::chunk::{ChunkPlan, Elimination, Form, GroupPlan};
 use crate::eliminate::{BackSubstitute, Eliminate, multiply_strip};
 use crate::error::{EvaluationError, EvaluationFailure};
 use crate::lanes::{LANES, Lane, LaneAccess, LaneProducts};
@@ -35,6 +35,8 @@ pub(crate) struct Chunk {
     pub step: Vec<f64>,
     /// A product over the chunk's kept variables, for conjugate gradients.
     pub product: Vec<f64>,
+    /// Weighted residuals and free columns of the Jacobian, group after group, if the plan says so.
+    rows: Vec<f64>,
     /// Whether all damped H_ee were positive definite.
     pub definite: bool,
     scratch: Scratch,
@@ -64,7 +66,8 @@ impl Chunk {
             dense: zeros(plan.dense_len),
             sc: zeros(plan.local_dim),
             step: zeros(plan.dim),
-            product: zeros(if plan.implicit { plan.local_dim } else { 0 }),
+            product: zeros(if plan.form == Form::Implicit { plan.local_dim } else { 0 }),
+            rows: zeros(plan.rows_len),
             scratch: Scratch {
                 lanes: vec![[0.0; LANES]; plan.max_lanes],
                 residuals: zeros(plan.max_rows),
@@ -87,7 +90,7 @@ impl Chunk {
         for group in &self.plan.groups {
             let Some(info) = &batches[group.batch as usize] else { continue };
             let (index, dim) = (group.group as usize, info.residual_dim);
-            let cost = if let Some(lanes) = info.batch.lanes() {
+            let cost = if let Some(lanes) = info.batch.lanes().filter(|_| self.plan.form != Form::Rows) {
                 let count = group.rows as usize / dim;
                 let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * dim];
                 evaluate_lanes(lanes, index, values, blocks, count, false)
@@ -128,7 +131,8 @@ impl Chunk {
         let (rows, columns, m) = (group.rows as usize, scatter.columns as usize, scatter.m as usize);
         let (index, dim) = (group.group as usize, info.residual_dim);
         let (gram, gradient) = (&mut self.scratch.gram, &mut self.scratch.gradient);
-        let cost = if let (Some(lanes), Some(lane_rows)) = (info.batch.lanes(), &scatter.lanes) {
+        let lanes = info.batch.lanes().filter(|_| self.plan.form != Form::Rows);
+        let cost = if let (Some(lanes), Some(lane_rows)) = (lanes, &scatter.lanes) {
             let (count, size) = (rows / dim, scatter.block as usize);
             let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * size];
             evaluate_lanes(lanes, index, values, blocks, count, true)?;
@@ -148,6 +152,11 @@ impl Chunk {
                     compact(jacobian, rows, columns, keep);
                 }
                 scatter::products(&self.scratch.jacobian, r, m, gram, gradient);
+            }
+            if self.plan.form == Form::Rows {
+                let (kept_r, kept_j) = self.rows[group.kept_rows..][..rows * (m + 1)].split_at_mut(rows);
+                kept_r.copy_from_slice(r);
+                kept_j.copy_from_slice(&self.scratch.jacobian[..rows * m]);
             }
             cost
         };
@@ -175,6 +184,19 @@ impl Chunk {
         });
         Arch::new().dispatch(Add { scatter, gram, gradient, eliminated, hcc: &mut self.hcc, gc: &mut self.gc });
         Ok(())
+    }
+
+    /// The weighted residuals of each group, if rows are kept.
+    pub fn residual_rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.plan.groups.iter().map(|g| &self.rows[g.kept_rows..][..g.rows as usize])
+    }
+
+    /// The weighted Jacobian of each group over its free columns, if rows are kept.
+    pub fn jacobian_rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.plan.groups.iter().map(|g| {
+            let (rows, m) = (g.rows as usize, self.plan.scatters[g.scatter as usize].m as usize);
+            &self.rows[g.kept_rows + rows..][..rows * m]
+        })
     }
 
     /// Factorises every H_ee + μ D² and accumulates its share of the Schur complement. `d2` is D² of the eliminated

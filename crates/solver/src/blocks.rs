@@ -46,9 +46,34 @@ pub(crate) struct ReducedBlocks {
 
 impl ReducedBlocks {
     pub fn new(layout: &Layout, chunks: &[Chunk]) -> Self {
+        Self::with_links(layout, chunks, &[])
+    }
+
+    /// Of the same structure as `other`, with zeros where there is nothing: if it has blocks for everything, and not for much
+    /// more.
+    pub fn fitted(&self, other: &Self, layout: &Layout, chunks: &[Chunk]) -> Option<Self> {
+        let key = |b: &Block| (b.column, b.row, b.row_d, b.column_d);
+        let mut rest = other.blocks.iter().map(key);
+        let same_variables = self.diagonal_blocks().eq(other.diagonal_blocks());
+        if !same_variables || other.blocks.len() > 2 * self.blocks.len() {
+            return None;
+        }
+        if !self.blocks.iter().all(|b| rest.any(|r| r == key(b))) {
+            return None;
+        }
+        Some(Self::with_links(layout, chunks, &other.links()))
+    }
+
+    /// (column, row) of the blocks below the diagonal.
+    pub fn links(&self) -> Vec<(u32, u32)> {
+        self.blocks.iter().filter(|b| b.row != b.column).map(|b| (b.column, b.row)).collect()
+    }
+
+    /// There are blocks for `links` (column, row) in any case.
+    fn with_links(layout: &Layout, chunks: &[Chunk], links: &[(u32, u32)]) -> Self {
         const HESSIAN: u8 = 0;
         const SCHUR: u8 = 1;
-        const DIAGONAL: u8 = 2;
+        const PLACE: u8 = 2;
         let mut parts = Vec::new();
         for (chunk, c) in chunks.iter().enumerate() {
             let chunk = chunk as u32;
@@ -59,7 +84,8 @@ impl ReducedBlocks {
                 .extend(c.plan.scc_blocks.iter().map(|b| (b.column, b.row, SCHUR, Source { chunk, offset: b.offset })));
         }
         let kept = 0..layout.kept.len() as u32;
-        parts.extend(kept.map(|rank| (rank, rank, DIAGONAL, Source { chunk: 0, offset: 0 })));
+        let places = kept.map(|rank| (rank, rank)).chain(links.iter().copied());
+        parts.extend(places.map(|(column, row)| (column, row, PLACE, Source { chunk: 0, offset: 0 })));
         parts.sort_unstable_by_key(|(column, row, kind, s)| (*column, *row, *kind, s.chunk));
         let mut result = Self::default();
         let mut largest = 0;
@@ -70,7 +96,7 @@ impl ReducedBlocks {
             let start = result.sources.len() as u32;
             let hessian = same.iter().filter(|p| p.2 == HESSIAN).count() as u32;
             let schur = same.iter().filter(|p| p.2 == SCHUR).count() as u32;
-            result.sources.extend(same.iter().filter(|p| p.2 != DIAGONAL).map(|p| p.3));
+            result.sources.extend(same.iter().filter(|p| p.2 != PLACE).map(|p| p.3));
             let size = (r.free * c.free) as usize;
             largest = largest.max(size);
             result.blocks.push(Block {
@@ -90,11 +116,6 @@ impl ReducedBlocks {
         }
         result.scratch = vec![0.0; largest];
         result
-    }
-
-    /// Scalar entries of the lower triangle.
-    pub fn entries(&self) -> usize {
-        self.blocks.iter().map(|b| (b.row_d * b.column_d) as usize).sum()
     }
 
     /// Sums the chunks' H_cc.

@@ -111,6 +111,8 @@ pub(crate) struct GroupPlan {
     pub elimination: u32,
     /// First entry in `strip_columns`, one for each kept variable.
     pub strip_columns: u32,
+    /// First entry in the chunk's `rows`, if it keeps them: residuals, then the Jacobian.
+    pub kept_rows: usize,
 }
 
 /// A block over two kept variables (row rank ≥ column rank) in the chunk's own storage.
@@ -156,8 +158,28 @@ pub(crate) struct ChunkPlan {
     pub max_jacobian: usize,
     pub max_columns: usize,
     pub max_strip: usize,
-    /// Whether the Schur complement is not formed.
-    pub implicit: bool,
+    pub form: Form,
+    pub rows_len: usize,
+}
+
+/// What is made of the residuals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Form {
+    /// Normal equations and the Schur complement.
+    #[default]
+    Explicit,
+    /// Normal equations, the Schur complement is not formed.
+    Implicit,
+    /// Normal equations, and the rows of residuals and Jacobian are kept.
+    Rows,
+}
+
+impl ChunkPlan {
+    /// The place among all kept components of a place in the chunk's vector.
+    pub fn kept_of_local(&self, local: u32) -> usize {
+        let found = self.locals.binary_search_by_key(&local, |l| l.local);
+        found.map_or(0, |i| self.locals[i].kept as usize)
+    }
 }
 
 /// The share of one chunk: eliminated variables with their groups, and groups without one.
@@ -181,10 +203,10 @@ pub(crate) struct ChunkBuilder<'a> {
 }
 
 impl<'a> ChunkBuilder<'a> {
-    pub fn build(layout: &'a Layout, share: &Share, implicit: bool) -> ChunkPlan {
+    pub fn build(layout: &'a Layout, share: &Share, form: Form) -> ChunkPlan {
         let mut builder = Self {
             layout,
-            plan: ChunkPlan { implicit, ..ChunkPlan::default() },
+            plan: ChunkPlan { form, ..ChunkPlan::default() },
             local_of: HashMap::new(),
             hcc: HashMap::new(),
             scc: HashMap::new(),
@@ -206,7 +228,7 @@ impl<'a> ChunkBuilder<'a> {
         }
         let plan = &mut builder.plan;
         for strip in &mut plan.strips {
-            if !implicit && strip.count >= DENSE_COUNT && (1..=DENSE_WIDTH).contains(&strip.width) {
+            if form == Form::Explicit && strip.count >= DENSE_COUNT && (1..=DENSE_WIDTH).contains(&strip.width) {
                 strip.dense = Some(plan.dense_len as u32);
                 plan.dense_len += (strip.stride * strip.stride) as usize;
             }
@@ -267,7 +289,7 @@ impl<'a> ChunkBuilder<'a> {
             let d = active.free;
             variables.push(StripVariable { column: width, d, local: self.local(*rank), kept });
             width += d;
-            let formed = if self.plan.implicit { &[] } else { &ranks[..=k] };
+            let formed = if self.plan.form == Form::Implicit { &[] } else { &ranks[..=k] };
             for other in formed {
                 pairs.push(self.schur_block(*rank, *other));
             }
@@ -362,7 +384,8 @@ impl<'a> ChunkBuilder<'a> {
         }
         let (rows, columns) = (info.rows as usize, info.columns as usize);
         let scattered = &self.plan.scatters[scatter as usize];
-        if let Some(lanes) = &scattered.lanes {
+        let m = scattered.m as usize;
+        if let Some(lanes) = scattered.lanes.as_ref().filter(|_| self.plan.form != Form::Rows) {
             let blocks = (rows / lanes.len()).div_ceil(LANES);
             self.plan.max_lanes = self.plan.max_lanes.max(blocks * scattered.block as usize);
         } else {
@@ -377,7 +400,11 @@ impl<'a> ChunkBuilder<'a> {
             scatter,
             elimination,
             strip_columns,
+            kept_rows: self.plan.rows_len,
         });
+        if self.plan.form == Form::Rows {
+            self.plan.rows_len += rows * (m + 1);
+        }
     }
 
     fn new_scatter(&mut self, group: u32) -> Scatter {

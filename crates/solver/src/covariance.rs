@@ -3,6 +3,7 @@
 use std::fmt;
 
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 use thiserror::Error;
 
 use crate::error::{EvaluationFailure, StructureError};
@@ -11,7 +12,14 @@ use crate::inverse::Inverse;
 use crate::layout::Layout;
 use crate::normal::NormalEquations;
 use crate::options::LinearSolver;
+use crate::selected::{Selected, orthonormalize};
+use crate::undetermined::null_space;
 use crate::values::{Values, VariableId};
+
+/// Relative curvature of undetermined combinations: rounding errors of normal equations leave less, and those of a
+/// factorisation of the Jacobian the square of that.
+const TOLERANCE: f64 = 1e-12;
+const ROWS_TOLERANCE: f64 = 1e-24;
 
 /// How a [`Covariance`] is computed.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,14 +34,15 @@ pub struct CovarianceOptions {
 
 impl Default for CovarianceOptions {
     fn default() -> Self {
-        Self { rank_tolerance: 1e-12, pseudo_inverse: false }
+        Self { rank_tolerance: TOLERANCE, pseudo_inverse: false }
     }
 }
 
 /// A component of an undetermined combination.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NullComponent {
     /// The variable.
+    #[serde(skip)]
     pub variable: VariableId,
     /// Its label.
     pub label: String,
@@ -45,7 +54,7 @@ pub struct NullComponent {
 
 /// A combination of variables that the residuals do not determine: a unit vector of the tangent space along which the cost
 /// does not change, to second order.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NullDirection {
     /// Components that matter, the most influential on the residuals first.
     pub components: Vec<NullComponent>,
@@ -101,10 +110,25 @@ fn join(directions: &[NullDirection]) -> String {
 #[derive(Clone)]
 pub struct Covariance {
     layout: Layout,
-    inverse: Inverse,
+    inverse: Kind,
     dims: Vec<usize>,
     used: Vec<bool>,
     cost: f64,
+}
+
+#[derive(Clone)]
+enum Kind {
+    Whole(Inverse),
+    Selected(Selected),
+}
+
+impl Kind {
+    fn null(&self) -> &[DVector<f64>] {
+        match self {
+            Kind::Whole(inverse) => &inverse.null,
+            Kind::Selected(selected) => &selected.null,
+        }
+    }
 }
 
 impl fmt::Debug for Covariance {
@@ -114,24 +138,50 @@ impl fmt::Debug for Covariance {
 }
 
 impl Covariance {
-    /// Linearises at `values` and inverts the normal equations.
+    /// Linearises at `values` and inverts the normal equations. Of any variables covariances are then at hand. What a Schur
+    /// complement leaves is inverted as a dense matrix; for large sparse problems see [`selected`](Self::selected).
     ///
     /// # Errors
     /// [`CovarianceError::RankDeficient`] if combinations of variables are undetermined and no pseudo-inverse is asked for;
     /// others if the graph cannot be evaluated.
     pub fn compute(graph: &Graph, values: &Values, options: &CovarianceOptions) -> Result<Covariance, CovarianceError> {
-        let mut system = NormalEquations::new(graph, values, LinearSolver::DenseSchur, true)?;
-        let mut cost = system.linearize(values)?;
-        let active = system.bounds.active(values, system.gradient());
-        if !active.is_empty() {
-            let mut fixed = graph.clone();
-            active.iter().for_each(|(id, component)| fixed.fix_component(*id, *component, values.dim(*id)));
-            system = NormalEquations::new(&fixed, values, LinearSolver::DenseSchur, true)?;
-            cost = system.linearize(values)?;
-        }
+        let (system, cost) = linearized(graph, values, LinearSolver::DenseSchur)?;
         let inverse = Inverse::new(&system, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
-        if !options.pseudo_inverse && !inverse.null.is_empty() {
-            let directions = inverse.null.iter().map(|v| name_direction(graph, &system, v)).collect();
+        Self::new(graph, values, options, system, cost, Kind::Whole(inverse))
+    }
+
+    /// The covariances of chosen variables, with each other as well, from a sparse factorisation: for problems too large for
+    /// [`compute`](Self::compute), such as graphs of many poses. Of other variables they are not a number.
+    ///
+    /// It takes the factorisation and two triangular solutions for each component chosen.
+    ///
+    /// # Errors
+    /// Like [`compute`](Self::compute).
+    pub fn selected(
+        graph: &Graph,
+        values: &Values,
+        variables: &[VariableId],
+        options: &CovarianceOptions,
+    ) -> Result<Covariance, CovarianceError> {
+        let (mut system, cost) = linearized(graph, values, LinearSolver::SparseCholesky)?;
+        let place = |id: &VariableId| system.layout.find(*id).map(|a| (a.offset, a.free as usize));
+        let mut chosen: Vec<(usize, usize)> = variables.iter().filter_map(place).collect();
+        chosen.sort_unstable();
+        chosen.dedup();
+        let selected = Selected::new(&mut system, &chosen, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
+        Self::new(graph, values, options, system, cost, Kind::Selected(selected))
+    }
+
+    fn new(
+        graph: &Graph,
+        values: &Values,
+        options: &CovarianceOptions,
+        system: NormalEquations,
+        cost: f64,
+        inverse: Kind,
+    ) -> Result<Self, CovarianceError> {
+        if !options.pseudo_inverse && !inverse.null().is_empty() {
+            let directions = inverse.null().iter().map(|v| name_direction(graph, &system, v)).collect();
             return Err(CovarianceError::RankDeficient { directions });
         }
         let dims = values.ids().map(|id| values.dim(id)).collect();
@@ -168,7 +218,10 @@ impl Covariance {
         }
         for (k, (a, rows)) in active.iter().enumerate() {
             for (b, columns) in &active[..=k] {
-                let block = self.inverse.block(&self.layout, a, b);
+                let block = match &self.inverse {
+                    Kind::Whole(inverse) => inverse.block(&self.layout, a, b),
+                    Kind::Selected(selected) => selected.block(a, b),
+                };
                 for (i, row) in rows.iter().enumerate() {
                     for (j, column) in columns.iter().enumerate() {
                         joint[(*row, *column)] = block[(i, j)];
@@ -192,7 +245,7 @@ impl Covariance {
 
     /// Number of undetermined combinations that the pseudo-inverse left out.
     pub fn nullity(&self) -> usize {
-        self.inverse.null.len()
+        self.inverse.null().len()
     }
 
     /// The estimated variance of the whitened residuals, 2 · cost / degrees of freedom; 1 where the noise model is right and
@@ -205,6 +258,39 @@ impl Covariance {
     pub fn degrees_of_freedom(&self) -> isize {
         self.layout.rows as isize - (self.layout.dim() - self.nullity()) as isize
     }
+}
+
+/// The combinations that the residuals do not determine at these values, by QR of the Jacobian or by the Cholesky
+/// factorisation of its normal equations. Nothing if there is no factorisation.
+pub(crate) fn undetermined(
+    graph: &Graph,
+    values: &Values,
+    by_rows: bool,
+) -> Result<Option<Vec<NullDirection>>, CovarianceError> {
+    let (linear_solver, tolerance) =
+        if by_rows { (LinearSolver::SparseQr, ROWS_TOLERANCE) } else { (LinearSolver::SparseCholesky, TOLERANCE) };
+    let (mut system, _) = linearized(graph, values, linear_solver)?;
+    let Some(mut null) = null_space(&mut system, tolerance) else { return Ok(None) };
+    orthonormalize(&mut null);
+    Ok(Some(null.iter().map(|v| name_direction(graph, &system, v)).collect()))
+}
+
+/// The normal equations at these values, components at active bounds fixed, and the cost.
+fn linearized(
+    graph: &Graph,
+    values: &Values,
+    linear_solver: LinearSolver,
+) -> Result<(NormalEquations, f64), CovarianceError> {
+    let mut system = NormalEquations::new(graph, values, linear_solver, true)?;
+    let mut cost = system.linearize(values)?;
+    let active = system.bounds.active(values, system.gradient());
+    if !active.is_empty() {
+        let mut fixed = graph.clone();
+        active.iter().for_each(|(id, component)| fixed.fix_component(*id, *component, values.dim(*id)));
+        system = NormalEquations::new(&fixed, values, linear_solver, true)?;
+        cost = system.linearize(values)?;
+    }
+    Ok((system, cost))
 }
 
 /// Writes a null vector in terms of variables.

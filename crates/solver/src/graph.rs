@@ -70,9 +70,17 @@ pub struct BatchId(usize);
 pub struct Graph {
     batches: Vec<Option<Arc<dyn FactorBatch>>>,
     fixed: BTreeMap<VariableId, Fixed>,
-    labels: BTreeMap<VariableId, String>,
+    labels: Labels,
     eliminated: Vec<VariableId>,
     bounds: BTreeMap<(VariableId, usize), (f64, f64)>,
+}
+
+/// Names of variables.
+pub(crate) type Labels = Arc<BTreeMap<VariableId, String>>;
+
+/// The variable's name, by default its number.
+pub(crate) fn label(labels: &Labels, id: VariableId) -> String {
+    labels.get(&id).cloned().unwrap_or_else(|| format!("variable {}", id.0))
 }
 
 /// Which components of a variable stay as they are.
@@ -173,13 +181,16 @@ impl Graph {
 
     /// Gives a variable a name for reports and errors.
     pub fn label(&mut self, variable: impl Into<VariableId>, label: impl Into<String>) {
-        self.labels.insert(variable.into(), label.into());
+        Arc::make_mut(&mut self.labels).insert(variable.into(), label.into());
     }
 
     /// The variable's name, by default its number.
     pub fn label_of(&self, variable: impl Into<VariableId>) -> String {
-        let id = variable.into();
-        self.labels.get(&id).cloned().unwrap_or_else(|| format!("variable {}", id.0))
+        label(&self.labels, variable.into())
+    }
+
+    pub(crate) fn labels(&self) -> Labels {
+        Arc::clone(&self.labels)
     }
 
     /// Forces the group of variables that a Schur complement eliminates; no two of them may share a factor. By default

@@ -11,6 +11,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use crate::layout::{Active, Layout};
 use crate::normal::NormalEquations;
+use crate::selected::orthonormalize;
 
 /// An eliminated variable.
 #[derive(Clone)]
@@ -83,7 +84,8 @@ impl Inverse {
             inverse.extend_by_elimination(layout, &mut full);
             null.push(full);
         }
-        inverse.null = orthonormal(null);
+        orthonormalize(&mut null);
+        inverse.null = null;
         inverse.g_null = inverse.null.iter().map(|v| inverse.apply(layout, v)).collect();
         let k = inverse.null.len();
         inverse.null_g_null = DMatrix::from_fn(k, k, |i, j| inverse.null[i].dot(&inverse.g_null[j]));
@@ -224,20 +226,4 @@ fn invert_spectrum(
     let half = DMatrix::from_fn(n, good.len(), |i, k| scale[i] * vector(i, good[k]) / values[good[k]].sqrt());
     let null = bad.into_iter().map(|k| DVector::from_fn(n, |i, _| scale[i] * vector(i, k))).collect();
     (&half * half.transpose(), null)
-}
-
-/// Gram–Schmidt, twice for accuracy.
-fn orthonormal(vectors: Vec<DVector<f64>>) -> Vec<DVector<f64>> {
-    let mut basis: Vec<DVector<f64>> = Vec::with_capacity(vectors.len());
-    for mut v in vectors {
-        v /= v.norm();
-        for _ in 0..2 {
-            for b in &basis {
-                v -= b * b.dot(&v);
-            }
-        }
-        v /= v.norm();
-        basis.push(v);
-    }
-    basis
 }

@@ -191,24 +191,29 @@ impl Layout {
         self.active.get(index as usize)
     }
 
+    /// The variable and its tangent component that a component of the step belongs to.
+    pub fn component(&self, index: usize) -> Option<(VariableId, usize)> {
+        let active = self.active.iter().find(|a| (a.offset..a.offset + a.free as usize).contains(&index))?;
+        let place = index - active.offset;
+        Some((active.id, active.mask.as_ref().map_or(place, |mask| mask[place] as usize)))
+    }
+
     /// Moves all active variables by the step.
-    pub fn retract(&self, values: &Values, step: &[f64], scratch: &mut Vec<f64>) -> Values {
-        let mut moved = values.clone();
+    pub fn retract(&self, values: &mut Values, step: &[f64], scratch: &mut Vec<f64>) {
         for a in &self.active {
             let free = &step[a.offset..a.offset + a.free as usize];
             match &a.mask {
-                None => moved.retract(a.id, free),
+                None => values.retract(a.id, free),
                 Some(mask) => {
                     scratch.clear();
                     scratch.resize(a.dim as usize, 0.0);
                     for (i, d) in mask.iter().zip(free) {
                         scratch[*i as usize] = *d;
                     }
-                    moved.retract(a.id, scratch);
+                    values.retract(a.id, scratch);
                 }
             }
         }
-        moved
     }
 }
 

@@ -1,43 +1,53 @@
 //! The normal equations H δ = −g of a linearised problem, H = Jᵀ W J, g = Jᵀ W r, and their solution.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::accumulate::Chunk;
 use crate::blocks::ReducedBlocks;
 use crate::bounds::Bounds;
-use crate::chunk::{ChunkBuilder, ChunkPlan, Share};
+use crate::choice::choose;
+use crate::chunk::{ChunkBuilder, ChunkPlan, Form, Share};
 use crate::conjugate::{Conjugate, multiply_chunk};
 use crate::error::{EvaluationFailure, StructureError};
-use crate::graph::Graph;
+use crate::graph::{Graph, Labels, label};
 use crate::hold::hold_chunk;
-use crate::layout::{Layout, NONE};
+use crate::layout::Layout;
 use crate::options::{LinearSolver, LinearSolverUsed};
-use crate::partition;
+use crate::ordering::BlockGraph;
+use crate::qr::{Qr, multiply_rows};
 use crate::reduced::{PARALLEL_SIZE, Reduced};
-use crate::values::Values;
+use crate::shares::shares;
+use crate::values::{Values, VariableId};
 
-/// Work that a chunk should hold at least, in floating-point operations, and the largest number of chunks.
-const CHUNK_WORK: f64 = 5e5;
-const MAX_CHUNKS: f64 = 32.0;
+/// Smallest damping: below, rounding errors of H exceed it; those of a factorisation of J are the squares of that.
+const MIN_DAMPING: f64 = 1e-15;
+const MIN_DAMPING_ROWS: f64 = 1e-30;
 
-/// Size up to which the system over the kept variables is dense without further thought.
-const DENSE_SIZE: usize = 400;
+/// How the system over the kept variables is solved.
+enum Linear {
+    Direct(Reduced),
+    Conjugate(Conjugate),
+    Orthogonal(Box<Qr>),
+}
 
 /// A problem's normal equations. Memory is laid out once; linearising and solving again do not allocate.
 pub(crate) struct NormalEquations {
     pub layout: Layout,
     pub chunks: Vec<Chunk>,
     pub blocks: ReducedBlocks,
-    reduced: Reduced,
+    linear: Linear,
+    /// The graph that the choice of the linear solver looked at.
+    graph: Option<BlockGraph>,
     used: LinearSolverUsed,
     /// g and the diagonal of H, eliminated variables first.
     gradient: Vec<f64>,
     diagonal: Vec<f64>,
     scratch: Vec<f64>,
+    /// A step before it is cut at bounds.
+    whole: Vec<f64>,
+    labels: Labels,
     parallel: bool,
-    /// Takes the place of `reduced`, if it is there.
-    conjugate: Option<Conjugate>,
     pub bounds: Bounds,
     /// Components that are held, if there are bounds.
     held: Vec<bool>,
@@ -47,48 +57,100 @@ pub(crate) struct NormalEquations {
 
 impl NormalEquations {
     /// Lays out memory. Where not `parallel`, the chunks are worked through by the calling thread.
-    pub fn new(graph: &Graph, values: &Values, choice: LinearSolver, parallel: bool) -> Result<Self, StructureError> {
+    pub fn new(graph: &Graph, values: &Values, wanted: LinearSolver, parallel: bool) -> Result<Self, StructureError> {
+        Self::renew(None, graph, values, wanted, parallel)
+    }
+
+    /// Lays out memory, and takes over orderings and symbolic factorisations where they fit.
+    pub fn renew(
+        previous: Option<Self>,
+        graph: &Graph,
+        values: &Values,
+        wanted: LinearSolver,
+        parallel: bool,
+    ) -> Result<Self, StructureError> {
         let mut layout = Layout::new(graph, values)?;
-        match choice {
-            LinearSolver::Dense | LinearSolver::SparseCholesky => {}
-            _ => layout.partition(&partition::choose(graph, values, &layout)?),
-        }
+        let analysed = previous.as_ref().and_then(|p| Some((p.graph.as_ref()?, p.used.estimates.as_slice())));
+        let choice = choose(graph, values, &layout, wanted, analysed)?;
+        layout.partition(&choice.eliminated);
+        let form = match choice.solver {
+            LinearSolver::ConjugateGradients(_) => Form::Implicit,
+            LinearSolver::SparseQr => Form::Rows,
+            _ => Form::Explicit,
+        };
         let shares = shares(&layout);
-        let implicit = matches!(choice, LinearSolver::ConjugateGradients(_));
-        let plan = |share: &Share| ChunkBuilder::build(&layout, share, implicit);
+        let plan = |share: &Share| ChunkBuilder::build(&layout, share, form);
         let plans: Vec<ChunkPlan> =
             if parallel { shares.par_iter().map(plan).collect() } else { shares.iter().map(plan).collect() };
         let chunks: Vec<Chunk> = plans.into_iter().map(Chunk::new).collect();
-        let blocks = ReducedBlocks::new(&layout, &chunks);
-        let reduced = reduced_system(&layout, &blocks, choice)?;
-        let conjugate = match choice {
-            LinearSolver::ConjugateGradients(p) => Some(Conjugate::new(layout.kept_dim, &blocks, &chunks, p)),
-            _ => None,
+        let mut blocks = ReducedBlocks::new(&layout, &chunks);
+        let n = layout.kept_dim;
+        let mut analyses = usize::from(choice.analysed);
+        let linear = match (choice.solver, previous.map(|p| (p.linear, p.blocks))) {
+            (LinearSolver::ConjugateGradients(p), _) => Linear::Conjugate(Conjugate::new(n, &blocks, &chunks, p)),
+            (LinearSolver::SparseQr, previous) if n > 0 => {
+                let previous = previous.and_then(|(linear, _)| match linear {
+                    Linear::Orthogonal(qr) => Some(*qr),
+                    _ => None,
+                });
+                let (qr, taken_over) = Qr::new(n, &chunks, previous)?;
+                analyses = usize::from(!taken_over);
+                Linear::Orthogonal(Box::new(qr))
+            }
+            (LinearSolver::SparseCholesky | LinearSolver::SparseSchur, previous) if n > 0 => {
+                let fitted = match previous {
+                    Some((Linear::Direct(reduced @ Reduced::Sparse(_)), other)) => {
+                        blocks.fitted(&other, &layout, &chunks).map(|fitted| (reduced, fitted))
+                    }
+                    _ => None,
+                };
+                Linear::Direct(match fitted {
+                    Some((reduced, fitted)) => {
+                        blocks = fitted;
+                        reduced
+                    }
+                    None => {
+                        analyses = 1;
+                        Reduced::sparse(n, &blocks, choice.ordering)?
+                    }
+                })
+            }
+            _ => Linear::Direct(Reduced::dense(n)),
         };
-        let n = layout.dim();
+        let dim = layout.dim();
         let bounds = Bounds::new(graph, values, &layout)?;
-        let held = vec![false; if bounds.is_empty() { 0 } else { n }];
+        let held = vec![false; if bounds.is_empty() { 0 } else { dim }];
         let used = LinearSolverUsed {
+            solver: choice.solver,
+            forced: wanted != LinearSolver::Auto,
+            estimates: choice.estimates,
             eliminated_variables: layout.eliminated.len(),
             eliminated_dim: layout.eliminated_dim,
             reduced_variables: layout.kept.len(),
-            reduced_dim: layout.kept_dim,
-            iterative: conjugate.is_some(),
-            sparse: matches!(reduced, Reduced::Sparse(_)),
-            factor_entries: reduced.factor_len(),
+            reduced_dim: n,
+            iterative: matches!(linear, Linear::Conjugate(_)),
+            sparse: matches!(linear, Linear::Direct(Reduced::Sparse(_)) | Linear::Orthogonal(_)),
+            factor_entries: match &linear {
+                Linear::Direct(reduced) => reduced.factor_len(),
+                Linear::Conjugate(_) => 0,
+                Linear::Orthogonal(qr) => qr.factor_len(),
+            },
+            symbolic_analyses: analyses,
             chunks: chunks.len(),
         };
         Ok(Self {
             layout,
             chunks,
             blocks,
-            reduced,
+            linear,
+            graph: choice.graph,
             used,
-            gradient: vec![0.0; n],
-            diagonal: vec![0.0; n],
+            gradient: vec![0.0; dim],
+            diagonal: vec![0.0; dim],
             scratch: Vec::new(),
+            whole: Vec::new(),
+            labels: graph.labels(),
             parallel,
-            conjugate,
             bounds,
             held,
             narrowed: false,
@@ -106,6 +168,11 @@ impl NormalEquations {
     /// Whether the factorisation itself is split among the threads of the pool it is called in.
     pub fn wants_pool(&self) -> bool {
         self.layout.kept_dim >= PARALLEL_SIZE
+    }
+
+    /// Smallest damping μ that rounding errors leave of any use.
+    pub fn min_damping(&self) -> f64 {
+        if matches!(self.linear, Linear::Orthogonal(_)) { MIN_DAMPING_ROWS } else { MIN_DAMPING }
     }
 
     /// g = Jᵀ W r of the last linearisation.
@@ -192,11 +259,12 @@ impl NormalEquations {
 
     /// Cuts a step that crosses bounds: component by component, or as a whole where the cost would not fall otherwise.
     /// Returns the decrease of the cost that the model then predicts, or nothing if no bound is crossed.
-    pub fn clip(&self, values: &Values, step: &mut [f64]) -> Option<f64> {
+    pub fn clip(&mut self, values: &Values, step: &mut [f64]) -> Option<f64> {
         if self.bounds.is_empty() {
             return None;
         }
-        let whole = step.to_vec();
+        self.whole.clear();
+        self.whole.extend_from_slice(step);
         if !self.bounds.clip(values, step) {
             return None;
         }
@@ -204,7 +272,7 @@ impl NormalEquations {
         if predicted > 0.0 {
             return Some(predicted);
         }
-        step.copy_from_slice(&whole);
+        step.copy_from_slice(&self.whole);
         self.bounds.shorten(values, step);
         Some(self.predict(step))
     }
@@ -217,6 +285,9 @@ impl NormalEquations {
 
     /// xᵀ H x at the last linearisation.
     pub fn quadratic_form(&self, x: &[f64]) -> f64 {
+        if matches!(self.linear, Linear::Orthogonal(_)) {
+            return multiply_rows(&self.chunks, x).iter().map(|y| y * y).sum();
+        }
         let (eliminated, kept) = x.split_at(self.layout.eliminated_dim);
         let own = |chunk: &Chunk| chunk.quadratic_form(&eliminated[chunk.plan.offset..][..chunk.plan.dim], kept);
         self.chunks.iter().map(own).sum::<f64>() + self.blocks.quadratic_form(kept)
@@ -226,6 +297,9 @@ impl NormalEquations {
     /// definite.
     #[must_use]
     pub fn solve(&mut self, mu: f64, d2: &[f64], step: &mut [f64]) -> bool {
+        if let Linear::Orthogonal(qr) = &mut self.linear {
+            return qr.solve(&self.chunks, mu, d2, &self.held, step);
+        }
         if !self.eliminate(mu, d2) {
             return false;
         }
@@ -241,11 +315,12 @@ impl NormalEquations {
             }
         }
         let parallel = self.parallel;
-        let solved = match &mut self.conjugate {
-            Some(conjugate) => conjugate.solve(kept, &mut self.chunks, &self.blocks, |chunks, x| {
+        let solved = match &mut self.linear {
+            Linear::Conjugate(conjugate) => conjugate.solve(kept, &mut self.chunks, &self.blocks, |chunks, x| {
                 for_each(chunks, parallel, |chunk| multiply_chunk(chunk, x));
             }),
-            None => self.reduced.solve(kept),
+            Linear::Direct(reduced) => reduced.solve(kept),
+            Linear::Orthogonal(_) => false,
         };
         if !solved {
             return false;
@@ -261,20 +336,97 @@ impl NormalEquations {
     /// Iterations of conjugate gradients in the last solution, if they are used.
     #[cfg(test)]
     pub fn conjugate_iterations(&self) -> Option<usize> {
-        self.conjugate.as_ref().map(|c| c.iterations)
+        if let Linear::Conjugate(c) = &self.linear { Some(c.iterations) } else { None }
     }
 
-    /// Factorises H + μ D².
+    /// Eliminates, and factorises what remains of H + μ D².
     fn eliminate(&mut self, mu: f64, d2: &[f64]) -> bool {
         for_each(&mut self.chunks, self.parallel, |chunk| chunk.eliminate(mu, d2));
         if self.chunks.iter().any(|c| !c.definite) {
             return false;
         }
-        if let Some(conjugate) = &mut self.conjugate {
-            return conjugate.prepare(&self.chunks, &self.blocks, mu, &d2[self.layout.eliminated_dim..]);
+        let d2 = &d2[self.layout.eliminated_dim..];
+        match &mut self.linear {
+            Linear::Conjugate(conjugate) => conjugate.prepare(&self.chunks, &self.blocks, mu, d2),
+            Linear::Direct(reduced) => {
+                self.blocks.assemble(&self.chunks, mu, d2, reduced);
+                reduced.factorize()
+            }
+            Linear::Orthogonal(_) => true,
         }
-        self.blocks.assemble(&self.chunks, mu, &d2[self.layout.eliminated_dim..], &mut self.reduced);
-        self.reduced.factorize()
+    }
+
+    /// Factorises H + μ D² for [`solve_many`](Self::solve_many); false if it is not positive definite.
+    #[must_use]
+    pub fn factorize(&mut self, mu: f64, d2: &[f64]) -> bool {
+        self.eliminate(mu, d2)
+    }
+
+    /// Solves for right-hand sides side by side with the last factorisation, where nothing is eliminated.
+    pub fn solve_many(&mut self, rhs: &mut [f64]) {
+        if let Linear::Direct(reduced) = &mut self.linear {
+            reduced.solve_many(rhs);
+        }
+    }
+
+    /// Replaces each of the vectors x, side by side, by (H + μ D²)⁻¹ D² x, where nothing is eliminated and
+    /// [`factorize`](Self::factorize) was called with these.
+    #[must_use]
+    pub fn inverse_iteration(&mut self, mu: f64, d2: &[f64], vectors: &mut [f64]) -> bool {
+        if let Linear::Orthogonal(qr) = &mut self.linear {
+            return vectors.chunks_exact_mut(d2.len()).all(|x| qr.inverse_iteration(&self.chunks, mu, d2, x));
+        }
+        for x in vectors.chunks_exact_mut(d2.len()) {
+            x.iter_mut().zip(d2).for_each(|(x, d2)| *x *= d2);
+        }
+        self.solve_many(vectors);
+        vectors.iter().all(|x| x.is_finite())
+    }
+
+    /// Vᵀ H V, where nothing is eliminated.
+    pub fn ritz(&self, vectors: &[DVector<f64>]) -> DMatrix<f64> {
+        let k = vectors.len();
+        if matches!(self.linear, Linear::Orthogonal(_)) {
+            let rows = |v: &DVector<f64>| DVector::from_vec(multiply_rows(&self.chunks, v.as_slice()));
+            let products: Vec<DVector<f64>> = vectors.iter().map(rows).collect();
+            return DMatrix::from_fn(k, k, |i, j| products[i].dot(&products[j]));
+        }
+        let multiply = |v: &DVector<f64>| {
+            let mut product = DVector::zeros(v.len());
+            self.blocks.multiply(v.as_slice(), product.as_mut_slice());
+            product
+        };
+        let products: Vec<DVector<f64>> = vectors.iter().map(multiply).collect();
+        DMatrix::from_fn(k, k, |i, j| vectors[i].dot(&products[j]))
+    }
+
+    /// Makes rows and columns of components those of the identity.
+    pub fn hold_components(&mut self, components: &[usize]) {
+        self.held.resize(self.layout.dim(), false);
+        components.iter().for_each(|i| self.held[*i] = true);
+        self.hold();
+    }
+
+    /// The component with the smallest pivot of the last factorisation of H + μ D², relative to D², and that
+    /// pivot. Conjugate gradients and QR have no pivots.
+    pub fn weakest(&self, d2: &[f64]) -> Option<(usize, f64)> {
+        let Linear::Direct(reduced) = &self.linear else { return None };
+        let mut weakest: Option<(usize, f64)> = None;
+        let mut compare = |i: usize, pivot: f64| {
+            let relative = pivot / d2[i];
+            let held = self.held.get(i).copied().unwrap_or(false);
+            if !held && relative.is_finite() && weakest.is_none_or(|w| relative < w.1) {
+                weakest = Some((i, relative));
+            }
+        };
+        for chunk in &self.chunks {
+            for e in &chunk.plan.eliminations {
+                let d = e.d as usize;
+                (0..d).for_each(|i| compare(chunk.plan.offset + e.e + i, chunk.lee[e.ee + i * d + i].powi(2)));
+            }
+        }
+        reduced.for_each_pivot(|i, pivot| compare(self.layout.eliminated_dim + i, pivot));
+        weakest
     }
 
     /// H_cc of the last linearisation as a full matrix.
@@ -282,11 +434,15 @@ impl NormalEquations {
         self.blocks.to_dense(self.layout.kept_dim)
     }
 
-    /// The values moved by a step.
-    pub fn retract(&mut self, values: &Values, step: &[f64]) -> Values {
-        let mut moved = self.layout.retract(values, step, &mut self.scratch);
-        self.bounds.project(&mut moved);
-        moved
+    /// Moves values by a step.
+    pub fn retract(&mut self, values: &mut Values, step: &[f64]) {
+        self.layout.retract(values, step, &mut self.scratch);
+        self.bounds.project(values);
+    }
+
+    /// The label of a variable.
+    pub fn label(&self, variable: VariableId) -> String {
+        label(&self.labels, variable)
     }
 }
 
@@ -303,66 +459,4 @@ fn total_cost(chunks: &mut [Chunk]) -> Result<f64, EvaluationFailure> {
         Some(failure) => Err(failure),
         None => Ok(chunks.iter().map(|c| c.cost).sum()),
     }
-}
-
-fn reduced_system(layout: &Layout, blocks: &ReducedBlocks, choice: LinearSolver) -> Result<Reduced, StructureError> {
-    let n = layout.kept_dim;
-    match choice {
-        LinearSolver::ConjugateGradients(_) => return Ok(Reduced::dense(0)),
-        LinearSolver::Dense | LinearSolver::DenseSchur => return Ok(Reduced::dense(n)),
-        LinearSolver::SparseCholesky | LinearSolver::SparseSchur if n > 0 => return Reduced::sparse(n, blocks),
-        _ => {}
-    }
-    let half = 0.5 * n as f64 * n as f64;
-    if n <= DENSE_SIZE || blocks.entries() as f64 > 0.3 * half {
-        return Ok(Reduced::dense(n));
-    }
-    let sparse = Reduced::sparse(n, blocks)?;
-    // Operations of a sparse factorisation if its columns were of equal length; sparse operations are slower.
-    let length = sparse.factor_len() as f64 / n as f64;
-    let flops = n as f64 * length * length;
-    Ok(if 3.0 * flops < partition::dense_flops(n) { sparse } else { Reduced::dense(n) })
-}
-
-/// Divides the groups by estimated work.
-fn shares(layout: &Layout) -> Vec<Share> {
-    let mut eliminated: Vec<(u32, Vec<u32>)> = layout.eliminated.iter().map(|e| (*e, Vec::new())).collect();
-    let mut others = Vec::new();
-    let mut work_of = vec![0.0; eliminated.len()];
-    let mut total = 0.0;
-    let work = |g: usize| {
-        let (rows, columns) = (f64::from(layout.groups[g].rows), f64::from(layout.groups[g].columns));
-        100.0 + rows * (10.0 + 5.0 * columns + 0.5 * columns * columns)
-    };
-    for (g, group) in layout.groups.iter().enumerate() {
-        total += work(g);
-        let e = layout.slots(group).iter().map(|s| &layout.active[s.active as usize]).find(|a| a.eliminated);
-        match e.map_or(NONE, |a| a.rank) {
-            NONE => others.push(g as u32),
-            rank => {
-                eliminated[rank as usize].1.push(g as u32);
-                work_of[rank as usize] += work(g);
-            }
-        }
-    }
-    let target = total / (total / CHUNK_WORK).ceil().clamp(1.0, MAX_CHUNKS);
-    let mut shares = vec![Share::default()];
-    let mut filled = 0.0;
-    let mut next = |shares: &mut Vec<Share>, work: f64| {
-        if filled > 0.0 && filled + 0.5 * work > target {
-            shares.push(Share::default());
-            filled = 0.0;
-        }
-        filled += work;
-        shares.len() - 1
-    };
-    for (e, work) in eliminated.into_iter().zip(work_of) {
-        let share = next(&mut shares, work);
-        shares[share].eliminated.push(e);
-    }
-    for g in others {
-        let share = next(&mut shares, work(g as usize));
-        shares[share].others.push(g);
-    }
-    shares
 }

@@ -1,5 +1,6 @@
 //! What the user may choose.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
@@ -65,7 +66,7 @@ pub enum Scaling {
 }
 
 /// How the linear system of an iteration is solved.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub enum LinearSolver {
     /// The one with the lowest estimated cost.
@@ -82,10 +83,38 @@ pub enum LinearSolver {
     /// Schur complement on a block-diagonal group of variables that is not formed: conjugate gradients for the rest, to a
     /// relative residual of 1e-10. For problems whose reduced system is too large to factorise.
     ConjugateGradients(Preconditioner),
+    /// Sparse QR of the Jacobian itself: does not square its condition number as normal equations do, at several times their
+    /// cost. For ill-conditioned problems; never chosen automatically, because the costs do not tell.
+    SparseQr,
+}
+
+impl std::fmt::Display for LinearSolver {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Auto => "automatic",
+            Self::Dense => "dense Cholesky",
+            Self::SparseCholesky => "sparse Cholesky",
+            Self::DenseSchur => "Schur complement, dense",
+            Self::SparseSchur => "Schur complement, sparse",
+            Self::ConjugateGradients(Preconditioner::BlockJacobi) => "conjugate gradients, block-Jacobi",
+            Self::ConjugateGradients(Preconditioner::SchurJacobi) => "conjugate gradients, Schur-Jacobi",
+            Self::SparseQr => "sparse QR",
+        })
+    }
+}
+
+/// What a linear solver was estimated to cost in each iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The linear solver.
+    pub solver: LinearSolver,
+    /// Floating-point operations, weighted: operations on small blocks, sparse factors and vectors count for more than those
+    /// of a dense factorisation. Infinite where the factor would not fit into memory.
+    pub cost: f64,
 }
 
 /// What makes conjugate gradients converge sooner.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub enum Preconditioner {
     /// The diagonal blocks of H, one for each variable: cheap.
@@ -95,9 +124,16 @@ pub enum Preconditioner {
     SchurJacobi,
 }
 
-/// The linear solver that was chosen.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+/// The linear solver that was chosen, and why.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LinearSolverUsed {
+    /// Which it is; [`LinearSolver::Auto`] before there is one.
+    pub solver: LinearSolver,
+    /// Whether the options asked for it.
+    pub forced: bool,
+    /// Estimated costs of those that were compared. Candidates that cannot be cheaper for the size of the problem are not
+    /// analysed.
+    pub estimates: Vec<Estimate>,
     /// Variables eliminated by the Schur complement, and their dimension.
     pub eliminated_variables: usize,
     /// Their tangent dimension.
@@ -110,17 +146,21 @@ pub struct LinearSolverUsed {
     pub sparse: bool,
     /// Whether the reduced system is solved by conjugate gradients, without being formed.
     pub iterative: bool,
-    /// Entries of the triangular factor of the reduced system.
+    /// Entries of the factors of the reduced system.
     pub factor_entries: usize,
+    /// Orderings and symbolic factorisations that were made; 0 where nothing is sparse, or where those of an earlier solution
+    /// of the same [`Session`](crate::Session) fitted.
+    pub symbolic_analyses: usize,
     /// Parts into which the work is divided for threads.
     pub chunks: usize,
 }
 
 impl std::fmt::Display for LinearSolverUsed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let kind = match (self.iterative, self.sparse) {
-            (true, _) => "conjugate gradients",
-            (_, true) => "sparse Cholesky",
+        let kind = match (self.solver, self.iterative, self.sparse) {
+            (LinearSolver::SparseQr, ..) => "sparse QR",
+            (_, true, _) => "conjugate gradients",
+            (_, _, true) => "sparse Cholesky",
             _ => "dense Cholesky",
         };
         let n = self.reduced_dim;
@@ -162,6 +202,21 @@ pub struct Options {
     pub ctrlc: bool,
     /// Stop when this flag is raised, with the best state so far.
     pub interrupt: Option<Interrupt>,
+    /// Look for combinations of variables that the residuals do not determine once a minimum is found, and name them in
+    /// [`Report::undetermined`](crate::Report::undetermined). It takes a factorisation and some solves. Default false:
+    /// [`Report::weakest`](crate::Report::weakest) costs nothing and tells whether there may be any.
+    pub name_undetermined: bool,
+    /// Where [`minimize`](crate::minimize) keeps its state, to go on from there when it is called again.
+    pub checkpoint: Option<CheckpointOptions>,
+}
+
+/// A [`CheckpointFile`](crate::CheckpointFile) that [`minimize`](crate::minimize) writes, and goes on from if it is there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CheckpointOptions {
+    /// The file.
+    pub path: PathBuf,
+    /// Iterations from one writing to the next, at least 1.
+    pub every: u64,
 }
 
 impl Default for Options {
@@ -180,6 +235,8 @@ impl Default for Options {
             time_limit: None,
             ctrlc: false,
             interrupt: None,
+            name_undetermined: false,
+            checkpoint: None,
         }
     }
 }
@@ -204,6 +261,9 @@ impl Options {
             && !(radius > 0.0 && radius.is_finite())
         {
             return Err(bad("method.radius", radius));
+        }
+        if self.checkpoint.as_ref().is_some_and(|c| c.every == 0) {
+            return Err(bad("checkpoint.every", 0.0));
         }
         match self.damping {
             Damping::Nielsen { tau } if !(tau > 0.0 && tau.is_finite()) => Err(bad("damping.tau", tau)),

@@ -3,6 +3,7 @@
 use crate::error::StructureError;
 use crate::graph::Graph;
 use crate::layout::Layout;
+use crate::ordering::eliminate_flops;
 use crate::values::Values;
 
 /// Floating-point operations of a Cholesky factorisation of a dense matrix.
@@ -11,13 +12,31 @@ pub(crate) fn dense_flops(n: usize) -> f64 {
     n * n * n / 3.0
 }
 
-/// The active variables to eliminate, sorted: those that the graph names, or else the class of variables whose elimination
-/// makes the linear system cheapest. Empty where a Schur complement does not pay.
-pub(crate) fn choose(graph: &Graph, values: &Values, layout: &Layout) -> Result<Vec<u32>, StructureError> {
+/// Variables to eliminate.
+#[derive(Debug)]
+pub(crate) struct Class {
+    /// Active indices, sorted.
+    pub members: Vec<u32>,
+    /// Operations of their elimination.
+    pub elimination_flops: f64,
+    /// Operations of a product of the Schur complement, left as it is, with a vector.
+    pub product_flops: f64,
+    /// Components that remain.
+    pub kept_dim: usize,
+}
+
+/// The variables to eliminate: those that the graph names, or else the class of variables whose elimination makes the linear
+/// system cheapest. Nothing where a Schur complement does not pay.
+pub(crate) fn choose(
+    graph: &Graph,
+    values: &Values,
+    layout: &Layout,
+    groups_of: &GroupsByVariable,
+) -> Result<Option<Class>, StructureError> {
     if !graph.forced_elimination().is_empty() {
-        return forced(graph, layout);
+        let members = forced(graph, layout)?;
+        return Ok((!members.is_empty()).then(|| class(layout, groups_of, members)));
     }
-    let groups_of = groups_by_variable(layout);
     let mut classes: Vec<(u32, Vec<u32>)> = Vec::new();
     for (a, active) in layout.active.iter().enumerate() {
         let class = values.class(active.id);
@@ -26,19 +45,22 @@ pub(crate) fn choose(graph: &Graph, values: &Values, layout: &Layout) -> Result<
             None => classes.push((class, vec![a as u32])),
         }
     }
-    let mut best = (dense_flops(layout.dim()), Vec::new());
+    let mut best = None;
+    let mut least = dense_flops(layout.dim());
     for (_, members) in classes {
-        let independent = independent(layout, &groups_of, &members);
+        let independent = independent(layout, groups_of, &members);
         // A chain of poses, of which every other one is independent, is better left to a sparse factorisation.
         if independent.len() * 10 < members.len() * 9 {
             continue;
         }
-        let flops = elimination_flops(layout, &groups_of, &independent);
-        if flops < best.0 {
-            best = (flops, independent);
+        let class = class(layout, groups_of, independent);
+        let flops = class.elimination_flops + dense_flops(class.kept_dim);
+        if flops < least {
+            least = flops;
+            best = Some(class);
         }
     }
-    Ok(best.1)
+    Ok(best)
 }
 
 fn forced(graph: &Graph, layout: &Layout) -> Result<Vec<u32>, StructureError> {
@@ -113,26 +135,27 @@ fn independent(layout: &Layout, groups_of: &GroupsByVariable, members: &[u32]) -
     chosen
 }
 
-/// Operations to eliminate these variables and to factorise what remains as a dense matrix.
-fn elimination_flops(layout: &Layout, groups_of: &GroupsByVariable, eliminated: &[u32]) -> f64 {
+/// Counts the operations of eliminating these variables.
+fn class(layout: &Layout, groups_of: &GroupsByVariable, members: Vec<u32>) -> Class {
     let mut seen = vec![u32::MAX; layout.active.len()];
-    let mut flops = 0.0;
+    let (mut flops, mut products) = (0.0, 0.0);
     let mut removed = 0;
-    for e in eliminated {
-        let d = layout.active[*e as usize].free as usize;
-        removed += d;
+    for e in &members {
+        let d = layout.active[*e as usize].free;
+        removed += d as usize;
         seen[*e as usize] = *e;
         let mut width = 0;
         for g in groups_of.of(*e) {
             for slot in layout.slots(&layout.groups[*g as usize]) {
                 if seen[slot.active as usize] != *e {
                     seen[slot.active as usize] = *e;
-                    width += layout.active[slot.active as usize].free as usize;
+                    width += layout.active[slot.active as usize].free;
                 }
             }
         }
-        let (d, w) = (d as f64, width as f64);
-        flops += d * d * d / 3.0 + d * d * w + d * w * w;
+        flops += eliminate_flops(d, width);
+        products += 2.0 * f64::from(d) * f64::from(d + 2 * width);
     }
-    flops + dense_flops(layout.dim() - removed)
+    let kept_dim = layout.dim() - removed;
+    Class { members, elimination_flops: flops, product_flops: products, kept_dim }
 }

@@ -3,14 +3,17 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
 use faer::prelude::Reborrow;
+use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, MatRef, Par, Side};
 
 use crate::blocks::{Block, ReducedBlocks};
 use crate::error::StructureError;
+use crate::ordering::{BlockGraph, Ordering, linear_system, permutation};
 
 /// Below this size a factorisation is not worth more than one thread.
 pub(crate) const PARALLEL_SIZE: usize = 256;
@@ -44,7 +47,7 @@ pub(crate) struct Sparse {
 
 /// How a factorisation is split among threads. The split must not depend on how many threads there are, or results would:
 /// so it is into a fixed number of parts.
-fn parallelism(n: usize) -> Par {
+pub(crate) fn parallelism(n: usize) -> Par {
     if n < PARALLEL_SIZE { Par::Seq } else { Par::rayon(8) }
 }
 
@@ -56,22 +59,54 @@ impl Reduced {
         Reduced::Dense(Dense { n, matrix: vec![0.0; n * n], memory, par })
     }
 
-    pub fn sparse(n: usize, blocks: &ReducedBlocks) -> Result<Self, StructureError> {
-        let error = |e: &dyn std::fmt::Debug| StructureError::LinearSystem { reason: format!("{e:?}") };
+    /// The `ordering` of the variables is looked for where it is not given.
+    pub fn sparse(n: usize, blocks: &ReducedBlocks, ordering: Option<Ordering>) -> Result<Self, StructureError> {
+        let diagonal: Vec<(usize, usize)> = blocks.diagonal_blocks().collect();
+        let first: Vec<usize> = diagonal.iter().map(|b| b.0).collect();
+        let dims: Vec<u32> = diagonal.iter().map(|b| b.1 as u32).collect();
+        let ordering = match ordering {
+            Some(ordering) => ordering,
+            None => BlockGraph::new(dims.clone(), blocks.links()).analyse()?,
+        };
+        let permutation = permutation(&ordering.order, &first, &dims);
         let (pattern, row_offset) = sparse_pattern(n, blocks);
         let par = parallelism(n);
         let symbolic = factorize_symbolic_cholesky(
             pattern.rb(),
             Side::Lower,
-            SymmetricOrdering::Amd,
+            SymmetricOrdering::Custom(permutation.as_ref()),
             CholeskySymbolicParams::default(),
         )
-        .map_err(|e| error(&e))?;
+        .map_err(|e| linear_system(&e))?;
         let numeric = symbolic.factorize_numeric_llt_scratch::<f64>(par, Default::default());
         let memory = MemBuffer::new(numeric.or(symbolic.solve_in_place_scratch::<f64>(1, par)));
         let values = vec![0.0; pattern.compute_nnz()];
         let factor = vec![0.0; symbolic.len_val()];
         Ok(Reduced::Sparse(Box::new(Sparse { n, pattern, values, row_offset, symbolic, factor, memory, par })))
+    }
+
+    /// The pivots of the last factorisation, squares of the triangular factor's diagonal: calls `f` with the component and
+    /// its pivot.
+    pub fn for_each_pivot(&self, mut f: impl FnMut(usize, f64)) {
+        match self {
+            Reduced::Dense(d) => (0..d.n).for_each(|i| f(i, d.matrix[i * d.n + i].powi(2))),
+            Reduced::Sparse(s) => {
+                let forward = s.symbolic.perm().map(|p| p.arrays().0);
+                let mut pivot = |i: usize, l: f64| f(forward.map_or(i, |p| p[i]), l * l);
+                match s.symbolic.raw() {
+                    SymbolicCholeskyRaw::Simplicial(raw) => {
+                        (0..s.n).for_each(|j| pivot(j, s.factor[raw.col_ptr()[j]]));
+                    }
+                    SymbolicCholeskyRaw::Supernodal(raw) => {
+                        let factor = SupernodalLltRef::new(raw, &s.factor);
+                        for index in 0..raw.n_supernodes() {
+                            let node = factor.supernode(index);
+                            (0..node.val().ncols()).for_each(|j| pivot(node.start() + j, node.val()[(j, j)]));
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// Entries of the triangular factor.
@@ -143,6 +178,25 @@ impl Reduced {
                 );
                 result.is_ok()
             }
+        }
+    }
+
+    /// Solves for right-hand sides side by side, each of n components.
+    pub fn solve_many(&mut self, rhs: &mut [f64]) {
+        match self {
+            Reduced::Dense(d) if d.n > 0 => rhs.chunks_exact_mut(d.n).for_each(|column| {
+                let factor = MatRef::from_column_major_slice(&d.matrix, d.n, d.n);
+                let x = MatMut::from_column_major_slice_mut(column, d.n, 1);
+                llt::solve::solve_in_place(factor, x, d.par, MemStack::new(&mut d.memory));
+            }),
+            Reduced::Sparse(s) if s.n > 0 => {
+                let columns = rhs.len() / s.n;
+                let mut memory = MemBuffer::new(s.symbolic.solve_in_place_scratch::<f64>(columns, s.par));
+                let x = MatMut::from_column_major_slice_mut(rhs, s.n, columns);
+                let factor = LltRef::new(&s.symbolic, &s.factor);
+                factor.solve_in_place_with_conj(Conj::No, x, s.par, MemStack::new(&mut memory));
+            }
+            _ => {}
         }
     }
 

@@ -5,7 +5,9 @@ use std::fmt;
 use argmin::core::TerminationReason;
 use serde::{Deserialize, Serialize};
 
+use crate::covariance::NullDirection;
 use crate::options::LinearSolverUsed;
+use crate::values::VariableId;
 
 /// Why a solver stopped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -127,6 +129,32 @@ pub struct Report {
     pub residuals: usize,
     /// Number of free tangent components.
     pub unknowns: usize,
+    /// The component with the smallest pivot of the last factorisation. Nothing with conjugate gradients and QR, which have
+    /// no pivots.
+    pub weakest: Option<Weakest>,
+    /// Combinations of variables that the residuals do not determine at the end, if
+    /// [`Options::name_undetermined`](crate::Options::name_undetermined) asks for them.
+    pub undetermined: Vec<NullDirection>,
+}
+
+/// A component whose share of the linear system the other components nearly explain.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Weakest {
+    /// The variable.
+    #[serde(skip)]
+    pub variable: VariableId,
+    /// Its label.
+    pub label: String,
+    /// Tangent component.
+    pub component: usize,
+    /// What eliminating the components before it left of its diagonal entry of H + μ D², relative to that of D².
+    pub pivot: f64,
+    /// μ.
+    pub damping: f64,
+    /// Whether the pivot is so small that it may be due to the damping and rounding errors alone: then some combination of
+    /// variables with this component may not be determined. A hint that costs nothing;
+    /// [`Options::name_undetermined`](crate::Options::name_undetermined) finds out.
+    pub suspect: bool,
 }
 
 impl fmt::Display for Report {
@@ -134,6 +162,18 @@ impl fmt::Display for Report {
         writeln!(f, "{}", self.termination)?;
         writeln!(f, "cost {:.9e} -> {:.9e} in {} iterations", self.cost0, self.cost, self.iterations)?;
         writeln!(f, "{} residuals, {} unknowns; {}", self.residuals, self.unknowns, self.linear_solver)?;
+        let estimates = &self.linear_solver.estimates;
+        if !estimates.is_empty() {
+            let listed: Vec<_> = estimates.iter().map(|e| format!("{} {:.1e}", e.solver, e.cost)).collect();
+            writeln!(f, "estimated operations: {}", listed.join("; "))?;
+        }
+        for direction in &self.undetermined {
+            writeln!(f, "not determined: {direction}")?;
+        }
+        if let Some(w) = self.weakest.as_ref().filter(|w| w.suspect && self.undetermined.is_empty()) {
+            let (label, component, pivot, damping) = (&w.label, w.component, w.pivot, w.damping);
+            writeln!(f, "{label}[{component}] may not be determined: pivot {pivot:.1e}, damping {damping:.1e}")?;
+        }
         writeln!(f, "{:>4} {:>15} {:>11} {:>11} {:>11} {:>9}", "", "cost", "gradient", "step", "damping", "")?;
         for (i, it) in self.trace.iter().enumerate() {
             let verdict = if it.accepted { "" } else { "rejected" };

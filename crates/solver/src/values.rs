@@ -71,6 +71,8 @@ impl<V> From<Key<V>> for VariableId {
 /// All variables of one type.
 trait AnyColumn: Any + Send + Sync + Debug {
     fn duplicate(&self) -> Arc<dyn AnyColumn>;
+    /// Takes over the variables of another column; false if it is of another type.
+    fn overwrite(&mut self, other: &dyn Any) -> bool;
     fn dim(&self, slot: usize) -> usize;
     fn retract(&mut self, slot: usize, delta: &[f64]);
     fn coordinate(&self, slot: usize, component: usize) -> Option<f64>;
@@ -87,6 +89,10 @@ struct Column<V>(Vec<V>);
 impl<V: Variable> AnyColumn for Column<V> {
     fn duplicate(&self) -> Arc<dyn AnyColumn> {
         Arc::new(self.clone())
+    }
+
+    fn overwrite(&mut self, other: &dyn Any) -> bool {
+        other.downcast_ref::<Self>().map(|other| self.0.clone_from(&other.0)).is_some()
     }
 
     fn dim(&self, slot: usize) -> usize {
@@ -130,7 +136,7 @@ struct Entry {
 /// copied first, one type at a time.
 #[derive(Clone, Debug, Default)]
 pub struct Values {
-    types: Vec<TypeId>,
+    types: Arc<Vec<TypeId>>,
     columns: Vec<Arc<dyn AnyColumn>>,
     entries: Arc<Vec<Entry>>,
 }
@@ -145,7 +151,7 @@ impl Values {
     pub fn insert<V: Variable>(&mut self, variable: V) -> Key<V> {
         let of_type = TypeId::of::<V>();
         let column = self.types.iter().position(|t| *t == of_type).unwrap_or_else(|| {
-            self.types.push(of_type);
+            Arc::make_mut(&mut self.types).push(of_type);
             self.columns.push(Arc::new(Column::<V>(Vec::new())));
             self.columns.len() - 1
         });
@@ -264,6 +270,18 @@ impl Values {
     pub fn set_state(&mut self, id: VariableId, state: &[f64]) -> bool {
         let Some(Entry { column, slot }) = self.entries.get(id.index()).copied() else { return false };
         unique(&mut self.columns[column as usize]).set_state(slot as usize, state)
+    }
+
+    /// Becomes a copy of other values of the same problem in the memory that it has; false if that memory is shared, or
+    /// does not fit. Its own values are lost in any case.
+    pub(crate) fn overwrite(&mut self, other: &Self) -> bool {
+        if !Arc::ptr_eq(&self.entries, &other.entries) || self.columns.len() != other.columns.len() {
+            return false;
+        }
+        self.columns.iter_mut().zip(&other.columns).all(|(own, other)| {
+            let other: &dyn Any = other.as_ref();
+            Arc::get_mut(own).is_some_and(|own| own.overwrite(other))
+        })
     }
 
     /// A number that is the same for variables of the same type.
