@@ -168,7 +168,8 @@ impl Covariance {
         let mut chosen: Vec<(usize, usize)> = variables.iter().filter_map(place).collect();
         chosen.sort_unstable();
         chosen.dedup();
-        let selected = Selected::new(&mut system, &chosen, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
+        let selected =
+            Selected::new(&mut system, &chosen, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
         Self::new(graph, values, options, system, cost, Kind::Selected(selected))
     }
 

@@ -9,6 +9,7 @@ use crate::error::{EvaluationError, EvaluationFailure};
 use crate::factor::{Factor, VariableTuple};
 use crate::lanes::LaneAccess;
 use crate::loss::Loss;
+use crate::part::Part;
 use crate::values::{Values, VariableId};
 
 /// Residuals that are computed alike.
@@ -128,6 +129,29 @@ impl Graph {
     /// Takes a batch out of the problem. Returns whether it was there.
     pub fn remove_batch(&mut self, batch: BatchId) -> bool {
         self.batches.get_mut(batch.0).is_some_and(|slot| slot.take().is_some())
+    }
+
+    /// Takes groups of a batch out of the problem: those for which `keep` is false. The others are numbered anew. Returns
+    /// how many are gone.
+    pub fn retain_groups(&mut self, batch: BatchId, mut keep: impl FnMut(usize, &dyn FactorBatch) -> bool) -> usize {
+        let Some(Some(slot)) = self.batches.get_mut(batch.0) else { return 0 };
+        let before = slot.group_count();
+        let whole = Arc::clone(slot);
+        if let Some(part) = Part::new(&whole, |group| keep(group, whole.as_ref())) {
+            *slot = Arc::new(part);
+        }
+        before - slot.group_count()
+    }
+
+    /// Takes a variable out of the problem with all groups of residuals about it, and with its bounds. Its value stays where
+    /// it is, without any effect. Returns how many groups are gone.
+    pub fn remove_variable(&mut self, variable: impl Into<VariableId>) -> usize {
+        let id = variable.into();
+        self.fixed.remove(&id);
+        self.bounds.retain(|(bounded, _), _| *bounded != id);
+        self.eliminated.retain(|e| *e != id);
+        let batches: Vec<BatchId> = self.batches().map(|(batch, _)| batch).collect();
+        batches.into_iter().map(|b| self.retain_groups(b, |g, batch| !batch.variables(g).contains(&id))).sum()
     }
 
     /// The batch, if it has not been removed.

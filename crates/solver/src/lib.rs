@@ -79,6 +79,7 @@ mod noise;
 mod normal;
 mod options;
 mod ordering;
+mod part;
 mod partition;
 mod prior;
 mod qr;

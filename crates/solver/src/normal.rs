@@ -1,5 +1,6 @@
 //! The normal equations H δ = −g of a linearised problem, H = Jᵀ W J, g = Jᵀ W r, and their solution.
 
+use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -383,13 +384,17 @@ impl NormalEquations {
         vectors.iter().all(|x| x.is_finite())
     }
 
-    /// Vᵀ H V, where nothing is eliminated.
-    pub fn ritz(&self, vectors: &[DVector<f64>]) -> DMatrix<f64> {
+    /// The eigenvalues of Vᵀ H V, ascending, and its eigenvectors, where nothing is eliminated.
+    pub fn ritz(&self, vectors: &[DVector<f64>]) -> Option<(Vec<f64>, DMatrix<f64>)> {
         let k = vectors.len();
         if matches!(self.linear, Linear::Orthogonal(_)) {
-            let rows = |v: &DVector<f64>| DVector::from_vec(multiply_rows(&self.chunks, v.as_slice()));
-            let products: Vec<DVector<f64>> = vectors.iter().map(rows).collect();
-            return DMatrix::from_fn(k, k, |i, j| products[i].dot(&products[j]));
+            // Squares of the singular values of J V, which rounding errors of larger ones do not spoil.
+            let products: Vec<Vec<f64>> = vectors.iter().map(|v| multiply_rows(&self.chunks, v.as_slice())).collect();
+            let rows = products.first().map_or(0, Vec::len).max(k);
+            let image = Mat::from_fn(rows, k, |i, j| products[j].get(i).copied().unwrap_or(0.0));
+            let svd = image.thin_svd().ok()?;
+            let values = (0..k).rev().map(|i| svd.S()[i] * svd.S()[i]).collect();
+            return Some((values, DMatrix::from_fn(k, k, |i, j| svd.V()[(i, k - 1 - j)])));
         }
         let multiply = |v: &DVector<f64>| {
             let mut product = DVector::zeros(v.len());
@@ -397,7 +402,9 @@ impl NormalEquations {
             product
         };
         let products: Vec<DVector<f64>> = vectors.iter().map(multiply).collect();
-        DMatrix::from_fn(k, k, |i, j| vectors[i].dot(&products[j]))
+        let eigen = Mat::from_fn(k, k, |i, j| vectors[i].dot(&products[j])).self_adjoint_eigen(Side::Lower).ok()?;
+        let values = (0..k).map(|i| eigen.S()[i].max(0.0)).collect();
+        Some((values, DMatrix::from_fn(k, k, |i, j| eigen.U()[(i, j)])))
     }
 
     /// Makes rows and columns of components those of the identity.

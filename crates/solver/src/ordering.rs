@@ -4,8 +4,8 @@
 //! have the same pattern, and a graph of poses is 36 times smaller than the matrix over their components.
 
 use faer::Side;
-use faer::prelude::Reborrow;
 use faer::perm::Perm;
+use faer::prelude::Reborrow;
 use faer::sparse::SymbolicSparseColMat;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{

@@ -92,14 +92,15 @@ impl<V: Variable> FactorBatch for Prior<V> {
         if x.dim() != n {
             return Err(EvaluationError::new("the variable's dimension is not that of its prior"));
         }
-        let mut delta = vec![0.0; n];
-        self.mean.local(x, &mut delta);
+        let (mut delta, mut local) = (Scratch::new(n), Scratch::new(n * n));
+        let delta = delta.get(n);
+        self.mean.local(x, delta);
         for (row, r) in residuals.iter_mut().enumerate() {
             *r = (0..n).map(|k| a[(row, k)] * delta[k]).sum();
         }
         if let Some(jacobian) = jacobian {
-            let mut local = vec![0.0; n * n];
-            self.mean.local_jacobian(x, &mut local);
+            let local = local.get(n * n);
+            self.mean.local_jacobian(x, local);
             for row in 0..a.nrows() {
                 for column in 0..n {
                     jacobian[row * n + column] = (0..n).map(|k| a[(row, k)] * local[k * n + column]).sum();
@@ -107,5 +108,23 @@ impl<V: Variable> FactorBatch for Prior<V> {
             }
         }
         Ok(())
+    }
+}
+
+/// Numbers on the stack, or on the heap if there are many.
+struct Scratch {
+    few: [f64; 144],
+    many: Vec<f64>,
+}
+
+impl Scratch {
+    fn new(n: usize) -> Self {
+        let few = [0.0; 144];
+        let many = if n > few.len() { vec![0.0; n] } else { Vec::new() };
+        Self { few, many }
+    }
+
+    fn get(&mut self, n: usize) -> &mut [f64] {
+        if self.many.is_empty() { &mut self.few[..n] } else { &mut self.many }
     }
 }

@@ -93,8 +93,7 @@ impl Selected {
 /// residuals.
 fn pivots(null: &[DVector<f64>], diagonal: &[f64]) -> Vec<usize> {
     let scale = |i: usize| if diagonal[i] > 0.0 { diagonal[i].sqrt() } else { 1.0 };
-    let mut rows: Vec<DVector<f64>> =
-        null.iter().map(|v| DVector::from_fn(v.len(), |i, _| v[i] * scale(i))).collect();
+    let mut rows: Vec<DVector<f64>> = null.iter().map(|v| DVector::from_fn(v.len(), |i, _| v[i] * scale(i))).collect();
     let mut pivots = Vec::with_capacity(rows.len());
     for _ in 0..rows.len() {
         let largest = rows.iter().enumerate().map(|(r, row)| (r, row.icamax())).max_by(|a, b| {

@@ -4,8 +4,7 @@
 //! components would have alone. Those that vanish are found by inverse iteration of several vectors at once with the
 //! Rayleigh–Ritz method (Golub & Van Loan 2013, section 8.2), on the sparse factorisation of H + μ D² or of the Jacobian.
 
-use faer::{Mat, Side};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::normal::NormalEquations;
 
@@ -56,15 +55,11 @@ fn smallest(
         }
         vectors = flat.chunks_exact(n).map(DVector::from_column_slice).collect();
         orthonormalize(&mut vectors, d2);
-        let ritz = system.ritz(&vectors);
-        let ritz = Mat::from_fn(count, count, |i, j| ritz[(i, j)]);
-        let eigen = ritz.self_adjoint_eigen(Side::Lower).ok()?;
-        let basis = DMatrix::from_fn(count, count, |i, k| eigen.U()[(i, k)]);
+        let (values, basis) = system.ritz(&vectors)?;
         let rotated: Vec<DVector<f64>> = (0..count)
             .map(|k| (0..count).fold(DVector::zeros(n), |sum: DVector<f64>, i| sum + &vectors[i] * basis[(i, k)]))
             .collect();
         vectors = rotated;
-        let values: Vec<f64> = (0..count).map(|k| eigen.S()[k].max(0.0)).collect();
         let settled = values.iter().zip(&last).all(|(v, l)| {
             // What is far from the tolerance need not settle.
             *v <= 1e-2 * tolerance || *v > 1e3 * tolerance && *l < f64::INFINITY || (l - v).abs() <= SETTLED * v

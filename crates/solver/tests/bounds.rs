@@ -10,12 +10,13 @@ use depthcal_solver::{
 use nalgebra::{DMatrix, DVector, Isometry3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 const METHODS: [Method; 3] = [Method::LevenbergMarquardt, Method::DogLeg { radius: 10.0 }, Method::GaussNewton];
-const LINEAR_SOLVERS: [LinearSolver; 5] = [
+const LINEAR_SOLVERS: [LinearSolver; 6] = [
     LinearSolver::Dense,
     LinearSolver::SparseCholesky,
     LinearSolver::DenseSchur,
     LinearSolver::SparseSchur,
     LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
+    LinearSolver::SparseQr,
 ];
 
 /// aᵀ (p, q) − b.

@@ -9,8 +9,8 @@ use argmin::core::checkpointing::CheckpointingFrequency;
 use argmin::core::{Error, Executor, State};
 use common::{Bundle, Exponential, bundle};
 use depthcal_solver::{
-    Batch, CheckpointError, CheckpointFile, Damping, Graph, Interrupt, LevenbergMarquardt, Loss, Method, Options,
-    Prior, Report, SolverState, Values, Variable,
+    Batch, CheckpointError, CheckpointFile, CheckpointOptions, Damping, Graph, Interrupt, LevenbergMarquardt, Loss,
+    Method, Options, Prior, Report, SolveError, SolverState, Values, Variable, minimize,
 };
 use nalgebra::{DVector, Isometry3, Unit, UnitQuaternion, Vector2, Vector3};
 
@@ -111,6 +111,30 @@ fn an_interrupted_run_goes_on() {
     assert_eq!(executor.run().unwrap().solver.report().iterations, 2);
     let free = Options { interrupt: None, max_iterations: 50, ..options };
     assert_eq!(bits(&run(&graph, &values, &free, Some(&path)).unwrap().0), bits(&whole));
+}
+
+#[test]
+fn minimize_goes_on_from_its_checkpoint() {
+    let Bundle { graph, values, .. } = bundle(6, 60, 0.5, Loss::Trivial, 3);
+    let path = Scratch::new("minimize");
+    let whole = minimize(&graph, values.clone(), &Options::default()).unwrap();
+    let checkpoint = |every| Some(CheckpointOptions { path: path.0.clone(), every });
+    let cut = Options { max_iterations: 3, checkpoint: checkpoint(1), ..Options::default() };
+    assert_eq!(minimize(&graph, values.clone(), &cut).unwrap().report.iterations, 3);
+    // The start counts for nothing when there is a file, and so does the number of threads.
+    let mut elsewhere = values.clone();
+    elsewhere.ids().for_each(|id| elsewhere.retract(id, &vec![0.01; elsewhere.dim(id)]));
+    let rest = Options { checkpoint: checkpoint(2), threads: 3, ..Options::default() };
+    let resumed = minimize(&graph, elsewhere, &rest).unwrap();
+    assert_eq!(bits(&resumed.values), bits(&whole.values));
+    assert_eq!(trace(&resumed.report), trace(&whole.report));
+    let error = |options: &Options| minimize(&graph, values.clone(), options).unwrap_err();
+    let other = Options { method: Method::GaussNewton, ..rest.clone() };
+    assert!(matches!(error(&other), SolveError::Checkpoint(CheckpointError::Options { .. })));
+    fs::write(&path.0, "{}").unwrap();
+    assert!(matches!(error(&rest), SolveError::Checkpoint(CheckpointError::Corrupt { .. })));
+    let never = Options { checkpoint: checkpoint(0), ..Options::default() };
+    assert!(matches!(error(&never), SolveError::Option { option: "checkpoint.every", .. }));
 }
 
 #[test]

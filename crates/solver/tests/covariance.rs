@@ -3,7 +3,9 @@
 mod common;
 
 use common::{Bundle, bundle, normal, rng};
-use depthcal_solver::{Covariance, CovarianceOptions, Graph, LinearSolver, Loss, Options, Values, Variable, minimize};
+use depthcal_solver::{
+    Covariance, CovarianceError, CovarianceOptions, Graph, LinearSolver, Loss, Options, Values, Variable, minimize,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// The estimate's deviation from the truth in the tangent coordinates of the estimate, cameras and some points.
@@ -192,4 +194,45 @@ fn variables_without_factors_are_not_known_at_all() {
     assert!(joint[(2, 2)] > 0.0);
     // A fixed variable has no variance.
     assert_eq!(joint.view((4, 4), (6, 6)).amax(), 0.0);
+}
+
+#[test]
+fn selected_covariances_are_those_of_the_whole() {
+    let Bundle { mut graph, values, poses, camera, points, .. } = bundle(5, 30, 0.5, Loss::Huber { delta: 1.0 }, 14);
+    let values = minimize(&graph, values, &Options::default()).unwrap().values;
+    // Not in the order of the problem, some of them fixed wholly or in part.
+    let ids = [points[7].id(), poses[1].id(), camera.id(), points[0].id(), poses[0].id(), poses[4].id()];
+    let options = CovarianceOptions { pseudo_inverse: true, ..CovarianceOptions::default() };
+    // With the gauge fixed, free, and free with a variable that no factor determines.
+    for (case, nullity) in [0, 7, 8].into_iter().enumerate() {
+        if case == 1 {
+            graph.unfix(poses[0]);
+            graph.unfix(poses[1]);
+        }
+        if case == 2 {
+            // Depth along the ray of a point that only one pose sees.
+            let kept = poses[2].id();
+            for (batch, _) in graph.clone().batches() {
+                let point = points[7].id();
+                graph.retain_groups(batch, |g, b| !b.variables(g).contains(&point) || b.variables(g).contains(&kept));
+            }
+        }
+        let whole = Covariance::compute(&graph, &values, &options).unwrap();
+        let selected = Covariance::selected(&graph, &values, &ids, &options).unwrap();
+        assert_eq!((whole.nullity(), selected.nullity()), (nullity, nullity));
+        assert_eq!(whole.degrees_of_freedom(), selected.degrees_of_freedom());
+        let (a, b) = (whole.joint(&ids), selected.joint(&ids));
+        // The condition number of H is some 1e8, rounding errors 1e-16 of that.
+        assert!((&a - &b).amax() < 1e-6 * a.amax(), "{case} {}", (&a - &b).amax() / a.amax());
+        assert!(selected.marginal(points[1]).iter().all(|c| c.is_nan()), "a variable that was not selected");
+        if nullity > 0 {
+            let strict = CovarianceOptions::default();
+            let Err(CovarianceError::RankDeficient { directions }) =
+                Covariance::selected(&graph, &values, &ids, &strict)
+            else {
+                panic!("the gauge is free")
+            };
+            assert_eq!(directions.len(), nullity);
+        }
+    }
 }

@@ -175,6 +175,7 @@ proptest! {
             LinearSolver::SparseSchur,
             LinearSolver::ConjugateGradients(Preconditioner::BlockJacobi),
             LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi),
+            LinearSolver::SparseQr,
         ] {
             let options = Options { linear_solver, cost_tolerance: 1e-15, parameter_tolerance: 1e-12, ..Options::default() };
             let found = minimize(&graph, values.clone(), &options).unwrap();
@@ -188,5 +189,7 @@ proptest! {
         let ids: Vec<_> = keys.iter().map(|k| k.id()).collect();
         let joint = Covariance::compute(&graph, &values, &CovarianceOptions::default()).unwrap().joint(&ids);
         prop_assert!((&joint - &covariance).amax() < 1e-7 * (1.0 + covariance.amax()));
+        let selected = Covariance::selected(&graph, &values, &ids, &CovarianceOptions::default()).unwrap().joint(&ids);
+        prop_assert!((&selected - &covariance).amax() < 1e-7 * (1.0 + covariance.amax()));
     }
 }

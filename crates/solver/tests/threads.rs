@@ -105,4 +105,5 @@ fn a_pose_graph_gives_the_same_bits() {
     same_bits(&graph, &values, LinearSolver::Auto);
     let (graph, values) = pose_graph(200);
     same_bits(&graph, &values, LinearSolver::Dense);
+    same_bits(&graph, &values, LinearSolver::SparseQr);
 }
