@@ -8,6 +8,7 @@ use depthcal_solver::{
     minimize,
 };
 use nalgebra::{SVector, Vector3};
+use rand::seq::index::sample;
 
 fn used(graph: &Graph, values: &Values, linear_solver: LinearSolver) -> LinearSolverUsed {
     let options = Options { linear_solver, max_iterations: 1, ..Options::default() };
@@ -122,6 +123,33 @@ fn what_elimination_leaves_is_sparse_or_left_as_it_is() {
     for linear_solver in [iterative, LinearSolver::SparseSchur, LinearSolver::Auto] {
         assert!((step(linear_solver) - expected).abs() < 1e-9 * expected);
     }
+}
+
+#[test]
+fn large_reduced_systems_that_fill_up_are_solved_iteratively() {
+    // Each landmark is seen from four places anywhere.
+    let mut rng = rng(4);
+    let mut values = Values::new();
+    let from: Vec<_> = (0..1000).map(|i| values.insert(Vector3::new(i as f64, 0.0, 0.0))).collect();
+    let mut graph = Graph::new();
+    let mut sights = Batch::new("sights");
+    for _ in 0..2000 {
+        let landmark = values.insert(SVector::<f64, 4>::zeros());
+        for position in sample(&mut rng, from.len(), 4) {
+            sights.push(Sight(normal3(&mut rng)), (from[position], landmark));
+        }
+        graph.add_batch(Prior::isotropic("landmark", landmark, SVector::zeros(), 10.0).unwrap());
+    }
+    graph.add_batch(sights);
+    let chosen = minimize(&graph, values.clone(), &Options::default()).unwrap();
+    let solver = &chosen.report.linear_solver;
+    assert!(matches!(solver.solver, LinearSolver::ConjugateGradients(_)) && solver.iterative, "{solver:?}");
+    assert!(cost(solver, LinearSolver::SparseSchur) > cost(solver, solver.solver));
+    assert!(chosen.report.converged, "{}", chosen.report);
+    // The problem is linear: the decomposition gives the minimum.
+    let expected =
+        minimize(&graph, values, &Options { linear_solver: LinearSolver::DenseSchur, ..Options::default() }).unwrap();
+    assert!((chosen.report.cost - expected.report.cost).abs() < 1e-8 * expected.report.cost);
 }
 
 #[test]
