@@ -1,20 +1,23 @@
 //! The joint adjustment: camera, lens, depth distortion and board poses in one least-squares problem.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use depthcal_model::chain::{DepthQuery, POSE};
+use depthcal_model::field::FieldLayout;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera};
 use depthcal_solver::{
-    BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, Loss, Options, Report,
-    SolveError, Values, VariableId, minimize,
+    BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, LinearSolver, Loss, Options,
+    Report, SolveError, Values, VariableId, minimize,
 };
 use nalgebra::{DMatrix, DVector, Isometry3};
 use rayon::prelude::*;
 
+use crate::cells::{cell_chain, cell_groups, node_layout};
 use crate::factors::{DepthBatch, DepthGroup, ImageBatch, ImageGroup, SharedBlocks};
 use crate::noise::NoiseModel;
-use crate::observations::{Capture, Frame};
+use crate::observations::{Capture, DepthSample, Frame};
 use crate::roughness::FrameInformation;
 use crate::smoothness::{Smoothness, SmoothnessBatch};
 
@@ -26,10 +29,31 @@ pub struct Adjustment {
     graph: Graph,
     values: Values,
     camera: Camera,
-    blocks: Vec<Key<DVector<f64>>>,
+    blocks: Vec<BlockKeys>,
     poses: Vec<Key<Isometry3<f64>>>,
     image: BatchId,
     depth: Option<BatchId>,
+}
+
+/// The variables of one block, in the order of its parameters.
+pub(crate) enum BlockKeys {
+    Whole(Key<DVector<f64>>),
+    /// A field too large for one variable: one per node over the image, and one for what all pixels share.
+    Nodes {
+        layout: FieldLayout,
+        nodes: Vec<Key<DVector<f64>>>,
+        shared: Option<Key<DVector<f64>>>,
+    },
+}
+
+impl BlockKeys {
+    pub(crate) fn keys(&self) -> impl Iterator<Item = Key<DVector<f64>>> {
+        let (first, nodes, shared) = match self {
+            BlockKeys::Whole(key) => (Some(*key), &[][..], None),
+            BlockKeys::Nodes { nodes, shared, .. } => (None, &nodes[..], *shared),
+        };
+        first.into_iter().chain(nodes.iter().copied()).chain(shared)
+    }
 }
 
 /// A solved adjustment.
@@ -57,32 +81,58 @@ impl Adjustment {
     ) -> Self {
         let mut graph = Graph::new();
         let mut values = Values::new();
-        let blocks: Vec<Key<DVector<f64>>> = camera
+        let blocks: Vec<BlockKeys> = camera
             .blocks()
             .iter()
             .map(|block| {
-                let key = values.insert(DVector::from_column_slice(&block.theta));
-                graph.label(key, block.name());
                 // Without depth its pieces have no residual to hold them.
                 let in_use = with_depth || !is_depth_only(block);
                 let held: Vec<bool> = block.free.iter().map(|free| !(*free && in_use)).collect();
-                graph.fix_partly(key, &held);
-                key
+                let mut insert = |part: Range<usize>, label: String| {
+                    let key = values.insert(DVector::from_column_slice(&block.theta[part.clone()]));
+                    graph.label(key, label);
+                    graph.fix_partly(key, &held[part]);
+                    key
+                };
+                match node_layout(block) {
+                    None => BlockKeys::Whole(insert(0..held.len(), block.name().to_owned())),
+                    Some(layout) => {
+                        let count = layout.grid.columns_and_rows();
+                        let node = |k: usize| k * layout.per_node()..(k + 1) * layout.per_node();
+                        let nodes = (0..count).map(|k| insert(node(k), format!("node {k} of {}", block.name())));
+                        let nodes = nodes.collect();
+                        let rest = count * layout.per_node()..held.len();
+                        let shared = (!rest.is_empty()).then(|| insert(rest, block.name().to_owned()));
+                        BlockKeys::Nodes { layout, nodes, shared }
+                    }
+                }
             })
             .collect();
         let pose_keys: Vec<Key<Isometry3<f64>>> = poses.iter().map(|pose| values.insert(*pose)).collect();
         for (key, frame) in pose_keys.iter().zip(&capture.frames) {
             graph.label(*key, format!("pose of {}", frame.name));
         }
-        graph.eliminate(pose_keys.iter().copied());
+        let by_node = blocks.iter().any(|b| matches!(b, BlockKeys::Nodes { .. }));
+        if !by_node {
+            graph.eliminate(pose_keys.iter().copied());
+        }
         let image_blocks = camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
-        let shared = SharedBlocks { chain: Arc::new(camera.chain()), keys: blocks.clone(), image_blocks };
+        let whole = blocks.iter().filter_map(|b| if let BlockKeys::Whole(key) = b { Some(*key) } else { None });
+        let chain = Arc::new(if by_node { cell_chain(camera) } else { camera.chain() });
+        let shared = SharedBlocks { chain: chain.clone(), keys: whole.collect(), image_blocks };
         let frames = || capture.frames.iter().zip(&pose_keys);
         let groups = frames().filter(|(f, _)| !f.markers.is_empty()).map(|(f, k)| image_group(capture, f, *k, noise));
         let image = graph.add_batch(ImageBatch::new(shared.clone(), groups.collect(), Loss::Huber { delta: HUBER }));
         let depth = with_depth.then(|| {
-            let groups = frames().filter(|(f, _)| !f.samples.is_empty()).map(|(f, k)| depth_group(f, *k, noise));
-            graph.add_batch(DepthBatch::new(shared, groups.collect(), Loss::Huber { delta: HUBER }))
+            let frames = frames().filter(|(f, _)| !f.samples.is_empty());
+            let loss = Loss::Huber { delta: HUBER };
+            graph.add_batch(if by_node {
+                let groups = frames.flat_map(|(f, k)| cell_groups(f, *k, noise, &blocks));
+                DepthBatch::by_cell(chain, groups.collect(), loss)
+            } else {
+                let groups = frames.map(|(f, k)| depth_group(&f.samples, *k, noise));
+                DepthBatch::new(shared, groups.collect(), loss)
+            })
         });
         Self { graph, values, camera: camera.clone(), blocks, poses: pose_keys, image, depth }
     }
@@ -92,8 +142,13 @@ impl Adjustment {
     pub fn with_smoothness(mut self, smoothness: &Smoothness) -> Self {
         for (block, key) in self.camera.blocks().iter().zip(&self.blocks) {
             let rows = smoothness.rows(block);
-            if !rows.is_empty() {
-                self.graph.add_batch(SmoothnessBatch::new(block, *key, rows));
+            match key {
+                _ if rows.is_empty() => {}
+                BlockKeys::Whole(key) => _ = self.graph.add_batch(SmoothnessBatch::new(block, *key, rows)),
+                BlockKeys::Nodes { layout, nodes, shared } => {
+                    let keys: Vec<_> = nodes.iter().chain(shared).copied().collect();
+                    self.graph.add_batch(SmoothnessBatch::by_node(block, layout, &keys, &rows));
+                }
             }
         }
         self
@@ -160,11 +215,15 @@ impl Adjustment {
     ///
     /// [`SolveError`].
     pub fn solve(&mut self) -> Result<Adjusted, SolveError> {
-        let solution = minimize(&self.graph, self.values.clone(), &Options::default())?;
+        // Poses see all nodes and no order of elimination by blocks is good: a minimum-degree order puts them last.
+        let linear_solver = if self.by_node() { LinearSolver::SparseCholesky } else { LinearSolver::default() };
+        let options = Options { linear_solver, ..Options::default() };
+        let solution = minimize(&self.graph, self.values.clone(), &options)?;
         self.values = solution.values;
         let residuals =
             |batch: Option<BatchId>| batch.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default();
-        let theta: Vec<f64> = self.blocks.iter().flat_map(|k| self.values.get(*k).iter().copied()).collect();
+        let theta: Vec<f64> =
+            self.blocks.iter().flat_map(BlockKeys::keys).flat_map(|k| self.values.get(k).iter().copied()).collect();
         Ok(Adjusted {
             camera: self.camera.with_theta(&theta),
             poses: self.poses.iter().map(|k| *self.values.get(*k)).collect(),
@@ -172,6 +231,11 @@ impl Adjustment {
             image_residuals: residuals(Some(self.image)),
             depth_residuals: residuals(self.depth),
         })
+    }
+
+    /// Whether fields are so large that their nodes are variables of their own. Covariances are then out of reach.
+    pub fn by_node(&self) -> bool {
+        self.blocks.iter().any(|b| matches!(b, BlockKeys::Nodes { .. }))
     }
 
     /// Covariance of all variables at the present values.
@@ -186,7 +250,7 @@ impl Adjustment {
     /// Joint covariance of all camera parameters, in the order of [`Camera::theta`]; rows and columns of held
     /// parameters are zero.
     pub fn camera_covariance(&self, covariance: &Covariance) -> DMatrix<f64> {
-        let ids: Vec<VariableId> = self.blocks.iter().map(|k| k.id()).collect();
+        let ids: Vec<VariableId> = self.blocks.iter().flat_map(BlockKeys::keys).map(|k| k.id()).collect();
         covariance.joint(&ids)
     }
 
@@ -244,11 +308,11 @@ fn image_group(capture: &Capture, frame: &Frame, pose: Key<Isometry3<f64>>, nois
     }
 }
 
-fn depth_group(frame: &Frame, pose: Key<Isometry3<f64>>, noise: &NoiseModel) -> DepthGroup {
-    let inverse_depths: Vec<f64> = frame.samples.iter().map(|s| 1.0 / s.depth_mm).collect();
+pub(crate) fn depth_group(samples: &[DepthSample], pose: Key<Isometry3<f64>>, noise: &NoiseModel) -> DepthGroup {
+    let inverse_depths: Vec<f64> = samples.iter().map(|s| 1.0 / s.depth_mm).collect();
     DepthGroup {
         pose,
-        queries: frame.samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect(),
+        queries: samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect(),
         sigmas: inverse_depths.iter().map(|rho| noise.depth.sigma(*rho)).collect(),
         inverse_depths,
     }

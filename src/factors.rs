@@ -31,17 +31,16 @@ pub struct SharedBlocks {
     pub image_blocks: usize,
 }
 
-impl SharedBlocks {
-    fn gather(&self, values: &Values, blocks: usize, theta: &mut Vec<f64>) {
-        theta.clear();
-        for key in &self.keys[..blocks] {
-            theta.extend(values.get(*key).iter());
-        }
+/// Parameters in chain order from the variables that hold them.
+fn gather(values: &Values, keys: &[Key<DVector<f64>>], theta: &mut Vec<f64>) {
+    theta.clear();
+    for key in keys {
+        theta.extend(values.get(*key).iter());
     }
+}
 
-    fn variables(&self, pose: Key<Isometry3<f64>>, blocks: usize) -> Vec<VariableId> {
-        std::iter::once(pose.id()).chain(self.keys[..blocks].iter().map(|k| k.id())).collect()
-    }
+fn variables(pose: Key<Isometry3<f64>>, keys: &[Key<DVector<f64>>]) -> Vec<VariableId> {
+    std::iter::once(pose.id()).chain(keys.iter().map(|k| k.id())).collect()
 }
 
 fn scale_rows(jacobian: &mut [f64], columns: usize, weights: impl Iterator<Item = f64>) {
@@ -75,7 +74,7 @@ pub struct ImageBatch {
 impl ImageBatch {
     /// The batch of all frames' markers.
     pub fn new(shared: SharedBlocks, groups: Vec<ImageGroup>, loss: Loss) -> Self {
-        let variables = groups.iter().map(|g| shared.variables(g.pose, shared.image_blocks)).collect();
+        let variables = groups.iter().map(|g| variables(g.pose, &shared.keys[..shared.image_blocks])).collect();
         Self { shared, groups, variables, loss }
     }
 
@@ -120,7 +119,7 @@ impl FactorBatch for ImageBatch {
         let g = &self.groups[group];
         SCRATCH.with_borrow_mut(|scratch| {
             let Scratch { work, theta, pixels, .. } = scratch;
-            self.shared.gather(values, self.shared.image_blocks, theta);
+            gather(values, &self.shared.keys[..self.shared.image_blocks], theta);
             pixels.resize(g.points.len(), [0.0; 2]);
             let chain = &self.shared.chain;
             chain
@@ -156,7 +155,8 @@ pub struct DepthGroup {
 /// Errors in measured inverse depth of all frames, whitened.
 #[derive(Debug, Clone)]
 pub struct DepthBatch {
-    shared: SharedBlocks,
+    chain: Arc<Chain>,
+    keys: Vec<Arc<[Key<DVector<f64>>]>>,
     groups: Vec<DepthGroup>,
     variables: Vec<Vec<VariableId>>,
     loss: Loss,
@@ -165,8 +165,16 @@ pub struct DepthBatch {
 impl DepthBatch {
     /// The batch of all frames' depth pixels.
     pub fn new(shared: SharedBlocks, groups: Vec<DepthGroup>, loss: Loss) -> Self {
-        let variables = groups.iter().map(|g| shared.variables(g.pose, shared.keys.len())).collect();
-        Self { shared, groups, variables, loss }
+        let keys: Arc<[Key<DVector<f64>>]> = shared.keys.into();
+        Self::by_cell(shared.chain, groups.into_iter().map(|g| (g, keys.clone())).collect(), loss)
+    }
+
+    /// The batch of depth pixels whose groups depend on different variables: the pixels of a frame that lie in one cell of
+    /// a field, on the nodes of that cell. The variables of each group hold the parameters of `chain`, in its order.
+    pub fn by_cell(chain: Arc<Chain>, groups: Vec<(DepthGroup, Arc<[Key<DVector<f64>>]>)>, loss: Loss) -> Self {
+        let variables = groups.iter().map(|(g, keys)| variables(g.pose, keys)).collect();
+        let (groups, keys) = groups.into_iter().unzip();
+        Self { chain, keys, groups, variables, loss }
     }
 
     /// The frames' depth pixels.
@@ -206,10 +214,10 @@ impl FactorBatch for DepthBatch {
         let g = &self.groups[group];
         SCRATCH.with_borrow_mut(|scratch| {
             let Scratch { work, theta, pixels: board, inverse_depths } = scratch;
-            self.shared.gather(values, self.shared.keys.len(), theta);
+            gather(values, &self.keys[group], theta);
             board.resize(g.queries.len(), [0.0; 2]);
             inverse_depths.resize(g.queries.len(), 0.0);
-            let (chain, pose) = (&self.shared.chain, values.get(g.pose));
+            let (chain, pose) = (&self.chain, values.get(g.pose));
             chain
                 .depth(work, theta, pose, &g.queries, inverse_depths, board, jacobian.as_deref_mut())
                 .map_err(|e| EvaluationError::new(e.to_string()))?;

@@ -4,6 +4,7 @@ pub mod adjustment;
 pub mod board_region;
 pub mod calibrate;
 pub mod capture;
+mod cells;
 pub mod cli;
 pub mod corrector;
 pub mod depth_sampling;

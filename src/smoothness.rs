@@ -6,6 +6,8 @@
 //! costs nothing, the ridge costs a little, so D has it; there its strength is chosen from the data as well. Nodes that no sample touches are held at their
 //! neutral values.
 
+use std::collections::BTreeMap;
+
 use depthcal_model::field::FieldLayout;
 use depthcal_model::{Block, Camera};
 use depthcal_solver::{EvaluationError, FactorBatch, Key, Values, VariableId};
@@ -185,17 +187,60 @@ pub fn hold_untouched(camera: &Camera, capture: &Capture) -> Camera {
 #[derive(Debug, Clone)]
 pub struct SmoothnessBatch {
     name: String,
-    key: Key<DVector<f64>>,
-    ids: [VariableId; 1],
+    groups: Vec<PriorGroup>,
+}
+
+/// Rows over the same variables.
+#[derive(Debug, Clone)]
+struct PriorGroup {
+    keys: Vec<Key<DVector<f64>>>,
+    ids: Vec<VariableId>,
+    /// Neutral values of all components.
     neutral: Vec<f64>,
+    /// Entries number the components of all variables.
     rows: Vec<PriorRow>,
+}
+
+impl PriorGroup {
+    fn new(keys: Vec<Key<DVector<f64>>>, neutral: Vec<f64>, rows: Vec<PriorRow>) -> Self {
+        Self { ids: keys.iter().map(|k| k.id()).collect(), keys, neutral, rows }
+    }
 }
 
 impl SmoothnessBatch {
     /// The prior's rows for a block whose parameters are the variable `key`.
     pub fn new(block: &Block, key: Key<DVector<f64>>, rows: Vec<PriorRow>) -> Self {
         let neutral = block.parameters().iter().map(|p| p.nominal).collect();
-        Self { name: format!("smoothness of {}", block.name()), key, ids: [key.id()], neutral, rows }
+        let groups = vec![PriorGroup::new(vec![key], neutral, rows)];
+        Self { name: format!("smoothness of {}", block.name()), groups }
+    }
+
+    /// The same for a block with one variable per node, and a last one for shared parameters.
+    pub fn by_node(block: &Block, layout: &FieldLayout, keys: &[Key<DVector<f64>>], rows: &[PriorRow]) -> Self {
+        let (size, nodes) = (layout.per_node(), layout.grid.columns_and_rows());
+        let place = |i: usize| if i < nodes * size { (i / size, i % size) } else { (nodes, i - nodes * size) };
+        let range = |node: usize| node * size..if node < nodes { (node + 1) * size } else { block.theta.len() };
+        let mut sets: BTreeMap<Vec<usize>, Vec<&PriorRow>> = BTreeMap::new();
+        for row in rows {
+            let mut set: Vec<usize> = row.entries.iter().map(|(i, _)| place(*i).0).collect();
+            set.sort_unstable();
+            set.dedup();
+            sets.entry(set).or_default().push(row);
+        }
+        let group = |(set, rows): (Vec<usize>, Vec<&PriorRow>)| {
+            let local = |i: usize| {
+                let (node, component) = place(i);
+                set.iter().take_while(|n| **n != node).map(|n| range(*n).len()).sum::<usize>() + component
+            };
+            let rows = rows
+                .iter()
+                .map(|row| PriorRow { entries: row.entries.iter().map(|(i, c)| (local(*i), *c)).collect() })
+                .collect();
+            let parameters = block.parameters();
+            let neutral = set.iter().flat_map(|n| range(*n)).map(|i| parameters[i].nominal).collect();
+            PriorGroup::new(set.iter().map(|n| keys[*n]).collect(), neutral, rows)
+        };
+        Self { name: format!("smoothness of {}", block.name()), groups: sets.into_iter().map(group).collect() }
     }
 }
 
@@ -205,31 +250,33 @@ impl FactorBatch for SmoothnessBatch {
     }
 
     fn group_count(&self) -> usize {
-        1
+        self.groups.len()
     }
 
-    fn variables(&self, _: usize) -> &[VariableId] {
-        &self.ids
+    fn variables(&self, group: usize) -> &[VariableId] {
+        &self.groups[group].ids
     }
 
-    fn row_count(&self, _: usize) -> usize {
-        self.rows.len()
+    fn row_count(&self, group: usize) -> usize {
+        self.groups[group].rows.len()
     }
 
     fn evaluate(
         &self,
-        _: usize,
+        group: usize,
         values: &Values,
         residuals: &mut [f64],
         jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError> {
-        let theta = values.get(self.key);
-        for (row, r) in self.rows.iter().zip(residuals) {
-            *r = row.entries.iter().map(|(i, c)| c * (theta[*i] - self.neutral[*i])).sum();
+        let group = &self.groups[group];
+        let theta = group.keys.iter().flat_map(|k| values.get(*k).iter());
+        let deviation: Vec<f64> = theta.zip(&group.neutral).map(|(t, n)| t - n).collect();
+        for (row, r) in group.rows.iter().zip(residuals) {
+            *r = row.entries.iter().map(|(i, c)| c * deviation[*i]).sum();
         }
         if let Some(jacobian) = jacobian {
             jacobian.fill(0.0);
-            for (row, j) in self.rows.iter().zip(jacobian.chunks_exact_mut(theta.len())) {
+            for (row, j) in group.rows.iter().zip(jacobian.chunks_exact_mut(deviation.len())) {
                 row.entries.iter().for_each(|(i, c)| j[*i] = *c);
             }
         }

@@ -1,7 +1,8 @@
 //! Everything in one adjustment: markers and depth pixels, with the noise of both estimated on the way.
 
-use depthcal_model::Block;
 use depthcal_model::field::Domain;
+use depthcal_model::{Block, Camera};
+use nalgebra::Isometry3;
 
 use super::{
     CalibrateError, CalibrateOptions, Calibrated, LEAST_INVERSE_DEPTH_SIGMA, LEAST_PIXEL_SIGMA, NOISE_SETTLED, ROUNDS,
@@ -9,6 +10,7 @@ use super::{
 };
 use crate::adjustment::Adjustment;
 use crate::board_region::BoardPlane;
+use crate::cells;
 use crate::depth_sampling::sample_depth;
 use crate::noise::{DepthNoise, NoiseModel, clipped_sigma};
 use crate::observations::Capture;
@@ -40,9 +42,35 @@ pub(super) fn joint(
         camera = camera.with_block(block.over(&domain));
     }
     camera = hold_untouched(&camera, &capture);
-    let mut smoothness = Smoothness::of(&camera);
-    let mut poses = from_image.poses.clone();
-    let mut noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
+    let start = Start {
+        poses: from_image.poses.clone(),
+        noise: NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise },
+        smoothness: Smoothness::of(&camera),
+    };
+    let mut result = match cells::coarse(&camera, &options.register, &domain)? {
+        None => rounds(capture, camera, start, options)?,
+        Some((coarse, factors)) => by_node(capture, &camera, (&coarse, &factors), start, options)?,
+    };
+    result.correlation_length_px = correlation;
+    check_invertible(&result)?;
+    Ok(result)
+}
+
+/// Where an adjustment starts, beside the camera.
+struct Start {
+    poses: Vec<Isometry3<f64>>,
+    noise: NoiseModel,
+    smoothness: Smoothness,
+}
+
+/// Adjusts until noise, roughness and outliers have settled.
+fn rounds(
+    mut capture: Capture,
+    mut camera: Camera,
+    start: Start,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let Start { mut poses, mut noise, mut smoothness } = start;
     let mut outliers = 0;
     let mut round = 0;
     loop {
@@ -80,10 +108,76 @@ pub(super) fn joint(
             let depth_mm = depth_residuals_mm(&capture, &adjusted.depth_residuals, &used);
             let (sigma, covariance) = (used.pixel_sigma, Some(camera_covariance));
             let mut result = finish(capture, adjusted, noise, sigma, covariance, Some(&depth_mm), options);
-            result.correlation_length_px = correlation;
             result.outliers = outliers;
             result.smoothness = smoothness;
-            check_invertible(&result)?;
+            return Ok(result);
+        }
+    }
+}
+
+/// Depth samples of a frame from which the roughness of a large field is chosen.
+const COARSE_SAMPLES: usize = 800;
+/// Change of the noise after which a large field is adjusted again.
+const NOISE_CHANGED: f64 = 0.1;
+
+/// Adjusts a camera with fields of very many nodes. Covariances are out of reach there: noise and roughness come from a
+/// coarse field on part of the samples. What roughness means does not depend on the number of nodes: the second difference
+/// of a given curvature falls with the square of their distance h and their number grows with its inverse square, so that
+/// the same energy of curvature costs the same where roughness is proportional to h.
+fn by_node(
+    mut capture: Capture,
+    camera: &Camera,
+    (coarse, factors): (&Camera, &[f64]),
+    start: Start,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let mut thin = capture.clone();
+    for frame in &mut thin.frames {
+        let step = frame.samples.len().div_ceil(COARSE_SAMPLES).max(1);
+        frame.samples = frame.samples.iter().step_by(step).copied().collect();
+    }
+    let coarse = hold_untouched(coarse, &thin);
+    let first = rounds(thin, coarse.clone(), Start { smoothness: Smoothness::of(&coarse), ..start }, options)?;
+    let mut smoothness = Smoothness { ridge: first.smoothness.ridge, ..Smoothness::of(camera) };
+    for (field, coarse) in smoothness.fields.iter_mut().zip(&first.smoothness.fields) {
+        let block = camera.blocks().iter().position(|b| b.name() == field.piece);
+        field.roughness = coarse.roughness / block.map_or(1.0, |i| factors[i]);
+    }
+    let mut camera = camera.map_blocks(|mut block| {
+        let fitted = first.camera.block(block.name()).filter(|b| b.theta.len() == block.theta.len());
+        if let Some(fitted) = fitted {
+            block.theta.clone_from(&fitted.theta);
+        }
+        block
+    });
+    cells::sort_by_cell(&mut capture, &camera);
+    let (mut poses, mut noise, mut outliers) = (first.poses, first.noise, 0);
+    let mut round = 0;
+    loop {
+        round += 1;
+        let mut adjustment = Adjustment::new(&capture, &camera, &poses, &noise, true).with_smoothness(&smoothness);
+        let adjusted = adjustment.solve()?;
+        (camera, poses) = (adjusted.camera.clone(), adjusted.poses.clone());
+        let used = noise;
+        let residuals = inverse_depth_residuals(&capture, &adjusted.depth_residuals, &used);
+        // Counting every node as a parameter errs on the side of more noise.
+        let (n, nodes) = (residuals.len(), smoothness.fields.iter().map(|f| f.nodes).sum::<usize>());
+        let inflation = n as f64 / (n as f64 - nodes as f64).max(0.5 * n as f64);
+        if let Some(law) = DepthNoise::fit(&residuals, inflation) {
+            noise.depth = DepthNoise { a_per_mm: law.a_per_mm.max(LEAST_INVERSE_DEPTH_SIGMA), ..law };
+        }
+        // The last round keeps its samples, so that the result belongs to them.
+        let dropped = if round == 1 { drop_outliers(&mut capture, &residuals, &noise) } else { 0 };
+        outliers += dropped;
+        let changed = residuals
+            .iter()
+            .step_by(97)
+            .any(|(rho, _)| (noise.depth.sigma(*rho) / used.depth.sigma(*rho)).ln().abs() > NOISE_CHANGED);
+        if (dropped == 0 && !changed) || round >= ROUNDS {
+            converged(&adjusted)?;
+            let depth_mm = depth_residuals_mm(&capture, &adjusted.depth_residuals, &used);
+            let mut result = finish(capture, adjusted, noise, used.pixel_sigma, None, Some(&depth_mm), options);
+            (result.outliers, result.smoothness) = (outliers, smoothness);
             return Ok(result);
         }
     }

@@ -72,7 +72,7 @@ impl FieldLayout {
     }
 }
 
-/// A piece of depth whose first local parameters are fields over a [`Grid`] and whose last [`Field::shared`] ones are the
+/// A piece of depth whose first local parameters are fields over a [`Grid`] and whose last [`FieldLayout::shared`] ones are the
 /// same everywhere. Nodes are named `a[column,row]`, with depth `a[column,row,bin]`.
 pub struct Field<M, const P: usize> {
     local: Arc<Erased<Depth, P, M>>,
