@@ -1,13 +1,13 @@
 //! The joint adjustment with a field of very many nodes: time and memory.
 //!
 //! `cargo run --release --example large_field -- [FRAMES] [SAMPLES PER FRAME] [COLUMNS] [ROWS] [BINS]`; without arguments 100
-//! frames of 20 000 depth residuals each and a multiplier map of 80×60×5 nodes.
+//! frames of 20 000 depth residuals each, near boards, and a multiplier map of 80×60×5 nodes.
 
 use std::time::Instant;
 
 use depthcal::calibrate::{CalibrateOptions, calibrate};
 use depthcal::simulated;
-use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut numbers = std::env::args().skip(1).map(|a| a.parse::<usize>());
@@ -15,7 +15,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (frames, samples) = (next(100)?, next(20_000)?);
     let (columns, rows, bins) = (next(80)?, next(60)?, next(5)?);
     let effect = Effect::new("smooth_map", 6.0)?;
-    let simulation = Simulation::new(CameraTruth::published(1)?, Kind::General(1), &[effect], 1).frames(frames);
+    // A board that fills more of the image than the thesis' does: that has too few pixels.
+    let board = Board::new(Pattern::SymmetricCircles { circle_diameter_mm: 12.0 }, 9, 7, 40.0);
+    let simulation =
+        Simulation::new(CameraTruth::published(1)?, Kind::Plywood1, &[effect], 1).frames(frames).board(board);
     let observed = simulation.observe_points(&PointOptions { depth_samples: samples, ..PointOptions::default() })?;
     let capture = simulated::capture(&observed);
     let total: usize = capture.frames.iter().map(|f| f.samples.len()).sum();

@@ -154,8 +154,8 @@ impl Adjustment {
         self
     }
 
-    /// What every frame says of the camera's free parameters at the present values, its pose eliminated and priors left
-    /// out, with residuals weighted by their losses. Frames that cannot be evaluated say nothing.
+    /// What every frame says of the camera's free parameters at the present values, priors left out, with residuals weighted
+    /// by their losses. Frames that cannot be evaluated say nothing.
     pub fn frame_information(&self) -> Vec<FrameInformation> {
         let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
         let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
@@ -163,15 +163,18 @@ impl Adjustment {
         self.poses
             .par_iter()
             .map(|pose| {
-                let (mut normal, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
-                for batch in [Some(self.image), self.depth].into_iter().flatten() {
-                    let Some(batch) = self.graph.batch(batch) else { continue };
-                    let own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose.id()));
-                    for group in own {
-                        self.add_information(batch, group, &columns, &mut normal, &mut gradient);
+                // Image and depth apart: poses of frames that are judged come from the image alone.
+                let parts = [Some(self.image), self.depth].map(|batch| {
+                    let (mut normal, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
+                    if let Some(batch) = batch.and_then(|b| self.graph.batch(b)) {
+                        let own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose.id()));
+                        for group in own {
+                            self.add_information(batch, group, &columns, &mut normal, &mut gradient);
+                        }
                     }
-                }
-                eliminate_pose(&normal, &gradient)
+                    (normal, gradient)
+                });
+                FrameInformation::new(&parts[0], &parts[1], POSE)
             })
             .collect()
     }
@@ -276,21 +279,6 @@ impl Adjustment {
             redundancy
         };
         (of(Some(self.image)), of(self.depth))
-    }
-}
-
-/// The Schur complement on the leading pose.
-fn eliminate_pose(normal: &DMatrix<f64>, gradient: &DVector<f64>) -> FrameInformation {
-    let n = gradient.len() - POSE;
-    let (normal_cc, cross) = (normal.view((POSE, POSE), (n, n)).into_owned(), normal.view((0, POSE), (POSE, n)));
-    let gradient_c = gradient.rows(POSE, n).into_owned();
-    match normal.view((0, 0), (POSE, POSE)).into_owned().cholesky() {
-        Some(pose) => {
-            let solved = pose.solve(&cross.into_owned());
-            let normal = normal_cc - cross.tr_mul(&solved);
-            FrameInformation { normal, gradient: gradient_c - solved.tr_mul(&gradient.rows(0, POSE)) }
-        }
-        None => FrameInformation { normal: DMatrix::zeros(n, n), gradient: DVector::zeros(n) },
     }
 }
 

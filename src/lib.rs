@@ -6,6 +6,7 @@ pub mod calibrate;
 pub mod capture;
 mod cells;
 pub mod cli;
+pub mod compare;
 pub mod corrector;
 pub mod depth_sampling;
 #[cfg(feature = "detect")]

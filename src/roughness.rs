@@ -1,8 +1,8 @@
 //! How rough fields may be: chosen so that frames that are left out are predicted best.
 //!
 //! Everything is done on the linearised adjustment. Each frame contributes its information about the camera's parameters,
-//! its own pose eliminated; sums of these with a prior give the estimate from any set of frames without another adjustment,
-//! and the cost of the frames left out, each with its best pose, says how well they are predicted. Marginal likelihood would
+//! its own pose eliminated; sums of these with a prior give the estimate from any set of frames without another adjustment.
+//! The frames left out are judged as an evaluation judges them: by their depth, with the pose that their image gives. Marginal likelihood would
 //! need independent noise, which depth within a frame does not have: it takes errors that a frame has for itself for signal.
 
 use depthcal_model::Camera;
@@ -10,13 +10,37 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::smoothness::{Smoothness, differences, ridge};
 
-/// What one frame says of the camera's free parameters, its pose eliminated: the cost is c + gᵀδ + ½ δᵀNδ.
+/// What one frame says of the camera's free parameters.
 #[derive(Debug, Clone)]
 pub struct FrameInformation {
-    /// Normal matrix N.
-    pub normal: DMatrix<f64>,
-    /// Gradient g.
-    pub gradient: DVector<f64>,
+    /// Where the frame is fitted, its pose eliminated: the cost is c + gᵀδ + ½ δᵀNδ with this N and g.
+    pub fitted: (DMatrix<f64>, DVector<f64>),
+    /// Where the frame is judged, by the cost of its depth alone, with the pose that its image gives: N and g again.
+    pub judged: (DMatrix<f64>, DVector<f64>),
+}
+
+impl FrameInformation {
+    /// From normal matrix and gradient of image and depth, each over the pose, `pose` components, and the parameters.
+    pub fn new(image: &(DMatrix<f64>, DVector<f64>), depth: &(DMatrix<f64>, DVector<f64>), pose: usize) -> Self {
+        let both = (&image.0 + &depth.0, &image.1 + &depth.1);
+        let n = image.1.len() - pose;
+        let nothing = || (DMatrix::zeros(n, n), DVector::zeros(n));
+        // With the pose p = −A δ − b that minimises the cost of `by`, the cost of `of` in δ.
+        let reduced = |by: &(DMatrix<f64>, DVector<f64>), of: &(DMatrix<f64>, DVector<f64>)| {
+            let factor = by.0.view((0, 0), (pose, pose)).into_owned().cholesky()?;
+            let mut follow = DMatrix::zeros(pose + n, n);
+            follow.view_mut((0, 0), (pose, n)).copy_from(&-factor.solve(&by.0.view((0, pose), (pose, n)).into_owned()));
+            follow.view_mut((pose, 0), (n, n)).fill_with_identity();
+            let mut start = DVector::zeros(pose + n);
+            start.rows_mut(0, pose).copy_from(&-factor.solve(&by.1.rows(0, pose).into_owned()));
+            let gradient = follow.tr_mul(&(&of.1 + &of.0 * start));
+            Some((follow.tr_mul(&(&of.0 * &follow)), gradient))
+        };
+        Self {
+            fitted: reduced(&both, &both).unwrap_or_else(nothing),
+            judged: reduced(image, depth).unwrap_or_else(nothing),
+        }
+    }
 }
 
 /// Roughness is looked for in this range, in units of a parameter's typical deviation.
@@ -36,13 +60,14 @@ struct Choice<'a> {
     fixed_ridge: Option<f64>,
     /// Present deviation of the free parameters from neutral.
     deviation: DVector<f64>,
-    folds: Vec<(DMatrix<f64>, DVector<f64>)>,
+    /// Of the frames of every part: fitted, judged.
+    folds: Vec<FrameInformation>,
     total: (DMatrix<f64>, DVector<f64>),
 }
 
 impl<'a> Choice<'a> {
     fn new(camera: &Camera, smoothness: &Smoothness, frames: &'a [FrameInformation]) -> Self {
-        let n = frames.first().map_or(0, |f| f.gradient.len());
+        let n = frames.first().map_or(0, |f| f.fitted.1.len());
         let mut place = Vec::new();
         let mut deviation = Vec::new();
         let mut next = 0;
@@ -84,16 +109,17 @@ impl<'a> Choice<'a> {
             }
         }
         let count = frames.len().clamp(1, FOLDS);
-        let mut folds = vec![(DMatrix::zeros(n, n), DVector::zeros(n)); count];
-        let mut total = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let zero = || (DMatrix::zeros(n, n), DVector::zeros(n));
+        let mut folds = vec![FrameInformation { fitted: zero(), judged: zero() }; count];
+        let mut total = zero();
+        let add = |to: &mut (DMatrix<f64>, DVector<f64>), what: &(DMatrix<f64>, DVector<f64>)| {
+            to.0 += &what.0;
+            to.1 += &what.1;
+        };
         for (i, frame) in frames.iter().enumerate() {
-            let fold = &mut folds[i % count];
-            fold.0 += &frame.normal;
-            fold.1 += &frame.gradient;
-        }
-        for fold in &folds {
-            total.0 += &fold.0;
-            total.1 += &fold.1;
+            add(&mut folds[i % count].fitted, &frame.fitted);
+            add(&mut folds[i % count].judged, &frame.judged);
+            add(&mut total, &frame.fitted);
         }
         let deviation = DVector::from_vec(deviation);
         let fixed_ridge = (!smoothness.beside_d).then_some(smoothness.ridge);
@@ -116,9 +142,9 @@ impl<'a> Choice<'a> {
         let pull = &prior * &self.deviation;
         self.folds
             .iter()
-            .map(|(normal, gradient)| {
-                let rest = &self.total.0 - normal + &prior;
-                let down = -(&self.total.1 - gradient + &pull);
+            .map(|FrameInformation { fitted, judged: (normal, gradient) }| {
+                let rest = &self.total.0 - &fitted.0 + &prior;
+                let down = -(&self.total.1 - &fitted.1 + &pull);
                 match solve_scaled(rest, &down) {
                     Some(step) => gradient.dot(&step) + 0.5 * step.dot(&(normal * &step)),
                     None => f64::INFINITY,

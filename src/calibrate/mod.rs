@@ -3,7 +3,7 @@
 mod image;
 mod joint;
 
-use depthcal_model::{Camera, CameraError, Register, RegisterError};
+use depthcal_model::{Block, Camera, CameraError, Register, RegisterError};
 use depthcal_solver::{CovarianceError, SolveError};
 use nalgebra::{DMatrix, Isometry3};
 use thiserror::Error;
@@ -198,32 +198,47 @@ const LEAST_INVERSE_DEPTH_SIGMA: f64 = 1e-9;
 ///
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
-    // Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
-    let mut depth_blocks = Vec::new();
-    for name in &options.effects {
-        let block = options.register.block(name, None)?;
-        if crate::adjustment::is_depth_only(&block) {
-            depth_blocks.push(block);
-        }
-    }
-    depth_blocks.extend(options.register.depth_model(&options.model)?);
+    depth_blocks(options)?;
     let from_image = calibrate_image(capture, options)?;
     info!(
         "{} frames, {:.3} px rms from the image alone",
         from_image.capture.frames.len(),
         from_image.reprojection_rms_px
     );
-    if !capture.has_depth() {
+    calibrate_depth(from_image, options)
+}
+
+/// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
+///
+/// # Errors
+///
+/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn calibrate_depth(from_image: Calibrated, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+    let depth_blocks = depth_blocks(options)?;
+    if !from_image.capture.has_depth() {
         if options.model == "none" && depth_blocks.is_empty() {
             return Ok(from_image);
         }
-        let (dataset, model) = (capture.name.clone(), options.model.clone());
+        let (dataset, model) = (from_image.capture.name.clone(), options.model.clone());
         return Err(CalibrateError::NoDepth { dataset, model });
     }
     match options.estimator {
         Estimator::Joint => joint::joint(from_image, depth_blocks, options),
         other => Ok(estimators::estimate(from_image, depth_blocks, other)?),
     }
+}
+
+/// Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
+fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
+    let mut blocks = Vec::new();
+    for name in &options.effects {
+        let block = options.register.block(name, None)?;
+        if crate::adjustment::is_depth_only(&block) {
+            blocks.push(block);
+        }
+    }
+    blocks.extend(options.register.depth_model(&options.model)?);
+    Ok(blocks)
 }
 
 fn converged(adjusted: &Adjusted) -> Result<(), CalibrateError> {

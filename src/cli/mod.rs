@@ -3,6 +3,7 @@
 mod apply;
 mod calibrate;
 mod common;
+mod compare;
 mod demo;
 mod detect;
 mod evaluate;
@@ -45,6 +46,7 @@ enum Command {
     Detect(detect::Detect),
     Calibrate(calibrate::Calibrate),
     Evaluate(evaluate::Evaluate),
+    Compare(compare::Compare),
     Apply(apply::Apply),
     Export(export::Export),
     Simulate(simulate::Simulate),
@@ -80,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Detect(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Evaluate(command) => command.run(),
+        Command::Compare(command) => command.run(),
         Command::Apply(command) => command.run(),
         Command::Export(command) => command.run(),
         Command::Simulate(command) => command.run(),

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{pixel, probe};
 
 /// Pieces whose measured inverse depth is a + b ρ with a and b that depend on the pixel alone.
-const AFFINE: &[&str] = &["projective"];
+const AFFINE: &[&str] = &["projective", "free_map", "bspline"];
 
 /// ρ_m = a + b ρ at every pixel, that is z = b z_m / (1 − a z_m).
 #[derive(Debug, Clone)]

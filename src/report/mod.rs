@@ -12,6 +12,7 @@
 
 mod binned;
 mod checks;
+mod comparison;
 mod covariates;
 mod figures;
 mod frame_noise;
@@ -32,6 +33,7 @@ use crate::calibrate::Calibrated;
 use crate::evaluate::Evaluated;
 
 pub use checks::{Check, Level};
+pub use comparison::render_comparison;
 pub use headline::Direction;
 
 /// What a dataset was to the calibration.

@@ -19,15 +19,26 @@ fn library() -> Option<String> {
 
 /// The whole file.
 pub(super) fn page(input: &ReportInput<'_>) -> Result<String, ReportError> {
-    let library = library().ok_or(ReportError::NoScript)?;
     let content = sections::content(input);
-    let title = if input.title.trim().is_empty() { "Calibration report" } else { input.title.trim() };
-    let command = if input.command_line.is_empty() {
+    shell(&input.title, &input.command_line, &content.navigation, &content.body, &content.figures)
+}
+
+/// The template around navigation, body and figures, which are HTML and JSON already.
+pub(super) fn shell(
+    title: &str,
+    command_line: &str,
+    navigation: &str,
+    body: &str,
+    figures: &[Value],
+) -> Result<String, ReportError> {
+    let library = library().ok_or(ReportError::NoScript)?;
+    let title = if title.trim().is_empty() { "Calibration report" } else { title.trim() };
+    let command = if command_line.is_empty() {
         String::new()
     } else {
-        format!("<p class=\"command\"><code>{}</code></p>", escape(&input.command_line))
+        format!("<p class=\"command\"><code>{}</code></p>", escape(command_line))
     };
-    let figures = script_json(&Value::Array(content.figures));
+    let figures = script_json(&Value::Array(figures.to_vec()));
     let escaped = escape(title);
     // One pass over the template, so that nothing inside the content can be taken for a placeholder.
     let fill = |name: &str| -> &str {
@@ -35,8 +46,8 @@ pub(super) fn page(input: &ReportInput<'_>) -> Result<String, ReportError> {
             "title" => &escaped,
             "style" => STYLE,
             "command" => &command,
-            "navigation" => &content.navigation,
-            "body" => &content.body,
+            "navigation" => navigation,
+            "body" => body,
             "library" => &library,
             "figures" => &figures,
             "script" => SCRIPT,
@@ -44,7 +55,7 @@ pub(super) fn page(input: &ReportInput<'_>) -> Result<String, ReportError> {
             _ => "",
         }
     };
-    let mut out = String::with_capacity(library.len() + figures.len() + content.body.len() + 64_000);
+    let mut out = String::with_capacity(library.len() + figures.len() + body.len() + 64_000);
     let mut rest = TEMPLATE;
     while let Some((before, after)) = rest.split_once("{{") {
         out.push_str(before);

@@ -9,6 +9,7 @@
 pub mod bal;
 pub mod calibration;
 mod camera_hint;
+mod comparison;
 pub mod dataset;
 mod dataset_error;
 pub mod dataset_file;
@@ -40,6 +41,9 @@ pub use calibration::{
     ParameterRecord, PieceRecord,
 };
 pub use camera_hint::CameraHint;
+pub use comparison::{
+    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
+};
 pub use dataset::{Dataset, Frame};
 pub use dataset_error::DatasetError;
 pub use dataset_file::{DatasetFile, DepthSection, FramesSection};

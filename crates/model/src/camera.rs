@@ -97,13 +97,15 @@ pub enum CameraError {
         limit: f64,
     },
     /// The depth model folds: more than one true depth gives the measured one.
-    #[error("the depth model cannot be inverted at pixel ({u:.1}, {v:.1}) for a measured depth of {depth_mm:.1} mm")]
+    #[error("the depth model '{model}' cannot be inverted at pixel ({u:.1}, {v:.1}) for a depth of {depth_mm:.1} mm")]
     NotInvertible {
+        /// The depth pieces.
+        model: String,
         /// Column, px.
         u: f64,
         /// Row, px.
         v: f64,
-        /// Measured depth, mm.
+        /// Measured depth where it was to be corrected, true depth where the fold was looked for, mm.
         depth_mm: f64,
     },
 }
@@ -379,22 +381,67 @@ impl Camera {
         cos_incidence: f64,
         measured: f64,
     ) -> Result<f64, CameraError> {
-        let [u, v] = context.pixel;
-        let folded = CameraError::NotInvertible { u, v, depth_mm: 1.0 / measured };
+        let folded = || self.not_invertible(context, 1.0 / measured);
         let mut rho = measured;
-        for _ in 0..50 {
+        // Between these the solution lies; Newton's steps that leave them halve them instead, so that kinks of a
+        // piecewise linear field cannot make it cycle.
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        for _ in 0..100 {
             let (value, slope) = self.depth_and_slope(context, ray, cos_incidence, rho);
             if !(slope > 0.0) {
-                return Err(folded);
+                return Err(folded());
+            }
+            if value < measured {
+                low = rho;
+            } else {
+                high = rho;
             }
             let step = (measured - value) / slope;
-            rho += step;
             if step.abs() <= 1e-15 * rho.abs() {
+                rho += step;
                 break;
             }
+            let next = rho + step;
+            rho = match (next > low && next < high, high.is_finite()) {
+                (true, _) => next,
+                (false, true) => 0.5 * (low + high),
+                (false, false) => 2.0 * rho,
+            };
         }
         let (value, slope) = self.depth_and_slope(context, ray, cos_incidence, rho);
-        let settled = (value - measured).abs() <= 1e-12 * measured.abs();
-        if settled && slope > 0.0 && rho > 0.0 { Ok(rho) } else { Err(folded) }
+        let settled = (value - measured).abs() <= 1e-13 * measured.abs();
+        if settled && slope > 0.0 && rho > 0.0 { Ok(rho) } else { Err(folded()) }
+    }
+
+    fn not_invertible(&self, context: &Context, depth_mm: f64) -> CameraError {
+        let names: Vec<&str> = self.of(HookKind::Depth).map(|(piece, _)| piece.name()).collect();
+        let [u, v] = context.pixel;
+        CameraError::NotInvertible { model: names.join("+"), u, v, depth_mm }
+    }
+
+    /// Looks for folds of the depth model on the ray of a pixel: depths at which measured depth does not grow with the true
+    /// one, among `steps` depths from `near_mm` to `far_mm`.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::NotInvertible`] at the first fold, [`CameraError::OutsideLens`] where the pixel has no ray.
+    pub fn check_depth_folds(
+        &self,
+        context: &Context,
+        [near_mm, far_mm]: [f64; 2],
+        steps: usize,
+    ) -> Result<(), CameraError> {
+        let pixel = self.image_pixel(context);
+        for i in 0..=steps {
+            // Evenly in inverse depth, where the pieces act.
+            let t = i as f64 / steps.max(1) as f64;
+            let rho = (1.0 - t) / near_mm + t / far_mm;
+            let ray = self.ray(pixel, rho)?;
+            let (value, slope) = self.depth_and_slope(context, ray, 1.0, rho);
+            if !(slope > 0.0 && value > 0.0) {
+                return Err(self.not_invertible(context, 1.0 / rho));
+            }
+        }
+        Ok(())
     }
 }
