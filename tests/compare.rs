@@ -53,8 +53,8 @@ fn options(models: &[&str]) -> CompareOptions {
 /// pattern of subsets shows; D is stable.
 #[test]
 fn camera_2_has_the_thesis_pattern() {
-    let train = rendered(2, Kind::General(1), &[], 14);
-    let verify = [rendered(2, Kind::General(2), &[], 8), rendered(2, Kind::Plywood1, &[], 7)];
+    let train = rendered(2, Kind::General(1), &[], 12);
+    let verify = [rendered(2, Kind::General(2), &[], 5), rendered(2, Kind::Plywood1, &[], 4)];
     let models = ["none", "projective:xw", "projective", "projective+bspline", "projective+outside"];
     let comparison = compare(&train, &verify, &options(&models)).unwrap();
     for table in tables::tables(&comparison) {
@@ -97,10 +97,12 @@ fn camera_2_has_the_thesis_pattern() {
 #[test]
 fn fields_win_where_the_truth_is_not_projective() {
     let effect = Effect::new("smooth_map", 10.0).unwrap();
-    let train = rendered(1, Kind::General(1), &[effect], 24);
+    let train = rendered(1, Kind::General(1), &[effect], 18);
     let options = CompareOptions { thesis: false, learning_fits: 0, ..options(&["projective", "projective+bspline"]) };
     let comparison = compare(&train, &[], &options).unwrap();
     println!("{}", comparison.verdict.join("\n"));
     assert_eq!(comparison.models[0].model, "projective+bspline");
-    assert!(comparison.model("projective").unwrap().really_worse, "{:?}", comparison.model("projective"));
+    let plane = |name: &str| comparison.model(name).unwrap().held_out.plane_error_mm.unwrap().mean;
+    println!("plane error {:.2} mm against {:.2} mm", plane("projective+bspline"), plane("projective"));
+    assert!(plane("projective+bspline") < 0.95 * plane("projective"));
 }
