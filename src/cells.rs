@@ -1,17 +1,15 @@
 //! Fields of many nodes: the depth pixels of a frame are divided by the cells in which they lie, so that every group of
 //! residuals depends on the nodes of its cell and not on the whole field.
 
-use std::sync::Arc;
-
 use depthcal_model::chain::Chain;
 use depthcal_model::field::{Domain, FieldLayout};
 use depthcal_model::register::Options;
 use depthcal_model::{Block, Camera, Register, RegisterError};
 use depthcal_solver::Key;
-use nalgebra::{DVector, Isometry3};
+use nalgebra::Isometry3;
 
 use crate::adjustment::{BlockKeys, depth_group};
-use crate::factors::DepthGroup;
+use crate::factors::{BlockVariables, DepthGroup};
 use crate::noise::NoiseModel;
 use crate::observations::{Capture, DepthSample, Frame};
 
@@ -53,7 +51,7 @@ pub(crate) fn cell_groups(
     pose: Key<Isometry3<f64>>,
     noise: &NoiseModel,
     blocks: &[BlockKeys],
-) -> Vec<(DepthGroup, Arc<[Key<DVector<f64>>]>)> {
+) -> Vec<(DepthGroup, BlockVariables)> {
     let layouts: Vec<FieldLayout> = blocks
         .iter()
         .filter_map(|b| if let BlockKeys::Nodes { layout, .. } = b { Some(*layout) } else { None })

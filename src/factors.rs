@@ -31,6 +31,9 @@ pub struct SharedBlocks {
     pub image_blocks: usize,
 }
 
+/// The variables that hold the parameters of a chain, in its order.
+pub type BlockVariables = Arc<[Key<DVector<f64>>]>;
+
 /// Parameters in chain order from the variables that hold them.
 fn gather(values: &Values, keys: &[Key<DVector<f64>>], theta: &mut Vec<f64>) {
     theta.clear();
@@ -156,7 +159,7 @@ pub struct DepthGroup {
 #[derive(Debug, Clone)]
 pub struct DepthBatch {
     chain: Arc<Chain>,
-    keys: Vec<Arc<[Key<DVector<f64>>]>>,
+    keys: Vec<BlockVariables>,
     groups: Vec<DepthGroup>,
     variables: Vec<Vec<VariableId>>,
     loss: Loss,
@@ -165,13 +168,13 @@ pub struct DepthBatch {
 impl DepthBatch {
     /// The batch of all frames' depth pixels.
     pub fn new(shared: SharedBlocks, groups: Vec<DepthGroup>, loss: Loss) -> Self {
-        let keys: Arc<[Key<DVector<f64>>]> = shared.keys.into();
+        let keys: BlockVariables = shared.keys.into();
         Self::by_cell(shared.chain, groups.into_iter().map(|g| (g, keys.clone())).collect(), loss)
     }
 
     /// The batch of depth pixels whose groups depend on different variables: the pixels of a frame that lie in one cell of
     /// a field, on the nodes of that cell. The variables of each group hold the parameters of `chain`, in its order.
-    pub fn by_cell(chain: Arc<Chain>, groups: Vec<(DepthGroup, Arc<[Key<DVector<f64>>]>)>, loss: Loss) -> Self {
+    pub fn by_cell(chain: Arc<Chain>, groups: Vec<(DepthGroup, BlockVariables)>, loss: Loss) -> Self {
         let variables = groups.iter().map(|(g, keys)| variables(g.pose, keys)).collect();
         let (groups, keys) = groups.into_iter().unzip();
         Self { chain, keys, groups, variables, loss }
