@@ -9,8 +9,9 @@
 //! | residuals | [`Factor`]: one generic function, derivatives follow; [`Batch`]: many of a kind, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: many that share their variables, eight at a time; [`FactorBatch`]: anything, with Jacobians by hand |
 //! | problem | [`Graph`]: batches, fixed and bounded variables, variables to eliminate |
 //! | solution | [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`] |
+//! | changes | [`Session`]: solves again from where it stood while factors and variables come and go |
 //! | interruption | [`CheckpointFile`]: go on from a file to the same bits; [`Interrupt`] |
-//! | uncertainty | [`Covariance`]: any joint or marginal; names what is not determined |
+//! | uncertainty | [`Covariance`]: any joint or marginal, of large sparse problems as well; names what is not determined |
 //! | checks | [`check_jacobians`] |
 //!
 //! A straight line through three points:
@@ -45,8 +46,72 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Normal equations are accumulated group by group and no Jacobian is kept. Work is divided into chunks that depend on the
-//! problem alone and is summed in their order: the same input gives the same bits for any number of threads.
+//! What a residual is about may be anything with a tangent space. A pose seen from another one, with a robust loss, in a
+//! graph that grows:
+//!
+//! ```
+//! use depthcal_solver::{Batch, Factor, Graph, Lifted, Loss, Noise, Options, Pose, Scalar, Session, Values};
+//! use nalgebra::{Isometry3, SVector, Vector3};
+//!
+//! /// The pose of `b` in the frame of `a`.
+//! struct Between(Isometry3<f64>);
+//!
+//! impl Factor<6> for Between {
+//!     type Variables = (Isometry3<f64>, Isometry3<f64>);
+//!     fn residual<T: Scalar>(&self, (a, b): Lifted<Self::Variables, T>) -> SVector<T, 6> {
+//!         let error = Pose::<T>::constant(&self.0.inverse()).compose(&a.inverse().compose(&b));
+//!         let (r, t) = (error.rotation.log(), error.translation);
+//!         SVector::<T, 6>::new(r[0], r[1], r[2], t[0], t[1], t[2])
+//!     }
+//! }
+//!
+//! let mut values = Values::new();
+//! let poses: Vec<_> = (0..4).map(|_| values.insert(Isometry3::identity())).collect();
+//! let step = Isometry3::new(Vector3::x(), Vector3::z() * std::f64::consts::FRAC_PI_2);
+//! let noise = || Noise::diagonal([0.01, 0.01, 0.01, 0.05, 0.05, 0.05]);
+//! let mut odometry = Batch::new("odometry").with_noise(noise()?).with_loss(Loss::Huber { delta: 3.0 });
+//! poses.windows(2).for_each(|p| odometry.push(Between(step), (p[0], p[1])));
+//! let mut graph = Graph::new();
+//! graph.add_batch(odometry);
+//! graph.fix(poses[0]);
+//! let mut session = Session::new(Options::default());
+//! let solution = session.solve(&graph, values)?;
+//! // Back at the start: one more factor, and on from where it stood.
+//! let mut closure = Batch::new("closure").with_noise(noise()?);
+//! closure.push(Between(step), (poses[3], poses[0]));
+//! graph.add_batch(closure);
+//! let solution = session.solve(&graph, solution.values)?;
+//! assert!((solution.values.get(poses[2]).translation.vector - Vector3::new(1.0, 1.0, 0.0)).norm() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # The linear solver
+//!
+//! In every iteration a linear system in H = JᵀJ and the damping is to be solved. By default [`LinearSolver::Auto`] counts
+//! operations and takes the cheapest; [`Report::linear_solver`] tells which, and the costs that were compared.
+//!
+//! | [`LinearSolver`] | for |
+//! |---|---|
+//! | `Dense` | up to some hundred unknowns |
+//! | `SparseCholesky` | graphs whose variables are linked to few others: supernodal, variables ordered as blocks by approximate minimum degree |
+//! | `DenseSchur` | many variables that share no factor with each other, and a few that link them: frames and a camera, points and some cameras |
+//! | `SparseSchur` | the same with more, of which each is linked to few others |
+//! | `ConjugateGradients` | the same where the reduced system is too large to factorise; it is not formed |
+//! | `SparseQr` | ill-conditioned problems: the condition number of J counts, not its square; only on request |
+//!
+//! Where some combination of variables is not determined, damping finds a minimum all the same. [`Report::weakest`] hints at
+//! it, [`Options::name_undetermined`] and [`Covariance`] name the combination.
+//!
+//! # How it works
+//!
+//! Normal equations are accumulated group by group and no Jacobian is kept (but for QR). Work is divided into chunks that
+//! depend on the problem alone and is summed in their order: the same input gives the same bits for any number of threads.
+//! Iterations do not allocate memory.
+//!
+//! Sources: Nocedal and Wright, *Numerical Optimization*, 2006; Triggs, McLauchlan, Hartley and Fitzgibbon, *Bundle
+//! adjustment, a modern synthesis*, 2000; Madsen, Nielsen and Tingleff, *Methods for non-linear least squares problems*,
+//! 2004; Agarwal, Snavely, Seitz and Szeliski, *Bundle adjustment in the large*, 2010; Björck, *Numerical Methods for Least
+//! Squares Problems*, 1996. Equations are cited where they are used.
 
 mod accumulate;
 mod batch;

@@ -27,19 +27,19 @@ pub enum Method {
 
 /// Damping of the Levenberg–Marquardt step (H + μ D²) δ = −g.
 ///
-/// Both rules divide μ by up to ten after a good step, by the cubic of the gain ratio of Nielsen 1999, and multiply it
-/// by 2, 4, 8, … after rejected ones.
+/// After a good step both rules multiply μ by the cubic of the gain ratio of Nielsen 1999, after rejected ones by 2, 4, 8, ….
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Damping {
-    /// μ starts at `tau` times the largest diagonal entry of the scaled H (Nielsen 1999); 1e-6 for a good start, up to 1
+    /// μ falls to a tenth at most, which saves iterations close to the minimum. It starts at `tau` times the largest diagonal entry of the scaled H (Nielsen 1999); 1e-6 for a good start, up to 1
     /// for a doubtful one. D² holds the largest diagonal entries of H so far (Moré 1978) or is the identity, as
     /// [`Options::scaling`] says.
     Nielsen {
         /// τ.
         tau: f64,
     },
-    /// μ is the inverse of a trust-region radius, D² the present diagonal of H, as in Ceres.
+    /// μ is the inverse of a trust-region radius, D² the present diagonal of H, and μ falls to a third at most, as in Ceres:
+    /// more cautious far from the minimum.
     Radius {
         /// Radius at the start.
         initial: f64,

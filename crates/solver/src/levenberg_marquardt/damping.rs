@@ -6,6 +6,7 @@ use crate::report::Termination;
 
 /// By what a good step multiplies the damping at least. A third, as Nielsen has it, slows the last iterations down.
 const MIN_FACTOR: f64 = 0.1;
+const MIN_RADIUS_FACTOR: f64 = 1.0 / 3.0;
 /// Damping at which steps are too short to matter.
 const MAX_DAMPING: f64 = 1e20;
 /// Share of the Gauss–Newton step at which it is.
@@ -53,7 +54,11 @@ impl LevenbergMarquardt {
     pub(super) fn reward(&mut self, ratio: f64, length: f64) {
         match self.options.method {
             Method::LevenbergMarquardt if ratio.is_finite() => {
-                let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(MIN_FACTOR);
+                let least = match self.options.damping {
+                    Damping::Nielsen { .. } => MIN_FACTOR,
+                    Damping::Radius { .. } => MIN_RADIUS_FACTOR,
+                };
+                let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(least);
                 self.mu = (self.mu * factor).max(self.min_damping());
             }
             Method::DogLeg { .. } if ratio > 0.75 => self.radius = self.radius.max(3.0 * length),
