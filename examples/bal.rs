@@ -8,7 +8,7 @@ mod support;
 use std::error::Error;
 
 use depthcal_io::BalProblem;
-use depthcal_solver::{Batch, Borrowed, Damping, Factor, Graph, Lift, Lifted, Noise, Pose, Scalar, Values, Variable};
+use depthcal_solver::{Batch, Borrowed, Factor, Graph, Lift, Lifted, Noise, Pose, Scalar, Values, Variable};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
@@ -127,7 +127,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let parse = |path: &str| Ok(BalProblem::read(path)?);
     support::run("bal", parse, build, |options| {
         options.cost_tolerance = 1e-6;
-        options.damping = Damping::Radius { initial: 1e4, max: 1e16 };
     })?;
     Ok(())
 }

@@ -144,7 +144,13 @@ impl Eliminate<'_> {
             for column in &strip.variables[..=k] {
                 let (j, dj) = (column.column as usize, column.d as usize);
                 let Some(offset) = pairs.next() else { continue };
-                pair::<S, D>(simd, w, stride, i, (j, dj), &mut self.scc[*offset as usize..][..di * dj]);
+                let block = &mut self.scc[*offset as usize..][..di * dj];
+                // Blocks of poses, and of cameras with focal length and distortion.
+                match (di, dj) {
+                    (6, 6) => square::<S, D, 6>(simd, w, stride, (i, j), block),
+                    (9, 9) => square::<S, D, 9>(simd, w, stride, (i, j), block),
+                    _ => pair::<S, D>(simd, w, stride, i, (j, dj), block),
+                }
             }
             let target = &mut self.sc[row.local as usize..][..di];
             for w in w.chunks_exact(stride) {
@@ -238,6 +244,45 @@ fn pair<S: Simd, const D: usize>(
             for k in 0..D {
                 row[c] += w[k * stride + i + a] * y[k];
             }
+        }
+    }
+}
+
+/// [`pair`] for blocks N × N, where loops are unrolled and what does not fill a vector in a row does so in a column.
+#[inline(always)]
+fn square<S: Simd, const D: usize, const N: usize>(
+    simd: S,
+    w: &[f64],
+    stride: usize,
+    (i, j): (usize, usize),
+    block: &mut [f64],
+) {
+    let (mut x, mut y) = ([[0.0; N]; D], [[0.0; N]; D]);
+    for k in 0..D {
+        let row = &w[k * stride..][..stride];
+        let (Some(xs), Some(ys)) = (row[i..].first_chunk::<N>(), row[j..].first_chunk::<N>()) else { return };
+        (x[k], y[k]) = (*xs, *ys);
+    }
+    let Some(rows) = block.as_chunks_mut::<N>().0.first_chunk_mut::<N>() else { return };
+    let whole = N - N % S::F64_LANES;
+    for (a, row) in rows.iter_mut().enumerate() {
+        for (v, target) in S::as_mut_simd_f64s(row).0.iter_mut().enumerate() {
+            let mut sum = *target;
+            for k in 0..D {
+                sum = simd.mul_add_e_f64s(simd.splat_f64s(x[k][a]), S::as_simd_f64s(&y[k]).0[v], sum);
+            }
+            *target = sum;
+        }
+    }
+    for c in whole..N {
+        let mut column = [0.0; N];
+        for k in 0..D {
+            for a in 0..N {
+                column[a] += x[k][a] * y[k][c];
+            }
+        }
+        for a in 0..N {
+            rows[a][c] += column[a];
         }
     }
 }
