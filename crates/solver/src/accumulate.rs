@@ -114,16 +114,30 @@ impl Chunk {
     pub fn linearize(&mut self, batches: &[Option<BatchInfo>], values: &Values) {
         self.cost = 0.0;
         self.failure = None;
-        for array in [&mut self.hee, &mut self.hec, &mut self.ge, &mut self.hcc, &mut self.gc] {
-            array.fill(0.0);
-        }
+        self.hcc.fill(0.0);
+        self.gc.fill(0.0);
+        let mut last = NONE;
         for index in 0..self.plan.groups.len() {
             let group = self.plan.groups[index];
+            if group.elimination != last && group.elimination != NONE {
+                // Groups of an eliminated variable follow one another: its blocks are cleared when they are needed, not in
+                // a pass of their own through memory.
+                self.clear_blocks(group.elimination as usize);
+                last = group.elimination;
+            }
             let Some(info) = &batches[group.batch as usize] else { continue };
             if let Err(source) = self.add_group(info, &group, values) {
                 return self.failure = Some(failure(info, &group, source));
             }
         }
+    }
+
+    fn clear_blocks(&mut self, elimination: usize) {
+        let e = &self.plan.eliminations[elimination];
+        let (d, stride) = (e.d as usize, self.plan.strips[e.strip as usize].stride as usize);
+        self.hee[e.ee..][..d * d].fill(0.0);
+        self.hec[e.ec..][..d * stride].fill(0.0);
+        self.ge[e.e..][..d].fill(0.0);
     }
 
     fn add_group(&mut self, info: &BatchInfo, group: &GroupPlan, values: &Values) -> Result<(), EvaluationError> {
@@ -232,7 +246,9 @@ impl Chunk {
             let strip = &self.plan.strips[e.strip as usize];
             for i in 0..d {
                 let mut product = [0.0];
-                multiply_strip(strip, &self.hec[e.ec + i * strip.stride as usize..], 1, kept, &mut product);
+                let row = &self.hec[e.ec + i * strip.stride as usize..];
+                // Seldom asked for: without vectors.
+                multiply_strip(pulp::Scalar, strip, row, 1, kept, &mut product);
                 let row = &self.hee[e.ee + i * d..][..=i];
                 let lower: f64 = row[..i].iter().zip(x).map(|(h, x)| h * x).sum();
                 sum += x[i] * (2.0 * (lower + product[0]) + row[i] * x[i]);

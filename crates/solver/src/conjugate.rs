@@ -1,7 +1,10 @@
 //! Preconditioned conjugate gradients on the Schur complement, which is never formed (Agarwal et al. 2010).
 
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::accumulate::Chunk;
 use crate::blocks::ReducedBlocks;
+use crate::eliminate::multiply_strip;
 use crate::kernels;
 use crate::options::Preconditioner;
 
@@ -163,21 +166,35 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Writes H_ce (H_ee + μ D²)⁻¹ H_ec x over the chunk's kept variables.
 pub(crate) fn multiply_chunk(chunk: &mut Chunk, x: &[f64]) {
-    let Chunk { plan, hec, lee, step, product, .. } = chunk;
-    product.fill(0.0);
-    for e in &plan.eliminations {
-        let (d, strip) = (e.d as usize, &plan.strips[e.strip as usize]);
-        let (t, stride) = (&mut step[e.e..][..d], strip.stride as usize);
-        t.fill(0.0);
-        crate::eliminate::multiply_strip(strip, &hec[e.ec..], d, x, t);
-        let l = &lee[e.ee..][..d * d];
-        kernels::solve_lower(l, d, t, 1);
-        kernels::solve_lower_transposed(l, d, t);
-        for v in &strip.variables {
-            let target = &mut product[v.local as usize..][..v.d as usize];
-            for (i, t) in t.iter().enumerate() {
-                let row = &hec[e.ec + i * stride + v.column as usize..];
-                target.iter_mut().zip(row).for_each(|(y, h)| *y += h * t);
+    Arch::new().dispatch(MultiplyChunk { chunk, x });
+}
+
+struct MultiplyChunk<'a> {
+    chunk: &'a mut Chunk,
+    x: &'a [f64],
+}
+
+impl WithSimd for MultiplyChunk<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Chunk { plan, hec, lee, step, product, .. } = self.chunk;
+        product.fill(0.0);
+        for e in &plan.eliminations {
+            let (d, strip) = (e.d as usize, &plan.strips[e.strip as usize]);
+            let (t, stride) = (&mut step[e.e..][..d], strip.stride as usize);
+            t.fill(0.0);
+            multiply_strip(simd, strip, &hec[e.ec..], d, self.x, t);
+            let l = &lee[e.ee..][..d * d];
+            kernels::solve_lower(l, d, t, 1);
+            kernels::solve_lower_transposed(l, d, t);
+            for v in &strip.variables {
+                let target = &mut product[v.local as usize..][..v.d as usize];
+                for (i, t) in t.iter().enumerate() {
+                    let row = &hec[e.ec + i * stride + v.column as usize..];
+                    target.iter_mut().zip(row).for_each(|(y, h)| *y += h * t);
+                }
             }
         }
     }

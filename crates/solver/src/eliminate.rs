@@ -301,13 +301,13 @@ impl WithSimd for BackSubstitute<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         for e in &self.plan.eliminations {
             let d = e.d as usize;
             let step = &mut self.step[e.e..][..d];
             step.copy_from_slice(&self.ge[e.e..][..d]);
             let strip = &self.plan.strips[e.strip as usize];
-            multiply_strip(strip, &self.hec[e.ec..], d, self.kept_step, step);
+            multiply_strip(simd, strip, &self.hec[e.ec..], d, self.kept_step, step);
             let l = &self.lee[e.ee..][..d * d];
             match d {
                 3 => solve::<3>(l, step),
@@ -342,17 +342,26 @@ fn solve<const D: usize>(l: &[f64], x: &mut [f64]) {
 
 /// target += H_ec x for x over all kept variables.
 #[inline(always)]
-pub(crate) fn multiply_strip(strip: &Strip, hec: &[f64], d: usize, x: &[f64], target: &mut [f64]) {
+pub(crate) fn multiply_strip<S: Simd>(simd: S, strip: &Strip, hec: &[f64], d: usize, x: &[f64], target: &mut [f64]) {
     let stride = strip.stride as usize;
     if strip.width == 0 {
         return;
     }
     for (row, t) in hec[..d * stride].chunks_exact(stride).zip(target) {
-        let mut sum = 0.0;
+        // Products are summed side by side over all variables, and across at the end.
+        let mut sums = simd.splat_f64s(0.0);
+        let mut rest = 0.0;
         for v in &strip.variables {
             let (column, dv, kept) = (v.column as usize, v.d as usize, v.kept as usize);
-            sum += row[column..column + dv].iter().zip(&x[kept..kept + dv]).map(|(h, x)| h * x).sum::<f64>();
+            let (h, h_rest) = S::as_simd_f64s(&row[column..column + dv]);
+            let (x, x_rest) = S::as_simd_f64s(&x[kept..kept + dv]);
+            for (h, x) in h.iter().zip(x) {
+                sums = simd.mul_add_e_f64s(*h, *x, sums);
+            }
+            for (h, x) in h_rest.iter().zip(x_rest) {
+                rest += h * x;
+            }
         }
-        *t += sum;
+        *t += simd.reduce_sum_f64s(sums) + rest;
     }
 }

@@ -99,10 +99,9 @@ impl WithSimd for Add<'_> {
             let (column, dc) = (pair.column as usize, pair.column_d as usize);
             let block = &mut hcc[pair.block as usize..][..dr * dc];
             if row >= column {
-                // Above the diagonal of a diagonal block numbers have no meaning and are not used.
+                // Above the diagonal of a diagonal block numbers have no meaning and are not used: whole rows are quicker.
                 for (a, target) in block.chunks_exact_mut(dc).enumerate() {
-                    let columns = if row == column { a + 1 } else { dc };
-                    add(simd, &mut target[..columns], &gram[(row + a) * m + column..]);
+                    add(simd, target, &gram[(row + a) * m + column..]);
                 }
             } else {
                 for (a, target) in block.chunks_exact_mut(dc).enumerate() {
