@@ -141,9 +141,10 @@ fn idle(graph: &Graph, values: &Values, iterations: u64) -> usize {
 /// Allocations of eight iterations beyond those of the executor: what is laid out once, and for the first iterations, cancels.
 fn own(graph: &Graph, values: &Values, linear_solver: LinearSolver, method: Method) -> isize {
     let of = |count: &dyn Fn(u64) -> usize| {
-        // What the libraries set up once for the process.
-        count(5);
-        count(13) as isize - count(5) as isize
+        // The least of some runs: the first sets up what libraries need once for the process, and the thread that waits for
+        // this test allocates now and then.
+        let least = |n| (0..5).map(|_| count(n)).min().unwrap_or(0) as isize;
+        least(13) - least(5)
     };
     of(&|n| allocations(graph, values, linear_solver, method, n)) - of(&|n| idle(graph, values, n))
 }
