@@ -12,6 +12,7 @@
 //! | changes | [`Session`]: solves again from where it stood while factors and variables come and go |
 //! | interruption | [`CheckpointFile`]: go on from a file to the same bits; [`Interrupt`] |
 //! | uncertainty | [`Covariance`]: any joint or marginal, of large sparse problems as well; names what is not determined |
+//! | what the model lacks | [`score`]: score tests of held variables, gain on left-out clusters, detectable sizes |
 //! | checks | [`check_jacobians`] |
 //!
 //! A straight line through three points:
@@ -151,6 +152,7 @@ mod qr;
 mod reduced;
 mod report;
 mod scatter;
+pub mod score;
 mod selected;
 mod session;
 mod shares;
