@@ -7,6 +7,7 @@ use depthcal_model::chain::{DepthQuery, POSE};
 use depthcal_model::field::FieldLayout;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera};
+use depthcal_solver::score::{Candidate, Linearization, ScoreError};
 use depthcal_solver::{
     BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, LinearSolver, Loss, Options,
     Report, SolveError, Values, VariableId, minimize,
@@ -15,6 +16,7 @@ use nalgebra::{DMatrix, DVector, Isometry3};
 use rayon::prelude::*;
 
 use crate::cells::{cell_chain, cell_groups, node_layout};
+use crate::diagnose::frames::FrameRows;
 use crate::factors::{DepthBatch, DepthGroup, ImageBatch, ImageGroup, SharedBlocks};
 use crate::noise::NoiseModel;
 use crate::observations::{Capture, DepthSample, Frame};
@@ -248,6 +250,55 @@ impl Adjustment {
     /// [`CovarianceError`], where the data leave a combination of parameters undetermined.
     pub fn covariance(&self) -> Result<Covariance, CovarianceError> {
         Covariance::compute(&self.graph, &self.values, &CovarianceOptions::default())
+    }
+
+    /// Normal equations frame by frame at the present values, with held blocks of the camera as candidates: each with its
+    /// name, its place among [`Camera::blocks`] and a smoothness prior where it needs one.
+    ///
+    /// # Errors
+    ///
+    /// [`ScoreError`].
+    pub fn linearize(
+        &self,
+        candidates: impl Iterator<Item = (String, usize, Option<DMatrix<f64>>)>,
+    ) -> Result<Linearization, ScoreError> {
+        let poses: Vec<VariableId> = self.poses.iter().map(|k| k.id()).collect();
+        let candidates: Vec<Candidate> = candidates
+            .map(|(name, block, smoothness)| {
+                let variables = self.blocks[block].keys().map(|k| k.id()).collect();
+                Candidate { name, variables, smoothness }
+            })
+            .collect();
+        Linearization::new(&self.graph, &self.values, &poses, &candidates)
+    }
+
+    /// Residuals of a frame and their derivatives by its pose, weighted as the solver weights them; `None` where it cannot be
+    /// evaluated.
+    pub(crate) fn frame_rows(&self, frame: usize) -> Option<FrameRows> {
+        let pose = self.poses.get(frame)?.id();
+        let (mut residuals, mut columns, mut depth) = (Vec::new(), Vec::new(), 0);
+        for id in [Some(self.image), self.depth].into_iter().flatten() {
+            let batch = self.graph.batch(id)?;
+            let mut own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose));
+            let Some(group) = own.next() else { continue };
+            // Pixels that are sorted into the cells of a fine field are not in the frame's order.
+            if own.next().is_some() {
+                return None;
+            }
+            let rows = batch.row_count(group);
+            let width: usize = batch.variables(group).iter().map(|v| self.values.dim(*v)).sum();
+            let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * width]);
+            batch.evaluate(group, &self.values, &mut r, Some(&mut j)).ok()?;
+            let dim = batch.residual_dim();
+            for (residual, rows) in r.chunks_exact(dim).zip(j.chunks_exact(dim * width)) {
+                let weight = batch.loss().evaluate(residual.iter().map(|x| x * x).sum())[1].sqrt();
+                residuals.extend(residual.iter().map(|x| x * weight));
+                columns.extend(rows.chunks_exact(width).flat_map(|row| row[..6].iter().map(|d| d * weight)));
+            }
+            depth = if Some(id) == self.depth { rows } else { 0 };
+        }
+        let pose = DMatrix::from_row_slice(residuals.len(), 6, &columns);
+        Some(FrameRows { residuals: DVector::from_vec(residuals), pose, depth })
     }
 
     /// Joint covariance of all camera parameters, in the order of [`Camera::theta`]; rows and columns of held

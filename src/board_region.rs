@@ -47,6 +47,28 @@ impl BoardPlane {
         (z > 0.0 && z.is_finite()).then_some(z)
     }
 
+    /// Depth (mm) at which a ray meets the board as the camera's board pieces shape it.
+    pub fn depth_of_shape(&self, ray: [f64; 2], camera: &Camera) -> Option<f64> {
+        let d = Vector3::new(ray[0], ray[1], 1.0);
+        let mut depth = self.depth(ray)?;
+        // Board heights are millimetres on hundreds: each round gains two digits or more.
+        for _ in 0..4 {
+            let at = self.to_board(ray, depth);
+            let height = camera.board_point([at.x, at.y])[2];
+            if height == at.z {
+                break;
+            }
+            depth = (self.offset + height) / self.normal.dot(&d);
+        }
+        (depth > 0.0 && depth.is_finite()).then_some(depth)
+    }
+
+    /// Height of a point on a ray at a depth (mm) over the board as the camera's board pieces shape it, mm.
+    pub fn height_over_shape(&self, ray: [f64; 2], depth_mm: f64, camera: &Camera) -> f64 {
+        let at = self.to_board(ray, depth_mm);
+        at.z - camera.board_point([at.x, at.y])[2]
+    }
+
     /// A point on a ray at a depth (mm), in board coordinates, mm.
     pub fn to_board(&self, ray: [f64; 2], depth_mm: f64) -> Point3<f64> {
         self.board_from_camera * Point3::new(ray[0] * depth_mm, ray[1] * depth_mm, depth_mm)
@@ -148,7 +170,7 @@ pub fn board_pixels(
             let context = frame.context([u as f64, v as f64]);
             let depth_mm = f64::from(raw) * unit_mm;
             let Ok(ray) = camera.ray(camera.image_pixel(&context), 1.0 / depth_mm) else { continue };
-            let Some(board_depth_mm) = plane.depth(ray) else { continue };
+            let Some(board_depth_mm) = plane.depth_of_shape(ray, camera) else { continue };
             let on_board = plane.to_board(ray, board_depth_mm);
             let cos_incidence = plane.cos_incidence(ray);
             // Along the direction of tilt a pixel covers more of the board.
@@ -160,6 +182,26 @@ pub fn board_pixels(
         }
     }
     pixels
+}
+
+/// The depth samples of a frame that came without a depth image, as board pixels.
+pub fn sample_pixels(
+    frame: &Frame,
+    camera: &Camera,
+    region: &BoardRegion,
+    camera_from_board: &Isometry3<f64>,
+) -> Vec<BoardPixel> {
+    let plane = BoardPlane::new(camera_from_board);
+    let pixel = |s: &crate::observations::DepthSample| {
+        let ray = camera.ray(camera.image_pixel(&s.context), 1.0 / s.depth_mm).ok()?;
+        let board_depth_mm = plane.depth_of_shape(ray, camera)?;
+        let on_board = plane.to_board(ray, board_depth_mm);
+        let board = [on_board.x, on_board.y];
+        let cos_incidence = plane.cos_incidence(ray);
+        let pixel = BoardPixel { context: s.context, depth_mm: s.depth_mm, board_depth_mm, board, ray, cos_incidence };
+        region.contains(board, 0.0).then_some(pixel)
+    };
+    frame.samples.iter().filter_map(pixel).collect()
 }
 
 /// Pixels that the corners span, with a margin for a depth image that is displaced, cut to the image.

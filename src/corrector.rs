@@ -91,7 +91,7 @@ impl Default for FrameContext<'_> {
 impl FrameContext<'_> {
     fn at(&self, pixel: [f64; 2], index: usize) -> Context {
         let amplitude = self.amplitude.map_or(f64::NAN, |image| f64::from(image.data[index]));
-        Context { pixel, amplitude, time_s: self.time_s, temperature_c: self.temperature_c }
+        Context { pixel, amplitude, time_s: self.time_s, temperature_c: self.temperature_c, ..Context::default() }
     }
 }
 

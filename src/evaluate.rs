@@ -8,7 +8,7 @@ use depthcal_model::{Camera, Context};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
-use crate::board_region::{BoardPixel, BoardPlane, BoardRegion, board_pixels};
+use crate::board_region::{BoardPixel, BoardPlane, BoardRegion, board_pixels, sample_pixels};
 use crate::estimators::{MarkerPoint, marker_points};
 use crate::observations::{Capture, DroppedFrame, Frame};
 use crate::start::{FrameMarkers, estimate_pose};
@@ -92,15 +92,18 @@ fn evaluate_frame(
         .markers
         .iter()
         .filter_map(|m| {
-            let p = capture.target.point(m.index);
-            let at = camera.project(&(pose * nalgebra::Point3::new(p[0], p[1], 0.0)).coords)?;
+            let p = camera.board_point(capture.target.point(m.index));
+            let at = camera.project(&(pose * nalgebra::Point3::from(p)).coords)?;
             Some([m.pixel[0], m.pixel[1], m.pixel[0] - at[0], m.pixel[1] - at[1]])
         })
         .collect();
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     let plane = BoardPlane::new(&pose);
     let region = BoardRegion::new(&capture.target);
-    let all = board_pixels(frame, unit_mm, bare, &region, &pose, 1);
+    let all = match frame.depth {
+        Some(_) => board_pixels(frame, unit_mm, bare, &region, &pose, 1),
+        None => sample_pixels(frame, bare, &region, &pose),
+    };
     let corrected: Vec<(PixelError, BoardPixel)> = all.iter().filter_map(|p| pixel_error(camera, &plane, p)).collect();
     let (pixels, corrected): (Vec<PixelError>, Vec<BoardPixel>) = corrected.into_iter().unzip();
     let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, bare, &capture.target, &pose);
@@ -123,7 +126,7 @@ fn dot_distance(point: &MarkerPoint) -> f64 {
 /// A board pixel's errors, and the pixel as it is after correction.
 fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(PixelError, BoardPixel)> {
     let (ray, rho) = camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?;
-    let board_depth_mm = plane.depth(ray)?;
+    let board_depth_mm = plane.depth_of_shape(ray, camera)?;
     let on_board = plane.to_board(ray, board_depth_mm);
     let board = [on_board.x, on_board.y];
     let corrected = BoardPixel { depth_mm: 1.0 / rho, board_depth_mm, board, ray, ..*p };
@@ -134,8 +137,8 @@ fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(P
         cos_incidence: p.cos_incidence,
         before_mm: p.depth_mm - p.board_depth_mm,
         after_mm: corrected.depth_mm - board_depth_mm,
-        height_before_mm: plane.to_board(p.ray, p.depth_mm).z,
-        height_after_mm: plane.to_board(ray, corrected.depth_mm).z,
+        height_before_mm: plane.height_over_shape(p.ray, p.depth_mm, camera),
+        height_after_mm: plane.height_over_shape(ray, corrected.depth_mm, camera),
     };
     Some((error, corrected))
 }

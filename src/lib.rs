@@ -8,9 +8,11 @@ mod cells;
 pub mod cli;
 pub mod compare;
 pub mod corrector;
+pub mod cross_validation;
 pub mod depth_sampling;
 #[cfg(feature = "detect")]
 mod detection;
+pub mod diagnose;
 pub mod estimators;
 pub mod evaluate;
 pub mod factors;

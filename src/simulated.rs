@@ -37,6 +37,7 @@ pub fn capture(observed: &simulate::PointObservations) -> Capture {
                     amplitude: d.amplitude,
                     time_s: frame.conditions.time_s,
                     temperature_c: frame.conditions.temperature_c,
+                    ..Context::default()
                 },
                 depth_mm: d.z_mm,
                 board_seed: [f64::NAN; 2],

@@ -77,6 +77,33 @@ impl Default for CalibrateOptions {
     }
 }
 
+impl CalibrateOptions {
+    /// Whether all models and effects are known, before anything is read.
+    ///
+    /// # Errors
+    ///
+    /// [`OptionError`], naming the option.
+    pub fn check_names(&self) -> Result<(), OptionError> {
+        let model = self.register.depth_model(&self.model);
+        model.map_err(|source| OptionError { option: format!("--model {}", self.model), source })?;
+        for name in &self.effects {
+            let block = self.register.block(name, None);
+            block.map_err(|source| OptionError { option: format!("--with {name}"), source })?;
+        }
+        Ok(())
+    }
+}
+
+/// A model or effect that is not known.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{option}: {source}")]
+pub struct OptionError {
+    /// The option as given.
+    pub option: String,
+    /// What is wrong with it.
+    pub source: RegisterError,
+}
+
 /// Why there is no calibration.
 #[derive(Debug, Error)]
 pub enum CalibrateError {

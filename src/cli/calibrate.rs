@@ -3,12 +3,11 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use depthcal_model::Block;
 
-use super::common::{Failure, Output, Reading, command_line, write_calibration, write_report};
+use super::common::{Failure, Output, Reading, command_line, input, write_calibration, write_report};
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::capture::declared_camera;
-use crate::evaluate::{Evaluated, evaluate, table};
-use crate::observations::Capture;
-use crate::progress::Progress;
+use crate::cross_validation::{cross_validate, split};
+use crate::evaluate::{evaluate, table};
 use crate::report::{ReportDataset, ReportInput, Role};
 use crate::smoothness::indices;
 
@@ -69,26 +68,7 @@ pub(super) struct Calibrate {
 }
 
 impl Calibrate {
-    /// Names are checked before the images are read, which takes its time.
-    fn check_names(&self) -> Result<(), Failure> {
-        let register = CalibrateOptions::default().register;
-        register.depth_model(&self.model).map_err(|e| Failure::Input(format!("--model {}: {e}", self.model)))?;
-        for name in &self.with {
-            register.block(name, None).map_err(|e| Failure::Input(format!("--with {name}: {e}")))?;
-        }
-        Ok(())
-    }
-
     pub(super) fn run(&self) -> Result<(), Failure> {
-        self.check_names()?;
-        let loaded = self.reading.load(&self.dataset)?;
-        let (fitted, held) = match self.hold_out {
-            Some(hold_out) => {
-                let (fitted, held) = split(&loaded.capture, hold_out);
-                (fitted, Some(held))
-            }
-            None => (loaded.capture.clone(), None),
-        };
         let mut options = CalibrateOptions {
             model: self.model.clone(),
             effects: self.with.clone(),
@@ -100,6 +80,16 @@ impl Calibrate {
                 EstimatorName::Nonlinear => Estimator::Nonlinear,
             },
             ..CalibrateOptions::default()
+        };
+        // Names are checked before the images are read, which takes its time.
+        options.check_names().map_err(input)?;
+        let loaded = self.reading.load(&self.dataset)?;
+        let (fitted, held) = match self.hold_out {
+            Some(hold_out) => {
+                let (fitted, held) = split(&loaded.capture, hold_out.every, hold_out.first);
+                (fitted, Some(held))
+            }
+            None => (loaded.capture.clone(), None),
         };
         let (width, height) = (loaded.capture.width, loaded.capture.height);
         options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
@@ -138,29 +128,6 @@ impl Calibrate {
         println!("written: {} and {}", written.display(), report.display());
         Ok(())
     }
-}
-
-/// The frames to fit and those held out.
-fn split(capture: &Capture, hold_out: HoldOut) -> (Capture, Capture) {
-    let held = |i: usize| i % hold_out.every == hold_out.first;
-    let mut rest = capture.subset(|i, _| held(i));
-    rest.dropped.clear();
-    (capture.subset(|i, _| !held(i)), rest)
-}
-
-/// Every frame, evaluated by a fit that did not see it.
-fn cross_validate(capture: &Capture, folds: usize, options: &CalibrateOptions) -> Result<Evaluated, Failure> {
-    let progress = Progress::new("cross-validating", folds);
-    let mut all = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
-    for first in 0..folds {
-        let (fitted, held) = split(capture, HoldOut { every: folds, first });
-        let evaluated = evaluate(&calibrate(&fitted, options)?.camera, &held);
-        all.frames.extend(evaluated.frames);
-        all.dropped.extend(evaluated.dropped);
-        progress.advance();
-    }
-    all.frames.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(all)
 }
 
 /// Blocks of more parameters than this are printed by their fields.

@@ -6,6 +6,7 @@ mod common;
 mod compare;
 mod demo;
 mod detect;
+mod diagnose;
 mod evaluate;
 mod export;
 mod simulate;
@@ -23,6 +24,7 @@ use common::Failure;
 /// images. Typical use:
 ///
 ///   depthcal calibrate captures/ --out result/      fit a camera
+///   depthcal diagnose captures/ --out result/       find what its model lacks, and add it
 ///   depthcal evaluate result/calibration.json other-captures/ --out check/
 ///   depthcal apply result/calibration.json depth/*.png --out corrected/ --cloud
 ///
@@ -45,6 +47,7 @@ struct Arguments {
 enum Command {
     Detect(detect::Detect),
     Calibrate(calibrate::Calibrate),
+    Diagnose(diagnose::Diagnose),
     Evaluate(evaluate::Evaluate),
     Compare(compare::Compare),
     Apply(apply::Apply),
@@ -81,6 +84,7 @@ pub fn run() -> ExitCode {
     let result = match arguments.command {
         Command::Detect(command) => command.run(),
         Command::Calibrate(command) => command.run(),
+        Command::Diagnose(command) => command.run(),
         Command::Evaluate(command) => command.run(),
         Command::Compare(command) => command.run(),
         Command::Apply(command) => command.run(),

@@ -23,7 +23,14 @@ pub struct Needs {
     pub incidence: bool,
 }
 
-const REFERENCE: Context = Context { pixel: [0.0; 2], amplitude: 1711.0, time_s: 0.0, temperature_c: 21.3 };
+const REFERENCE: Context = Context {
+    pixel: [0.0; 2],
+    amplitude: 1711.0,
+    surround: 1500.0,
+    slope: [0.01, -0.02],
+    time_s: 0.0,
+    temperature_c: 21.3,
+};
 
 fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     let at = |i: usize, size: usize| (i * (size - 1)) as f64 / (GRID - 1) as f64;

@@ -74,8 +74,8 @@ pub fn marker_points(
     rays.iter()
         .zip(depths)
         .map(|((index, ray), depth)| {
-            let p = target.point(*index);
-            let point_in_camera = (camera_from_board * nalgebra::Point3::new(p[0], p[1], 0.0)).coords;
+            let p = camera.board_point(target.point(*index));
+            let point_in_camera = (camera_from_board * nalgebra::Point3::from(p)).coords;
             depth.map(|inverse_depth| MarkerPoint { point_in_camera, ray: *ray, inverse_depth })
         })
         .collect()

@@ -41,6 +41,7 @@ pub(super) fn typical(c: &Calibrated, pixel: [f64; 2]) -> Context {
         amplitude: quantile(contexts().map(|c| c.amplitude), 0.5),
         time_s: quantile(c.capture.frames.iter().map(|f| f.time_s), 0.5),
         temperature_c: quantile(c.capture.frames.iter().map(|f| f.temperature_c), 0.5),
+        ..Context::default()
     }
 }
 

@@ -13,6 +13,7 @@ mod comparison;
 pub mod dataset;
 mod dataset_error;
 pub mod dataset_file;
+pub mod diagnosis;
 pub mod digest;
 pub mod evaluation;
 pub mod export;
@@ -47,6 +48,10 @@ pub use comparison::{
 pub use dataset::{Dataset, Frame};
 pub use dataset_error::DatasetError;
 pub use dataset_file::{DatasetFile, DepthSection, FramesSection};
+pub use diagnosis::{
+    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisHeldOut, DiagnosisParameter, DiagnosisRound,
+    DiagnosisStep, GainInterval, HeldOutErrors, Verdict,
+};
 pub use digest::digest_files;
 pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Rms};
 pub use export::{Export, ExportCamera, ExportError, ExportFormat, ExportWarning};

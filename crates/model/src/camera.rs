@@ -256,6 +256,16 @@ impl Camera {
         limit.fold(WIDEST_RADIUS, f64::min)
     }
 
+    /// Where a point of the nominal board (mm) lies on the real one, board frame, mm: the board pieces.
+    pub fn board_point(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        let mut point = [x, y, 0.0];
+        for (piece, theta) in self.of(HookKind::Board) {
+            let state = point;
+            piece.evaluate(theta, &state, &[Context::default()], &mut point);
+        }
+        point
+    }
+
     /// Image pixel of a point in the camera frame (mm); `None` behind the camera or where the lens model folds.
     pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<[f64; 2]> {
         if !(point_in_camera.z > 0.0) {

@@ -20,7 +20,7 @@ mod scalar;
 pub mod target;
 
 pub use camera::{Block, Camera, CameraError};
-pub use piece::{AnyPiece, Context, Parameter, Piece, erase};
+pub use piece::{AnyPiece, Context, Covariate, Parameter, Piece, Role, SURROUND_PX, Scan, ScanKind, erase};
 pub use register::{Register, RegisterError};
 pub use scalar::Scalar;
 pub use target::{Pattern, Target};

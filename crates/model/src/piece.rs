@@ -37,6 +37,54 @@ impl Parameter {
     }
 }
 
+/// What a piece is to a search for missing effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Part of the declared model: the lens, D. Never a finding.
+    Model,
+    /// One physical effect with few parameters: may be missing, and is then named.
+    Effect,
+    /// A free map that takes up anything smooth: a competitor of effects, never a name.
+    Map,
+}
+
+/// What is known of an observation, or follows from it, that an effect may depend on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Covariate {
+    /// True depth, mm.
+    Depth,
+    /// True inverse depth, 1/mm.
+    InverseDepth,
+    /// Infrared amplitude.
+    Amplitude,
+    /// Time since the first frame, s.
+    Time,
+    /// Temperature, °C.
+    Temperature,
+}
+
+/// A constant of a piece that is not fitted, and how its value is searched for in the data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Scan {
+    /// Name of the constant, as in [`Piece::options`].
+    pub constant: &'static str,
+    /// What it belongs to.
+    pub covariate: Covariate,
+    /// What it is.
+    pub kind: ScanKind,
+}
+
+/// What a scanned constant is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScanKind {
+    /// Period of a wave over the covariate.
+    Period,
+    /// Constant of an exponential that settles over the covariate; infinity for a straight line.
+    TimeConstant,
+    /// Value at which the effect is zero.
+    Reference,
+}
+
 /// What is known of an observation beside the chain's state. Constant under differentiation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Context {
@@ -44,15 +92,39 @@ pub struct Context {
     pub pixel: [f64; 2],
     /// Infrared amplitude at the pixel, in the image's own steps; NaN where unknown.
     pub amplitude: f64,
+    /// Mean infrared amplitude about the pixel, weighted by a Gaussian of [`SURROUND_PX`]; NaN where unknown.
+    #[serde(default = "unknown")]
+    pub surround: f64,
+    /// Slope of the logarithm of that mean along u and v, 1/px; NaN where unknown.
+    #[serde(default = "unknown_slope")]
+    pub slope: [f64; 2],
     /// Time of the frame since the first, s; 0 where unknown.
     pub time_s: f64,
     /// Temperature of the frame, °C; NaN where unknown.
     pub temperature_c: f64,
 }
 
+/// Standard deviation of the Gaussian that [`Context::surround`] is weighted by, px.
+pub const SURROUND_PX: f64 = 2.0;
+
+fn unknown() -> f64 {
+    f64::NAN
+}
+
+fn unknown_slope() -> [f64; 2] {
+    [f64::NAN; 2]
+}
+
 impl Default for Context {
     fn default() -> Self {
-        Self { pixel: [0.0; 2], amplitude: f64::NAN, time_s: 0.0, temperature_c: f64::NAN }
+        Self {
+            pixel: [0.0; 2],
+            amplitude: f64::NAN,
+            surround: f64::NAN,
+            slope: [f64::NAN; 2],
+            time_s: 0.0,
+            temperature_c: f64::NAN,
+        }
     }
 }
 
@@ -84,6 +156,10 @@ pub trait Piece<H: Hook, const P: usize>: fmt::Debug + Send + Sync + 'static {
     const SOURCE: &'static str;
     /// Its parameters, in order.
     const PARAMETERS: [Parameter; P];
+    /// What it is to a search for missing effects.
+    const ROLE: Role = Role::Effect;
+    /// Its constant that such a search varies.
+    const SCAN: Option<Scan> = None;
     /// The equation, true towards measured.
     fn map<T: Scalar>(&self, state: H::State<T>, theta: [T; P], context: &Context) -> H::Output<T>;
     /// Constants of the piece that are not fitted (a period, a reference value), by name.
@@ -107,6 +183,14 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn parameters(&self) -> &[Parameter];
     /// [`Piece::options`] by name.
     fn options(&self) -> BTreeMap<String, f64>;
+    /// [`Piece::ROLE`].
+    fn role(&self) -> Role {
+        Role::Effect
+    }
+    /// [`Piece::SCAN`].
+    fn scan(&self) -> Option<Scan> {
+        None
+    }
     /// Values of a batch.
     fn evaluate(&self, theta: &[f64], states: &[f64], contexts: &[Context], out: &mut [f64]);
     /// Values and derivatives of a batch; those by the parameters only where asked for.
@@ -198,6 +282,14 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> AnyPiece for Erased<H, P, M> {
 
     fn options(&self) -> BTreeMap<String, f64> {
         self.piece.options().into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
+    }
+
+    fn role(&self) -> Role {
+        M::ROLE
+    }
+
+    fn scan(&self) -> Option<Scan> {
+        M::SCAN
     }
 
     fn evaluate(&self, theta: &[f64], states: &[f64], contexts: &[Context], out: &mut [f64]) {

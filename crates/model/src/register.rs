@@ -112,6 +112,7 @@ impl Register {
         register.add(|_| depth::RadialRange);
         register.add(|_| depth::IncidenceBias);
         register.add(depth::ReflectivityBias::with_options);
+        register.add(|_| depth::SignalMixing);
         register.add(depth::TemporalDrift::with_options);
         register.add(depth::TemperatureDrift::with_options);
         register.add_field(depth::FreeMap::field);

@@ -65,6 +65,8 @@ fn check(rng: &mut ChaCha8Rng, names: &[&str]) {
                 amplitude: rng.random_range(100.0..5000.0),
                 time_s: rng.random_range(0.0..600.0),
                 temperature_c: rng.random_range(20.0..45.0),
+                surround: rng.random_range(100.0..5000.0),
+                slope: [rng.random_range(-0.1..0.1), rng.random_range(-0.1..0.1)],
             },
         })
         .collect();
@@ -193,7 +195,8 @@ fn nominal_pieces_do_nothing() {
             let x = pose * nalgebra::Point3::new(rng.random_range(0.0..100.0), rng.random_range(0.0..100.0), 0.0);
             let (a, b) = (bare.project(&x.coords).unwrap(), camera.project(&x.coords).unwrap());
             assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-10, "{name} moves pixels");
-            let context = Context { pixel: a, amplitude: 500.0, time_s: 100.0, temperature_c: 40.0 };
+            let context =
+                Context { pixel: a, amplitude: 500.0, time_s: 100.0, temperature_c: 40.0, ..Context::default() };
             let rho = 1.0 / x.z;
             let m = camera.measured_inverse_depth(&context, [x.x * rho, x.y * rho], 0.8, rho);
             assert!((m / rho - 1.0).abs() < 1e-14, "{name} changes depth");
@@ -214,7 +217,8 @@ fn projection_and_correction_are_inverted() {
             let Some(pixel) = camera.project(&Vector3::new(x * z, y * z, z)) else { continue };
             let ray = camera.ray(pixel, 1.0 / z).unwrap();
             assert!((ray[0] - x).hypot(ray[1] - y) < 1e-10, "{name}: ray");
-            let mut context = Context { pixel, amplitude: 700.0, time_s: 50.0, temperature_c: 30.0 };
+            let mut context =
+                Context { pixel, amplitude: 700.0, time_s: 50.0, temperature_c: 30.0, ..Context::default() };
             let shift = camera.image_pixel(&context);
             context.pixel = [2.0 * pixel[0] - shift[0], 2.0 * pixel[1] - shift[1]];
             let cos = rng.random_range(0.6..1.0);

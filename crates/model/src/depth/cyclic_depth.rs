@@ -1,6 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::register::Options;
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
 
 /// The wiggling of time-of-flight cameras: z_m = z + a1 sin φ + b1 cos φ + a2 sin 2φ + b2 cos 2φ, φ = 2πz/p.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +26,8 @@ impl Piece<Depth, 4> for CyclicDepth {
         Parameter::new("a2", "mm", 0.0, 1.0),
         Parameter::new("b2", "mm", 0.0, 1.0),
     ];
+    const SCAN: Option<Scan> =
+        Some(Scan { constant: "period_mm", covariate: Covariate::Depth, kind: ScanKind::Period });
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [a1, b1, a2, b2]: [T; 4], _: &Context) -> T {

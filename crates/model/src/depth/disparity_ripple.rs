@@ -1,6 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::register::Options;
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
 
 /// Sub-pixel locking: the measured inverse depth ripples with the disparity, ρ + a sin(2πρ/p) + b cos(2πρ/p).
 #[derive(Debug, Clone, Copy)]
@@ -21,6 +21,8 @@ impl Piece<Depth, 2> for DisparityRipple {
     const NAME: &'static str = "disparity_ripple";
     const SOURCE: &'static str = "Shimizu, Okutomi 2001, Precise sub-pixel estimation on area-based matching";
     const PARAMETERS: [Parameter; 2] = [Parameter::new("a", "1/mm", 0.0, 1e-6), Parameter::new("b", "1/mm", 0.0, 1e-6)];
+    const SCAN: Option<Scan> =
+        Some(Scan { constant: "period_per_mm", covariate: Covariate::InverseDepth, kind: ScanKind::Period });
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [a, b]: [T; 2], _: &Context) -> T {

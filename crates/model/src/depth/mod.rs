@@ -14,6 +14,7 @@ mod quadratic_depth;
 mod radial_range;
 mod range_offset;
 mod reflectivity_bias;
+mod signal_mixing;
 mod temperature_drift;
 mod temporal_drift;
 
@@ -31,5 +32,6 @@ pub use quadratic_depth::QuadraticDepth;
 pub use radial_range::RadialRange;
 pub use range_offset::RangeOffset;
 pub use reflectivity_bias::ReflectivityBias;
+pub use signal_mixing::SignalMixing;
 pub use temperature_drift::TemperatureDrift;
 pub use temporal_drift::TemporalDrift;

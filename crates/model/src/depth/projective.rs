@@ -1,5 +1,5 @@
 use crate::hook::{Depth, DepthState};
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Parameter, Piece, Role, Scalar};
 
 /// The homography D, identity but for its last row: ρ_m = dx x + dy y + dz + dw ρ.
 ///
@@ -18,6 +18,7 @@ impl Piece<Depth, 4> for Projective {
         Parameter::new("dz", "1/mm", 0.0, 1e-4),
         Parameter::new("dw", "1", 1.0, 1e-2),
     ];
+    const ROLE: Role = Role::Model;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [dx, dy, dz, dw]: [T; 4], _: &Context) -> T {

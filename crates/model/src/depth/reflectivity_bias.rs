@@ -1,6 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::register::Options;
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
 
 /// Depth depends on the infrared amplitude A: z_m = z + b1 ℓ + b2 ℓ² + b3 ℓ³, ℓ = ln(A / A₀). No effect where the
 /// amplitude is unknown or zero.
@@ -27,6 +27,8 @@ impl Piece<Depth, 3> for ReflectivityBias {
         Parameter::new("b2", "mm", 0.0, 1.0),
         Parameter::new("b3", "mm", 0.0, 1.0),
     ];
+    const SCAN: Option<Scan> =
+        Some(Scan { constant: "reference", covariate: Covariate::Amplitude, kind: ScanKind::Reference });
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [b1, b2, b3]: [T; 3], c: &Context) -> T {

@@ -1,6 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::register::Options;
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
 
 /// Scale and offset in inverse depth, linear in the temperature: ρ_m = ρ (1 + s ΔT) + o ΔT, ΔT = T − T₀. No effect where
 /// the temperature is unknown.
@@ -24,6 +24,8 @@ impl Piece<Depth, 2> for TemperatureDrift {
         "Fiedler, Müller 2013, Impact of thermal and environmental conditions on the Kinect sensor";
     const PARAMETERS: [Parameter; 2] =
         [Parameter::new("s", "1/K", 0.0, 1e-4), Parameter::new("o", "1/(mm K)", 0.0, 1e-7)];
+    const SCAN: Option<Scan> =
+        Some(Scan { constant: "reference_c", covariate: Covariate::Temperature, kind: ScanKind::Reference });
 
     #[inline(always)]
     fn map<T: Scalar>(&self, state: DepthState<T>, [s, o]: [T; 2], c: &Context) -> T {

@@ -1,6 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::register::Options;
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
 
 /// Warm-up: scale and offset in inverse depth that settle with time, ρ_m = ρ (1 + s g) + o g, g = 1 − exp(−t / τ); an
 /// infinite τ makes it linear in t (per hour).
@@ -23,6 +23,8 @@ impl Piece<Depth, 2> for TemporalDrift {
     const SOURCE: &'static str =
         "Fiedler, Müller 2013, Impact of thermal and environmental conditions on the Kinect sensor";
     const PARAMETERS: [Parameter; 2] = [Parameter::new("s", "1", 0.0, 1e-3), Parameter::new("o", "1/mm", 0.0, 1e-6)];
+    const SCAN: Option<Scan> =
+        Some(Scan { constant: "tau_s", covariate: Covariate::Time, kind: ScanKind::TimeConstant });
 
     #[inline(always)]
     fn map<T: Scalar>(&self, state: DepthState<T>, [s, o]: [T; 2], c: &Context) -> T {

@@ -13,7 +13,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use crate::hook::{Depth, HookKind};
-use crate::piece::{AnyPiece, Context, Erased, Parameter, Piece};
+use crate::piece::{AnyPiece, Context, Erased, Parameter, Piece, Role};
 
 pub use grid::{Domain, Grid, Interpolation};
 
@@ -168,6 +168,10 @@ impl<M: Piece<Depth, P>, const P: usize> AnyPiece for Field<M, P> {
 
     fn hook(&self) -> HookKind {
         HookKind::Depth
+    }
+
+    fn role(&self) -> Role {
+        Role::Map
     }
 
     fn parameters(&self) -> &[Parameter] {

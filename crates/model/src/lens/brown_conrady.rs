@@ -1,5 +1,5 @@
 use crate::hook::{Lens, LensState};
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::{Context, Parameter, Piece, Role, Scalar};
 
 /// Radial and tangential distortion in OpenCV's order k1 k2 p1 p2 k3:
 /// x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²),
@@ -17,6 +17,7 @@ impl Piece<Lens, 5> for BrownConrady {
         Parameter::new("p2", "1", 0.0, 1e-3),
         Parameter::new("k3", "1", 0.0, 0.1),
     ];
+    const ROLE: Role = Role::Model;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: LensState<T>, [k1, k2, p1, p2, k3]: [T; 5], _: &Context) -> [T; 2] {

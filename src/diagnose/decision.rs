@@ -1,0 +1,162 @@
+//! Which effect to add, if any.
+//!
+//! p-values alone name something in nearly every capture whose fault the catalogue does not have. So an effect has to
+//! - be significant, corrected for the number of effects and constants tried;
+//! - gain on frames that its estimate has not seen, and on most of them rather than on one;
+//! - together with further named effects explain most of what a free function of anything explains.
+
+use super::evidence::{Evidence, Examination, LEVEL, t_of};
+use super::frames::FramePlane;
+
+/// Named effects that explain together are sought up to this number.
+const MOST_TOGETHER: usize = 3;
+/// Further effects count when they add at least this share of what the first explains.
+const WORTH: f64 = 0.1;
+/// Share of the explicable that named effects have to explain.
+const EXPLAINED: f64 = 0.6;
+/// Mean gain over its standard error below which the gain may be one frame's accident.
+const STEADY: f64 = 1.2;
+/// Share of what planes of the frames' own explain that named effects have to explain.
+const FRAMES_EXPLAINED: f64 = 0.7;
+/// Paired difference of gains, over its standard error, that tells two effects apart.
+const TOLD_APART: f64 = 2.0;
+
+/// What to do after a round.
+#[derive(Debug, Clone)]
+pub enum Decision {
+    /// Nothing is left that these data show.
+    Nothing,
+    /// An effect is missing.
+    Add {
+        /// Its place in [`Examination::evidence`].
+        effect: usize,
+        /// Further effects that explain what it leaves, by name.
+        beside: Vec<String>,
+        /// Effects that these captures cannot tell from it.
+        indistinguishable: Vec<String>,
+        /// Share that these effects together explain of what they and any free function explain.
+        explained: f64,
+        /// What they explain over what planes of the frames' own explain.
+        of_planes: f64,
+    },
+    /// Something is left that no named effect explains.
+    Unexplained {
+        /// The free function that explains most: its place in [`Examination::evidence`].
+        free: usize,
+        /// Share of it that the best named effects explain.
+        explained: f64,
+    },
+}
+
+/// What a candidate is worth: the gain on left-out frames, but no more than what its score test expects. The first is
+/// noisy where few frames carry it, the second blind to what residuals of a frame share.
+pub fn merit(evidence: &Evidence) -> f64 {
+    evidence.gain().min(0.5 * evidence.score.statistic - evidence.score.rank as f64)
+}
+
+/// What a candidate is worth beside others: the simpler wins unless the other explains more than its parameters do by
+/// chance (Schwarz 1978, with frames as observations).
+fn rank(examination: &Examination, evidence: &Evidence) -> f64 {
+    let frames = examination.linearization.cluster_count().max(2) as f64;
+    merit(evidence) - evidence.score.rank as f64 * (frames.ln() - 1.0)
+}
+
+fn significant(p_value: f64, tests: usize, gains: &[f64]) -> bool {
+    p_value * (tests as f64) < LEVEL && gains.iter().sum::<f64>() > 0.0 && t_of(gains) > STEADY
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// Decides on an examination and the frames' own planes beside the same model. What explains less than `least_share` of the
+/// residuals' squares is let be, and the effects `rejected` are not proposed again.
+pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64, rejected: &[String]) -> Decision {
+    let lin = &examination.linearization;
+    let all = &examination.evidence;
+    let free_count = examination.probes().count();
+    let effects: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_none()).collect();
+    let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_some()).collect();
+    let least = least_share * examination.cost();
+    let is_significant = |e: &Evidence, tests: usize| significant(e.p_value, tests, &e.gains) && merit(e) > least;
+    let best_free = free
+        .iter()
+        .copied()
+        .filter(|i| is_significant(&all[*i], free_count))
+        .max_by(|a, b| merit(&all[*a]).total_cmp(&merit(&all[*b])));
+    let named = effects
+        .iter()
+        .copied()
+        .filter(|i| is_significant(&all[*i], examination.tests) && !rejected.contains(&all[*i].name))
+        .max_by(|a, b| rank(examination, &all[*a]).total_cmp(&rank(examination, &all[*b])));
+    let Some(first) = named else {
+        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained { free, explained: 0.0 });
+    };
+    // Effects that explain together, greedily.
+    let mut stack = vec![first];
+    let mut gains = all[first].gains.clone();
+    let mut statistic = all[first].score.statistic;
+    let of = |stack: &[usize]| -> Vec<usize> { stack.iter().map(|i| all[*i].index).collect() };
+    let extended = |stack: &[usize], more: usize| -> Vec<usize> {
+        stack.iter().map(|i| all[*i].index).chain(std::iter::once(all[more].index)).collect()
+    };
+    while stack.len() < MOST_TOGETHER {
+        let next = effects
+            .iter()
+            .copied()
+            .filter(|i| !stack.contains(i))
+            .map(|i| (i, lin.held_out_gain(&extended(&stack, i))))
+            .max_by(|a, b| a.1.iter().sum::<f64>().total_cmp(&b.1.iter().sum::<f64>()));
+        let Some((next, together)) = next else { break };
+        let added = difference(&together, &gains);
+        let score = lin.score_beside(all[next].index, &of(&stack));
+        let p_value = score.p_value;
+        let worth = added.iter().sum::<f64>() > WORTH * gains.iter().sum::<f64>();
+        if !worth || !significant(p_value, examination.tests, &added) {
+            break;
+        }
+        stack.push(next);
+        statistic += score.statistic;
+        gains = together;
+    }
+    // What free functions explain beside them.
+    let explained: f64 = gains.iter().sum();
+    let left = free
+        .iter()
+        .copied()
+        .map(|i| {
+            let added = difference(&lin.held_out_gain(&extended(&stack, i)), &gains);
+            let p_value = lin.score_beside(all[i].index, &of(&stack)).p_value;
+            let counts = significant(p_value, free_count, &added);
+            (i, if counts { added.iter().sum::<f64>() } else { 0.0 })
+        })
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    let mut share = 1.0;
+    if let Some((free, left)) = left {
+        share = explained / (explained + left);
+        if share < EXPLAINED {
+            return Decision::Unexplained { free: best_free.unwrap_or(free), explained: share };
+        }
+    }
+    // Planes of the frames' own compete too: an effect that is there takes them up.
+    let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
+    let at_best = explained.max(statistic * 0.5);
+    let of_planes = at_best / own_planes.max(f64::MIN_POSITIVE);
+    if of_planes < FRAMES_EXPLAINED {
+        let free = best_free.unwrap_or_else(|| free[0]);
+        return Decision::Unexplained { free, explained: of_planes };
+    }
+    let indistinguishable = effects
+        .iter()
+        .copied()
+        .filter(|i| !stack.contains(i) && all[*i].gain() > 0.0)
+        .filter(|i| {
+            let apart = difference(&all[first].gains, &all[*i].gains);
+            let beside = lin.score_beside(all[first].index, &[all[*i].index]).p_value;
+            t_of(&apart) < TOLD_APART && beside > LEVEL
+        })
+        .map(|i| all[i].name.clone())
+        .collect();
+    let beside = stack[1..].iter().map(|i| all[*i].name.clone()).collect();
+    Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes }
+}

@@ -1,0 +1,178 @@
+//! The loop on simulated captures whose faults are known, at the level of points: named where it has a name, left alone where
+//! it has none, and nothing where there is nothing.
+
+use depthcal::calibrate::{CalibrateOptions, calibrate};
+use depthcal::diagnose::{DiagnoseOptions, Diagnosis, diagnose, evidence, frames};
+use depthcal::simulated;
+use depthcal_io::Verdict;
+use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Simulation};
+use rayon::prelude::*;
+
+fn simulation(effects: &[(&str, f64)], seed: u64) -> Simulation {
+    let effects: Vec<Effect> = effects.iter().map(|(name, size)| Effect::new(name, *size).unwrap()).collect();
+    Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &effects, seed).unit(seed)
+}
+
+fn run(simulation: &Simulation) -> Diagnosis {
+    let observed = simulation.observe_points(&PointOptions::default()).unwrap();
+    diagnose(&simulated::capture(&observed), None, &DiagnoseOptions::default()).unwrap()
+}
+
+fn names(d: &Diagnosis) -> Vec<&str> {
+    d.steps.iter().map(|s| s.effects[0].as_str()).collect()
+}
+
+/// Effects well above their detectable sizes: each is found, alone, and what is left is the noise.
+#[test]
+fn undeclared_effects_are_named_and_taken_up() {
+    let cases = [
+        ("board_bow", 0.4),
+        ("print_scale", 0.3),
+        ("depth_registration", 2.0),
+        ("disparity_ripple", 1.0),
+        ("range_offset", 6.0),
+        ("cyclic_depth", 2.0),
+        ("radial_range", 4.0),
+        ("incidence_bias", 3.0),
+        ("temperature_drift", 4.0),
+    ];
+    let failures: Vec<String> = cases
+        .into_par_iter()
+        .filter_map(|case| {
+            let d = run(&simulation(&[case], 2));
+            let told: Vec<&str> = d.rounds.iter().map(|r| r.decision.as_str()).collect();
+            let right = names(&d) == [case.0] && d.verdict == Verdict::Effect;
+            let better = d.after.errors.depth_rms_mm <= d.before.errors.depth_rms_mm;
+            (!right || !better).then(|| format!("{}: {:?}, {:?}, {told:?}", case.0, names(&d), d.verdict))
+        })
+        .collect();
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// One-parameter effects whose size the simulator gives in millimetres of the parameter itself: 10 %.
+#[test]
+fn sizes_are_right() {
+    let d = run(&simulation(&[("range_offset", 6.0)], 3));
+    let offset = d.steps[0].parameters[0].value;
+    assert!((offset - 6.0).abs() < 0.6, "{offset} mm instead of 6");
+    let d = run(&simulation(&[("depth_registration", 2.0)], 3));
+    let shift = d.steps[0].parameters[0].value.hypot(d.steps[0].parameters[1].value);
+    assert!((shift - 2.0).abs() < 0.2, "{shift} px instead of 2");
+}
+
+#[test]
+fn two_effects_are_both_named() {
+    let d = run(&simulation(&[("projector_distortion", 4.0), ("temporal_drift", 4.0)], 1));
+    let mut found = names(&d);
+    found.sort_unstable();
+    assert_eq!(found, ["projector_distortion", "temporal_drift"], "{:?}", d.rounds);
+    assert_eq!(d.verdict, Verdict::Effect);
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_missing() {
+    let verdicts: Vec<(Verdict, Vec<String>)> = (0..10_u64)
+        .into_par_iter()
+        .map(|seed| {
+            let simulation = simulation(&[], 300 + seed);
+            let heavy = Noise { tail_dof: Some(3.0), ..Noise::default() };
+            let d = run(&if seed % 2 == 0 { simulation } else { simulation.noise(heavy) });
+            (d.verdict, names(&d).into_iter().map(str::to_owned).collect())
+        })
+        .collect();
+    assert!(verdicts.iter().all(|v| v.0 == Verdict::Adequate), "{verdicts:?}");
+}
+
+/// What the catalogue does not have gets no name, and the free map takes up what is a matter of the pixel.
+#[test]
+fn effects_beyond_the_catalogue_are_unexplained() {
+    for name in ["smooth_map", "row_banding"] {
+        let effect = Effect::with_default_size(name).unwrap();
+        let d = run(&simulation(&[(name, effect.size)], 2));
+        assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", d.rounds);
+        assert!(names(&d).iter().all(|n| *n == "free_map"), "{name}: {:?}", names(&d));
+        assert!(!d.left_over.is_empty());
+        if name == "smooth_map" {
+            let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
+            assert!(after < 0.8 * before, "{before} → {after} mm");
+        }
+    }
+}
+
+#[test]
+fn frames_that_do_not_belong_are_named_and_no_effects() {
+    let defects = Defects { bad_frames: 2, duplicated_frames: 1, ..Defects::default() };
+    let simulation = simulation(&[], 5).defects(defects);
+    let truth = simulation.truth().unwrap().defective;
+    let d = run(&simulation);
+    assert_eq!(d.verdict, Verdict::Adequate, "{:?}", d.rounds);
+    for index in truth.bad.iter().chain(truth.duplicated.iter().map(|[_, copy]| copy)) {
+        let name = format!("{index:04}");
+        assert!(d.bad_frames.iter().any(|b| b.name == name), "frame {name} is not among {:?}", d.bad_frames);
+    }
+    let twin = d.bad_frames.iter().find(|b| b.reason.contains("stored twice"));
+    assert!(twin.is_some_and(|t| t.name == format!("{:04}", truth.duplicated[0][1])));
+}
+
+#[test]
+fn a_wrong_square_size_is_said_to_be_just_that() {
+    let d = run(&simulation(&[], 6).defects(Defects { spacing_factor: 1.25, ..Defects::default() }));
+    assert!(names(&d).is_empty());
+    assert!(d.declarations.iter().any(|s| s.contains("spacing_mm") && s.contains("unit_mm")), "{:?}", d.declarations);
+    assert!(run(&simulation(&[], 6)).declarations.is_empty());
+}
+
+/// Largest distance between the distribution of p-values and the uniform one (Kolmogorov–Smirnov).
+fn distance_from_uniform(mut p_values: Vec<f64>) -> f64 {
+    p_values.sort_by(f64::total_cmp);
+    let n = p_values.len() as f64;
+    let steps = p_values.iter().enumerate().map(|(i, p)| (p - i as f64 / n).abs().max(((i + 1) as f64 / n - p).abs()));
+    steps.fold(0.0, f64::max)
+}
+
+/// 200 clean captures. With 200 values the Kolmogorov–Smirnov distance exceeds 0.115 once in a hundred; eight effects are
+/// looked at, so 0.135 (once in a thousand). Nonlinear constants are searched, which makes their p-values conservative:
+/// these are left out.
+#[test]
+fn p_values_of_clean_captures_are_uniform() {
+    let names = [
+        "board_bow",
+        "print_scale",
+        "thin_prism",
+        "tilted_sensor",
+        "depth_registration",
+        "range_offset",
+        "incidence_bias",
+        "radial_range",
+    ];
+    let all: Vec<Vec<f64>> = (0..200_u64)
+        .into_par_iter()
+        .map(|seed| {
+            let observed = simulation(&[], 7000 + seed).observe_points(&PointOptions::default()).unwrap();
+            let options = CalibrateOptions::default();
+            let fit = calibrate(&simulated::capture(&observed), &options).unwrap();
+            let scores = evidence::scores(&fit, &options.register, &names).unwrap();
+            scores.iter().map(|s| s.p_value).collect()
+        })
+        .collect();
+    for (i, name) in names.iter().enumerate() {
+        let distance = distance_from_uniform(all.iter().map(|p| p[i]).collect());
+        println!("{name}: Kolmogorov–Smirnov distance {distance:.3}");
+        assert!(distance < 0.135, "{name}: {distance}");
+    }
+}
+
+/// Planes of the frames' own are χ² with three degrees of freedom in clean captures: mean 3, here within five standard
+/// errors (√6 each) of 27 frames in 10 captures.
+#[test]
+fn frames_have_no_planes_of_their_own_in_clean_captures() {
+    let mut statistics = Vec::new();
+    for seed in 0..10 {
+        let observed = simulation(&[], 8000 + seed).observe_points(&PointOptions::default()).unwrap();
+        let fit = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
+        statistics.extend(frames::frame_planes(&fit).iter().map(|p| p.statistic));
+    }
+    let n = statistics.len() as f64;
+    let mean = statistics.iter().sum::<f64>() / n;
+    assert!((mean - 3.0).abs() < 5.0 * (6.0 / n).sqrt(), "mean {mean} over {n} frames");
+}
