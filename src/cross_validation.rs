@@ -59,7 +59,7 @@ pub fn weighted_depth_rms(evaluated: &Evaluated, noise: &DepthNoise) -> Option<f
     // A depth error e has the size e ρ² in inverse depth.
     let weighted = pixels().map(|p| {
         let rho = 1.0 / p.board_depth_mm;
-        (p.after_mm * rho * rho / noise.sigma(rho)).min(MOST_SIGMAS).max(-MOST_SIGMAS)
+        (p.after_mm * rho * rho / noise.sigma(rho)).clamp(-MOST_SIGMAS, MOST_SIGMAS)
     });
     let (sum, n) = weighted.fold((0.0, 0_usize), |(s, n), e| (s + e * e, n + 1));
     (n > 0).then(|| (sum / n as f64).sqrt())
