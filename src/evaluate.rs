@@ -125,7 +125,7 @@ fn dot_distance(point: &MarkerPoint) -> f64 {
 
 /// A board pixel's errors, and the pixel as it is after correction.
 fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(PixelError, BoardPixel)> {
-    let (ray, rho) = camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?;
+    let (ray, rho) = camera.correct_near(&p.context, p.cos_incidence, 1.0 / p.depth_mm, Some(p.ray)).ok()?;
     let board_depth_mm = plane.depth_of_shape(ray, camera)?;
     let on_board = plane.to_board(ray, board_depth_mm);
     let board = [on_board.x, on_board.y];

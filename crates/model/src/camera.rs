@@ -286,12 +286,17 @@ impl Camera {
     /// # Errors
     ///
     /// [`CameraError::OutsideLens`] where the lens model has no inverse.
-    pub fn ray(&self, [u, v]: [f64; 2], rho: f64) -> Result<[f64; 2], CameraError> {
+    pub fn ray(&self, pixel: [f64; 2], rho: f64) -> Result<[f64; 2], CameraError> {
+        self.ray_near(pixel, rho, None)
+    }
+
+    /// The same from a ray that is nearly right, which saves most of Newton's steps.
+    fn ray_near(&self, [u, v]: [f64; 2], rho: f64, start: Option<[f64; 2]>) -> Result<[f64; 2], CameraError> {
         let [fx, fy, cx, cy, skew] = self.pinhole();
         let yd = (v - cy) / fy;
         let xd = (u - cx - skew * yd) / fx;
         let outside = || CameraError::OutsideLens { u, v, limit: self.lens_limit };
-        let (mut x, mut y) = (xd, yd);
+        let [mut x, mut y] = start.unwrap_or([xd, yd]);
         for _ in 0..50 {
             let ([px, py], d) = self.distort(x, y, rho);
             let (ex, ey) = (xd - px, yd - py);
@@ -327,18 +332,34 @@ impl Camera {
         cos_incidence: f64,
         measured_inverse_depth: f64,
     ) -> Result<([f64; 2], f64), CameraError> {
+        self.correct_near(context, cos_incidence, measured_inverse_depth, None)
+    }
+
+    /// The same from a ray that is nearly right, where the caller has one.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::OutsideLens`], [`CameraError::NotInvertible`].
+    pub fn correct_near(
+        &self,
+        context: &Context,
+        cos_incidence: f64,
+        measured_inverse_depth: f64,
+        start: Option<[f64; 2]>,
+    ) -> Result<([f64; 2], f64), CameraError> {
         let pixel = self.image_pixel(context);
         let mut rho = measured_inverse_depth;
+        let mut ray = self.ray_near(pixel, rho, start)?;
         for _ in 0..20 {
-            let ray = self.ray(pixel, rho)?;
-            let next = self.true_inverse_depth(context, ray, cos_incidence, measured_inverse_depth)?;
-            let settled = (next - rho).abs() <= 1e-14 * next.abs();
-            rho = next;
-            if settled {
-                return Ok((ray, rho));
+            rho = self.true_inverse_depth(context, ray, cos_incidence, measured_inverse_depth)?;
+            // Only a lens that breathes has another ray at another depth.
+            let next = self.ray_near(pixel, rho, Some(ray))?;
+            if (next[0] - ray[0]).abs().max((next[1] - ray[1]).abs()) <= 1e-14 {
+                break;
             }
+            ray = next;
         }
-        Ok((self.ray(pixel, rho)?, rho))
+        Ok((ray, rho))
     }
 
     /// The image pixel that a pixel of the depth image sees: the inverse of the pixel pieces.
