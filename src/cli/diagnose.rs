@@ -5,7 +5,7 @@ use clap::Args;
 use super::common::{Failure, Output, Reading, command_line, input, write_calibration, write_report};
 use crate::calibrate::CalibrateOptions;
 use crate::capture::declared_camera;
-use crate::diagnose::account::{text, to_file};
+use crate::diagnose::account::{story, text, to_file};
 use crate::diagnose::{DiagnoseError, DiagnoseOptions, diagnose};
 use crate::evaluate::evaluate;
 use crate::report::{ReportDataset, ReportInput, Role};
@@ -78,7 +78,7 @@ impl Diagnose {
             ReportDataset { evaluated: &fitted, role: Role::Fitted },
             ReportDataset { evaluated: &d.after.evaluated, role },
         ];
-        let story: Vec<String> = account.lines().filter(|l| !l.trim().is_empty()).map(str::to_owned).collect();
+        let story = story(&d);
         let report = ReportInput {
             title: loaded.capture.name.clone(),
             command_line: command_line(),
