@@ -8,7 +8,7 @@ use crate::error::{EvaluationError, EvaluationFailure};
 use crate::lanes::{LANES, Lane, LaneAccess, LaneProducts};
 use crate::layout::{BatchInfo, NONE};
 use crate::loss::Loss;
-use crate::scatter::{self, Add, EliminatedBlocks, PADDING};
+use crate::scatter::{Add, EliminatedBlocks, PADDING, Rows};
 use crate::values::Values;
 
 /// A chunk with its numbers.
@@ -146,6 +146,7 @@ impl Chunk {
         let (index, dim) = (group.group as usize, info.residual_dim);
         let (gram, gradient) = (&mut self.scratch.gram, &mut self.scratch.gradient);
         let lanes = info.batch.lanes().filter(|_| self.plan.form != Form::Rows);
+        let mut plain = false;
         let cost = if let (Some(lanes), Some(lane_rows)) = (lanes, &scatter.lanes) {
             let (count, size) = (rows / dim, scatter.block as usize);
             let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * size];
@@ -161,12 +162,10 @@ impl Chunk {
             let wanted = if m > 0 { Some(&mut *jacobian) } else { None };
             info.batch.evaluate(index, values, r, wanted)?;
             let cost = weigh(&info.loss, dim, r, (m > 0).then_some((&mut *jacobian, columns)));
-            if m > 0 {
-                if let Some(keep) = &scatter.keep {
-                    compact(jacobian, rows, columns, keep);
-                }
-                scatter::products(&self.scratch.jacobian, r, m, gram, gradient);
+            if let Some(keep) = scatter.keep.as_ref().filter(|_| m > 0) {
+                compact(jacobian, rows, columns, keep);
             }
+            plain = true;
             if self.plan.form == Form::Rows {
                 let (kept_r, kept_j) = self.rows[group.kept_rows..][..rows * (m + 1)].split_at_mut(rows);
                 kept_r.copy_from_slice(r);
@@ -181,10 +180,6 @@ impl Chunk {
         if m == 0 {
             return Ok(());
         }
-        let trace: f64 = (0..m).map(|i| gram[i * m + i]).sum();
-        if !trace.is_finite() {
-            return Err(EvaluationError::new("a Jacobian is not finite"));
-        }
         let eliminated = (group.elimination != NONE).then(|| {
             let e = self.plan.eliminations[group.elimination as usize];
             let stride = self.plan.strips[e.strip as usize].stride as usize;
@@ -196,8 +191,10 @@ impl Chunk {
                 ge: &mut self.ge[e.e..][..d],
             }
         });
-        Arch::new().dispatch(Add { scatter, gram, gradient, eliminated, hcc: &mut self.hcc, gc: &mut self.gc });
-        Ok(())
+        let rows = plain.then(|| Rows { j: &self.scratch.jacobian, r: &self.scratch.residuals[..rows] });
+        let (hcc, gc) = (&mut self.hcc, &mut self.gc);
+        let finite = Arch::new().dispatch(Add { scatter, rows, gram, gradient, eliminated, hcc, gc });
+        if finite { Ok(()) } else { Err(EvaluationError::new("a Jacobian is not finite")) }
     }
 
     /// The weighted residuals of each group, if rows are kept.

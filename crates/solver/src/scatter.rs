@@ -11,50 +11,96 @@ pub(crate) const PADDING: usize = 8;
 /// From this many rows on the general matrix product pays.
 const STACKED_ROWS: usize = 24;
 
-/// JᵀJ (lower triangle, m × m) and Jᵀr of `rows` × m, row-major; what lies above the diagonal is not meaningful. The slices
-/// of J and JᵀJ have [`PADDING`].
-pub(crate) fn products(j: &[f64], r: &[f64], m: usize, gram: &mut [f64], gradient: &mut [f64]) {
-    if r.len() >= STACKED_ROWS && m >= 4 {
-        kernels::gram_lower(j, r.len(), m, gram);
-        kernels::gram_vector(&j[..r.len() * m], r, m, gradient);
-    } else {
-        pulp::Arch::new().dispatch(SmallProducts { j, r, m, gram, gradient });
+/// A group's weighted Jacobian, `rows` × m, row-major, and residuals. The slice of J has [`PADDING`].
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    pub j: &'a [f64],
+    pub r: &'a [f64],
+}
+
+/// JᵀJ (lower triangle, m × m) and Jᵀr; what lies above the diagonal is not meaningful. The slice of JᵀJ has [`PADDING`].
+#[inline(always)]
+fn products<S: Simd>(simd: S, Rows { j, r }: Rows<'_>, m: usize, gram: &mut [f64], gradient: &mut [f64]) {
+    match (r.len(), m) {
+        // Points in images, with or without what the camera is, and relative poses.
+        (2, 9) => fixed_products::<S, 2, 9>(simd, j, r, gram, gradient),
+        (2, 12) => fixed_products::<S, 2, 12>(simd, j, r, gram, gradient),
+        (6, 12) => fixed_products::<S, 6, 12>(simd, j, r, gram, gradient),
+        (STACKED_ROWS.., 4..) => {
+            kernels::gram_lower(j, r.len(), m, gram);
+            kernels::gram_vector(&j[..r.len() * m], r, m, gradient);
+        }
+        _ => small_products(simd, j, r, m, gram, gradient),
     }
 }
 
-struct SmallProducts<'a> {
-    j: &'a [f64],
-    r: &'a [f64],
-    m: usize,
-    gram: &'a mut [f64],
-    gradient: &'a mut [f64],
+#[inline(always)]
+fn small_products<S: Simd>(simd: S, j: &[f64], r: &[f64], m: usize, gram: &mut [f64], gradient: &mut [f64]) {
+    let lanes = S::F64_LANES;
+    // Whole vectors, whose excess the next row overwrites.
+    for i in 0..m {
+        for c in (0..=i).step_by(lanes) {
+            let mut sum = simd.splat_f64s(0.0);
+            for k in 0..r.len() {
+                let y = S::as_simd_f64s(&j[k * m + c..][..lanes]).0[0];
+                sum = simd.mul_add_e_f64s(simd.splat_f64s(j[k * m + i]), y, sum);
+            }
+            S::as_mut_simd_f64s(&mut gram[i * m + c..][..lanes]).0[0] = sum;
+        }
+    }
+    for c in (0..m).step_by(lanes) {
+        let mut sum = simd.splat_f64s(0.0);
+        for (k, r) in r.iter().enumerate() {
+            let y = S::as_simd_f64s(&j[k * m + c..][..lanes]).0[0];
+            sum = simd.mul_add_e_f64s(simd.splat_f64s(*r), y, sum);
+        }
+        S::as_mut_simd_f64s(&mut gradient[c..][..lanes]).0[0] = sum;
+    }
 }
 
-impl WithSimd for SmallProducts<'_> {
-    type Output = ();
+/// [`small_products`] for sizes known when compiling.
+#[inline(always)]
+fn fixed_products<S: Simd, const R: usize, const M: usize>(
+    simd: S,
+    j: &[f64],
+    r: &[f64],
+    gram: &mut [f64],
+    gradient: &mut [f64],
+) {
+    let (Some(j), Some(r)) = (j.as_chunks::<M>().0.first_chunk::<R>(), r.first_chunk::<R>()) else { return };
+    let Some(gram) = gram.as_chunks_mut::<M>().0.first_chunk_mut::<M>() else { return };
+    let Some(gradient) = gradient.first_chunk_mut::<M>() else { return };
+    for (i, target) in gram.iter_mut().enumerate() {
+        fixed_row(simd, j, &std::array::from_fn(|k| j[k][i]), i, target);
+    }
+    fixed_row(simd, j, r, M - 1, gradient);
+}
 
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { j, r, m, gram, gradient } = self;
-        let lanes = S::F64_LANES;
-        // Whole vectors, whose excess the next row overwrites.
-        for i in 0..m {
-            for c in (0..=i).step_by(lanes) {
-                let mut sum = simd.splat_f64s(0.0);
-                for k in 0..r.len() {
-                    let y = S::as_simd_f64s(&j[k * m + c..][..lanes]).0[0];
-                    sum = simd.mul_add_e_f64s(simd.splat_f64s(j[k * m + i]), y, sum);
-                }
-                S::as_mut_simd_f64s(&mut gram[i * m + c..][..lanes]).0[0] = sum;
-            }
+/// t ← xᵀ J up to column `last` at least.
+#[inline(always)]
+fn fixed_row<S: Simd, const R: usize, const M: usize>(
+    simd: S,
+    j: &[[f64; M]; R],
+    x: &[f64; R],
+    last: usize,
+    t: &mut [f64; M],
+) {
+    let (head, tail) = S::as_mut_simd_f64s(t);
+    for (v, target) in head.iter_mut().enumerate().take(last / S::F64_LANES + 1) {
+        let mut sum = simd.splat_f64s(0.0);
+        for k in 0..R {
+            sum = simd.mul_add_e_f64s(simd.splat_f64s(x[k]), S::as_simd_f64s(&j[k]).0[v], sum);
         }
-        for c in (0..m).step_by(lanes) {
-            let mut sum = simd.splat_f64s(0.0);
-            for (k, r) in r.iter().enumerate() {
-                let y = S::as_simd_f64s(&j[k * m + c..][..lanes]).0[0];
-                sum = simd.mul_add_e_f64s(simd.splat_f64s(*r), y, sum);
+        *target = sum;
+    }
+    let first = M - tail.len();
+    if last >= first {
+        for (c, target) in tail.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            for k in 0..R {
+                sum += x[k] * j[k][first + c];
             }
-            S::as_mut_simd_f64s(&mut gradient[c..][..lanes]).0[0] = sum;
+            *target = sum;
         }
     }
 }
@@ -73,20 +119,31 @@ pub(crate) struct EliminatedBlocks<'a> {
 /// Adds a group's products to the blocks.
 pub(crate) struct Add<'a> {
     pub scatter: &'a Scatter,
-    pub gram: &'a [f64],
-    pub gradient: &'a [f64],
+    /// What the products are made of, where they are not there yet.
+    pub rows: Option<Rows<'a>>,
+    pub gram: &'a mut [f64],
+    pub gradient: &'a mut [f64],
     pub eliminated: Option<EliminatedBlocks<'a>>,
     pub hcc: &'a mut [f64],
     pub gc: &'a mut [f64],
 }
 
 impl WithSimd for Add<'_> {
-    type Output = ();
+    /// Whether the products are finite.
+    type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { scatter, gram, gradient, eliminated, hcc, gc } = self;
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Self { scatter, rows, gram, gradient, eliminated, hcc, gc } = self;
         let m = scatter.m as usize;
+        if let Some(rows) = rows {
+            products(simd, rows, m, gram, gradient);
+        }
+        let (gram, gradient) = (&*gram, &*gradient);
+        let trace: f64 = (0..m).map(|i| gram[i * m + i]).sum();
+        if !trace.is_finite() {
+            return false;
+        }
         if let Some(blocks) = eliminated {
             add_eliminated(simd, scatter, gram, gradient, blocks);
         }
@@ -111,6 +168,7 @@ impl WithSimd for Add<'_> {
                 }
             }
         }
+        true
     }
 }
 
