@@ -28,7 +28,7 @@ use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
 use crate::cross_validation::{cross_validate, depth_gain_percent, errors, weighted_depth_rms};
 use crate::evaluate::{Evaluated, evaluate};
 use crate::noise::DepthNoise;
-use crate::observations::Capture;
+use crate::observations::{Capture, Frame};
 use decision::{Decision, decide};
 use evidence::{Evidence, Examination, examine, refined_spec};
 use frames::{BadFrame, FramePlane, explain, frame_planes, outlying, share_with_own_plane, without_duplicates};
@@ -240,6 +240,25 @@ impl Loop<'_> {
         }
     }
 
+    /// Takes frames back that were left out before the effects were in the model which explain them. Returns whether there
+    /// were any.
+    fn readmit(&mut self, whole: &Capture, bad_frames: &mut Vec<BadFrame>) -> Result<bool, CalibrateError> {
+        let out = |f: &Frame| bad_frames.iter().any(|b| b.name == f.name);
+        if !whole.frames.iter().any(out) {
+            return Ok(false);
+        }
+        let all = Capture { dropped: self.capture.dropped.clone(), ..whole.clone() };
+        let planes = frame_planes(&calibrate(&all, &self.options)?);
+        let still = outlying(&planes, 0.0);
+        let back = |b: &BadFrame| {
+            planes.iter().any(|p| p.name == b.name && p.p_value.is_finite()) && !still.iter().any(|p| p.name == b.name)
+        };
+        let returned: Vec<String> = bad_frames.iter().filter(|b| back(b)).map(|b| b.name.clone()).collect();
+        bad_frames.retain(|b| !returned.contains(&b.name));
+        self.capture = whole.subset(|_, f| bad_frames.iter().all(|b| b.name != f.name));
+        Ok(!returned.is_empty())
+    }
+
     /// Leaves bad frames out until there are none.
     fn drop_bad_frames(
         &mut self,
@@ -277,6 +296,7 @@ pub fn diagnose(
         return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
     }
     let (capture, mut bad_frames) = without_duplicates(capture);
+    let whole = capture.clone();
     let mut run = Loop { capture, verify, options: options.calibrate.clone(), folds: options.folds };
     let mut fit = run.fit()?;
     run.drop_bad_frames(&mut fit, &mut bad_frames, GROSS_MM)?;
@@ -366,6 +386,14 @@ pub fn diagnose(
             }
         }
     };
+    if !steps.is_empty() && run.readmit(&whole, &mut bad_frames)? {
+        fit = run.fit()?;
+        present = run.held_out(&fit)?;
+        let effects = std::mem::replace(&mut run.options.effects, options.calibrate.effects.clone());
+        first = run.fit()?;
+        before = run.held_out(&first)?;
+        run.options.effects = effects;
+    }
     let planes = frame_planes(&fit);
     let mut left_over = account::left_over(&unexplained);
     let own = share_with_own_plane(&planes);
