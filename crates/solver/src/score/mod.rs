@@ -16,7 +16,7 @@
 //! - [`Score`]: the test, with p-values from the model's noise and from the scatter between clusters (White 1982,
 //!   Liang, Zeger 1986);
 //! - [`Linearization::held_out_gain`]: what a candidate, estimated without a cluster, takes off that cluster's cost;
-//! - [`Linearization::detectable_noncentrality`] and [`Linearization::visible_information`]: the smallest effect that these
+//! - [`Linearization::detectable_factor`] and [`Linearization::visible_information`]: the smallest effect that these
 //!   data show;
 //! - [`Linearization::mimicry`]: how well one candidate can play another.
 
