@@ -1,75 +1,49 @@
 //! Correction of depth images with a calibrated camera: built once, then applied to every frame.
 //!
-//! A [`Corrector`] keeps what does not change from frame to frame. The true ray of a pixel is one of those things unless
-//! the lens breathes; where all depth pieces are affine in inverse depth, a frame costs one multiplication and
-//! one division per pixel, else every pixel is inverted by [`Camera`]. Corrected depth stays at the pixels of the depth
-//! image: pieces at the hook `pixel` decide which ray a depth pixel has, nothing is moved.
+//! A [`Corrector`] keeps what does not change from frame to frame: the true ray of every pixel, and the inverse of the depth
+//! pieces as tables (see `plan`). A frame then goes through in one pass, in bands on the threads of the present rayon pool,
+//! each band in chunks that stay in the first-level cache; the loops are compiled for several instruction sets and chosen
+//! at run time (see `simd`). Where the tables do not reach, a pixel is inverted by [`Camera`] in f64. Corrected depth stays
+//! at the pixels of the depth image: pieces at the hook `pixel` decide which ray a depth pixel has, nothing is moved.
 //!
 //! Invalid depth (0, for f32 also what is negative or not finite) stays invalid (0). Pixels that see no ray, or whose
 //! depth the model cannot invert, become invalid and are counted. Results saturate at the ends of their type.
 
+mod bands;
+mod curve;
+mod depth_table;
+mod error;
+mod formats;
 mod incidence;
+mod invert;
+mod lookup;
+mod moebius;
+mod pass;
+mod plan;
+mod points;
 mod probe;
-mod table;
+mod rays;
+mod remap;
+mod separable;
+mod simd;
+mod steps;
 
 use std::ops::{Add, AddAssign};
 
 use depthcal_io::{DepthImage, GrayImage};
-use depthcal_model::{Camera, CameraError, Context};
+use depthcal_model::{Camera, Context};
 use rayon::prelude::*;
-use thiserror::Error;
 
+use pass::{Input, Output};
+use plan::{Frame, Plan};
+use simd::{Isa, Kernel, dispatch};
+use steps::Bounds;
+
+pub use error::CorrectorError;
+pub use points::PointsMut;
 pub use probe::Needs;
-use table::Affine;
-
-/// Why depth cannot be corrected.
-#[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum CorrectorError {
-    /// The camera has no pixels.
-    #[error("the camera's image has {width} × {height} px: give the size of its images")]
-    Empty {
-        /// Width of the image, px.
-        width: usize,
-        /// Height, px.
-        height: usize,
-    },
-    /// No pixel has a ray.
-    #[error("no pixel of the camera has a ray, so its pinhole or lens is not usable: {source}; calibrate again")]
-    NoRay {
-        /// What is wrong at the first pixel.
-        source: CameraError,
-    },
-    /// An image has another size than the camera.
-    #[error(
-        "{what} has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated resolution",
-        found.0, found.1, expected.0, expected.1
-    )]
-    Size {
-        /// Which image.
-        what: &'static str,
-        /// Its width and height, px.
-        found: (usize, usize),
-        /// Width and height of the camera, px.
-        expected: (usize, usize),
-    },
-    /// A buffer does not hold one value per pixel.
-    #[error("{what} has {found} values, but the camera has {expected} pixels")]
-    Length {
-        /// Which buffer.
-        what: &'static str,
-        /// Its length.
-        found: usize,
-        /// The number of pixels.
-        expected: usize,
-    },
-    /// The depth unit is not a length.
-    #[error("the depth unit is {unit_mm} mm per step: give a number above 0")]
-    Unit {
-        /// The unit, mm per step.
-        unit_mm: f64,
-    },
-}
+pub use rays::Rays;
+pub use remap::{Remap, Texel};
 
 /// What is known of a frame beside its depth, for the effects that depend on it. See [`Corrector::needs`].
 #[derive(Debug, Clone, Copy)]
@@ -91,7 +65,12 @@ impl Default for FrameContext<'_> {
 impl FrameContext<'_> {
     fn at(&self, pixel: [f64; 2], index: usize) -> Context {
         let amplitude = self.amplitude.map_or(f64::NAN, |image| f64::from(image.data[index]));
-        Context { pixel, amplitude, time_s: self.time_s, temperature_c: self.temperature_c, ..Context::default() }
+        Context { pixel, amplitude, ..self.of_frame() }
+    }
+
+    /// What all pixels share.
+    fn of_frame(&self) -> Context {
+        Context { time_s: self.time_s, temperature_c: self.temperature_c, ..Context::default() }
     }
 }
 
@@ -150,13 +129,19 @@ impl AddAssign for CorrectionSummary {
 pub struct Corrector {
     camera: Camera,
     needs: Needs,
-    /// True ray of every pixel, NaN where there is none; `None` where it depends on the depth or on the frame.
-    rays: Option<Vec<[f64; 2]>>,
-    affine: Option<Affine>,
+    /// True ray of every pixel, NaN where there is none; at a typical depth where it depends on that.
+    rays: Vec<[f64; 2]>,
+    /// The same, x and y.
+    ray_planes: [Vec<f32>; 2],
+    rays_are_fixed: bool,
+    /// `None` where every pixel is inverted by the camera.
+    plan: Option<Plan>,
+    /// Where the plan is one Möbius map.
+    bounds: Option<Bounds>,
 }
 
 impl Corrector {
-    /// Prepares the correction for a camera: rays of all pixels, and the table of the fast path where there is one.
+    /// Prepares the correction for a camera: rays of all pixels, and the tables of its depth pieces.
     ///
     /// # Errors
     ///
@@ -166,18 +151,32 @@ impl Corrector {
         if width == 0 || height == 0 {
             return Err(CorrectorError::Empty { width, height });
         }
-        let ray = |index: usize| {
-            let context = Context { pixel: pixel(index, width), ..Context::default() };
-            camera.ray(camera.image_pixel(&context), probe::TYPICAL_RHO)
-        };
-        let rays: Vec<[f64; 2]> = (0..width * height).into_par_iter().map(|i| ray(i).unwrap_or(NO_RAY)).collect();
-        if let (true, Err(source)) = (rays.iter().all(|r| r[0].is_nan()), ray(0)) {
+        let mut planes = [vec![0.0; width * height], vec![0.0; width * height]];
+        let [x, y] = &mut planes;
+        Rays::new(camera).double([x, y])?;
+        let rays: Vec<[f64; 2]> = planes[0].iter().zip(&planes[1]).map(|(x, y)| [*x, *y]).collect();
+        let first = camera.ray(camera.image_pixel(&Context::default()), probe::TYPICAL_RHO);
+        if let (true, Err(source)) = (rays.iter().all(|r| r[0].is_nan()), first) {
             return Err(CorrectorError::NoRay { source });
         }
         let needs = probe::needs(camera);
-        let rays = probe::rays_are_fixed(camera).then_some(rays);
-        let affine = rays.as_ref().and_then(|rays| Affine::new(camera, rays));
-        Ok(Self { camera: camera.clone(), needs, rays, affine })
+        let rays_are_fixed = probe::rays_are_fixed(camera);
+        let plan = if rays_are_fixed {
+            Plan::of_pieces(camera, &rays)
+        } else if needs == Needs::default() {
+            Plan::of_chain(camera, &probe::samples(camera, &rays), |i| !rays[i][0].is_nan())
+        } else {
+            None
+        };
+        let ray_planes = [0, 1].map(|k| rays.iter().map(|ray| ray[k] as f32).collect());
+        let mut corrector =
+            Self { camera: camera.clone(), needs, rays, ray_planes, rays_are_fixed, plan, bounds: None };
+        if !corrector.plan_is_right() {
+            corrector.plan = None;
+        }
+        let map = corrector.plan.as_ref().and_then(Plan::only_moebius);
+        corrector.bounds = map.map(|map| Bounds::new(map, width * height));
+        Ok(corrector)
     }
 
     /// Width of the images, px.
@@ -195,6 +194,12 @@ impl Corrector {
         self.needs
     }
 
+    /// Whether frames are corrected by tables; if not, every pixel is inverted on its own, which takes some hundred times
+    /// as long.
+    pub fn has_tables(&self) -> bool {
+        self.plan.is_some()
+    }
+
     /// Corrects a depth image of `unit_mm` per step into `out`, whose unit is the same. Results are rounded; they end at
     /// 1 and 65535, so that valid depth never becomes invalid by rounding and never wraps.
     ///
@@ -210,15 +215,42 @@ impl Corrector {
     ) -> Result<CorrectionSummary, CorrectorError> {
         self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
         self.check_size("the output image", (out.width, out.height), out.data.len())?;
-        check_unit(unit_mm)?;
-        self.check_amplitude(context)?;
-        let read = |raw: u16| f64::from(raw) * unit_mm;
-        let write = |depth_mm: f64| {
-            let steps = (depth_mm / unit_mm).round();
-            let held = steps.clamp(1.0, f64::from(u16::MAX));
-            (held as u16, held != steps)
-        };
-        Ok(self.run(&depth.data, read, context, &mut out.data, write))
+        self.check_frame(unit_mm, context)?;
+        Ok(self.run(Input::U16(&depth.data), unit_mm, context, Output::U16(&mut out.data)))
+    }
+
+    /// [`Corrector::correct_u16`] in place.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn correct_u16_in_place(
+        &self,
+        depth: &mut DepthImage,
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
+        self.check_frame(unit_mm, context)?;
+        Ok(self.run(Input::Output, unit_mm, context, Output::U16(&mut depth.data)))
+    }
+
+    /// Corrects a depth image of `unit_mm` per step into mm, one value per pixel, not rounded.
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::correct_u16`].
+    pub fn correct_u16_to_f32(
+        &self,
+        depth: &DepthImage,
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+        out_mm: &mut [f32],
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
+        self.check_length("the output", out_mm.len())?;
+        self.check_frame(unit_mm, context)?;
+        Ok(self.run(Input::U16(&depth.data), unit_mm, context, Output::F32(out_mm)))
     }
 
     /// Corrects depth in mm into `out_mm`; both are row-major with one value per pixel.
@@ -234,12 +266,41 @@ impl Corrector {
     ) -> Result<CorrectionSummary, CorrectorError> {
         self.check_length("the depth", depth_mm.len())?;
         self.check_length("the output", out_mm.len())?;
-        self.check_amplitude(context)?;
-        let write = |depth_mm: f64| {
-            let held = depth_mm.clamp(f64::from(f32::MIN_POSITIVE), f64::from(f32::MAX));
-            (held as f32, held != depth_mm)
-        };
-        Ok(self.run(depth_mm, f64::from, context, out_mm, write))
+        self.check_frame(1.0, context)?;
+        Ok(self.run(Input::F32(depth_mm), 1.0, context, Output::F32(out_mm)))
+    }
+
+    /// [`Corrector::correct_f32`] in place.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn correct_f32_in_place(
+        &self,
+        depth_mm: &mut [f32],
+        context: &FrameContext<'_>,
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_length("the depth", depth_mm.len())?;
+        self.check_frame(1.0, context)?;
+        Ok(self.run(Input::Output, 1.0, context, Output::F32(depth_mm)))
+    }
+
+    /// Corrects a depth image of `unit_mm` per step and back-projects it, in one pass: organised points in mm.
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::correct_u16`].
+    pub fn correct_to_points(
+        &self,
+        depth: &DepthImage,
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+        out: PointsMut<'_>,
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
+        self.check_points(&out)?;
+        self.check_frame(unit_mm, context)?;
+        Ok(self.run(Input::U16(&depth.data), unit_mm, context, Output::Points(out)))
     }
 
     /// The points of a corrected depth image of `unit_mm` per step: one per pixel, row-major, [x, y, z] in mm in the
@@ -249,9 +310,22 @@ impl Corrector {
     ///
     /// [`CorrectorError::Size`], [`CorrectorError::Length`], [`CorrectorError::Unit`].
     pub fn points(&self, corrected: &DepthImage, unit_mm: f64) -> Result<Vec<[f32; 3]>, CorrectorError> {
+        let mut points = vec![[f32::NAN; 3]; self.pixels()];
+        self.points_into(corrected, unit_mm, PointsMut::Interleaved(points.as_flattened_mut()))?;
+        Ok(points)
+    }
+
+    /// [`Corrector::points`] into a given place.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn points_into(&self, corrected: &DepthImage, unit_mm: f64, out: PointsMut<'_>) -> Result<(), CorrectorError> {
         self.check_size("the depth image", (corrected.width, corrected.height), corrected.data.len())?;
-        check_unit(unit_mm)?;
-        Ok(self.back_project(&corrected.data, |raw| f64::from(raw) * unit_mm))
+        self.check_points(&out)?;
+        self.check_frame(unit_mm, &FrameContext::default())?;
+        self.back_project(Input::U16(&corrected.data), unit_mm, out);
+        Ok(())
     }
 
     /// The same for corrected depth in mm, as [`Corrector::correct_f32`] gives it.
@@ -260,101 +334,80 @@ impl Corrector {
     ///
     /// [`CorrectorError::Length`].
     pub fn points_f32(&self, corrected_mm: &[f32]) -> Result<Vec<[f32; 3]>, CorrectorError> {
-        self.check_length("the depth", corrected_mm.len())?;
-        Ok(self.back_project(corrected_mm, f64::from))
+        let mut points = vec![[f32::NAN; 3]; self.pixels()];
+        self.points_f32_into(corrected_mm, PointsMut::Interleaved(points.as_flattened_mut()))?;
+        Ok(points)
     }
 
-    fn back_project<T: Copy + Sync>(&self, depth: &[T], read: impl Fn(T) -> f64 + Sync) -> Vec<[f32; 3]> {
-        let point = |(index, raw): (usize, &T)| {
-            let z = read(*raw);
-            let ray = if valid(z) { self.ray(index, 1.0 / z) } else { NO_RAY };
-            if ray[0].is_nan() { [f32::NAN; 3] } else { [(ray[0] * z) as f32, (ray[1] * z) as f32, z as f32] }
-        };
-        depth.par_iter().enumerate().with_min_len(self.camera.width).map(point).collect()
+    /// [`Corrector::points_f32`] into a given place.
+    ///
+    /// # Errors
+    ///
+    /// The same.
+    pub fn points_f32_into(&self, corrected_mm: &[f32], out: PointsMut<'_>) -> Result<(), CorrectorError> {
+        self.check_length("the depth", corrected_mm.len())?;
+        self.check_points(&out)?;
+        self.back_project(Input::F32(corrected_mm), 1.0, out);
+        Ok(())
+    }
+
+    fn pixels(&self) -> usize {
+        self.camera.width * self.camera.height
     }
 
     /// True ray of a pixel at a true inverse depth, 1/mm; NaN where there is none.
     fn ray(&self, index: usize, rho: f64) -> [f64; 2] {
-        match &self.rays {
-            Some(rays) => rays[index],
-            None => {
-                let context = Context { pixel: pixel(index, self.camera.width), ..Context::default() };
-                self.camera.ray(self.camera.image_pixel(&context), rho).unwrap_or(NO_RAY)
-            }
+        if self.rays_are_fixed {
+            return self.rays[index];
         }
-    }
-
-    fn run<I: Copy + Sync, O: Copy + Default + Send>(
-        &self,
-        depth: &[I],
-        read: impl Fn(I) -> f64 + Sync,
-        context: &FrameContext<'_>,
-        out: &mut [O],
-        write: impl Fn(f64) -> (O, bool) + Sync,
-    ) -> CorrectionSummary {
-        if let Some(affine) = &self.affine {
-            return self.rows(depth, &read, out, &write, |index, measured_mm| affine.correct(index, measured_mm));
-        }
-        let invert = |index: usize, measured_mm: f64, cosine: f64| {
-            let context = context.at(pixel(index, self.camera.width), index);
-            self.invert(&context, index, measured_mm, cosine)
-        };
-        if !self.needs.incidence {
-            return self.rows(depth, &read, out, &write, |index, measured_mm| invert(index, measured_mm, 1.0));
-        }
-        // The angle comes from the surface, the surface from a correction at a right angle, which is near enough: what
-        // the angle changes in depth hardly changes the surface's slope.
-        let mut first = vec![0.0f32; depth.len()];
-        self.rows(depth, &read, &mut first, &|z| (z as f32, false), |index, z| invert(index, z, 1.0));
-        let cosines = incidence::cosines(self.camera.width, &first, |index, rho| self.ray(index, rho));
-        self.rows(depth, &read, out, &write, |index, z| invert(index, z, f64::from(cosines[index])))
-    }
-
-    /// Calls `correct` with index and measured depth (mm) of every valid pixel, rows in parallel.
-    fn rows<I: Copy + Sync, O: Copy + Default + Send>(
-        &self,
-        depth: &[I],
-        read: &(impl Fn(I) -> f64 + Sync),
-        out: &mut [O],
-        write: &(impl Fn(f64) -> (O, bool) + Sync),
-        correct: impl Fn(usize, f64) -> Option<f64> + Sync,
-    ) -> CorrectionSummary {
-        let width = self.camera.width;
-        let row = |(row, (input, output)): (usize, (&[I], &mut [O]))| {
-            let mut summary = CorrectionSummary::default();
-            for (column, (raw, result)) in input.iter().zip(output).enumerate() {
-                *result = O::default();
-                let measured_mm = read(*raw);
-                if !valid(measured_mm) {
-                    summary.invalid += 1;
-                } else if let Some(depth_mm) = correct(row * width + column, measured_mm) {
-                    let (value, saturated) = write(depth_mm);
-                    *result = value;
-                    summary.corrected += 1;
-                    summary.saturated += usize::from(saturated);
-                } else {
-                    summary.not_correctable += 1;
-                }
-            }
-            summary
-        };
-        depth
-            .par_chunks(width)
-            .zip(out.par_chunks_mut(width))
-            .enumerate()
-            .map(row)
-            .reduce(CorrectionSummary::default, Add::add)
+        let context = Context { pixel: pixel(index, self.camera.width), ..Context::default() };
+        self.camera.ray(self.camera.image_pixel(&context), rho).unwrap_or(NO_RAY)
     }
 
     /// True depth of a measured one (mm) by the camera's inverse.
     fn invert(&self, context: &Context, index: usize, measured_mm: f64, cosine: f64) -> Option<f64> {
+        if self.rays[index][0].is_nan() {
+            return None;
+        }
         let measured = 1.0 / measured_mm;
-        let rho = match &self.rays {
-            Some(rays) if rays[index][0].is_nan() => return None,
-            Some(rays) => self.camera.true_inverse_depth(context, rays[index], cosine, measured).ok()?,
-            None => self.camera.correct(context, cosine, measured).ok()?.1,
+        let rho = if self.rays_are_fixed {
+            self.camera.true_inverse_depth(context, self.rays[index], cosine, measured).ok()?
+        } else {
+            self.camera.correct(context, cosine, measured).ok()?.1
         };
         Some(1.0 / rho)
+    }
+
+    /// Whether the plan agrees with the camera at sampled pixels, over the depths that cameras measure: pieces were tried
+    /// one by one and at few depths only.
+    fn plan_is_right(&self) -> bool {
+        let Some(plan) = &self.plan else { return true };
+        let amplitude = GrayImage {
+            width: self.camera.width,
+            height: self.camera.height,
+            data: if self.needs.amplitude { vec![777; self.pixels()] } else { Vec::new() },
+            bits: 16,
+        };
+        let cosines = self.needs.incidence.then(|| vec![0.7; self.pixels()]);
+        let amplitude = self.needs.amplitude.then_some(&amplitude);
+        let context = FrameContext { time_s: 431.0, temperature_c: 37.5, amplitude };
+        let frame = plan.frame(&context, cosines.as_deref());
+        let cosine = cosines.as_ref().map_or(1.0, |c| f64::from(c[0]));
+        probe::samples(&self.camera, &self.rays).into_par_iter().enumerate().all(|(k, index)| {
+            let of_pixel = context.at(pixel(index, self.camera.width), index);
+            [280.0, 517.0, 911.0, 1493.0, 2711.0, 4523.0, 7919.0].into_iter().all(|depth_mm| {
+                // No two samples at the same depth.
+                let measured = (depth_mm * (1.0 + 1e-4 * k as f64)) as f32;
+                let mut z = [measured];
+                dispatch(OnePixel { plan, frame: &frame, index, z: &mut z });
+                let expected = || self.invert(&of_pixel, index, f64::from(measured), cosine);
+                z[0].is_nan()
+                    || expected().is_some_and(|e| {
+                        // Beyond the working range a model may magnify whatever f32 leaves.
+                        (f64::from(z[0]) - e).abs() < PLAN_TOLERANCE_MM * (e / WORKING_RANGE_MM).max(1.0).powi(2)
+                    })
+            })
+        })
     }
 
     fn check_size(&self, what: &'static str, found: (usize, usize), length: usize) -> Result<(), CorrectorError> {
@@ -366,24 +419,43 @@ impl Corrector {
     }
 
     fn check_length(&self, what: &'static str, found: usize) -> Result<(), CorrectorError> {
-        let expected = self.camera.width * self.camera.height;
+        let expected = self.pixels();
         if found == expected { Ok(()) } else { Err(CorrectorError::Length { what, found, expected }) }
     }
 
-    fn check_amplitude(&self, context: &FrameContext<'_>) -> Result<(), CorrectorError> {
+    fn check_points(&self, out: &PointsMut<'_>) -> Result<(), CorrectorError> {
+        self.check_length("the buffer for points", out.pixels().unwrap_or_default())
+    }
+
+    fn check_frame(&self, unit_mm: f64, context: &FrameContext<'_>) -> Result<(), CorrectorError> {
+        if !(unit_mm.is_finite() && unit_mm > 0.0) {
+            return Err(CorrectorError::Unit { unit_mm });
+        }
         let image = context.amplitude;
         image.map_or(Ok(()), |i| self.check_size("the amplitude image", (i.width, i.height), i.data.len()))
     }
 }
 
 const NO_RAY: [f64; 2] = [f64::NAN; 2];
+/// Largest deviation of the plan from the camera, mm; results are to be within 0.01 mm.
+const PLAN_TOLERANCE_MM: f64 = 0.008;
+/// Depth up to which that holds, mm.
+const WORKING_RANGE_MM: f64 = 5000.0;
 
-fn check_unit(unit_mm: f64) -> Result<(), CorrectorError> {
-    if unit_mm.is_finite() && unit_mm > 0.0 { Ok(()) } else { Err(CorrectorError::Unit { unit_mm }) }
+/// One pixel through the plan.
+struct OnePixel<'a> {
+    plan: &'a Plan,
+    frame: &'a Frame<'a>,
+    index: usize,
+    z: &'a mut [f32; 1],
 }
 
-fn valid(depth_mm: f64) -> bool {
-    depth_mm > 0.0 && depth_mm.is_finite()
+impl Kernel for OnePixel<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<I: Isa>(self, isa: I) {
+        self.plan.correct(isa, self.frame, self.index, self.z);
+    }
 }
 
 fn pixel(index: usize, width: usize) -> [f64; 2] {

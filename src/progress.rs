@@ -17,6 +17,16 @@ impl Progress {
         Self(bar)
     }
 
+    /// The same where nobody knows how many there are.
+    pub fn endless(what: &'static str) -> Self {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(5));
+        if let Ok(style) = ProgressStyle::with_template("{msg} {spinner} {pos} ({per_sec})") {
+            bar.set_style(style);
+        }
+        bar.set_message(what);
+        Self(bar)
+    }
+
     /// One step is done.
     pub fn advance(&self) {
         self.0.inc(1);

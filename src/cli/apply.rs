@@ -7,11 +7,13 @@ use depthcal_io::dataset_file::DATASET_FILE;
 use depthcal_io::{
     Cloud, Dataset, DepthImage, GrayImage, PlyFormat, check_same_size, read_depth, read_gray, write_depth, write_ply,
 };
-use depthcal_model::Register;
+use depthcal_model::{Camera, Register};
 use rayon::prelude::*;
 
-use super::common::{Failure, Output, input, read_calibration};
-use crate::corrector::{CorrectionSummary, Corrector, FrameContext};
+use super::apply_resume::Resume;
+use super::apply_stream::{StreamArgs, StreamContext};
+use super::common::{Failure, input, read_calibration};
+use crate::corrector::{CorrectionSummary, Corrector, FrameContext, PointsMut};
 use crate::progress::Progress;
 
 /// Corrects depth images with a calibration.
@@ -24,10 +26,14 @@ pub(super) struct Apply {
     calibration: PathBuf,
     /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, which then gives the depth unit, the
     /// images and the times and temperatures of the frames.
+    /// `-` alone reads raw frames from standard input and writes them, corrected, to standard output.
     #[arg(required = true)]
     depth: Vec<PathBuf>,
+    /// Folder for the results; it is made where it does not exist. A run that was interrupted goes on where it ended.
+    #[arg(long, value_name = "DIR", required_unless_present = "stream_output")]
+    out: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    stream: StreamArgs,
     /// Writes a point cloud per frame too: binary PLY in mm, with the image's values where there is an image.
     #[arg(long)]
     cloud: bool,
@@ -50,6 +56,12 @@ struct Job {
 }
 
 impl Job {
+    /// All that its results depend on beside the calibration and the contents of its files.
+    fn key(&self, cloud: bool) -> String {
+        let Self { depth, image, unit_mm, time_s, temperature_c } = self;
+        format!("{depth:?} {image:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
+    }
+
     fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
         let depth = read_depth(&self.depth).map_err(input)?;
         if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
@@ -78,11 +90,22 @@ impl Apply {
             )));
         }
         let (calibration, camera) = read_calibration(&self.calibration, &Register::builtin())?;
+        if self.depth.iter().any(|path| path.as_os_str() == "-") {
+            return self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm));
+        }
         let jobs = self.jobs(calibration.depth_unit_mm)?;
         self.check_names(&jobs)?;
         let corrector = Corrector::new(&camera)
             .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
         warn_of_missing(&corrector, &jobs);
+
+        let keys: Vec<String> = jobs.iter().map(|job| job.key(self.cloud)).collect();
+        let resume = Resume::open(self.folder(), &self.calibration, jobs.iter().map(|j| stem(&j.depth)).zip(keys))?;
+        let all = jobs.len();
+        let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
+        if jobs.len() < all {
+            println!("{} of {all} frames were complete already", all - jobs.len());
+        }
 
         let progress = Progress::new("checking images", jobs.len());
         jobs.par_iter().try_for_each(|job| -> Result<(), Failure> {
@@ -91,6 +114,7 @@ impl Apply {
             Ok(())
         })?;
         drop(progress);
+        resume.begin()?;
         let progress = Progress::new("correcting", jobs.len());
         let summary = jobs
             .par_iter()
@@ -101,8 +125,34 @@ impl Apply {
             })
             .try_reduce(CorrectionSummary::default, |a, b| Ok(a + b))?;
         drop(progress);
+        resume.end();
         self.print(jobs.len(), summary);
         Ok(())
+    }
+
+    /// Raw frames from standard input to standard output.
+    fn run_stream(&self, camera: &Camera, unit_mm: Option<f64>) -> Result<(), Failure> {
+        if self.depth.len() > 1 || self.out.is_some() || self.cloud || !self.image.is_empty() {
+            return Err(Failure::Input(
+                "`-` reads raw frames and writes raw frames to standard output: give it as the only DEPTH, without \
+                 --out, --cloud and --image"
+                    .into(),
+            ));
+        }
+        let corrector = Corrector::new(camera)
+            .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
+        self.stream.run(StreamContext { corrector: &corrector, unit_mm, calibration: &self.calibration })
+    }
+
+    fn folder(&self) -> &Path {
+        self.out.as_deref().unwrap_or(Path::new("."))
+    }
+
+    /// The files that a frame ends in.
+    fn outputs(&self, job: &Job) -> Vec<PathBuf> {
+        let image = self.target(&job.depth);
+        let cloud = self.cloud.then(|| image.with_extension("ply"));
+        std::iter::once(image).chain(cloud).collect()
     }
 
     fn correct(&self, job: &Job, corrector: &Corrector) -> Result<CorrectionSummary, Failure> {
@@ -115,12 +165,11 @@ impl Apply {
         };
         if self.cloud {
             // Not from the corrected image, whose values are rounded to its unit.
-            let measured: Vec<f32> = depth.data.iter().map(|raw| (f64::from(*raw) * job.unit_mm) as f32).collect();
-            let mut corrected = vec![0.0; measured.len()];
-            corrector.correct_f32(&measured, &context, &mut corrected).map_err(of_job)?;
-            let cloud = cloud(&corrector.points_f32(&corrected).map_err(of_job)?, image.as_ref());
+            let mut points = vec![[f32::NAN; 3]; depth.data.len()];
+            let out = PointsMut::Interleaved(points.as_flattened_mut());
+            corrector.correct_to_points(&depth, job.unit_mm, &context, out).map_err(of_job)?;
             let path = self.target(&job.depth).with_extension("ply");
-            write_ply(path, &cloud, PlyFormat::Binary).map_err(input)?;
+            write_ply(path, &cloud(&points, image.as_ref()), PlyFormat::Binary).map_err(input)?;
         }
         let mut corrected = depth.clone();
         let summary = corrector.correct_u16(&depth, job.unit_mm, &context, &mut corrected).map_err(of_job)?;
@@ -139,12 +188,12 @@ impl Apply {
         if saturated > 0 {
             println!("{saturated} corrected depths lie beyond the range of 16 bits and were set to its end");
         }
-        println!("written: {}", self.output.out.display());
+        println!("written: {}", self.folder().display());
     }
 
     /// Where the corrected image of `depth` goes.
     fn target(&self, depth: &Path) -> PathBuf {
-        depth.file_name().map_or_else(|| self.output.out.clone(), |name| self.output.out.join(name))
+        depth.file_name().map_or_else(|| self.folder().to_owned(), |name| self.folder().join(name))
     }
 
     fn jobs(&self, calibrated_unit: Option<f64>) -> Result<Vec<Job>, Failure> {
@@ -222,7 +271,7 @@ impl Apply {
 
     /// Corrected images must neither replace each other nor their originals.
     fn check_names(&self, jobs: &[Job]) -> Result<(), Failure> {
-        let out = self.output.out.canonicalize().ok();
+        let out = self.folder().canonicalize().ok();
         let mut names = BTreeSet::new();
         for Job { depth, .. } in jobs {
             let folder = depth.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned));

@@ -1,6 +1,8 @@
 //! The command line: one file per command.
 
 mod apply;
+mod apply_resume;
+mod apply_stream;
 mod calibrate;
 mod common;
 mod compare;

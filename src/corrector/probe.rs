@@ -23,14 +23,15 @@ pub struct Needs {
     pub incidence: bool,
 }
 
-const REFERENCE: Context = Context {
-    pixel: [0.0; 2],
-    amplitude: 1711.0,
-    surround: 1500.0,
-    slope: [0.01, -0.02],
-    time_s: 0.0,
-    temperature_c: 21.3,
-};
+fn reference() -> Context {
+    Context {
+        amplitude: 1711.0,
+        surround: 1500.0,
+        slope: [0.01, -0.02],
+        temperature_c: 21.3,
+        ..Context::default()
+    }
+}
 
 fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     let at = |i: usize, size: usize| (i * (size - 1)) as f64 / (GRID - 1) as f64;
@@ -38,10 +39,10 @@ fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
     (0..GRID * GRID).map(move |i| [at(i % GRID, width).round(), at(i / GRID, height).round()])
 }
 
-/// Contexts in which one thing is another than in [`REFERENCE`].
+/// Contexts in which one thing is another than in [`reference`].
 fn changed(change: impl Fn(&mut Context, f64)) -> [Context; 2] {
     [0.37, 2.9].map(|factor| {
-        let mut context = REFERENCE;
+        let mut context = reference();
         change(&mut context, factor);
         context
     })
@@ -67,10 +68,10 @@ pub(super) fn rays_are_fixed(camera: &Camera) -> bool {
             // Bits, so that a lens that ignores the depth is told from one that hardly depends on it.
             ray.map(|r| r.map(f64::to_bits)).ok()
         };
-        let reference = ray(&REFERENCE, TYPICAL_RHO);
-        let other_depths = DEPTHS_MM.iter().all(|z| ray(&REFERENCE, 1.0 / z) == reference);
+        let usual = ray(&reference(), TYPICAL_RHO);
+        let other_depths = DEPTHS_MM.iter().all(|z| ray(&reference(), 1.0 / z) == usual);
         let others = [times(), temperatures(), amplitudes(), [Context::default(); 2]];
-        other_depths && others.iter().flatten().all(|context| ray(context, TYPICAL_RHO) == reference)
+        other_depths && others.iter().flatten().all(|context| ray(context, TYPICAL_RHO) == usual)
     })
 }
 
@@ -86,12 +87,115 @@ pub(super) fn needs(camera: &Camera) -> Needs {
             })
             .collect()
     };
-    let reference = measured(&REFERENCE, 1.0);
-    let depends = |contexts: [Context; 2]| contexts.iter().any(|context| measured(context, 1.0) != reference);
+    let usual = measured(&reference(), 1.0);
+    let depends = |contexts: [Context; 2]| contexts.iter().any(|context| measured(context, 1.0) != usual);
     Needs {
         time: depends(times()),
         temperature: depends(temperatures()),
         amplitude: depends(amplitudes()),
-        incidence: [0.4, 0.8].iter().any(|cosine| measured(&REFERENCE, *cosine) != reference),
+        incidence: [0.4, 0.8].iter().any(|cosine| measured(&reference(), *cosine) != usual),
+    }
+}
+
+/// What a depth piece is as a function of depth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// ρ_m = a + b ρ.
+    AffineInInverse,
+    /// z_m = m z + c.
+    AffineInDepth,
+    /// Neither.
+    Other,
+}
+
+/// What one depth piece depends on beside depth, and how it depends on depth.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Probed {
+    /// Pixel or ray.
+    pub pixel: bool,
+    /// Time or temperature of the frame.
+    pub frame: bool,
+    pub amplitude: bool,
+    pub incidence: bool,
+    pub shape: Shape,
+}
+
+impl Probed {
+    /// Whether it is the same in every frame, whatever that shows.
+    pub fn is_static(&self) -> bool {
+        !(self.frame || self.amplitude || self.incidence)
+    }
+}
+
+/// a (1/mm) and b of ρ_m = a + b ρ.
+pub(super) fn affine_in_inverse(measured: impl Fn(f64) -> f64) -> [f64; 2] {
+    let a = measured(0.0);
+    [a, (measured(TYPICAL_RHO) - a) / TYPICAL_RHO]
+}
+
+/// m and c (mm) of z_m = m z + c.
+pub(super) fn affine_in_depth(measured: impl Fn(f64) -> f64) -> [f64; 2] {
+    let [near, far] = [DEPTHS_MM[0], DEPTHS_MM[3]];
+    let [near_m, far_m] = [near, far].map(|z| 1.0 / measured(1.0 / z));
+    let m = (far_m - near_m) / (far - near);
+    [m, near_m - m * near]
+}
+
+/// Pixels with a ray, spread over the image.
+pub(super) fn samples(camera: &Camera, rays: &[[f64; 2]]) -> Vec<usize> {
+    const ALONG: usize = 23;
+    let at = |i: usize, size: usize| i * (size - 1) / (ALONG - 1);
+    let all = (0..ALONG * ALONG).map(|i| at(i / ALONG, camera.height) * camera.width + at(i % ALONG, camera.width));
+    all.filter(|index| !rays[*index][0].is_nan()).collect()
+}
+
+/// Tries a depth piece: `measured` maps (context, ray, cosine, true inverse depth) to measured inverse depth.
+pub(super) fn piece(
+    camera: &Camera,
+    rays: &[[f64; 2]],
+    measured: impl Fn(&Context, [f64; 2], f64, f64) -> f64,
+) -> Probed {
+    let places: Vec<([f64; 2], [f64; 2])> =
+        samples(camera, rays).into_iter().map(|i| (super::pixel(i, camera.width), rays[i])).collect();
+    let values = |(pixel, ray): ([f64; 2], [f64; 2]), context: &Context, cosine: f64| {
+        let context = Context { pixel, ..*context };
+        DEPTHS_MM.map(|z| measured(&context, ray, cosine, 1.0 / z).to_bits())
+    };
+    let few = || places.iter().step_by(1 + places.len() / (GRID * GRID)).copied();
+    let differs = |context: &Context, cosine: f64| {
+        few().any(|place| values(place, context, cosine) != values(place, &reference(), 1.0))
+    };
+    let depends = |contexts: [Context; 2]| contexts.iter().any(|context| differs(context, 1.0));
+    let first = few().next().unwrap_or_default();
+    let pixel = places.iter().any(|place| values(*place, &reference(), 1.0) != values(first, &reference(), 1.0));
+
+    let cases = || {
+        let contexts = [&[reference()][..], &times(), &temperatures(), &amplitudes()].concat();
+        contexts.into_iter().flat_map(|context| [(context, 1.0), (context, 0.5)])
+    };
+    let fits = |shape: Shape| {
+        places.iter().all(|(pixel, ray)| {
+            cases().all(|(context, cosine)| {
+                let context = Context { pixel: *pixel, ..context };
+                let at = |rho: f64| measured(&context, *ray, cosine, rho);
+                let coefficients = match shape {
+                    Shape::AffineInInverse => affine_in_inverse(at),
+                    _ => affine_in_depth(at),
+                };
+                [150.0, 413.0, 907.0, 1733.0, 3109.0, 9000.0].into_iter().all(|z| {
+                    let (found, [k0, k1]) = (at(1.0 / z), coefficients);
+                    let expected = if shape == Shape::AffineInInverse { k0 + k1 / z } else { 1.0 / (k0 * z + k1) };
+                    (found - expected).abs() <= 1e-10 * expected.abs()
+                })
+            })
+        })
+    };
+    let shape = [Shape::AffineInInverse, Shape::AffineInDepth].into_iter().find(|shape| fits(*shape));
+    Probed {
+        pixel,
+        frame: depends(times()) || depends(temperatures()),
+        amplitude: depends(amplitudes()),
+        incidence: [0.4, 0.8].iter().any(|cosine| differs(&reference(), *cosine)),
+        shape: shape.unwrap_or(Shape::Other),
     }
 }

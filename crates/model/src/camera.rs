@@ -266,6 +266,11 @@ impl Camera {
         point
     }
 
+    /// Radius on the normalised image plane up to which the lens is one-to-one.
+    pub fn lens_limit(&self) -> f64 {
+        self.lens_limit
+    }
+
     /// Image pixel of a point in the camera frame (mm); `None` behind the camera or where the lens model folds.
     pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<[f64; 2]> {
         if !(point_in_camera.z > 0.0) {

@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+"""The per-pixel paths beside those of other programs, in turns, in one run: medians and ratios as a Markdown table.
+
+  pixel_peers.py OURS PEER... [--rounds 5] [--width 640] [--markdown]
+
+OURS and PEER are command lines that print one JSON object a line with case, mode, w, h, threads, ms, as
+`target/release/examples/pixel 0.1 640` does. Rows are matched by the pairs below.
+"""
+import argparse, collections, json, shlex, statistics, subprocess
+
+# Ours, theirs, and the largest ratio of times that is aimed at.
+PAIRS = [
+    ("correct_projective", "Dcorr_map(u16,f32map->u16)", 1.15),
+    ("correct_projective", "Dcorr_map cv2 primitives", 0.25),
+    ("correct_multiplier", "multmap(u16,f32map->u16)", 1.15),
+    ("correct_multiplier", "multmap: multiply(u16,f32,dtype=u16)", 0.25),
+    ("correct_and_points", "cloud_rays_avx512(u16,2xf32->f32x3)", 1.15),
+    ("points", "cloud_rays_avx512(u16,2xf32->f32x3)", 1.15),
+    ("remap_nearest", "remap_nearest(u16,i32idx->u16)", 1.1),
+    ("remap_nearest", "remap_nearest/u16/16SC2", 1.0),
+    ("remap_linear", "remap_linear/u8/16SC2", 0.77),
+    ("rays", "undistort_points_5it(->f32x2)", 1.0),
+    ("rays", "undistortPoints/f32 all px", 0.04),
+    ("rays_1e-9", "undistort_points_5it(->f32x2)", 3.0),
+]
+
+arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+arguments.add_argument("ours")
+arguments.add_argument("peer", nargs="+")
+arguments.add_argument("--rounds", type=int, default=5)
+arguments.add_argument("--width", type=int, default=640)
+options = arguments.parse_args()
+
+times = collections.defaultdict(list)
+for _ in range(options.rounds):
+    for command in [options.ours, *options.peer]:
+        run = subprocess.run(shlex.split(command), capture_output=True, text=True, check=True)
+        for line in run.stdout.splitlines():
+            row = json.loads(line) if line.startswith("{") else {}
+            if row.get("w") == options.width:
+                times[row["case"], row["mode"], row["threads"]].append(row["ms"])
+
+median = {key: statistics.median(values) for key, values in times.items()}
+print("| ours | beside | mode, threads | ours, ms | theirs, ms | ratio | aim |\n|---|---|---|---|---|---|---|")
+for ours, theirs, aim in PAIRS:
+    for mode in ("hot", "cold"):
+        for threads in (1, 2):
+            a, b = median.get((ours, mode, threads)), median.get((theirs, mode, threads))
+            if a and b:
+                print(f"| {ours} | {theirs} | {mode}, {threads} | {a:.3f} | {b:.3f} | {a / b:.2f} | ≤ {aim} |")
+print("\n| path | 1 thread hot, ms | 2 threads hot, ms | gain |\n|---|---|---|---|")
+for case in sorted({case for case, _, _ in median}):
+    one, two = median.get((case, "hot", 1)), median.get((case, "hot", 2))
+    if one and two:
+        print(f"| {case} | {one:.3f} | {two:.3f} | {one / two:.2f} |")

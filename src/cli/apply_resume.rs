@@ -1,0 +1,91 @@
+//! Which frames of an interrupted `apply` are complete.
+//!
+//! While a run lasts, a hidden file in the folder of the results says what it was started with. Results are written to
+//! temporary names and renamed, so that what is there is whole; what is newer than its input, under the same calibration and
+//! with the same settings, need not be made again. A run that ends removes the file.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use depthcal_io::{read_json, write_json};
+use serde::{Deserialize, Serialize};
+
+use super::common::{Failure, input};
+
+const FILE: &str = ".depthcal-apply.json";
+
+/// What a run was started with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Started {
+    version: String,
+    /// Digest of the calibration's file.
+    calibration: String,
+    /// What else a frame's results depend on, by the stem of their names.
+    frames: BTreeMap<String, String>,
+}
+
+/// An interrupted run, and the present one.
+pub(super) struct Resume {
+    file: PathBuf,
+    before: Option<Started>,
+    now: Started,
+}
+
+impl Resume {
+    /// Looks for an interrupted run in a folder. `frames` are stems and what their results depend on.
+    pub(super) fn open(
+        folder: &Path,
+        calibration: &Path,
+        frames: impl Iterator<Item = (String, String)>,
+    ) -> Result<Self, Failure> {
+        let bytes = fs::read(calibration)
+            .map_err(|error| Failure::Input(format!("{}: cannot read the file: {error}", calibration.display())))?;
+        let now = Started {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            calibration: blake3::hash(&bytes).to_string(),
+            frames: frames.collect(),
+        };
+        let file = folder.join(FILE);
+        // A file that cannot be read is that of no run: everything is made again.
+        let before = if file.is_file() { read_json(&file).ok() } else { None };
+        Ok(Self { file, before, now })
+    }
+
+    /// Whether the interrupted run has completed a frame, whose results are `outputs`, as the present one would.
+    pub(super) fn is_done(&self, depth: &Path, outputs: &[PathBuf]) -> bool {
+        let Some(before) = &self.before else { return false };
+        let stem = depth.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let same = before.version == self.now.version
+            && before.calibration == self.now.calibration
+            && before.frames.contains_key(&stem)
+            && before.frames.get(&stem) == self.now.frames.get(&stem);
+        let changed = |path: &Path| -> Option<SystemTime> { fs::metadata(path).ok()?.modified().ok() };
+        let input = changed(depth);
+        same && input.is_some() && outputs.iter().all(|output| changed(output) >= input)
+    }
+
+    /// Leaves word of the present run. What the interrupted one made otherwise is removed first, so that no later run takes
+    /// it for this one's.
+    pub(super) fn begin(&self) -> Result<(), Failure> {
+        if let Some(before) = self.before.as_ref().filter(|before| **before != self.now) {
+            let same_run = before.version == self.now.version && before.calibration == self.now.calibration;
+            let folder = self.file.parent().unwrap_or(Path::new("."));
+            for (stem, key) in &before.frames {
+                if !same_run || self.now.frames.get(stem).is_some_and(|now| now != key) {
+                    for extension in ["png", "ply"] {
+                        // What is not there needs no removal.
+                        let _ = fs::remove_file(folder.join(format!("{stem}.{extension}")));
+                    }
+                }
+            }
+        }
+        write_json(&self.file, &self.now).map_err(input)
+    }
+
+    /// The run is complete.
+    pub(super) fn end(&self) {
+        let _ = fs::remove_file(&self.file);
+    }
+}

@@ -1,0 +1,144 @@
+//! Loops compiled for the instruction set that the machine has.
+//!
+//! The kernels of this module are plain loops over slices. [`dispatch`] compiles them once for each instruction set that
+//! pulp knows (AVX-512, AVX2 with FMA, NEON, the target's baseline) and picks one at run time; the compiler vectorises.
+//! What it does not vectorise well is a method of [`Isa`].
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Work to be compiled for every instruction set. `run` must be `#[inline(always)]`, and so must all that it calls in its
+/// inner loops: only then do they take the caller's instruction set.
+pub(super) trait Kernel {
+    type Output;
+    fn run<I: Isa>(self, isa: I) -> Self::Output;
+}
+
+/// What kernels know of the instruction set.
+pub(super) trait Isa: Copy {
+    /// Whether a b + c is one instruction; as a function call it would cost more than all the rest.
+    const FMA: bool;
+
+    /// a b + c.
+    #[inline(always)]
+    fn mul_add(self, a: f32, b: f32, c: f32) -> f32 {
+        if Self::FMA { a.mul_add(b, c) } else { a * b + c }
+    }
+
+    /// x0 y0 z0 x1 y1 z1 … from sixteen of each.
+    #[inline(always)]
+    fn interleave(self, x: &[f32; LANES], y: &[f32; LANES], z: &[f32; LANES], out: &mut [f32; 3 * LANES]) {
+        for i in 0..LANES {
+            out[3 * i] = x[i];
+            out[3 * i + 1] = y[i];
+            out[3 * i + 2] = z[i];
+        }
+    }
+}
+
+/// Pixels that [`Isa::interleave`] takes at a time.
+pub(super) const LANES: usize = 16;
+
+#[derive(Clone, Copy)]
+struct Portable<const FMA: bool>;
+
+impl<const FMA: bool> Isa for Portable<FMA> {
+    const FMA: bool = FMA;
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use pulp::cast;
+    use pulp::x86::V4;
+
+    use super::{Isa, LANES};
+
+    /// Which lanes of (x, y) and of z go where, for each third of the output, and which lanes are z's.
+    const XY: [[u32; LANES]; 3] = indices(0);
+    const Z: [[u32; LANES]; 3] = indices(1);
+    const IS_Z: [u16; 3] = lanes_of_z();
+
+    const fn lanes_of_z() -> [u16; 3] {
+        let mut masks = [0; 3];
+        let mut e = 2;
+        while e < 3 * LANES {
+            masks[e / LANES] |= 1 << (e % LANES);
+            e += 3;
+        }
+        masks
+    }
+
+    const fn indices(of_z: u32) -> [[u32; LANES]; 3] {
+        let mut table = [[0; LANES]; 3];
+        let mut e = 0;
+        while e < 3 * LANES {
+            let pixel = (e / 3) as u32;
+            table[e / LANES][e % LANES] = if of_z == 0 && e % 3 == 1 { LANES as u32 + pixel } else { pixel };
+            e += 1;
+        }
+        table
+    }
+
+    impl Isa for V4 {
+        const FMA: bool = true;
+
+        #[inline(always)]
+        fn interleave(self, x: &[f32; LANES], y: &[f32; LANES], z: &[f32; LANES], out: &mut [f32; 3 * LANES]) {
+            let (x, y, z) = (cast(*x), cast(*y), cast(*z));
+            let f = self.avx512f;
+            let (thirds, _) = out.as_chunks_mut::<LANES>();
+            for (q, third) in thirds.iter_mut().enumerate() {
+                let xy = f._mm512_permutex2var_ps(x, cast(XY[q]), y);
+                *third = cast(f._mm512_mask_permutexvar_ps(xy, IS_Z[q], cast(Z[q]), z));
+            }
+        }
+    }
+}
+
+/// Runs a kernel compiled for this machine.
+pub(super) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    struct Op<K>(K);
+    impl<K: Kernel> WithSimd for Op<K> {
+        type Output = K::Output;
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> K::Output {
+            if S::IS_SCALAR { self.0.run(Portable::<false>) } else { self.0.run(Portable::<true>) }
+        }
+    }
+    #[cfg(target_arch = "x86_64")]
+    if let Arch::V4(v4) = Arch::new() {
+        struct OnV4<K>(pulp::x86::V4, K);
+        impl<K: Kernel> pulp::NullaryFnOnce for OnV4<K> {
+            type Output = K::Output;
+            #[inline(always)]
+            fn call(self) -> K::Output {
+                self.1.run(self.0)
+            }
+        }
+        return v4.vectorize(OnV4(v4, kernel));
+    }
+    Arch::new().dispatch(Op(kernel))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Interleave([[f32; LANES]; 3]);
+
+    impl Kernel for Interleave {
+        type Output = [f32; 3 * LANES];
+        fn run<I: Isa>(self, isa: I) -> Self::Output {
+            let mut out = [0.0; 3 * LANES];
+            isa.interleave(&self.0[0], &self.0[1], &self.0[2], &mut out);
+            out
+        }
+    }
+
+    #[test]
+    fn every_instruction_set_interleaves_alike() {
+        let xyz = std::array::from_fn(|k| std::array::from_fn(|i| (3 * i + k) as f32));
+        let expected: [f32; 3 * LANES] = std::array::from_fn(|e| e as f32);
+        assert_eq!(dispatch(Interleave(xyz)), expected);
+        assert_eq!(Interleave(xyz).run(Portable::<false>), expected);
+    }
+}
