@@ -46,7 +46,8 @@ fn frames(path: &str, count: usize) {
     let camera = camera(model);
     let corrector = Corrector::new(&camera).unwrap();
     let (remap, rays) = (Remap::undistort(&camera), Rays::new(&camera));
-    let depth = DepthImage { width: WIDTH, height: HEIGHT, data: (0..n).map(|i| 300 + (i * 7 % 1500) as u16).collect() };
+    let depth =
+        DepthImage { width: WIDTH, height: HEIGHT, data: (0..n).map(|i| 300 + (i * 7 % 1500) as u16).collect() };
     let gray: Vec<u8> = depth.data.iter().map(|v| *v as u8).collect();
     let (mut out, mut gray_out, mut points) = (depth.clone(), gray.clone(), vec![0.0f32; 3 * n]);
     let (mut x, mut y) = (vec![0.0f32; n], vec![0.0f32; n]);

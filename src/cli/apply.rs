@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use depthcal_io::dataset_file::DATASET_FILE;
 use depthcal_io::{
-    Cloud, Dataset, DepthImage, GrayImage, PlyFormat, check_same_size, read_depth, read_gray, write_depth, write_ply,
+    Cloud, Dataset, DepthImage, GrayImage, PlyFormat, RgbImage, check_same_size, read_depth, read_gray, read_rgb,
+    write_depth, write_ply,
 };
 use depthcal_model::{Camera, Register};
 use rayon::prelude::*;
@@ -44,12 +45,17 @@ pub(super) struct Apply {
     /// Infrared image, or a folder of them, for the depth image of the same file stem; may be given several times.
     #[arg(long, value_name = "PATH")]
     image: Vec<PathBuf>,
+    /// Colour image on the pixel grid of the depth image, or a folder of them, for the depth image of the same file stem:
+    /// its colours go into the clouds; may be given several times.
+    #[arg(long, value_name = "PATH", requires = "cloud")]
+    color: Vec<PathBuf>,
 }
 
 /// A depth image to be corrected, and what is known about it.
 struct Job {
     depth: PathBuf,
     image: Option<PathBuf>,
+    color: Option<PathBuf>,
     unit_mm: f64,
     time_s: Option<f64>,
     temperature_c: Option<f64>,
@@ -58,8 +64,8 @@ struct Job {
 impl Job {
     /// All that its results depend on beside the calibration and the contents of its files.
     fn key(&self, cloud: bool) -> String {
-        let Self { depth, image, unit_mm, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
+        let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
     }
 
     fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
@@ -74,6 +80,9 @@ impl Job {
                 corrector.width(),
                 corrector.height()
             )));
+        }
+        if let Some(color) = &self.color {
+            read_color(color, &depth)?;
         }
         let Some(path) = &self.image else { return Ok((depth, None)) };
         let image = read_gray(path).map_err(input)?;
@@ -169,7 +178,8 @@ impl Apply {
             let out = PointsMut::Interleaved(points.as_flattened_mut());
             corrector.correct_to_points(&depth, job.unit_mm, &context, out).map_err(of_job)?;
             let path = self.target(&job.depth).with_extension("ply");
-            write_ply(path, &cloud(&points, image.as_ref()), PlyFormat::Binary).map_err(input)?;
+            let color = job.color.as_ref().map(|path| read_color(path, &depth)).transpose()?;
+            write_ply(path, &cloud(&points, image.as_ref(), color.as_ref()), PlyFormat::Binary).map_err(input)?;
         }
         let mut corrected = depth.clone();
         let summary = corrector.correct_u16(&depth, job.unit_mm, &context, &mut corrected).map_err(of_job)?;
@@ -197,12 +207,7 @@ impl Apply {
     }
 
     fn jobs(&self, calibrated_unit: Option<f64>) -> Result<Vec<Job>, Failure> {
-        let mut images = BTreeMap::new();
-        for path in &self.image {
-            let found =
-                if path.is_dir() { images_in(path, &["png", "jpg", "jpeg", "pgm"])? } else { vec![path.clone()] };
-            images.extend(found.into_iter().map(|path| (stem(&path), path)));
-        }
+        let (images, colors) = (by_stem(&self.image)?, by_stem(&self.color)?);
         let mut jobs = Vec::new();
         for path in &self.depth {
             if path.ends_with(DATASET_FILE) || path.join(DATASET_FILE).is_file() {
@@ -233,7 +238,17 @@ impl Apply {
                         stem(&depth)
                     )));
                 }
-                jobs.push(Job { depth, image, unit_mm, time_s: None, temperature_c: None });
+                jobs.push(Job { depth, image, color: None, unit_mm, time_s: None, temperature_c: None });
+            }
+        }
+        for job in jobs.iter_mut().filter(|_| !colors.is_empty()) {
+            job.color = colors.get(&stem(&job.depth)).cloned();
+            if job.color.is_none() {
+                return Err(Failure::Input(format!(
+                    "{}: --color has no image of the stem \"{}\": give one for every depth image, or none at all",
+                    job.depth.display(),
+                    stem(&job.depth)
+                )));
             }
         }
         Ok(jobs)
@@ -261,6 +276,7 @@ impl Apply {
             Some(Job {
                 depth: frame.depth?,
                 image: frame.image,
+                color: None,
                 unit_mm,
                 time_s: frame.metadata.timestamp_s.map(|t| t - first),
                 temperature_c: frame.metadata.temperature_c,
@@ -318,11 +334,38 @@ fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
     }
 }
 
-fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>) -> Cloud {
+/// A colour image of the size of a depth image.
+fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Failure> {
+    let image = read_rgb(path).map_err(input)?;
+    if (image.width, image.height) != (depth.width, depth.height) {
+        return Err(Failure::Input(format!(
+            "{}: the colour image has {}×{} px, the depth {}×{}: register the colour to the depth first",
+            path.display(),
+            image.width,
+            image.height,
+            depth.width,
+            depth.height
+        )));
+    }
+    Ok(image)
+}
+
+/// Images and folders of images by the stems of their names.
+fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Failure> {
+    let mut images = BTreeMap::new();
+    for path in paths {
+        let found = if path.is_dir() { images_in(path, &["png", "jpg", "jpeg", "pgm"])? } else { vec![path.clone()] };
+        images.extend(found.into_iter().map(|path| (stem(&path), path)));
+    }
+    Ok(images)
+}
+
+fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>, color: Option<&RgbImage>) -> Cloud {
     let seen = || (0..points.len()).filter(|i| !points[*i][2].is_nan());
     Cloud {
         points: seen().map(|i| points[i]).collect(),
         intensity: image.map(|image| seen().map(|i| f32::from(image.data[i])).collect()),
+        color: color.map(|color| seen().map(|i| color.data[i]).collect()),
     }
 }
 

@@ -5,9 +5,9 @@ use std::ops::Add;
 use super::CorrectionSummary;
 
 /// Pixels that are taken through all stages while they are in the first-level cache.
-pub(super) const CHUNK: usize = 512;
+pub(super) const CHUNK: usize = 1024;
 /// Fewest pixels that are worth another thread: some ten microseconds of work.
-const FEWEST: usize = 32 * CHUNK;
+const FEWEST: usize = 16 * CHUNK;
 
 /// Output that can be cut in two at a pixel.
 pub(super) trait Split: Sized + Send {

@@ -64,8 +64,16 @@ pub(super) fn store_f32(z: &[f32], out: &mut [f32]) -> usize {
 /// How many of some values are not 0.
 #[inline(always)]
 pub(super) fn count_u16(values: &[u16]) -> usize {
-    // Sums of 16 bits, so that as many lanes count at once.
-    values.chunks(usize::from(u16::MAX)).map(|part| usize::from(part.iter().map(|v| (*v).min(1)).sum::<u16>())).sum()
+    let mut count = 0;
+    for part in values.chunks(usize::from(u16::MAX)) {
+        // Sums of 16 bits, so that as many lanes count at once.
+        let mut of_part = 0u16;
+        for value in part {
+            of_part += (*value).min(1);
+        }
+        count += usize::from(of_part);
+    }
+    count
 }
 
 /// How many of some values are above 0, and how many are NaN.

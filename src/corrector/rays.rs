@@ -80,6 +80,22 @@ impl Rays {
         }
     }
 
+    /// [`Camera::ray`] for those pixels of a row that lie beyond the lens' limit or have not settled.
+    #[inline(never)]
+    fn repair<T: Real>(&self, first: usize, k: &[T; 5], target: (T, T, T), limit: T, x: &mut [T], y: &mut [T]) {
+        let (start, step, yd) = target;
+        for u in 0..x.len() {
+            let [px, py, a, _, d] = distort::<T, false>(k, x[u], y[u]);
+            let (ex, ey) = (start + step * T::count(u) - px, yd - py);
+            let last = T::of(T::LAST_STEP);
+            // In the rows where this happens the derivatives are around a half, so that misses are like steps.
+            let settled = (ex.abs() <= last) & (ey.abs() <= last) & (a > T::of(0.0)) & (d > T::of(0.0));
+            if !(settled & (x[u] * x[u] + y[u] * y[u] <= limit)) {
+                self.exact(first + u, &mut x[u..=u], &mut y[u..=u], |_| true);
+            }
+        }
+    }
+
     /// [`Camera::ray`] for the pixels that `wanted` accepts.
     fn exact<T: Real>(&self, first: usize, x: &mut [T], y: &mut [T], wanted: impl Fn(usize) -> bool) {
         for i in (0..x.len()).filter(|i| wanted(*i)) {
@@ -205,7 +221,7 @@ struct Rows<'a, T> {
 }
 
 /// Most Newton steps for a row; what has not settled then goes through the camera.
-const MOST_STEPS: usize = 12;
+const MOST_STEPS: usize = 8;
 
 impl<T: Real> Kernel for Rows<'_, T> {
     type Output = ();
@@ -229,6 +245,12 @@ impl<T: Real> Kernel for Rows<'_, T> {
             } else {
                 extrapolate(before_x, own_x);
                 extrapolate(before_y, own_y);
+                // Where the rows before have no ray.
+                for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
+                    let known = *x == *x;
+                    *x = if known { *x } else { T::of(start / fx) + T::of(1.0 / fx) * T::count(u) };
+                    *y = if known { *y } else { T::of(yd) };
+                }
             }
             let target = (T::of(start / fx), T::of(1.0 / fx), T::of(yd));
             // Loops, not closures: only what is inlined is compiled for the machine's instruction set.
@@ -245,8 +267,7 @@ impl<T: Real> Kernel for Rows<'_, T> {
                 beyond += u32::from(!(*x * *x + *y * *y <= limit));
             }
             if !settled || beyond > 0 {
-                // Few rows, those that see beyond the lens; all pixels, for simplicity.
-                rays.exact((first + row) * width, own_x, own_y, |_| true);
+                rays.repair((first + row) * width, &k, target, limit, own_x, own_y);
             }
         }
     }

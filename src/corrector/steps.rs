@@ -80,7 +80,13 @@ pub(super) fn correct<I: Isa>(
     out: &mut [u16],
     exact: Exact<'_>,
 ) -> Option<Done> {
-    let most = measured.iter().fold(0, |m, v| (*v).max(m));
+    let (mut most, mut depths) = (0, 0u16);
+    for raw in measured {
+        most = most.max(*raw);
+        // A chunk has fewer pixels than 16 bits count.
+        depths += (*raw).min(1);
+    }
+    let depths = usize::from(depths);
     let [error, beside] = bounds.of(first / CHUNK, most, unit_mm)?;
     let c = map.slices(first, measured.len());
     let worst = match map.tables() {
@@ -107,7 +113,7 @@ pub(super) fn correct<I: Isa>(
             }
         };
     }
-    let (mut depths, mut corrected) = (count_u16(measured), count_u16(out));
+    let mut corrected = count_u16(out);
     if depths != corrected && !map.q.is_empty() {
         // An offset may take small depths below half a step, which is no reason to lose them.
         for (i, (raw, out)) in measured.iter().zip(out.iter_mut()).enumerate() {
@@ -117,7 +123,7 @@ pub(super) fn correct<I: Isa>(
                 saturated += usize::from(beyond);
             }
         }
-        (depths, corrected) = (count_u16(measured), count_u16(out));
+        corrected = count_u16(out);
     }
     Some(Done { depths, corrected, saturated })
 }
@@ -198,12 +204,21 @@ fn settle<I: Isa, const P: bool, const Q: bool, const R: bool>(
         distances[i] = isa.mul_add(change.abs(), error, missing.abs());
     }
     let mut saturated = 0;
-    for (i, distance) in distances.iter().enumerate() {
-        if *distance >= undecided && measured[i] > 0 && out[i] > 0 {
-            let (steps, beyond) = exact(first + i, measured[i], out[i]);
-            out[i] = steps;
-            saturated += usize::from(beyond);
+    for (b, block) in distances.chunks(BLOCK).enumerate() {
+        let worst = block.iter().fold(0, |m: u32, d| m.max(d.to_bits()));
+        if f32::from_bits(worst) < undecided {
+            continue;
+        }
+        for i in b * BLOCK..b * BLOCK + block.len() {
+            if distances[i] >= undecided && measured[i] > 0 && out[i] > 0 {
+                let (steps, beyond) = exact(first + i, measured[i], out[i]);
+                out[i] = steps;
+                saturated += usize::from(beyond);
+            }
         }
     }
     saturated
 }
+
+/// Pixels that are looked through together for those that are undecided.
+const BLOCK: usize = 64;

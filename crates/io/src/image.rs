@@ -23,3 +23,14 @@ pub struct DepthImage {
     /// `height` × `width` values.
     pub data: Vec<u16>,
 }
+
+/// A colour image, row-major.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RgbImage {
+    /// Width in px.
+    pub width: usize,
+    /// Height in px.
+    pub height: usize,
+    /// `height` × `width` values of red, green, blue.
+    pub data: Vec<[u8; 3]>,
+}

@@ -8,7 +8,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::read_image::{luma, pixels};
-use crate::{GrayImage, ImageError};
+use crate::{GrayImage, ImageError, RgbImage};
 
 pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\xff\xd8\xff")
@@ -35,6 +35,28 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError>
         return Err(damaged("it has fewer pixels than it says".into()));
     }
     Ok(GrayImage { width, height, data, bits: 8 })
+}
+
+pub(crate) fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, ImageError> {
+    let damaged = |message: String| ImageError::Damaged { path: path.to_owned(), format: "JPEG", message };
+    if is_cut_off(bytes) {
+        return Err(damaged("the end is missing".into()));
+    }
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    decoder.decode_headers().map_err(|error| damaged(error.to_string()))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| damaged("it has no size".into()))?;
+    let count = pixels(path, width, height)?;
+    let values = decoder.decode().map_err(|error| damaged(error.to_string()))?;
+    let data: Vec<[u8; 3]> = match values.len() / count {
+        1 => values.into_iter().map(|v| [v; 3]).collect(),
+        3 => values.as_chunks().0.to_vec(),
+        channels => return Err(damaged(format!("it has {channels} channels, which is not supported"))),
+    };
+    if data.len() != count {
+        return Err(damaged("it has fewer pixels than it says".into()));
+    }
+    Ok(RgbImage { width, height, data })
 }
 
 /// Whether the last scan has no end mark. Decoders fill what is missing with grey and say nothing.

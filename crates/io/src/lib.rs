@@ -58,10 +58,10 @@ pub use export::{Export, ExportCamera, ExportError, ExportFormat, ExportWarning}
 pub use file_error::FileError;
 pub use frame_table::FrameMetadata;
 pub use g2o::{G2oGraph, Se2Edge, Se2Vertex, Se3Edge, Se3Vertex};
-pub use image::{DepthImage, GrayImage};
+pub use image::{DepthImage, GrayImage, RgbImage};
 pub use image_error::ImageError;
 pub use json::{read_json, write_json, write_json_compact};
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
 pub use ply::{Cloud, PlyFormat, write_ply};
-pub use read_image::{check_same_size, read_depth, read_gray, write_depth, write_gray};
+pub use read_image::{check_same_size, read_depth, read_gray, read_rgb, write_depth, write_gray};
 pub use write::write_atomically;

@@ -11,6 +11,8 @@ pub struct Cloud {
     pub points: Vec<[f32; 3]>,
     /// A value for each point, such as the infrared amplitude.
     pub intensity: Option<Vec<f32>>,
+    /// A colour for each point: red, green, blue.
+    pub color: Option<Vec<[u8; 3]>>,
 }
 
 /// How the numbers of a PLY file are written.
@@ -22,10 +24,11 @@ pub enum PlyFormat {
     Ascii,
 }
 
-/// Writes a cloud as PLY, atomically: one element `vertex` with float properties x, y, z and, where given, intensity.
+/// Writes a cloud as PLY, atomically: one element `vertex` with float properties x, y, z and,
+/// where given, intensity, and uchar properties red, green, blue.
 ///
 /// # Errors
-/// [`FileError::Invalid`] where the intensities are not as many as the points, or a coordinate is not finite (leave
+/// [`FileError::Invalid`] where intensities or colours are not as many as the points, or a coordinate is not finite (leave
 /// pixels without depth out of the cloud); [`FileError::Write`].
 pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
     let path = path.as_ref();
@@ -36,6 +39,10 @@ pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Re
         let problem = format!("has {} values for {} points", values.len(), points.len());
         return Err(invalid("intensity".into(), problem));
     }
+    let color = cloud.color.as_deref();
+    if let Some(values) = color.filter(|values| values.len() != points.len()) {
+        return Err(invalid("color".into(), format!("has {} values for {} points", values.len(), points.len())));
+    }
     if let Some(i) = points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
         return Err(invalid(format!("points[{i}]"), "is not finite: leave pixels without depth out".into()));
     }
@@ -45,11 +52,12 @@ pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Re
         PlyFormat::Ascii => "ascii",
     };
     let property = if intensity.is_some() { "property float intensity\n" } else { "" };
+    let channels = if color.is_some() { "property uchar red\nproperty uchar green\nproperty uchar blue\n" } else { "" };
     write_atomically(path, |writer| {
         write!(
             writer,
             "ply\nformat {encoding} 1.0\ncomment depthcal: millimetres, x right, y down, z forward\nelement vertex {}\n\
-             property float x\nproperty float y\nproperty float z\n{property}end_header\n",
+             property float x\nproperty float y\nproperty float z\n{property}{channels}end_header\n",
             points.len()
         )?;
         for (i, point) in points.iter().enumerate() {
@@ -59,11 +67,19 @@ pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Re
                     for number in point.iter().chain(&value) {
                         writer.write_all(&number.to_le_bytes())?;
                     }
+                    if let Some(color) = color {
+                        writer.write_all(&color[i])?;
+                    }
                 }
                 PlyFormat::Ascii => {
                     let [x, y, z] = point;
                     write!(writer, "{x} {y} {z}")?;
-                    writeln!(writer, "{}", value.map_or(String::new(), |value| format!(" {value}")))?;
+                    write!(writer, "{}", value.map_or(String::new(), |value| format!(" {value}")))?;
+                    writeln!(
+                        writer,
+                        "{}",
+                        color.map_or(String::new(), |c| format!(" {} {} {}", c[i][0], c[i][1], c[i][2]))
+                    )?;
                 }
             }
         }
@@ -84,7 +100,7 @@ mod tests {
 
     #[test]
     fn ascii() {
-        let cloud = Cloud { points: vec![[1.0, -2.5, 1000.25], [0.1, 0.0, 3.0]], intensity: None };
+        let cloud = Cloud { points: vec![[1.0, -2.5, 1000.25], [0.1, 0.0, 3.0]], intensity: None, color: None };
         let text = String::from_utf8(written(&cloud, PlyFormat::Ascii).unwrap()).unwrap();
         let expected = "ply\nformat ascii 1.0\ncomment depthcal: millimetres, x right, y down, z forward\n\
                         element vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
@@ -94,7 +110,7 @@ mod tests {
 
     #[test]
     fn binary_with_intensity() {
-        let cloud = Cloud { points: vec![[1.0, 2.0, 3.0]; 2], intensity: Some(vec![4.0, 5.0]) };
+        let cloud = Cloud { points: vec![[1.0, 2.0, 3.0]; 2], intensity: Some(vec![4.0, 5.0]), color: None };
         let bytes = written(&cloud, PlyFormat::Binary).unwrap();
         let head = b"end_header\n";
         let start = bytes.windows(head.len()).position(|window| window == head).unwrap() + head.len();
@@ -106,10 +122,25 @@ mod tests {
     }
 
     #[test]
+    fn colours_follow_the_numbers() {
+        let color = Some(vec![[1, 2, 3], [255, 0, 9]]);
+        let cloud = Cloud { points: vec![[1.0, 2.0, 3.0]; 2], intensity: Some(vec![4.0, 5.0]), color };
+        let text = String::from_utf8(written(&cloud, PlyFormat::Ascii).unwrap()).unwrap();
+        assert!(
+            text.contains("intensity\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n")
+        );
+        assert!(text.ends_with("1 2 3 4 1 2 3\n1 2 3 5 255 0 9\n"), "{text}");
+        let bytes = written(&cloud, PlyFormat::Binary).unwrap();
+        assert_eq!(bytes[bytes.len() - 3..], [255, 0, 9]);
+        let short = Cloud { color: Some(vec![[0; 3]]), ..cloud };
+        assert!(written(&short, PlyFormat::Binary).unwrap_err().to_string().contains("1 values for 2 points"));
+    }
+
+    #[test]
     fn faults_are_named() {
-        let cloud = Cloud { points: vec![[1.0, 2.0, f32::NAN]], intensity: None };
+        let cloud = Cloud { points: vec![[1.0, 2.0, f32::NAN]], intensity: None, color: None };
         assert!(written(&cloud, PlyFormat::Ascii).unwrap_err().to_string().contains("points[0]"));
-        let cloud = Cloud { points: vec![[1.0; 3]], intensity: Some(vec![]) };
+        let cloud = Cloud { points: vec![[1.0; 3]], intensity: Some(vec![]), color: None };
         assert!(written(&cloud, PlyFormat::Ascii).unwrap_err().to_string().contains("0 values for 1 points"));
         assert!(written(&Cloud::default(), PlyFormat::Binary).is_ok());
     }

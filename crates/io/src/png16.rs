@@ -6,7 +6,7 @@ use std::path::Path;
 use png::{BitDepth, ColorType, Transformations};
 
 use crate::read_image::{luma, pixels};
-use crate::{DepthImage, FileError, GrayImage, ImageError, write_atomically};
+use crate::{DepthImage, FileError, GrayImage, ImageError, RgbImage, write_atomically};
 
 pub(crate) fn is_png(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x89PNG\r\n\x1a\n")
@@ -67,6 +67,14 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError>
         _ => values.chunks_exact(channels).map(|pixel| luma([pixel[0], pixel[1], pixel[2]])).collect(),
     };
     Ok(GrayImage { width, height, data, bits })
+}
+
+pub(crate) fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, ImageError> {
+    let Samples { width, height, channels, bits, values } =
+        samples(path, bytes, Transformations::EXPAND, |_, _| Ok(()))?;
+    let byte = |value: u16| if bits == 16 { (value >> 8) as u8 } else { value as u8 };
+    let pixel = |p: &[u16]| if channels < 3 { [byte(p[0]); 3] } else { [byte(p[0]), byte(p[1]), byte(p[2])] };
+    Ok(RgbImage { width, height, data: values.chunks_exact(channels).map(pixel).collect() })
 }
 
 pub(crate) fn decode_depth(path: &Path, bytes: &[u8]) -> Result<DepthImage, ImageError> {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::{DepthImage, FileError, GrayImage, ImageError, jpeg, pgm, png16};
+use crate::{DepthImage, FileError, GrayImage, ImageError, RgbImage, jpeg, pgm, png16};
 
 /// Pixels beyond which an image is taken for damaged, so that a broken header does not ask for all memory.
 const MAX_PIXELS: usize = 1 << 28;
@@ -18,6 +18,22 @@ const MAX_PIXELS: usize = 1 << 28;
 pub fn read_gray(path: impl AsRef<Path>) -> Result<GrayImage, ImageError> {
     let path = path.as_ref();
     decode_gray(path, &read(path)?)
+}
+
+/// Reads a colour image: PNG or JPEG; grey values become equal channels, 16 bits the upper 8.
+///
+/// # Errors
+/// As [`read_gray`].
+pub fn read_rgb(path: impl AsRef<Path>) -> Result<RgbImage, ImageError> {
+    let path = path.as_ref();
+    let bytes = read(path)?;
+    if png16::is_png(&bytes) {
+        png16::decode_rgb(path, &bytes)
+    } else if jpeg::is_jpeg(&bytes) {
+        jpeg::decode_rgb(path, &bytes)
+    } else {
+        Err(ImageError::UnknownFormat { path: path.to_owned(), expected: "PNG or JPEG" })
+    }
 }
 
 /// Reads a depth image.

@@ -1,0 +1,134 @@
+//! `apply` on streams, and its runs that are interrupted.
+
+mod support;
+
+use std::io::Write;
+use std::process::{Output, Stdio};
+
+use depthcal_io::{DepthImage, read_depth, write_depth};
+use support::{CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, command, stderr, stdout, succeeds};
+
+const PIXELS: usize = WIDTH * HEIGHT;
+
+fn corrected(index: usize, z: f64) -> f64 {
+    let [fx, fy, cx, cy] = PINHOLE;
+    let (x, y) = (((index % WIDTH) as f64 - cx) / fx, ((index / WIDTH) as f64 - cy) / fy);
+    D[3] / (1.0 / z - (D[0] * x + D[1] * y + D[2]))
+}
+
+/// Runs `apply CALIBRATION -` on the bytes.
+fn stream(folder: &Folder, input: &[u8], more: &[&str]) -> Output {
+    let calibration = folder.arg("calibration.json");
+    let arguments = [&["apply", calibration.as_str(), "-"][..], more].concat();
+    let mut child =
+        command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let input = input.to_vec();
+    // Whoever refuses its arguments does not read.
+    let writer = std::thread::spawn(move || _ = stdin.write_all(&input));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    output
+}
+
+fn frames(count: usize) -> Vec<u16> {
+    (0..count * PIXELS).map(|i| if i % 97 == 0 { 0 } else { 500 + (i * 7 % 1500) as u16 }).collect()
+}
+
+#[test]
+fn a_stream_is_corrected_frame_by_frame() {
+    let folder = Folder::new();
+    folder.write("calibration.json", CALIBRATION);
+    let measured = frames(5);
+    let bytes: Vec<u8> = measured.iter().flat_map(|z| z.to_le_bytes()).collect();
+    let output = stream(&folder, &bytes, &["--unit-mm", "2", "--stream-output", "u16", "--stream-size", "64x48"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("5 frames"), "{}", stderr(&output));
+    let found: Vec<u16> = output.stdout.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    assert_eq!(found.len(), measured.len());
+    for (i, (z, m)) in found.iter().zip(&measured).enumerate() {
+        let expected = corrected(i % PIXELS, 2.0 * f64::from(*m)) / 2.0;
+        assert!(if *m == 0 { *z == 0 } else { (f64::from(*z) - expected).abs() <= 0.5 + 1e-9 }, "{i}: {z} {expected}");
+    }
+
+    let f32_bytes: Vec<u8> = measured.iter().flat_map(|z| (f32::from(*z) * 2.0).to_le_bytes()).collect();
+    let of_steps = stream(&folder, &bytes, &["--unit-mm", "2", "--stream-output", "xyz"]);
+    let of_f32 = stream(&folder, &f32_bytes, &["--stream-input", "f32", "--stream-output", "xyz"]);
+    assert!(of_steps.status.success() && of_f32.status.success(), "{}", stderr(&of_f32));
+    for output in [of_steps, of_f32] {
+        let points: Vec<f32> = output.stdout.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        assert_eq!(points.len(), 3 * measured.len());
+        for (i, m) in measured.iter().enumerate() {
+            let z = points[3 * i + 2];
+            let expected = corrected(i % PIXELS, 2.0 * f64::from(*m));
+            assert!(if *m == 0 { z.is_nan() } else { (f64::from(z) - expected).abs() < 0.01 }, "{i}: {z} {expected}");
+        }
+    }
+    let back = stream(&folder, &f32_bytes, &["--unit-mm", "2", "--stream-input", "f32", "--stream-output", "u16"]);
+    let again: Vec<u16> = back.stdout.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    // Rounded from f32 here, from f64 there.
+    assert!(again.len() == found.len() && again.iter().zip(&found).all(|(a, b)| a.abs_diff(*b) <= 1));
+}
+
+#[test]
+fn faults_of_a_stream_are_named() {
+    let folder = Folder::new();
+    folder.write("calibration.json", CALIBRATION);
+    let bytes: Vec<u8> = frames(2).iter().flat_map(|z| z.to_le_bytes()).collect();
+    let cases: [(&[u8], &[&str], &[&str]); 6] = [
+        (
+            &bytes[..bytes.len() - 3],
+            &["--unit-mm", "1", "--stream-output", "u16"],
+            &["standard input", "after 1 frames"],
+        ),
+        (&bytes, &["--stream-output", "u16"], &["depth unit", "--unit-mm"]),
+        (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--stream-size", "48x64"], &["48x64", "64x48"]),
+        (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--stream-fps", "0"], &["--stream-fps", "per second"]),
+        (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--cloud"], &["--cloud"]),
+        (&bytes, &["--unit-mm", "1"], &["--out"]),
+    ];
+    for (input, arguments, parts) in cases {
+        let output = stream(&folder, input, arguments);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        let message = stderr(&output);
+        assert!(parts.iter().all(|part| message.contains(part)), "{arguments:?}: {message}");
+    }
+    assert!(stream(&folder, &[], &["--unit-mm", "1", "--stream-output", "u16"]).status.success());
+}
+
+#[test]
+fn an_interrupted_run_goes_on_where_it_ended() {
+    let folder = Folder::new();
+    folder.write("calibration.json", CALIBRATION);
+    for name in ["a", "b", "c"] {
+        let depth = DepthImage { width: WIDTH, height: HEIGHT, data: vec![1000; PIXELS] };
+        write_depth(folder.path(&format!("depth/{name}.png")), &depth).unwrap();
+    }
+    let apply = |unit: &str| {
+        let (calibration, depth, out) = (folder.arg("calibration.json"), folder.arg("depth"), folder.arg("out"));
+        succeeds(["apply", &calibration, &depth, "--unit-mm", unit, "--out", &out])
+    };
+    assert!(stdout(&apply("1")).contains("3 frames"));
+    assert_eq!(folder.names("out"), ["a.png", "b.png", "c.png"]);
+
+    // As if it had been interrupted before c: a mark that another frame could not be written leaves the word of the run.
+    std::fs::remove_file(folder.path("out/c.png")).unwrap();
+    std::fs::create_dir(folder.path("out/c.png")).unwrap();
+    std::fs::write(folder.path("out/c.png/in the way"), "").unwrap();
+    let (calibration, depth, out) = (folder.arg("calibration.json"), folder.arg("depth"), folder.arg("out"));
+    let interrupted = support::run(["apply", &calibration, &depth, "--unit-mm", "1", "--out", &out]);
+    assert_eq!(interrupted.status.code(), Some(1));
+    std::fs::remove_dir_all(folder.path("out/c.png")).unwrap();
+    // Complete frames are kept, which the mark in one of them shows.
+    let mark = DepthImage { width: WIDTH, height: HEIGHT, data: vec![7; PIXELS] };
+    write_depth(folder.path("out/a.png"), &mark).unwrap();
+    write_depth(folder.path("out/b.png"), &mark).unwrap();
+    let text = stdout(&apply("1"));
+    assert!(text.contains("2 of 3 frames were complete already") && text.contains("1 frames"), "{text}");
+    assert_eq!(read_depth(folder.path("out/a.png")).unwrap(), mark);
+    assert_eq!(folder.names("out"), ["a.png", "b.png", "c.png"]);
+
+    // A run that ended is not gone on with, nor one with other settings.
+    assert!(!stdout(&apply("2")).contains("already"));
+    assert_ne!(read_depth(folder.path("out/a.png")).unwrap(), mark);
+}
