@@ -151,16 +151,18 @@ impl OfFrame<'_> {
     /// Rounds again what lies so near the middle between two steps that f32 cannot tell the side.
     #[inline(never)]
     fn settle(&self, first: usize, input: Input<'_>, z: &[f32], distances: &[f32], out: &mut [u16]) {
-        if !self.corrector.rays_are_fixed {
-            return;
-        }
         for (i, out) in out.iter_mut().enumerate().filter(|(i, out)| distances[*i] <= 0.0 && **out > 0) {
             let measured_mm = match input {
                 Input::U16(measured) => f64::from(measured[i]) * self.unit_mm,
                 Input::F32(measured) => f64::from(measured[i]),
                 Input::Output => return,
             };
-            let steps = (self.polished(first + i, measured_mm, f64::from(z[i])) / self.unit_mm).round();
+            let depth_mm = if self.corrector.rays_are_fixed {
+                self.polished(first + i, measured_mm, f64::from(z[i]))
+            } else {
+                self.exact(first + i, measured_mm).unwrap_or(f64::NAN)
+            };
+            let steps = (depth_mm / self.unit_mm).round();
             if (steps - f64::from(*out)).abs() <= 1.0 {
                 *out = steps.clamp(1.0, f64::from(u16::MAX)) as u16;
             }
