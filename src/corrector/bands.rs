@@ -71,7 +71,7 @@ mod tests {
             for pixels in [1, CHUNK, FEWEST + 1, 307_200] {
                 let mut out = vec![0u32; pixels];
                 let work = |first: usize, count: usize, band: &mut [u32]| {
-                    assert!(band.len() == count && first % CHUNK == 0);
+                    assert!(band.len() == count && first.is_multiple_of(CHUNK));
                     band.iter_mut().enumerate().for_each(|(i, o)| *o += (first + i) as u32 + 1);
                     CorrectionSummary { corrected: count, ..CorrectionSummary::default() }
                 };

@@ -44,7 +44,7 @@ pub(super) fn store_u16<I: Isa>(_: I, z: &[f32], per_mm: f32, out: &mut [u16]) -
         let rounded = held + ROUND;
         let is_depth = *z > 0.0;
         *out = if is_depth { rounded.to_bits() as u16 } else { 0 };
-        beyond += u32::from(is_depth & !((steps >= 0.5) & (steps < 65535.5)));
+        beyond += u32::from(is_depth & !(0.5..65535.5).contains(&steps));
     }
     beyond as usize
 }

@@ -45,13 +45,13 @@ pub(super) struct Moebius {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tables {
     /// r: the projective model.
-    R,
+    Pole,
     /// p: a multiplier map.
-    P,
+    Scale,
     /// p and r: a spline of offset and scale.
-    PR,
-    /// All.
-    PQR,
+    ScaleAndPole,
+    /// p, q and r.
+    All,
 }
 
 impl Moebius {
@@ -72,7 +72,7 @@ impl Moebius {
             (false, false, false) => Self { q: Vec::new(), r: Vec::new(), ..Self::from_all(&all, true, true) },
             _ => Self::from_all(&all, true, true),
         };
-        if every && map.tables() == Tables::R {
+        if every && map.tables() == Tables::Pole {
             map.r_from_ray = affine_in_ray(&all, rays);
         }
         map
@@ -91,10 +91,10 @@ impl Moebius {
     /// Which of its coefficients are tables.
     pub fn tables(&self) -> Tables {
         match (self.p.is_empty(), self.q.is_empty(), self.r.is_empty()) {
-            (true, true, _) => Tables::R,
-            (false, true, true) => Tables::P,
-            (false, true, false) => Tables::PR,
-            _ => Tables::PQR,
+            (true, true, _) => Tables::Pole,
+            (false, true, true) => Tables::Scale,
+            (false, true, false) => Tables::ScaleAndPole,
+            _ => Tables::All,
         }
     }
 
@@ -135,10 +135,10 @@ fn affine_in_ray(all: &[[f64; 3]], rays: &[[f64; 2]]) -> Option<[f32; 3]> {
 #[inline(always)]
 pub(super) fn correct<I: Isa>(isa: I, tables: Tables, c: Slices<'_>, z: &mut [f32]) {
     match tables {
-        Tables::R => correct_with::<I, false, false, true>(isa, c, z),
-        Tables::P => correct_with::<I, true, false, false>(isa, c, z),
-        Tables::PR => correct_with::<I, true, false, true>(isa, c, z),
-        Tables::PQR => correct_with::<I, true, true, true>(isa, c, z),
+        Tables::Pole => correct_with::<I, false, false, true>(isa, c, z),
+        Tables::Scale => correct_with::<I, true, false, false>(isa, c, z),
+        Tables::ScaleAndPole => correct_with::<I, true, false, true>(isa, c, z),
+        Tables::All => correct_with::<I, true, true, true>(isa, c, z),
     }
 }
 

@@ -218,7 +218,7 @@ impl Plan {
     #[inline(always)]
     pub fn correct_on_rays<I: Isa>(&self, isa: I, frame: &Frame<'_>, first: usize, rays: [&[f32]; 2], z: &mut [f32]) {
         match self.only_moebius().map(|map| (map, map.r_from_ray, map.tables())) {
-            Some((map, Some(d), Tables::R)) => moebius::correct_on_rays(isa, map.p_everywhere, d, rays, z),
+            Some((map, Some(d), Tables::Pole)) => moebius::correct_on_rays(isa, map.p_everywhere, d, rays, z),
             _ => self.correct(isa, frame, first, z),
         }
     }

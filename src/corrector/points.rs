@@ -65,7 +65,7 @@ pub(super) fn back_project<I: Isa>(isa: I, z: &[f32], rays: [&[f32]; 2], out: Po
 
 #[inline(always)]
 fn point(z: f32, rx: f32, ry: f32) -> [f32; 3] {
-    let depth = if (z > 0.0) & (rx == rx) { z } else { f32::NAN };
+    let depth = if (z > 0.0) & !rx.is_nan() { z } else { f32::NAN };
     [rx * depth, ry * depth, depth]
 }
 
@@ -80,7 +80,7 @@ fn interleaved<I: Isa>(isa: I, z: &[f32], rays: [&[f32]; 2], out: &mut [f32]) {
     for (((z, rx), ry), out) in z_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
         let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            depth[i] = if (z[i] > 0.0) & (rx[i] == rx[i]) { z[i] } else { f32::NAN };
+            depth[i] = if (z[i] > 0.0) & !rx[i].is_nan() { z[i] } else { f32::NAN };
         }
         for i in 0..LANES {
             x[i] = rx[i] * depth[i];

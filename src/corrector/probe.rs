@@ -24,13 +24,7 @@ pub struct Needs {
 }
 
 fn reference() -> Context {
-    Context {
-        amplitude: 1711.0,
-        surround: 1500.0,
-        slope: [0.01, -0.02],
-        temperature_c: 21.3,
-        ..Context::default()
-    }
+    Context { amplitude: 1711.0, surround: 1500.0, slope: [0.01, -0.02], temperature_c: 21.3, ..Context::default() }
 }
 
 fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {

@@ -247,7 +247,7 @@ impl<T: Real> Kernel for Rows<'_, T> {
                 extrapolate(before_y, own_y);
                 // Where the rows before have no ray.
                 for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
-                    let known = *x == *x;
+                    let known = *x <= T::of(f64::INFINITY);
                     *x = if known { *x } else { T::of(start / fx) + T::of(1.0 / fx) * T::count(u) };
                     *y = if known { *y } else { T::of(yd) };
                 }

@@ -90,25 +90,25 @@ pub(super) fn correct<I: Isa>(
     let [error, beside] = bounds.of(first / CHUNK, most, unit_mm)?;
     let c = map.slices(first, measured.len());
     let worst = match map.tables() {
-        Tables::R => rounded::<I, false, false, true>(isa, c, (unit_mm, error), measured, out),
-        Tables::P => rounded::<I, true, false, false>(isa, c, (unit_mm, error), measured, out),
-        Tables::PR => rounded::<I, true, false, true>(isa, c, (unit_mm, error), measured, out),
-        Tables::PQR => rounded::<I, true, true, true>(isa, c, (unit_mm, error), measured, out),
+        Tables::Pole => rounded::<I, false, false, true>(isa, c, (unit_mm, error), measured, out),
+        Tables::Scale => rounded::<I, true, false, false>(isa, c, (unit_mm, error), measured, out),
+        Tables::ScaleAndPole => rounded::<I, true, false, true>(isa, c, (unit_mm, error), measured, out),
+        Tables::All => rounded::<I, true, true, true>(isa, c, (unit_mm, error), measured, out),
     };
     let mut saturated = 0;
     let undecided = 0.5 - beside;
     if worst >= undecided {
         saturated = match map.tables() {
-            Tables::R => {
+            Tables::Pole => {
                 settle::<I, false, false, true>(isa, c, (unit_mm, error), measured, out, undecided, first, exact)
             }
-            Tables::P => {
+            Tables::Scale => {
                 settle::<I, true, false, false>(isa, c, (unit_mm, error), measured, out, undecided, first, exact)
             }
-            Tables::PR => {
+            Tables::ScaleAndPole => {
                 settle::<I, true, false, true>(isa, c, (unit_mm, error), measured, out, undecided, first, exact)
             }
-            Tables::PQR => {
+            Tables::All => {
                 settle::<I, true, true, true>(isa, c, (unit_mm, error), measured, out, undecided, first, exact)
             }
         };
