@@ -26,6 +26,9 @@ pub(super) fn coefficients([a, b, c, d]: Matrix) -> [f64; 3] {
     if rising && [p, q, r].iter().all(|k| k.abs() < 1e9) { [p, q, r] } else { NO_INVERSE }
 }
 
+/// 1 − r z below this is rounding about the pole, where depth goes to infinity: no f32 tells its two sides apart there.
+pub(super) const NEAREST_POLE: f32 = 1e-6;
+
 /// With these every depth lies beyond the pole: 1 − r z < 0; and without the pole z = 0.
 const NO_INVERSE: [f64; 3] = [-1.0, 0.0, 1e30];
 
@@ -161,7 +164,7 @@ fn one<I: Isa, const Q: bool, const R: bool>(isa: I, (p, q, r): (f32, f32, f32),
     let change = if Q { isa.mul_add(z, slope, q) } else { z * slope };
     let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };
     let corrected = z + if R { change / left } else { change };
-    let usable = (left > 0.0) & (corrected > 0.0);
+    let usable = (left > NEAREST_POLE) & (corrected > 0.0);
     if z > 0.0 { if usable { corrected } else { f32::NAN } } else { z }
 }
 
