@@ -26,8 +26,9 @@ pub(super) fn coefficients([a, b, c, d]: Matrix) -> [f64; 3] {
     if rising && [p, q, r].iter().all(|k| k.abs() < 1e9) { [p, q, r] } else { NO_INVERSE }
 }
 
-/// 1 − r z below this is rounding about the pole, where depth goes to infinity: no f32 tells its two sides apart there.
-pub(super) const NEAREST_POLE: f32 = 1e-6;
+/// 1 − r z below this is mostly rounding: f32 cannot tell on which side of the pole, where depth goes to infinity, it lies.
+/// f64 is asked then.
+const NEAREST_POLE: f32 = 1e-6;
 
 /// With these every depth lies beyond the pole: 1 − r z < 0; and without the pole z = 0.
 const NO_INVERSE: [f64; 3] = [-1.0, 0.0, 1e30];

@@ -169,8 +169,8 @@ fn rounded<I: Isa, const P: bool, const Q: bool, const R: bool>(
         worst = worst.max(isa.mul_add(change.abs(), error, missing.abs()).to_bits());
         let sum = u32::from(measured[i]).wrapping_add(rounded.to_bits()) as u16;
         let steps = f32::from(measured[i]);
-        let is_depth = if R { left > super::moebius::NEAREST_POLE } else { true }
-            & if Q { (steps > 0.0) & (steps + change > 0.5) } else { true };
+        let is_depth =
+            if R { left > 0.0 } else { true } & if Q { (steps > 0.0) & (steps + change > 0.5) } else { true };
         out[i] = if is_depth { sum } else { 0 };
     }
     f32::from_bits(worst)

@@ -409,7 +409,7 @@ impl Camera {
     ///
     /// # Errors
     ///
-    /// [`CameraError::NotInvertible`].
+    /// [`CameraError::NotInvertible`]: the model folds, or leads to infinity or beyond.
     pub fn true_inverse_depth(
         &self,
         context: &Context,
@@ -445,8 +445,10 @@ impl Camera {
             };
         }
         let (value, slope) = self.depth_and_slope(context, ray, cos_incidence, rho);
-        let settled = (value - measured).abs() <= 1e-13 * measured.abs();
-        if settled && slope > 0.0 && rho > 0.0 { Ok(rho) } else { Err(folded()) }
+        // What is settled to this is ρ · slope too: below some multiple of it nobody can tell ρ from 0, which is no depth.
+        let tolerance = 1e-13 * measured.abs();
+        let settled = (value - measured).abs() <= tolerance;
+        if settled && slope > 0.0 && rho * slope > 10.0 * tolerance { Ok(rho) } else { Err(folded()) }
     }
 
     fn not_invertible(&self, context: &Context, depth_mm: f64) -> CameraError {
