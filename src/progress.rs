@@ -1,6 +1,13 @@
 //! Progress on a terminal, silence elsewhere.
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::sync::LazyLock;
+use std::time::Duration;
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// All bars of the process: those that run inside each other stand one below the other.
+static ALL: LazyLock<MultiProgress> =
+    LazyLock::new(|| MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(5)));
 
 /// A progress bar that appears on a terminal when a job takes longer than a moment.
 #[derive(Debug)]
@@ -9,7 +16,7 @@ pub struct Progress(ProgressBar);
 impl Progress {
     /// A bar for `total` steps.
     pub fn new(what: &'static str, total: usize) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(5));
+        let bar = ALL.add(ProgressBar::new(total as u64));
         if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} {eta}") {
             bar.set_style(style);
         }
@@ -19,11 +26,24 @@ impl Progress {
 
     /// The same where nobody knows how many there are.
     pub fn endless(what: &'static str) -> Self {
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(5));
+        let bar = ALL.add(ProgressBar::no_length());
         if let Ok(style) = ProgressStyle::with_template("{msg} {spinner} {pos} ({per_sec})") {
             bar.set_style(style);
         }
         bar.set_message(what);
+        Self(bar)
+    }
+
+    /// For a job whose steps nobody can count beforehand: says that it is at work and for how long.
+    pub fn busy(what: &'static str) -> Self {
+        let bar = ALL.add(ProgressBar::new_spinner());
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.set_message(what);
+        if !bar.is_hidden() {
+            bar.enable_steady_tick(Duration::from_millis(200));
+        }
         Self(bar)
     }
 

@@ -13,7 +13,10 @@ use rayon::prelude::*;
 
 use super::apply_resume::Resume;
 use super::apply_stream::{StreamArgs, StreamContext};
+use serde_json::{Value, json};
+
 use super::common::{Failure, input, read_calibration};
+use super::voice::{complaint, is_json, say};
 use crate::corrector::{CorrectionSummary, Corrector, FrameContext, PointsMut};
 use crate::progress::Progress;
 
@@ -22,6 +25,11 @@ use crate::progress::Progress;
 /// Corrected images have the names, the size and the unit of their originals. All input is read once before anything is
 /// written, so that a damaged image among many shows at once.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal apply result/calibration.json depth/ --out corrected/
+  depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
+  depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times from dataset.toml
+  depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/")]
 pub(super) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
@@ -92,7 +100,7 @@ impl Job {
 }
 
 impl Apply {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         if let Some(unit) = self.unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
             return Err(Failure::Input(format!(
                 "--unit-mm is {unit}: give the millimetres per step, such as 1 or 0.25"
@@ -100,7 +108,8 @@ impl Apply {
         }
         let (calibration, camera) = read_calibration(&self.calibration, &Register::builtin())?;
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
-            return self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm));
+            self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm))?;
+            return Ok(Value::Null);
         }
         let jobs = self.jobs(calibration.depth_unit_mm)?;
         self.check_names(&jobs)?;
@@ -113,7 +122,7 @@ impl Apply {
         let all = jobs.len();
         let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
         if jobs.len() < all {
-            println!("{} of {all} frames were complete already", all - jobs.len());
+            say!("{} of {all} frames were complete already", all - jobs.len());
         }
 
         let progress = Progress::new("checking images", jobs.len());
@@ -136,11 +145,20 @@ impl Apply {
         drop(progress);
         resume.end();
         self.print(jobs.len(), summary);
-        Ok(())
+        let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
+        let pixels = json!({
+            "corrected": corrected, "saturated": saturated, "without_depth": invalid, "not_correctable": not_correctable,
+        });
+        Ok(
+            json!({ "frames": jobs.len(), "complete_before": all - jobs.len(), "pixels": pixels, "written": [self.folder()] }),
+        )
     }
 
     /// Raw frames from standard input to standard output.
     fn run_stream(&self, camera: &Camera, unit_mm: Option<f64>) -> Result<(), Failure> {
+        if is_json() {
+            return Err(Failure::Input("--json and `-` both want standard output: leave --json out".into()));
+        }
         if self.depth.len() > 1 || self.out.is_some() || self.cloud || !self.image.is_empty() {
             return Err(Failure::Input(
                 "`-` reads raw frames and writes raw frames to standard output: give it as the only DEPTH, without \
@@ -189,16 +207,14 @@ impl Apply {
 
     fn print(&self, frames: usize, summary: CorrectionSummary) {
         let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-        println!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+        say!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
         if not_correctable > 0 {
-            println!(
-                "{not_correctable} pixels are not correctable (no ray, or the model has no inverse there) and are 0"
-            );
+            say!("{not_correctable} pixels are not correctable (no ray, or the model has no inverse there) and are 0");
         }
         if saturated > 0 {
-            println!("{saturated} corrected depths lie beyond the range of 16 bits and were set to its end");
+            say!("{saturated} corrected depths lie beyond the range of 16 bits and were set to its end");
         }
-        println!("written: {}", self.folder().display());
+        say!("written: {}", self.folder().display());
     }
 
     /// Where the corrected image of `depth` goes.
@@ -326,9 +342,13 @@ fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
     ];
     for (needed, missing, what, remedy) in cases {
         if needed && missing {
-            eprintln!(
-                "warning: the calibration has an effect that depends on the {what}, which not every frame has: it is \
-                 not corrected there; give {remedy}"
+            complaint(
+                "warning",
+                0,
+                format_args!(
+                    "the calibration has an effect that depends on the {what}, which not every frame has: it is not \
+                     corrected there; give {remedy}"
+                ),
             );
         }
     }

@@ -1,13 +1,20 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use depthcal_io::Calibration;
 use depthcal_model::Block;
 
-use super::common::{Failure, Output, Reading, command_line, input, write_calibration, write_report};
+use serde_json::{Value, json};
+
+use super::common::{
+    Failure, Output, Reading, command_line, frames_of, input, say_not_judged, value_of, write_calibration, write_report,
+};
+use super::voice::say;
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::capture::declared_camera;
 use crate::cross_validation::{cross_validate, split};
 use crate::evaluate::{evaluate, table};
+use crate::progress::Progress;
 use crate::report::{ReportDataset, ReportInput, Role};
 use crate::smoothness::indices;
 
@@ -37,7 +44,16 @@ enum EstimatorName {
 }
 
 /// Fits a depth camera to the captures of a board: intrinsics, lens, depth distortion and poses.
+///
+/// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json and report.html.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal calibrate captures/ --out result/                       K, lens and projective D
+  depthcal calibrate captures/ --cross-validate 3 --out result/    errors on frames that no fit saw
+  depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame judges
+  depthcal calibrate captures/ --model projective:xw --out r/      only dx and dw free
+  depthcal calibrate captures/ --with cyclic_depth@period_mm=300 --out r/
+  depthcal calibrate captures/ --json --out r/ | jq .calibration.camera")]
 pub(super) struct Calibrate {
     /// Folder with a dataset.toml.
     dataset: PathBuf,
@@ -59,7 +75,7 @@ pub(super) struct Calibrate {
     hold_out: Option<HoldOut>,
     /// Judges the model by N more fits, each without every N-th frame in turn: every frame is evaluated by a fit that
     /// did not see it. The calibration itself is fitted to all frames.
-    #[arg(long, value_name = "N", conflicts_with = "hold_out", value_parser = clap::value_parser!(u16).range(2..))]
+    #[arg(long, visible_alias = "folds", value_name = "N", conflicts_with = "hold_out", value_parser = clap::value_parser!(u16).range(2..))]
     cross_validate: Option<u16>,
     #[command(flatten)]
     reading: Reading,
@@ -68,7 +84,7 @@ pub(super) struct Calibrate {
 }
 
 impl Calibrate {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         let mut options = CalibrateOptions {
             model: self.model.clone(),
             effects: self.with.clone(),
@@ -94,10 +110,12 @@ impl Calibrate {
         let (width, height) = (loaded.capture.width, loaded.capture.height);
         options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
         if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
-            println!("no depth images: camera and lens alone are fitted");
+            say!("no depth images: camera and lens alone are fitted");
             options.model = "none".to_owned();
         }
+        let busy = Progress::busy("fitting");
         let result = calibrate(&fitted, &options)?;
+        drop(busy);
         print_parameters(&result);
         let fitted = evaluate(&result.camera, &result.capture);
         let mut datasets = vec![fitted.record()];
@@ -108,12 +126,15 @@ impl Calibrate {
             }
             (None, None) => None,
         };
+        say_not_judged(&fitted, &result.capture.dropped);
         if let Some((how, evaluated)) = &held_out {
+            say_not_judged(evaluated, &loaded.capture.dropped);
             let mut record = evaluated.record();
             record.name = format!("{} ({how})", record.name);
             datasets.push(record);
         }
-        println!("\n{}", table(&datasets, Some(&result.capture.name)));
+        say!("\n{}", table(&datasets, Some(&result.capture.name)));
+        let evaluation = value_of(&datasets)?;
         let written = write_calibration(&result, &fitted, &loaded, datasets, &self.output.out)?;
         let mut shown = vec![ReportDataset { evaluated: &fitted, role: Role::Fitted }];
         shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
@@ -122,11 +143,17 @@ impl Calibrate {
             command_line: command_line(),
             calibrated: Some(&result),
             evaluations: &shown,
+            diagnosis: None,
             story: &[],
         };
         let report = write_report(&report, &self.output.out)?;
-        println!("written: {} and {}", written.display(), report.display());
-        Ok(())
+        say!("written: {} and {}", written.display(), report.display());
+        Ok(json!({
+            "frames": frames_of(&result.capture.name, result.capture.frames.len(), &result.capture.dropped),
+            "calibration": value_of(&Calibration::read(&written).map_err(input)?)?,
+            "datasets": evaluation,
+            "written": [written, report],
+        }))
     }
 }
 
@@ -140,14 +167,17 @@ fn print_fields(result: &Calibrated, block: &Block) {
         let values = || indices(&layout, field.index).map(|i| block.theta[i]);
         let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
         let effective = field.effective.map_or_else(String::new, |e| format!(", {e:.1} effective parameters"));
-        println!(
+        say!(
             "  {:6} {least:>14.6e} to {most:.6e}  {} nodes with data{effective}, roughness {:.2e}; {} without data stay neutral",
-            field.field, field.nodes, field.roughness, field.untouched
+            field.field,
+            field.nodes,
+            field.roughness,
+            field.untouched
         );
     }
     for i in layout.parameter_count() - layout.shared..layout.parameter_count() {
         let parameter = &block.parameters()[i];
-        println!("  {:6} {:>14.6e} {}", parameter.name, block.theta[i], parameter.unit);
+        say!("  {:6} {:>14.6e} {}", parameter.name, block.theta[i], parameter.unit);
     }
 }
 
@@ -155,7 +185,7 @@ fn print_fields(result: &Calibrated, block: &Block) {
 pub(super) fn print_parameters(result: &Calibrated) {
     let mut stds = result.std_devs().into_iter();
     for block in result.camera.blocks() {
-        println!("{}", block.name());
+        say!("{}", block.name());
         if block.theta.len() > MOST_PRINTED {
             print_fields(result, block);
             stds.nth(block.theta.len() - 1);
@@ -167,18 +197,19 @@ pub(super) fn print_parameters(result: &Calibrated) {
                 None if *free => "no std. dev.".to_owned(),
                 None => "held".to_owned(),
             };
-            println!("  {:6} {value:>14.6e} {std:>13}  {}", parameter.name, parameter.unit);
+            say!("  {:6} {value:>14.6e} {std:>13}  {}", parameter.name, parameter.unit);
         }
     }
     let noise = &result.noise;
-    print!("noise: {:.3} px", noise.pixel_sigma);
-    if result.with_depth {
-        print!(", depth σρ² = ({:.2e}/mm)² + ({:.2} mm · ρ²)²", noise.depth.a_per_mm, noise.depth.b_mm);
-    }
-    println!();
+    let depth = if result.with_depth {
+        format!(", depth σρ² = ({:.2e}/mm)² + ({:.2} mm · ρ²)²", noise.depth.a_per_mm, noise.depth.b_mm)
+    } else {
+        String::new()
+    };
+    say!("noise: {:.3} px{depth}", noise.pixel_sigma);
     let samples: usize = result.capture.frames.iter().map(|f| f.samples.len()).sum();
     let apart = result.correlation_length_px.unwrap_or(1);
-    println!(
+    say!(
         "{} frames, {samples} depth pixels at least {apart} px apart ({} outliers left out); {} after {} iterations",
         result.capture.frames.len(),
         result.outliers,
@@ -186,6 +217,6 @@ pub(super) fn print_parameters(result: &Calibrated) {
         result.iterations
     );
     for frame in &result.capture.dropped {
-        println!("not used: {} ({})", frame.name, frame.reason);
+        say!("not used: {} ({})", frame.name, frame.reason);
     }
 }

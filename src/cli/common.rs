@@ -10,8 +10,13 @@ use depthcal_model::{Camera, Register};
 use crate::calibrate::{CalibrateError, Calibrated};
 use crate::capture::{CaptureOptions, Loaded, default_cache, load};
 use crate::evaluate::Evaluated;
+use crate::observations::DroppedFrame;
+use crate::progress::Progress;
 use crate::record::{to_camera, to_record};
 use crate::report::{ReportInput, render};
+use serde_json::{Value, json};
+
+use super::voice::say;
 
 /// Why a command ends with another exit code than 0.
 #[derive(Debug)]
@@ -20,6 +25,24 @@ pub(super) enum Failure {
     Input(String),
     /// Exit code 2.
     Untrusted(String),
+}
+
+/// Frames that were used and those that were not, with reasons.
+pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Value {
+    let dropped: Vec<Value> = dropped.iter().map(|d| json!({ "name": d.name, "reason": d.reason })).collect();
+    json!({ "dataset": name, "used": used, "dropped": dropped })
+}
+
+/// Says which frames of an evaluation could not be judged that the capture itself had.
+pub(super) fn say_not_judged(evaluated: &Evaluated, known: &[DroppedFrame]) {
+    for frame in evaluated.dropped.iter().filter(|f| known.iter().all(|k| k.name != f.name)) {
+        say!("  not judged: {} ({})", frame.name, frame.reason);
+    }
+}
+
+/// A result file as a value for `--json`.
+pub(super) fn value_of(record: &impl serde::Serialize) -> Result<Value, Failure> {
+    serde_json::to_value(record).map_err(input)
 }
 
 /// Any error of input or output.
@@ -67,12 +90,14 @@ impl Reading {
 
     /// Reads a dataset and says what was found.
     pub(super) fn load(&self, path: &Path) -> Result<Loaded, Failure> {
+        let busy = Progress::busy("reading");
         let loaded = load(path, &self.options()).map_err(input)?;
+        drop(busy);
         let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len());
         let cached = if loaded.from_cache { " (cached)" } else { "" };
-        println!("{}: the board was found in {found} of {} frames{cached}", loaded.dataset.name, found + dropped);
+        say!("{}: the board was found in {found} of {} frames{cached}", loaded.dataset.name, found + dropped);
         for frame in &loaded.capture.dropped {
-            println!("  not used: {} ({})", frame.name, frame.reason);
+            say!("  not used: {} ({})", frame.name, frame.reason);
         }
         Ok(loaded)
     }

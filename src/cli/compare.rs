@@ -3,19 +3,28 @@ use std::path::PathBuf;
 use clap::Args;
 use depthcal_io::write_atomically;
 
-use super::common::{Failure, Output, Reading, command_line, input};
-use crate::calibrate::CalibrateOptions;
+use serde_json::{Value, json};
+
+use super::common::{Failure, Output, Reading, command_line, frames_of, input, value_of};
+use super::voice::say;
+use crate::calibrate::{CalibrateOptions, calibrate};
 use crate::capture::declared_camera;
 use crate::compare::tables::tables;
 use crate::compare::{CompareOptions, compare};
+use crate::progress::Progress;
 use crate::report::render_comparison;
 
 /// Compares depth models on data that their fits did not see.
 ///
 /// Each model is fitted to TRAIN and judged on the datasets of --verify, or, without any, on frames of TRAIN that several
 /// fits leave out in turn. Prints the ranking with intervals from resampled frames, says which differences are real, and
-/// prints the tables of Sjöholm 2017 for all subsets of D.
+/// prints the tables of Sjöholm 2017 for all subsets of D. Writes comparison.json and report.html.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal compare captures/ --out compared/                       frames left out in turn judge
+  depthcal compare captures/ --verify other/ third/ --out compared/
+  depthcal compare captures/ --models none,projective,projective+bspline --no-thesis --out compared/
+  depthcal compare captures/ --json --out compared/ | jq '.comparison.models[].model'")]
 pub(super) struct Compare {
     /// Folder with a dataset.toml: what the models are fitted to.
     train: PathBuf,
@@ -33,8 +42,11 @@ pub(super) struct Compare {
     /// Further effects that every model is given.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
+    /// Lens model.
+    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    lens: String,
     /// Parts into which the frames of TRAIN are divided where there is no --verify.
-    #[arg(long, default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
+    #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
     /// Leaves out the thesis' tables: subsets of D, lens or none, four estimators, stability of D.
     #[arg(long)]
@@ -49,13 +61,14 @@ pub(super) struct Compare {
 }
 
 impl Compare {
-    pub(super) fn run(&self) -> Result<(), Failure> {
-        let mut calibrate = CalibrateOptions { effects: self.with.clone(), ..CalibrateOptions::default() };
+    pub(super) fn run(&self) -> Result<Value, Failure> {
+        let mut base =
+            CalibrateOptions { effects: self.with.clone(), lens: self.lens.clone(), ..CalibrateOptions::default() };
         for model in &self.models {
-            calibrate.register.depth_model(model).map_err(|e| Failure::Input(format!("--models {model}: {e}")))?;
+            base.register.depth_model(model).map_err(|e| Failure::Input(format!("--models {model}: {e}")))?;
         }
         for name in &self.with {
-            calibrate.register.block(name, None).map_err(|e| Failure::Input(format!("--with {name}: {e}")))?;
+            base.register.block(name, None).map_err(|e| Failure::Input(format!("--with {name}: {e}")))?;
         }
         let train = self.reading.load(&self.train)?;
         let verify = self.verify.iter().map(|path| self.reading.load(path)).collect::<Result<Vec<_>, _>>()?;
@@ -73,33 +86,44 @@ impl Compare {
             )));
         }
         let (width, height) = (train.capture.width, train.capture.height);
-        calibrate.camera = declared_camera(&train.dataset, width, height, &calibrate.register);
+        base.camera = declared_camera(&train.dataset, width, height, &base.register);
         let options = CompareOptions {
             models: self.models.clone(),
-            calibrate,
+            calibrate: base,
             folds: usize::from(self.folds),
             thesis: !self.no_thesis,
             learning_fits: usize::from(self.learning),
             ..CompareOptions::default()
         };
         let captures: Vec<_> = verify.into_iter().map(|v| v.capture).collect();
+        let busy = Progress::busy("comparing models");
         let comparison = compare(&train.capture, &captures, &options).map_err(input)?;
+        // Its map is a figure of the report; the comparison itself keeps no cameras.
+        let best = comparison.models.first().filter(|m| m.failed.is_none()).and_then(|best| {
+            let options = CalibrateOptions { model: best.model.clone(), ..options.calibrate.clone() };
+            calibrate(&train.capture, &options).ok()
+        });
+        drop(busy);
         let tables = tables(&comparison);
         for table in &tables {
-            println!("\n{}\n{}", table.title, table.text);
+            say!("\n{}\n{}", table.title, table.text);
         }
         for sentence in &comparison.verdict {
-            println!("{sentence}");
+            say!("{sentence}");
         }
         let path = self.output.file("comparison.json");
         comparison.write(&path).map_err(input)?;
-        let html = render_comparison(&comparison, &tables, &command_line()).map_err(input)?;
+        let html = render_comparison(&comparison, &tables, best.as_ref(), &command_line()).map_err(input)?;
         let report = self.output.file("report.html");
         write_atomically(&report, |file| file.write_all(html.as_bytes())).map_err(input)?;
-        println!("written: {} and {}", path.display(), report.display());
+        say!("written: {} and {}", path.display(), report.display());
         if comparison.models.iter().all(|m| m.failed.is_some()) {
             return Err(Failure::Untrusted(comparison.verdict.join(" ")));
         }
-        Ok(())
+        let frames: Vec<Value> = std::iter::once(&train.capture)
+            .chain(&captures)
+            .map(|c| frames_of(&c.name, c.frames.len(), &c.dropped))
+            .collect();
+        Ok(json!({ "frames": frames, "comparison": value_of(&comparison)?, "written": [path, report] }))
     }
 }

@@ -4,24 +4,26 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
-use super::calibrate::print_parameters;
-use super::common::{Failure, Reading, input, write_calibration, write_report};
-use crate::calibrate::{CalibrateOptions, calibrate};
-use crate::evaluate::{Evaluated, evaluate, table};
-use crate::report::{ReportDataset, ReportInput, Role};
+use serde_json::Value;
+
+use super::common::{Failure, Reading, input};
+use super::diagnose::{Told, tell};
+use super::voice::say;
+use crate::diagnose::{DiagnoseOptions, diagnose};
+use crate::progress::Progress;
 
 /// What the demo's camera has and its model does not declare.
-const EFFECT: &str = "projector_distortion";
-/// Its size, mm rms over the working volume; most of it looks like D and lens, and what does not is left over.
-const SIZE_MM: f64 = 8.0;
+const EFFECT: &str = "cyclic_depth";
+/// Its size, mm: the amplitude of a time-of-flight camera's wave, some of which D takes up.
+const SIZE_MM: f64 = 6.0;
 const SEED: u64 = 1;
 /// Tells captures that an earlier demo made, which may be replaced, from everything else.
 const MARK: &str = ".made-by-depthcal-demo";
 
-/// Simulates captures of a camera with an error that the model lacks, calibrates it, and reports.
+/// Simulates captures of a camera with an error that nobody declares, finds the error, and reports.
 ///
-/// Two captures are rendered: one to fit, one that only judges the result. The camera is camera 1 of the thesis, with a
-/// distortion of its projector's lens that `projective` does not describe: the report shows what that leaves over.
+/// Two captures are rendered: one to fit, one that only judges the result. The camera is camera 1 of the thesis, with depth
+/// that waves over distance on top, which the usual model does not have: `diagnose` has to find that from the captures.
 #[derive(Debug, Args)]
 pub(super) struct Demo {
     /// Folder for captures and results.
@@ -30,58 +32,43 @@ pub(super) struct Demo {
 }
 
 impl Demo {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         let captures = self.out.join("captures");
         clear(&captures)?;
         let (fitted, other) = (captures.join("general1"), captures.join("general2"));
-        println!("rendering two captures of a camera with {EFFECT}, which the model will not declare");
+        say!("rendering two captures of a camera with {EFFECT}, which the model will not declare");
         render(&fitted, Kind::General(1))?;
         render(&other, Kind::General(2))?;
 
         let reading = Reading { refresh: false, no_cache: true };
-        let loaded = reading.load(&fitted)?;
-        let result = calibrate(&loaded.capture, &CalibrateOptions::default())?;
-        print_parameters(&result);
-        let judge = reading.load(&other)?;
-        let evaluated: Vec<Evaluated> =
-            [&result.capture, &judge.capture].map(|capture| evaluate(&result.camera, capture)).into();
-        let records: Vec<_> = evaluated.iter().map(Evaluated::record).collect();
-        println!("\n{}", table(&records, Some(&result.capture.name)));
-
-        write_calibration(&result, &evaluated[0], &loaded, records, &self.out)?;
-        let datasets = [
-            ReportDataset { evaluated: &evaluated[0], role: Role::Fitted },
-            ReportDataset { evaluated: &evaluated[1], role: Role::Other },
-        ];
-        let report = ReportInput {
-            title: "Demo: a depth camera whose projector lens distorts".to_owned(),
+        let (loaded, judge) = (reading.load(&fitted)?, reading.load(&other)?);
+        let busy = Progress::busy("diagnosing");
+        let d = diagnose(&loaded.capture, Some(&judge.capture), &DiagnoseOptions::default())?;
+        drop(busy);
+        let title = "Demo: a depth camera with an error that nobody declared".to_owned();
+        let told = Told {
+            title,
             command_line: "depthcal demo".to_owned(),
-            calibrated: Some(&result),
-            evaluations: &datasets,
-            story: &story(),
+            model: "projective",
+            verified: true,
+            story: story(),
         };
-        let path = write_report(&report, &self.out)?;
-        println!("written: {}", path.display());
-        Ok(())
+        tell(&d, &loaded, told, &self.out)
     }
 }
 
 fn story() -> Vec<String> {
-    vec![
-        format!(
-            "The captures were simulated: camera 1 of Sjöholm 2017 with its published lens and depth distortion, and on \
-             top of it the effect '{EFFECT}', a distortion of the projector's lens. The dataset does not say so, and \
-             the model that was fitted ('projective') does not have it."
-        ),
-        "One capture (general1) was fitted; the other (general2) was seen by nothing but the evaluation. What the fitted \
-         model leaves over is in the maps of what remains."
-            .to_owned(),
-    ]
+    vec![format!(
+        "The captures were simulated: camera 1 of Sjöholm 2017 with its published lens and depth distortion, and the effect \
+         '{EFFECT}' on top of it. Neither the dataset nor the model that was declared ('projective') says so. One capture \
+         (general1) was fitted; the other (general2) was seen by nothing but the evaluation."
+    )]
 }
 
 fn render(folder: &Path, kind: Kind) -> Result<(), Failure> {
     let camera = CameraTruth::published(1).map_err(input)?;
     let effect = Effect::new(EFFECT, SIZE_MM).map_err(input)?;
+    let _busy = Progress::busy("rendering");
     Simulation::new(camera, kind, &[effect], SEED).write_dataset(folder).map_err(input)?;
     Ok(())
 }

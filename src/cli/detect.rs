@@ -2,10 +2,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::common::{Failure, Reading, input};
+use serde_json::{Value, json};
+
+use super::common::{Failure, Reading, frames_of, input};
+use super::voice::say;
 
 /// Finds the board in every image of a dataset and caches what was found.
+///
+/// Says of every image in which the board was not found why; the other commands do this themselves.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal detect captures/
+  depthcal detect captures/ --refresh --out found/    look again, and write observations.json")]
 pub(super) struct Detect {
     /// Folder with a dataset.toml.
     dataset: PathBuf,
@@ -17,13 +25,14 @@ pub(super) struct Detect {
 }
 
 impl Detect {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         let loaded = self.reading.load(&self.dataset)?;
         let markers: usize = loaded.capture.frames.iter().map(|f| f.markers.len()).sum();
-        println!("{markers} markers");
+        say!("{markers} markers");
         if let Some(out) = &self.out {
             loaded.observations().write(out.join("observations.json")).map_err(input)?;
         }
-        Ok(())
+        let capture = &loaded.capture;
+        Ok(json!({ "frames": frames_of(&capture.name, capture.frames.len(), &capture.dropped), "markers": markers }))
     }
 }

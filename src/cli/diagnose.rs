@@ -1,20 +1,34 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::common::{Failure, Output, Reading, command_line, input, write_calibration, write_report};
+use depthcal_model::Register;
+use serde_json::{Value, json};
+
+use super::common::{
+    Failure, Output, Reading, command_line, frames_of, input, value_of, write_calibration, write_report,
+};
+use super::voice::say;
 use crate::calibrate::CalibrateOptions;
-use crate::capture::declared_camera;
-use crate::diagnose::account::{story, text, to_file};
-use crate::diagnose::{DiagnoseError, DiagnoseOptions, diagnose};
+use crate::capture::{Loaded, declared_camera};
+use crate::diagnose::account::{text, to_file};
+use crate::diagnose::separability::separability;
+use crate::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use crate::evaluate::evaluate;
-use crate::report::{ReportDataset, ReportInput, Role};
+use crate::progress::Progress;
+use crate::report::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 
 /// Finds what a camera's model lacks: fits it, looks at what is left, traces that to an effect, adds it, fits again and
 /// reports the error before and after on frames that the fit did not see.
 ///
-/// Nothing to find is a verdict too, given with the smallest effects that the captures would have shown.
+/// Nothing to find is a verdict too, given with the smallest effects that the captures would have shown. Writes
+/// diagnosis.json (the account), calibration.json (the last model), evaluation.json, observations.json and report.html.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal diagnose captures/ --out result/                  start from K, lens and projective D
+  depthcal diagnose captures/ --verify other/ --out result/  errors on another capture of the same camera
+  depthcal diagnose captures/ --with reflectivity_bias --out result/
+  depthcal diagnose captures/ --json --out result/ | jq .diagnosis.verdict")]
 pub(super) struct Diagnose {
     /// Folder with a dataset.toml.
     dataset: PathBuf,
@@ -51,7 +65,7 @@ impl From<DiagnoseError> for Failure {
 }
 
 impl Diagnose {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         let mut options = CalibrateOptions {
             model: self.model.clone(),
             effects: self.with.clone(),
@@ -64,30 +78,63 @@ impl Diagnose {
         options.camera =
             declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
         let options = DiagnoseOptions { calibrate: options, folds: usize::from(self.folds) };
+        let busy = Progress::busy("diagnosing");
         let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
-        let account = text(&d);
-        println!("\n{account}");
-        let file = self.output.file("diagnosis.json");
-        to_file(&d, loaded.reference.clone(), &self.model).write(&file).map_err(input)?;
-        let fitted = evaluate(&d.last.camera, &d.last.capture);
-        let mut held_out = d.after.evaluated.record();
-        held_out.name = format!("{} (held out)", held_out.name);
-        write_calibration(&d.last, &fitted, &loaded, vec![fitted.record(), held_out], &self.output.out)?;
-        let role = if verify.is_some() { Role::Other } else { Role::HeldOut };
-        let shown = [
-            ReportDataset { evaluated: &fitted, role: Role::Fitted },
-            ReportDataset { evaluated: &d.after.evaluated, role },
-        ];
-        let story = story(&d);
-        let report = ReportInput {
+        drop(busy);
+        let told = Told {
             title: loaded.capture.name.clone(),
             command_line: command_line(),
-            calibrated: Some(&d.last),
-            evaluations: &shown,
-            story: &story,
+            model: &self.model,
+            verified: verify.is_some(),
+            story: Vec::new(),
         };
-        let report = write_report(&report, &self.output.out)?;
-        println!("written: {} and {}", file.display(), report.display());
-        Ok(())
+        tell(&d, &loaded, told, &self.output.out)
     }
+}
+
+/// What the results say beside the diagnosis itself.
+pub(super) struct Told<'a> {
+    pub(super) title: String,
+    pub(super) command_line: String,
+    /// The declared model.
+    pub(super) model: &'a str,
+    /// Whether another dataset judged.
+    pub(super) verified: bool,
+    /// Sentences that introduce the report.
+    pub(super) story: Vec<String>,
+}
+
+/// Says and writes what a diagnosis found: the account, the last model's calibration, its errors, the report.
+pub(super) fn tell(d: &Diagnosis, loaded: &Loaded, told: Told<'_>, out: &Path) -> Result<Value, Failure> {
+    let mut account = to_file(d, loaded.reference.clone(), told.model);
+    // Without the matrix the account is as good; the diagnosis itself has linearised the same model.
+    account.separability = separability(d, &Register::builtin()).ok();
+    let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
+    say!("fitted to {used} of {all} frames; those left out, and why, are in the account");
+    say!("\n{}", text(d));
+    let file = out.join("diagnosis.json");
+    account.write(&file).map_err(input)?;
+    let fitted = evaluate(&d.last.camera, &d.last.capture);
+    let mut held_out = d.after.evaluated.record();
+    held_out.name = format!("{} (held out)", held_out.name);
+    let calibration = write_calibration(&d.last, &fitted, loaded, vec![fitted.record(), held_out], out)?;
+    let role = if told.verified { Role::Other } else { Role::HeldOut };
+    let shown = [
+        ReportDataset { evaluated: &fitted, role: Role::Fitted },
+        ReportDataset { evaluated: &d.after.evaluated, role },
+    ];
+    let report = ReportInput {
+        title: told.title,
+        command_line: told.command_line,
+        calibrated: Some(&d.last),
+        evaluations: &shown,
+        diagnosis: Some(ReportDiagnosis { account: &account, first: &d.first, before: &d.before.evaluated }),
+        story: &told.story,
+    };
+    let report = write_report(&report, out)?;
+    say!("written: {} and {}", file.display(), report.display());
+    let capture = &d.last.capture;
+    let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
+    frames["left_out"] = value_of(&account.bad_frames)?;
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&account)?, "written": [file, calibration, report] }))
 }

@@ -4,14 +4,24 @@ use clap::Args;
 use depthcal_io::Evaluation;
 use depthcal_model::Register;
 
-use super::common::{Failure, Output, Reading, command_line, input, read_calibration, write_report};
+use serde_json::{Value, json};
+
+use super::common::{
+    Failure, Output, Reading, command_line, frames_of, input, read_calibration, say_not_judged, value_of, write_report,
+};
+use super::voice::say;
 use crate::evaluate::{evaluate, table};
+use crate::progress::Progress;
 use crate::report::{ReportDataset, ReportInput, Role};
 
 /// Measures a calibration's errors on datasets, before and after correction.
 ///
-/// Poses come from the images alone, with the calibration's camera and lens held.
+/// Poses come from the images alone, with the calibration's camera and lens held. Writes evaluation.json and report.html.
 #[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal evaluate result/calibration.json other-captures/ --out check/
+  depthcal evaluate result/calibration.json monday/ tuesday/ --out check/
+  depthcal evaluate result/calibration.json other/ --json --out check/ | jq '.datasets[].depth_rms_mm'")]
 pub(super) struct Evaluate {
     /// A calibration.json.
     calibration: PathBuf,
@@ -25,10 +35,10 @@ pub(super) struct Evaluate {
 }
 
 impl Evaluate {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         let (calibration, camera) = read_calibration(&self.calibration, &Register::builtin())?;
         let (mut datasets, mut all) = (Vec::new(), Vec::new());
-        let mut fitted = None;
+        let (mut fitted, mut frames) = (None, Vec::new());
         for path in &self.datasets {
             let loaded = self.reading.load(path)?;
             let size = (loaded.capture.width, loaded.capture.height);
@@ -48,19 +58,24 @@ impl Evaluate {
             } else {
                 Role::Other
             };
+            let busy = Progress::busy("measuring");
             let evaluated = evaluate(&camera, &loaded.capture);
+            drop(busy);
+            say_not_judged(&evaluated, &loaded.capture.dropped);
+            frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
             let uncorrectable: usize = evaluated.frames.iter().map(|f| f.uncorrectable).sum();
             if uncorrectable > 0 {
-                println!("  {uncorrectable} depth pixels cannot be corrected by this model and are left out");
+                say!("  {uncorrectable} depth pixels cannot be corrected by this model and are left out");
             }
             datasets.push(evaluated.record());
             all.push((evaluated, role));
         }
-        println!("\n{}", table(&datasets, fitted.as_deref()));
+        say!("\n{}", table(&datasets, fitted.as_deref()));
         if fitted.is_some() {
-            println!("* the dataset that the calibration was fitted to");
+            say!("* the dataset that the calibration was fitted to");
         }
         let path = self.output.file("evaluation.json");
+        let values = value_of(&datasets)?;
         Evaluation { datasets }.write(&path).map_err(input)?;
         let shown: Vec<ReportDataset<'_>> =
             all.iter().map(|(evaluated, role)| ReportDataset { evaluated, role: *role }).collect();
@@ -69,10 +84,11 @@ impl Evaluate {
             command_line: command_line(),
             calibrated: None,
             evaluations: &shown,
+            diagnosis: None,
             story: &[],
         };
         let report = write_report(&report, &self.output.out)?;
-        println!("written: {} and {}", path.display(), report.display());
-        Ok(())
+        say!("written: {} and {}", path.display(), report.display());
+        Ok(json!({ "frames": frames, "datasets": values, "written": [path, report] }))
     }
 }

@@ -6,12 +6,15 @@ mod apply_stream;
 mod calibrate;
 mod common;
 mod compare;
+mod completions;
 mod demo;
 mod detect;
 mod diagnose;
 mod evaluate;
 mod export;
+mod man;
 mod simulate;
+mod voice;
 
 use std::process::ExitCode;
 
@@ -19,31 +22,48 @@ use clap::{Parser, Subcommand};
 use tracing_subscriber::EnvFilter;
 
 use common::Failure;
+use serde_json::{Value, json};
 
 /// Calibrates depth cameras: intrinsics, lens, depth distortion and poses in one joint adjustment.
 ///
 /// A dataset is a folder with a dataset.toml that declares the board, the images and the depth
-/// images. Typical use:
-///
-///   depthcal calibrate captures/ --out result/      fit a camera
-///   depthcal diagnose captures/ --out result/       find what its model lacks, and add it
-///   depthcal evaluate result/calibration.json other-captures/ --out check/
-///   depthcal apply result/calibration.json depth/*.png --out corrected/ --cloud
-///
-/// Exit codes: 0 done; 1 the input or the arguments are at fault; 2 the fit cannot be trusted
-/// (not converged, parameters undetermined, folded), and why.
+/// images. Without captures of your own, `depthcal demo` makes some and shows the whole way.
 #[derive(Debug, Parser)]
-#[command(version, verbatim_doc_comment, max_term_width = 120)]
+#[command(name = "depthcal", version, verbatim_doc_comment, max_term_width = 120, after_help = GUIDE)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
     /// Number of threads; RAYON_NUM_THREADS is respected too. Results do not depend on it.
     #[arg(long, global = true, value_name = "N")]
     threads: Option<usize>,
+    /// Writes the result as JSON to standard output; everything else goes to standard error.
+    #[arg(long, global = true)]
+    json: bool,
     /// Says more about what is done (twice: even more).
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
 }
+
+/// What to do in which order, and what exit codes mean.
+const GUIDE: &str = "\
+From captures to corrected depth:
+  depthcal detect captures/                        is the board found in every image?
+  depthcal calibrate captures/ --cross-validate 3 --out result/
+  depthcal diagnose captures/ --out result/        what does the model lack? adds it
+  depthcal evaluate result/calibration.json other-captures/ --out check/
+  depthcal apply result/calibration.json depth/ --out corrected/ --cloud
+Every --out folder receives the command's JSON file and a report.html; open that first.
+
+Exit codes:
+  0  done
+  1  the input or the arguments are at fault, and what to do about it
+  2  the fit cannot be trusted (not converged, parameters undetermined, folded), and why
+
+Environment:
+  DEPTHCAL_CACHE     folder for detections (default: the user's cache folder)
+  DEPTHCAL_LOG       what to log, such as info or depthcal=debug (as --verbose)
+  RAYON_NUM_THREADS  number of threads (as --threads)
+  NO_COLOR           no colours, whatever the terminal";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -56,6 +76,43 @@ enum Command {
     Export(export::Export),
     Simulate(simulate::Simulate),
     Demo(demo::Demo),
+    Completions(completions::Completions),
+    Man(man::ManPage),
+}
+
+impl Command {
+    fn name(&self) -> &'static str {
+        match self {
+            Command::Detect(_) => "detect",
+            Command::Calibrate(_) => "calibrate",
+            Command::Diagnose(_) => "diagnose",
+            Command::Evaluate(_) => "evaluate",
+            Command::Compare(_) => "compare",
+            Command::Apply(_) => "apply",
+            Command::Export(_) => "export",
+            Command::Simulate(_) => "simulate",
+            Command::Demo(_) => "demo",
+            Command::Completions(_) => "completions",
+            Command::Man(_) => "man",
+        }
+    }
+
+    /// Runs the command; gives what `--json` writes.
+    fn run(&self) -> Result<Value, Failure> {
+        match self {
+            Command::Detect(command) => command.run(),
+            Command::Calibrate(command) => command.run(),
+            Command::Diagnose(command) => command.run(),
+            Command::Evaluate(command) => command.run(),
+            Command::Compare(command) => command.run(),
+            Command::Apply(command) => command.run(),
+            Command::Export(command) => command.run(),
+            Command::Simulate(command) => command.run(),
+            Command::Demo(command) => command.run(),
+            Command::Completions(command) => command.run(),
+            Command::Man(command) => command.run(),
+        }
+    }
 }
 
 /// Parses the arguments, runs the command, and says with the exit code how it went.
@@ -72,37 +129,35 @@ pub fn run() -> ExitCode {
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
+        .with_ansi(voice::coloured())
         .with_target(false)
         .without_time()
         .init();
     if let Some(threads) = arguments.threads {
         if threads == 0 {
-            eprintln!("error: --threads is 0; give at least 1");
+            voice::complaint("error", 1, "--threads is 0; give at least 1");
             return ExitCode::from(1);
         }
         // Fails only where the pool exists already, which nothing before this makes.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     }
-    let result = match arguments.command {
-        Command::Detect(command) => command.run(),
-        Command::Calibrate(command) => command.run(),
-        Command::Diagnose(command) => command.run(),
-        Command::Evaluate(command) => command.run(),
-        Command::Compare(command) => command.run(),
-        Command::Apply(command) => command.run(),
-        Command::Export(command) => command.run(),
-        Command::Simulate(command) => command.run(),
-        Command::Demo(command) => command.run(),
+    voice::keep_stdout_for_json(arguments.json);
+    let name = arguments.command.name();
+    let (code, mut value) = match arguments.command.run() {
+        Ok(value) => (0, value),
+        Err(failure) => {
+            let (kind, code, message) = match failure {
+                Failure::Input(message) => ("error", 1, message),
+                Failure::Untrusted(message) => ("the fit cannot be trusted", 2, message),
+            };
+            voice::complaint(kind, code, &message);
+            (code, json!({ "error": message }))
+        }
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(Failure::Input(message)) => {
-            eprintln!("error: {message}");
-            ExitCode::from(1)
-        }
-        Err(Failure::Untrusted(message)) => {
-            eprintln!("the fit cannot be trusted: {message}");
-            ExitCode::from(2)
-        }
+    if !value.is_null() {
+        value["command"] = json!(name);
+        value["exit_code"] = json!(code);
+        voice::result(&value);
     }
+    ExitCode::from(code)
 }

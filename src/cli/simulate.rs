@@ -6,7 +6,11 @@ use clap::Args;
 use depthcal_io::write_json;
 use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Simulation, catalogue, uncatalogued};
 
+use serde_json::{Value, json};
+
 use super::common::{Failure, Output, input};
+use super::voice::say;
+use crate::progress::Progress;
 
 /// Renders captures of a board by a depth camera whose errors are known, as a dataset.
 ///
@@ -45,7 +49,7 @@ const STAGING: &str = ".depthcal-simulate.tmp";
 const PARTS: [&str; 4] = ["image", "depth", "frames.csv", "dataset.toml"];
 
 impl Simulate {
-    pub(super) fn run(&self) -> Result<(), Failure> {
+    pub(super) fn run(&self) -> Result<Value, Failure> {
         let simulation = self.simulation()?;
         let out = &self.output.out;
         if let Some(truth) = self.truth.as_deref().filter(|truth| resolved(truth).starts_with(resolved(out))) {
@@ -58,15 +62,18 @@ impl Simulate {
         let existed = out.exists();
         check_empty(out)?;
         let staging = out.join(STAGING);
+        let busy = Progress::busy("rendering");
         let frames = self.render(&simulation, &staging);
+        drop(busy);
         // What is left of the staging folder is this command's own; the dataset's folder goes only where it is empty and
         // was not there before.
         let _ = fs::remove_dir_all(&staging);
         if frames.is_err() && !existed {
             let _ = fs::remove_dir(out);
         }
-        println!("{} frames written: {}", frames?, out.display());
-        Ok(())
+        let frames = frames?;
+        say!("{frames} frames written: {}", out.display());
+        Ok(json!({ "frames": frames, "written": [out] }))
     }
 
     fn simulation(&self) -> Result<Simulation, Failure> {
@@ -149,7 +156,12 @@ fn resolved(path: &Path) -> PathBuf {
 
 /// All effects with their usual sizes.
 fn effects_help() -> String {
-    let mut text = String::new();
+    let mut text = "Examples:
+  depthcal simulate --camera 1 --kind general1 --out captures/
+  depthcal simulate --effect cyclic_depth=4 --effect thin_prism --truth truth.json --out captures/
+
+"
+    .to_owned();
     let mut list = |title: &str, effects: &[EffectInfo]| {
         let _ = writeln!(text, "{title}:");
         for effect in effects {

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use depthcal_io::{
-    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisHeldOut, DiagnosisParameter, DiagnosisRound,
-    DiagnosisStep, FileReference, Verdict,
+    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
+    DiagnosisRound, DiagnosisStep, FileReference, Verdict,
 };
 use depthcal_model::Block;
 
@@ -150,7 +150,7 @@ pub fn own_planes(planes: &[FramePlane], share: f64) -> String {
     )
 }
 
-/// The diagnosis as `diagnosis.json` has it.
+/// The diagnosis as `diagnosis.json` has it, but for [`super::separability`], which takes a linearisation of its own.
 pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> DiagnosisFile {
     let first = diagnosis.rounds.first();
     // The free map competes with the effects of the first round.
@@ -171,6 +171,12 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         depth_gain_percent: s.gain_percent,
     };
     let frame = |f: &BadFrame| DiagnosisFrame { name: f.name.clone(), reason: f.reason.clone() };
+    let plane = |p: &FramePlane| DiagnosisFramePlane {
+        name: p.name.clone(),
+        offset_mm: p.offset_mm,
+        rms_mm: p.rms_mm,
+        p_value: p.p_value,
+    };
     DiagnosisFile {
         dataset,
         model: model.to_owned(),
@@ -182,6 +188,8 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         declarations: diagnosis.declarations.clone(),
         left_over: diagnosis.left_over.clone(),
         capture_next: diagnosis.capture_next.clone(),
+        frame_planes: diagnosis.planes.iter().filter(|p| p.p_value.is_finite()).map(plane).collect(),
+        separability: None,
         held_out: DiagnosisHeldOut { before: diagnosis.before.errors, after: diagnosis.after.errors },
     }
 }

@@ -17,6 +17,7 @@ pub mod decision;
 pub mod evidence;
 pub mod frames;
 pub mod probe;
+pub mod separability;
 pub mod sight;
 
 use depthcal_io::{DiagnosisParameter, DiagnosisRound, GainInterval, HeldOutErrors, Verdict};

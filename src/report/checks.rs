@@ -204,6 +204,11 @@ fn coverage(input: &ReportInput<'_>, image: &Image, add: &mut impl FnMut(Level, 
     add(level, "Were the boards tilted?", answer + more);
 }
 
+/// Whether a question is about what the frames cover, which further captures would mend.
+pub(super) fn is_of_coverage(question: &str) -> bool {
+    ["Is the image covered?", "Is the range of distances covered?", "Were the boards tilted?"].contains(&question)
+}
+
 /// The overall answer.
 pub(super) fn overall(checks: &[Check]) -> (Level, String) {
     let level = checks.iter().map(|c| c.level).max().unwrap_or(Level::Care);

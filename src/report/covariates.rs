@@ -107,6 +107,13 @@ pub(super) fn all(image: &Image) -> Vec<Covariate> {
             Box::new(|p| p.context.amplitude),
         ),
         new(
+            "surround",
+            "brightness of the surroundings",
+            "ln of surroundings over own amplitude",
+            "Above zero: a dark pixel among brighter ones. A trend points to signals of neighbours that mix.",
+            Box::new(|p| (p.context.surround / p.context.amplitude).ln()),
+        ),
+        new(
             "time",
             "time",
             "s",

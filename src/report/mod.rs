@@ -14,6 +14,7 @@ mod binned;
 mod checks;
 mod comparison;
 mod covariates;
+mod diagnosis;
 mod figures;
 mod frame_noise;
 mod headline;
@@ -34,6 +35,7 @@ use crate::evaluate::Evaluated;
 
 pub use checks::{Check, Level};
 pub use comparison::render_comparison;
+pub use diagnosis::ReportDiagnosis;
 pub use headline::Direction;
 
 /// What a dataset was to the calibration.
@@ -81,6 +83,8 @@ pub struct ReportInput<'a> {
     pub calibrated: Option<&'a Calibrated>,
     /// Evaluated datasets, in the order in which they are shown.
     pub evaluations: &'a [ReportDataset<'a>],
+    /// The diagnosis that led to the calibration, where there was one.
+    pub diagnosis: Option<ReportDiagnosis<'a>>,
     /// Plain sentences that introduce the report, for example what was simulated and what the model does not declare.
     pub story: &'a [String],
 }

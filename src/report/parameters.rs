@@ -30,10 +30,57 @@ pub(super) fn meaning(piece: &str, parameter: &str) -> Option<&'static str> {
         ("radial_range", _) => "Range along the ray is reported as depth, in part.",
         ("incidence_bias", _) => "The error grows on surfaces that are seen at a slant.",
         ("reflectivity_bias", _) => "The error depends on how bright the surface is.",
+        ("signal_mixing", "m1" | "m2") => {
+            "Bright neighbours pull at dark pixels: grows with surroundings over own signal."
+        }
+        ("signal_mixing", _) => "The same at edges: the slope of the brightness across and down.",
         ("temporal_drift", _) => "Scale (s) and offset (o) drift while the camera settles.",
         ("temperature_drift", _) => "Scale (s) and offset (o) change with temperature.",
         _ => return None,
     })
+}
+
+/// What an effect is, in plain words that follow a name and a colon.
+pub(super) fn effect_meaning(effect: &str) -> &'static str {
+    match effect {
+        "board_bow" => "the board is bent",
+        "print_scale" => "the print is stretched along one axis",
+        "thin_prism" => "a lens element or filter is tilted",
+        "rational_distortion" => "the lens distorts more than Brown–Conrady describes",
+        "tilted_sensor" => "the sensor is not square to the lens axis",
+        "focus_breathing" => "the focal length changes with distance",
+        "depth_registration" => "the depth image is displaced against the image",
+        "projector_distortion" => "the projector's lens distorts its pattern",
+        "disparity_ripple" => "depth waves with every step of disparity (sub-pixel locking)",
+        "range_offset" => "a constant is added along every ray (signal delay, mounting datum)",
+        "quadratic_depth" => "the error grows with the square of the distance",
+        "cyclic_depth" => "depth waves over distance (time-of-flight wiggling)",
+        "radial_range" => "range along the ray is reported as depth, in part",
+        "incidence_bias" => "surfaces seen at a slant are measured wrong",
+        "reflectivity_bias" => "depth depends on how bright the pixel is",
+        "signal_mixing" => "bright neighbours pull at the depth of darker pixels",
+        "temporal_drift" => "depth drifts while the camera settles",
+        "temperature_drift" => "depth changes with temperature",
+        "free_map" | "bspline" => "a smooth map over the image, which corrects but explains nothing",
+        _ => "an effect of your own",
+    }
+}
+
+/// What a free function of the diagnosis is a function of.
+pub(super) fn free_function(name: &str) -> &str {
+    match name {
+        "map" | "free_map" => "the position in the image",
+        "map of depth" => "the position in the image (in depth)",
+        "columns" => "the image column",
+        "rows" => "the image row",
+        "board" => "the position on the board",
+        "depth" => "the distance",
+        "amplitude" => "the infrared amplitude",
+        "incidence" => "the angle of incidence",
+        "time" => "the time",
+        "temperature" => "the temperature",
+        other => other,
+    }
 }
 
 /// What a piece is called in print.

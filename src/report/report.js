@@ -142,8 +142,7 @@
         choose((select.selectedIndex + Number(button.dataset.step) + count) % count);
       });
     }
-    // Of a few variants the middle one says most; of many, the first.
-    choose(targets[0].variants.length === 3 ? 1 : 0, false);
+    choose(Number(picker.dataset.start), false);
   }
 
   // Figures follow their cards, whatever changes the width of these.

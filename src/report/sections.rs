@@ -8,7 +8,7 @@ use super::html::{count, escape, number};
 use super::leftover::{Leftover, judged};
 use super::parameters::CONFOUNDED;
 use super::uncertainty::Uncertainty;
-use super::{ReportInput, Role, checks, headline, tables};
+use super::{ReportDiagnosis, ReportInput, Role, checks, diagnosis, headline, tables};
 
 /// Doubts that the first screen repeats.
 const DOUBTS: usize = 3;
@@ -27,7 +27,7 @@ pub(super) struct Content {
 }
 
 impl Content {
-    fn open(&mut self, id: &str, [short, title]: [&str; 2], intro: &str) {
+    pub(super) fn open(&mut self, id: &str, [short, title]: [&str; 2], intro: &str) {
         self.navigation += &format!("<li><a href=\"#{id}\">{short}</a></li>\n");
         self.body +=
             &format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n");
@@ -36,16 +36,16 @@ impl Content {
         }
     }
 
-    fn close(&mut self) {
+    pub(super) fn close(&mut self) {
         self.body += "</section>\n";
     }
 
-    fn figure(&mut self, figure: &Figure) {
+    pub(super) fn figure(&mut self, figure: &Figure) {
         self.body += &figure.html();
         self.figures.push(figure.json());
     }
 
-    fn grid(&mut self, list: &[Figure], class: &str) {
+    pub(super) fn grid(&mut self, list: &[Figure], class: &str) {
         if list.is_empty() {
             return;
         }
@@ -54,8 +54,8 @@ impl Content {
         self.body += "</div>\n";
     }
 
-    /// A picker that switches figures to their variants.
-    fn picker(&mut self, id: &str, label: &str, figures: &[Figure]) {
+    /// A picker that switches figures to their variants, beginning with one of them.
+    pub(super) fn picker(&mut self, id: &str, label: &str, figures: &[Figure], start: usize) {
         let Some(first) = figures.first().filter(|f| f.variants.len() > 1) else { return };
         let options: String = first
             .variants
@@ -65,13 +65,13 @@ impl Content {
             .collect();
         let ids: Vec<&str> = figures.iter().map(|f| f.id.as_str()).collect();
         self.body += &format!(
-            "<div class=\"picker\" data-figures=\"{ids}\"><label for=\"{id}\">{label}</label>\
+            "<div class=\"picker\" data-figures=\"{ids}\" data-start=\"{start}\"><label for=\"{id}\">{label}</label>\
              <button type=\"button\" data-step=\"-1\" aria-label=\"Previous\">‹</button>\
              <select id=\"{id}\">{options}</select>\
              <button type=\"button\" data-step=\"1\" aria-label=\"Next\">›</button>\
              <output for=\"{id}\" aria-live=\"polite\">{note}</output></div>\n",
             ids = ids.join(" "),
-            note = escape(&first.variants[0].note),
+            note = escape(&first.variants[start.min(first.variants.len() - 1)].note),
         );
     }
 }
@@ -82,11 +82,19 @@ pub(super) fn content(input: &ReportInput<'_>) -> Content {
     let leftover = Leftover::of(input, &image);
     let checks = checks::checks(input, &image, leftover.as_ref());
     let mut page = Content::default();
-    first_screen(&mut page, input, &checks);
-    trust(&mut page, &checks);
-    left(&mut page, input, &image, leftover.as_ref());
-    single_frames(&mut page, input);
-    against(&mut page, input, &image);
+    if let Some(d) = &input.diagnosis {
+        account(&mut page, input, d);
+        left_by_model(&mut page, input, d, &image, leftover.as_ref());
+        tested(&mut page, d);
+        next(&mut page, d, &checks);
+        trust(&mut page, &checks);
+    } else {
+        first_screen(&mut page, input, &checks);
+        trust(&mut page, &checks);
+        left(&mut page, input, &image, leftover.as_ref());
+        single_frames(&mut page, figures::differences(input));
+        against(&mut page, input, &image);
+    }
     per_frame(&mut page, input);
     volume(&mut page, input, &image);
     camera(&mut page, input);
@@ -97,10 +105,15 @@ pub(super) fn content(input: &ReportInput<'_>) -> Content {
     page
 }
 
+/// Sentences that introduce the report.
+fn story(input: &ReportInput<'_>) -> String {
+    let story: String = input.story.iter().map(|s| format!("<p>{}</p>\n", escape(s))).collect();
+    if story.is_empty() { story } else { format!("<div class=\"story\">{story}</div>\n") }
+}
+
 fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::Check]) {
     let (level, text) = checks::overall(checks);
-    let story: String = input.story.iter().map(|s| format!("<p>{}</p>\n", escape(s))).collect();
-    let story = if story.is_empty() { story } else { format!("<div class=\"story\">{story}</div>\n") };
+    let story = story(input);
     page.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
     page.body += &format!(
         "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
@@ -133,6 +146,112 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
         page.figure(&figure);
     }
     page.body += "</div>\n";
+    page.close();
+}
+
+/// The first screen of a diagnosis: the questions that a reader has, and the steps.
+fn account(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) {
+    let (level, text) = diagnosis::pill(d);
+    let story = story(input);
+    page.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
+    let rows: String = diagnosis::answers(input, d)
+        .iter()
+        .map(|a| {
+            format!(
+                "<div><dt><a href=\"#{}\">{}</a></dt><dd>{}</dd></div>\n",
+                a.more,
+                a.question,
+                tie(&escape(&a.answer))
+            )
+        })
+        .collect();
+    page.body += &format!(
+        "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
+         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<p class=\"trust {level}\">\
+         <a href=\"#where\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n{story}<div class=\"first\">\n\
+         <div class=\"panel\"><dl class=\"answers\">{rows}</dl></div>\n",
+        tie(&escape(&diagnosis::sentence(input, d))),
+        escape(&text),
+        level = level.name(),
+    );
+    let list: Vec<Figure> = figures::stage_bars(input, d).into_iter().chain(figures::step_gains(d)).collect();
+    page.grid(&list, "stack");
+    page.body += "</div>\n";
+    page.close();
+    page.open("steps", ["Steps", "What was added, and what it brought"], "");
+    page.body += &diagnosis::steps(d);
+    page.body += &format!("<div class=\"panel\">{}</div>\n", tables::headline(input));
+    page.close();
+}
+
+/// What the declared and the last model leave: maps, trends with what was added drawn through, frames.
+fn left_by_model(
+    page: &mut Content,
+    input: &ReportInput<'_>,
+    d: &ReportDiagnosis<'_>,
+    image: &Image,
+    leftover: Option<&Leftover>,
+) {
+    let mut intro: Vec<String> = d.account.left_over.iter().map(|s| format!("Left: {}.", escape(s))).collect();
+    intro.extend(leftover.map(|l| escape(&l.sentence())));
+    page.open("where", ["What is left", "Where was it wrong, and what is left?"], &intro.join(" "));
+    page.grid(&figures::image_maps_by_model(input, d, image), "three");
+    let mut over = figures::board_maps_by_model(input, d);
+    over.extend(figures::reprojection_field(input, image));
+    page.grid(&over, if over.len() == 3 { "three" } else { "two" });
+    if let Some(l) = leftover {
+        page.body += &leftover_table(l);
+    }
+    page.close();
+
+    let taken = figures::Taken::of(input, d);
+    let list: Vec<Figure> =
+        all(image).iter().filter_map(|c| figures::model_curve(input, d, taken.as_ref(), c)).collect();
+    if !list.is_empty() {
+        let intro = "Points with whiskers: mean over the frames of each frame's median in the bin, with its 95 % interval. \
+                     Dotted: what the added effects, with everything fitted anew beside them, take off there: where they are \
+                     the cause, it runs through the points of the declared model.";
+        page.open("against", ["Trends", "What did the error depend on, and does the added effect follow?"], intro);
+        page.grid(&list, "two fill");
+        page.close();
+    }
+    single_frames(page, figures::differences_by_model(input, d));
+    page.open("outliers", ["Odd frames", "Frames that do not belong"], "");
+    page.body += &diagnosis::frames(d);
+    page.grid(&figures::frames_by_model(input, d).into_iter().collect::<Vec<_>>(), "one");
+    page.close();
+}
+
+/// Candidates, and which of them these captures can tell apart.
+fn tested(page: &mut Content, d: &ReportDiagnosis<'_>) {
+    let intro = "Every effect of the catalogue, and free functions that take up anything along one quantity, tested beside the \
+                 model without fitting them.";
+    page.open("candidates", ["Candidates", "What was tested"], intro);
+    if let Some(ranking) = figures::ranking(d) {
+        let list = [ranking];
+        page.picker("round-picker", "Round", &list, 0);
+        let [ranking] = list;
+        let both: Vec<Figure> = std::iter::once(ranking).chain(figures::sizes(d)).collect();
+        page.grid(&both, "two");
+    }
+    page.body += &diagnosis::candidates(d);
+    page.close();
+    if let Some(figure) = figures::separability(d) {
+        page.open("apart", ["Told apart", "What these captures cannot tell apart"], "");
+        page.body += &diagnosis::apart(d);
+        page.grid(&[figure], "two fill");
+        page.close();
+    }
+}
+
+fn next(page: &mut Content, d: &ReportDiagnosis<'_>, checks: &[checks::Check]) {
+    page.open("next", ["Next", "What to capture next"], "");
+    let coverage: Vec<String> = checks
+        .iter()
+        .filter(|c| c.level != checks::Level::Good && checks::is_of_coverage(c.question))
+        .map(|c| c.answer.replace(" of it", " of the image"))
+        .collect();
+    page.body += &diagnosis::next(d, &coverage);
     page.close();
 }
 
@@ -211,15 +330,14 @@ fn p_value(p: f64) -> String {
     if p <= 0.0005 { "≤ 0.0005".to_owned() } else { format!("{p:.4}") }
 }
 
-fn single_frames(page: &mut Content, input: &ReportInput<'_>) {
-    let list = figures::differences(input);
+fn single_frames(page: &mut Content, list: Vec<Figure>) {
     if list.is_empty() {
         return;
     }
     let intro = "Choose a frame; ‹ and › step through them, and so do the arrow keys on the list.";
     page.open("frames", ["Frames", "Frame by frame"], intro);
-    page.picker("frame-picker", "Frame", &list);
-    page.grid(&list, "two");
+    page.picker("frame-picker", "Frame", &list, 0);
+    page.grid(&list, if list.len() == 3 { "three" } else { "two" });
     page.close();
 }
 
@@ -283,7 +401,7 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
         };
         page.open("uncertainty", ["Uncertainty", "How sure is corrected depth?"], intro);
         let map = [figures::uncertainty_map(c, &u)];
-        page.picker("distance-picker", "Distance of the map", &map);
+        page.picker("distance-picker", "Distance of the map", &map, 1);
         let [map] = map;
         page.grid(&[figures::uncertainty_curves(c, &u), map], "two");
         page.close();

@@ -114,6 +114,29 @@ pub struct DiagnosisFrame {
     pub reason: String,
 }
 
+/// How a frame's depth, as a whole, deviates from the pose that its image shows, beside the last model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisFramePlane {
+    /// The frame.
+    pub name: String,
+    /// Offset in the middle of the board, mm.
+    pub offset_mm: f64,
+    /// Root mean square over the frame's depth samples, mm.
+    pub rms_mm: f64,
+    /// p-value of the plane against noise.
+    pub p_value: f64,
+}
+
+/// How well effects can pass for each other on these captures, beside the declared model.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Separability {
+    /// The effects, those that were added first.
+    pub effects: Vec<String>,
+    /// Row i, column k: cosine of the angle between effect i, at the parameters that the data give it and as far as the
+    /// declared model leaves it, and everything that effect k can do. 1: k can pass for i; 0: nothing in common.
+    pub mimicry: Vec<Vec<f64>>,
+}
+
 /// First and last model on frames that they were not fitted to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisHeldOut {
@@ -150,6 +173,12 @@ pub struct DiagnosisFile {
     /// What to capture next, in words.
     #[serde(default)]
     pub capture_next: Vec<String>,
+    /// Every frame's own plane beside the last model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frame_planes: Vec<DiagnosisFramePlane>,
+    /// Which effects these captures can tell apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub separability: Option<Separability>,
     /// First model against last.
     pub held_out: DiagnosisHeldOut,
 }

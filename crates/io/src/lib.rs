@@ -49,8 +49,8 @@ pub use dataset::{Dataset, Frame};
 pub use dataset_error::DatasetError;
 pub use dataset_file::{DatasetFile, DepthSection, FramesSection};
 pub use diagnosis::{
-    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisHeldOut, DiagnosisParameter, DiagnosisRound,
-    DiagnosisStep, GainInterval, HeldOutErrors, Verdict,
+    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
+    DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
 pub use digest::digest_files;
 pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Rms};

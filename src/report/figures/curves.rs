@@ -14,7 +14,8 @@ use crate::report::statistics::quantile;
 /// Single pixels that are drawn behind the bins, per side.
 const POINTS: usize = 700;
 
-fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: &str, symbol: &str) -> Value {
+/// Bins as points with intervals.
+pub(super) fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: &str, symbol: &str) -> Value {
     // A thin line for depth as measured: it is the background of what corrected depth shows.
     let width = if colour == AFTER { 2.5 } else { 1.0 };
     let used: Vec<(usize, &Cell)> = cells.iter().enumerate().filter(|(_, c)| c.value.is_finite()).collect();

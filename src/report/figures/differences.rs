@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::{Figure, Variant, colour_bar, diverging, rounded};
 use crate::evaluate::{EvaluatedFrame, PixelError};
 use crate::report::ReportInput;
+use crate::report::diagnosis::{ReportDiagnosis, last};
 use crate::report::html::{count, number};
 use crate::report::pool::{Pool, Pooled, usable};
 use crate::report::statistics::{median, quantile};
@@ -68,59 +69,135 @@ fn note(f: &Pooled<'_>) -> String {
     text + "."
 }
 
+/// The traces and names of figures that share a picker.
+struct Series<'a> {
+    id: &'a str,
+    title: &'a str,
+    caption: &'a str,
+    /// A frame's cells.
+    rasters: Vec<Option<(Raster, bool)>>,
+    /// Shares colours with the figures of the same group.
+    group: usize,
+}
+
+fn values(r: &(Raster, bool)) -> &[f64] {
+    if r.1 { &r.0.after } else { &r.0.before }
+}
+
+fn figures(labels: &[(String, String)], series: Vec<Series<'_>>) -> Vec<Figure> {
+    let limit = |group: usize| {
+        let cells = || series.iter().filter(|s| s.group == group).flat_map(|s| s.rasters.iter().flatten());
+        let at = |after: bool, q: f64| {
+            quantile(cells().filter(|r| r.1 == after).flat_map(|r| values(r).iter().map(|v| v.abs())), q)
+        };
+        let (before, after) = (at(false, 0.98), at(true, if group == 0 { 0.9 } else { 0.97 }));
+        before.max(after).max(1e-3)
+    };
+    let limits: Vec<f64> = series.iter().map(|s| limit(s.group)).collect();
+    let layout = json!({
+        "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x",
+                  "constrain": "domain", "showgrid": false},
+    });
+    let build = |(s, limit): (Series<'_>, f64)| {
+        let decimals = (2.0 - limit.log10().floor()).clamp(0.0, 4.0) as i32;
+        let trace = |r: &Option<(Raster, bool)>| {
+            let Some(r) = r else { return json!({"z": []}) };
+            let rows = values(r).chunks(r.0.columns);
+            let z: Value = rows.map(|row| row.iter().map(|v| rounded(*v, decimals)).collect::<Value>()).collect();
+            json!({"x0": r.0.first[0], "dx": r.0.step, "y0": r.0.first[1], "dy": r.0.step, "z": z})
+        };
+        let data = json!({
+            "type": "heatmap", "zmin": -limit, "zmax": limit, "colorscale": diverging(), "colorbar": colour_bar("mm"),
+            "hoverongaps": false, "hovertemplate": "(%{x}, %{y}): %{z:+.3~g} mm<extra></extra>",
+        });
+        let mut figure = Figure::new(s.id, s.title, vec![data], layout.clone())
+            .alt(format!("{}: map of the chosen frame's depth error.", s.title))
+            .caption(s.caption)
+            .aspect(1.3);
+        let variants = labels.iter().zip(&s.rasters);
+        figure.variants = variants
+            .map(|((label, note), r)| Variant { label: label.clone(), note: note.clone(), trace: trace(r) })
+            .collect();
+        figure
+    };
+    series.into_iter().zip(limits).map(build).collect()
+}
+
 /// Two figures, before and after, with the same variants; empty without depth.
 pub(in crate::report) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
     let mut pool = Pool::of(input, |_| true);
     // Frames that the fit did not see come first: they are what counts.
     pool.frames.sort_by_key(|f| f.role == crate::report::Role::Fitted);
-    let with_depth = pool.frames.iter().filter(|f| f.frame.pixels.iter().any(usable)).count();
-    if with_depth == 0 {
+    pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
+    if pool.frames.is_empty() {
         return Vec::new();
     }
-    let cells = (CELLS / with_depth).clamp(60, CELLS_PER_FRAME);
+    let cells = (CELLS / pool.frames.len()).clamp(60, CELLS_PER_FRAME);
     let many = input.evaluations.len() > 1 && {
         let first = input.evaluations[0].evaluated.name.as_str();
         input.evaluations.iter().any(|d| d.evaluated.name != first)
     };
-    let rasters: Vec<(&Pooled<'_>, Raster)> =
-        pool.frames.iter().filter_map(|f| Some((f, raster(f.frame, cells)?))).collect();
-    let limit = quantile(rasters.iter().flat_map(|r| r.1.before.iter().map(|v| v.abs())), 0.98)
-        .max(quantile(rasters.iter().flat_map(|r| r.1.after.iter().map(|v| v.abs())), 0.9))
-        .max(1e-3);
-    let decimals = (2.0 - limit.log10().floor()).clamp(0.0, 4.0) as i32;
-    let trace = |r: &Raster, values: &[f64]| {
-        let rows = values.chunks(r.columns);
-        let z: Value = rows.map(|row| row.iter().map(|v| rounded(*v, decimals)).collect::<Value>()).collect();
-        json!({"x0": r.first[0], "dx": r.step, "y0": r.first[1], "dy": r.step, "z": z})
+    let labels: Vec<(String, String)> = pool.frames.iter().map(|f| (label(f, many), note(f))).collect();
+    let side = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
+    let series = vec![
+        Series {
+            id: "difference-before",
+            title: "As measured",
+            caption: "Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth.",
+            rasters: side(false),
+            group: 0,
+        },
+        Series {
+            id: "difference-after",
+            title: "Corrected",
+            caption: "Corrected depth minus the board's depth, same frame, same colours.",
+            rasters: side(true),
+            group: 0,
+        },
+    ];
+    figures(&labels, series)
+}
+
+/// Three figures of the frames that judge a diagnosis: as measured, and under the declared and the last model.
+pub(in crate::report) fn differences_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
+    let mut pool = last(input);
+    pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
+    if pool.frames.is_empty() {
+        return Vec::new();
+    }
+    let declared = |f: &Pooled<'_>| d.before.frames.iter().find(|b| b.name == f.frame.name);
+    let rms = |f: &EvaluatedFrame| f.record().depth_rms_mm.map_or_else(|| "–".to_owned(), |r| number(r.after));
+    let note = |f: &Pooled<'_>| {
+        let before = declared(f)
+            .map_or_else(String::new, |b| format!(" Declared model: {} mm, last model: {} mm.", rms(b), rms(f.frame)));
+        note(f) + &before
     };
-    let figure = |id: &str, title: &str, after: bool| {
-        let variants: Vec<Variant> = rasters
-            .iter()
-            .map(|(f, r)| Variant {
-                label: label(f, many),
-                note: note(f),
-                trace: trace(r, if after { &r.after } else { &r.before }),
-            })
-            .collect();
-        let data = json!({
-            "type": "heatmap", "zmin": -limit, "zmax": limit, "colorscale": diverging(), "colorbar": colour_bar("mm"),
-            "hoverongaps": false, "hovertemplate": "(%{x}, %{y}): %{z:+.3~g} mm<extra></extra>",
-        });
-        let layout = json!({
-            "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
-            "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x",
-                      "constrain": "domain", "showgrid": false},
-        });
-        let mut figure = Figure::new(id, title, vec![data], layout)
-            .alt(format!("{title}: map of the chosen frame's depth error."))
-            .aspect(1.3);
-        figure.variants = variants;
-        figure
-    };
-    vec![
-        figure("difference-before", "As measured", false)
-            .caption("Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth."),
-        figure("difference-after", "Corrected", true)
-            .caption("Corrected depth minus the board's depth, same frame, same colours."),
-    ]
+    let labels: Vec<(String, String)> = pool.frames.iter().map(|f| (f.frame.name.clone(), note(f))).collect();
+    let cells = (CELLS / pool.frames.len()).clamp(60, CELLS_PER_FRAME);
+    let of = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
+    let series = vec![
+        Series {
+            id: "difference-before",
+            title: "As measured",
+            caption: "Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth.",
+            rasters: of(false),
+            group: 0,
+        },
+        Series {
+            id: "difference-declared",
+            title: "Corrected by the declared model",
+            caption: "Corrected depth minus the board's depth, on a scale of its own.",
+            rasters: pool.frames.iter().map(|f| Some((raster(declared(f)?, cells)?, true))).collect(),
+            group: 1,
+        },
+        Series {
+            id: "difference-after",
+            title: "Corrected by the last model",
+            caption: "The same with what was added, same colours.",
+            rasters: of(true),
+            group: 1,
+        },
+    ];
+    figures(&labels, series)
 }

@@ -7,6 +7,7 @@ use crate::evaluate::PixelError;
 use crate::report::ReportInput;
 use crate::report::binned::{Binned, Cell};
 use crate::report::covariates::Image;
+use crate::report::diagnosis::{ReportDiagnosis, last};
 use crate::report::html::number;
 use crate::report::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, judged, noise_mm};
 use crate::report::pool::Pool;
@@ -119,6 +120,116 @@ pub(in crate::report) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
             .alt("Map of the corrected depth error over the board.")
             .aspect(1.3),
     )
+}
+
+/// Maps over the image: as measured, and under the declared and the last model on one scale.
+pub(in crate::report) fn image_maps_by_model(
+    input: &ReportInput<'_>,
+    d: &ReportDiagnosis<'_>,
+    image: &Image,
+) -> Vec<Figure> {
+    let (declared, now) = (d.declared(), last(input));
+    if !now.has_depth() {
+        return Vec::new();
+    }
+    let grid = image.grid(MAP_COLUMNS);
+    let bins = |pool: &Pool<'_>, value: &dyn Fn(&PixelError) -> f64| {
+        Binned::new(pool, grid[0] * grid[1], |p| image.cell(grid, p.context.pixel), value, noise_mm(input)).cells()
+    };
+    let raw = bins(&now, &|p| p.before_mm);
+    let (before, after) = (bins(&declared, &|p| p.after_mm), bins(&now, &|p| p.after_mm));
+    let x: Value = (0..grid[0]).map(|c| short(image.middle(grid, c)[0])).collect();
+    let y: Value = (0..grid[1]).map(|r| short(image.middle(grid, r * grid[0])[1])).collect();
+    let shared = limit(&before).max(limit(&after));
+    let range = |cells: &[Cell]| {
+        let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
+        format!("From {} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+    };
+    let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool, caption: String| {
+        let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
+        if marked {
+            data.push(marks(cells, |i| image.middle(grid, i)));
+        }
+        Figure::new(id, title, data, image_axes(image))
+            .caption(caption)
+            .alt(format!("{title}: {}.", range(cells)))
+            .aspect(image.width / image.height * 1.02)
+    };
+    vec![
+        figure(
+            "map-before",
+            "As measured",
+            &raw,
+            limit(&raw),
+            false,
+            format!(
+                "Mean over {} frames of each frame's median depth error in the cell: orange is too far, blue too near. {}.",
+                now.frames.len(),
+                range(&raw)
+            ),
+        ),
+        figure(
+            "map-declared",
+            "Left by the declared model",
+            &before,
+            shared,
+            true,
+            format!("{}. Dots: beyond the cell's 95 % interval.", range(&before)),
+        ),
+        figure(
+            "map-after",
+            "Left by the last model, same colours",
+            &after,
+            shared,
+            true,
+            format!("{}. By chance alone one cell in twenty would carry a dot.", range(&after)),
+        ),
+    ]
+}
+
+/// What the declared and the last model leave over the board, on one scale; empty without depth.
+pub(in crate::report) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
+    let (declared, now) = (d.declared(), last(input));
+    let Some([ax, ay]) = board_axes(&now) else { return Vec::new() };
+    let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
+    let bins = |pool: &Pool<'_>| {
+        Binned::new(pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells()
+    };
+    let (before, after) = (bins(&declared), bins(&now));
+    let shared = limit(&before).max(limit(&after));
+    let x: Value = (0..BOARD_GRID[0]).map(|i| short(ax.middle(i))).collect();
+    let y: Value = (0..BOARD_GRID[1]).map(|i| short(ay.middle(i))).collect();
+    let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
+    let layout = json!({
+        "xaxis": {"title": {"text": "board x / mm"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "board y / mm"}, "autorange": "reversed", "scaleanchor": "x",
+                  "constrain": "domain", "showgrid": false},
+    });
+    let figure = |id: &str, title: &str, cells: &[Cell], caption: String| {
+        let data = vec![heat(cells, BOARD_GRID[0], &x, &y, shared), marks(cells, at)];
+        Figure::new(id, title, data, layout.clone()).caption(caption).alt(format!("{title}: a map.")).aspect(1.3)
+    };
+    let rms = |cells: &[Cell]| {
+        let used: Vec<f64> = cells.iter().map(|c| c.value).filter(|v| v.is_finite()).collect();
+        number((used.iter().map(|v| v * v).sum::<f64>() / used.len().max(1) as f64).sqrt())
+    };
+    vec![
+        figure(
+            "map-board-declared",
+            "Over the board, declared model",
+            &before,
+            format!(
+                "{} mm rms over the cells. What follows the print is the pattern's; a bowl or a saddle is a bent board.",
+                rms(&before)
+            ),
+        ),
+        figure(
+            "map-board",
+            "Over the board, last model, same colours",
+            &after,
+            format!("{} mm rms over the cells, each known to ± {} mm.", rms(&after), number(noise_level(&after))),
+        ),
+    ]
 }
 
 fn capital(text: &str) -> String {

@@ -6,15 +6,19 @@
 //! depth as measured is orange with open marks, what belongs to corrected depth blue with full marks, everywhere.
 
 mod bars;
+mod candidates;
 mod correlation;
 mod coverage;
 mod curves;
 mod differences;
 mod field;
 mod maps;
+mod models;
 mod noise;
 mod per_frame;
 mod poses;
+mod ranking;
+mod stages;
 mod uncertain;
 
 use serde_json::{Value, json};
@@ -22,15 +26,19 @@ use serde_json::{Value, json};
 use super::html::escape;
 
 pub(super) use bars::{by_dataset, headline_bars};
+pub(super) use candidates::{ranking, separability, sizes};
 pub(super) use correlation::correlation;
 pub(super) use coverage::{coverage, distance_and_tilt};
 pub(super) use curves::{curve, image_trend};
-pub(super) use differences::differences;
+pub(super) use differences::{differences, differences_by_model};
 pub(super) use field::reprojection_field;
-pub(super) use maps::{board_map, image_maps};
+pub(super) use maps::{board_map, board_maps_by_model, image_maps, image_maps_by_model};
+pub(super) use models::{Taken, frames_by_model, model_curve};
 pub(super) use noise::noise;
 pub(super) use per_frame::per_frame;
 pub(super) use poses::poses;
+pub(super) use ranking::{correction_maps, learning_curve, model_ranking};
+pub(super) use stages::{stage_bars, step_gains};
 pub(super) use uncertain::{uncertainty_curves, uncertainty_map};
 
 /// Depth as measured.

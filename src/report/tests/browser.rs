@@ -41,6 +41,44 @@ fn complaints(log: &str) -> Vec<&str> {
     log.lines().filter(is_page).filter(|l| !is_hint(l)).collect()
 }
 
+/// The browser draws every figure of a page without complaint, and `named` ones are not empty.
+fn draws(chromium: &Path, page: &Path, html: &str, named: &[&str]) {
+    let (dom, log) = browse(chromium, page, &["--dump-dom", "--window-size=1280,900"]);
+    assert!(complaints(&log).is_empty(), "{:#?}", complaints(&log));
+    assert!(dom.contains("data-ready=\"true\""), "the script did not finish:\n{log}");
+    let classes = ["class=\"plot js-plotly-plot\"", "class=\"plot map js-plotly-plot\""];
+    let drawn: usize = classes.iter().map(|c| dom.matches(c).count()).sum();
+    assert_eq!(drawn, super::figure_ids(html).len(), "figures drawn, figures there");
+    for id in named {
+        let at = dom.find(&format!("id=\"{id}\"")).unwrap();
+        let figure = &dom[at..dom[at..].find("<figcaption>").unwrap() + at];
+        assert!(figure.contains("main-svg"), "{id} is empty");
+    }
+}
+
+#[test]
+fn a_browser_draws_diagnoses_and_comparisons_without_complaint() {
+    let Some(chromium) = chromium() else {
+        eprintln!("SKIPPED: no chromium on the PATH, so diagnosis and comparison were not looked at in a browser");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let d = super::diagnosis::diagnosed();
+    let pages = [
+        (
+            "diagnosis",
+            d.render(&d.account),
+            &["stages", "step-gains", "map-declared", "against-depth", "candidates-gain", "separability"][..],
+        ),
+        ("comparison", super::comparison::page(), &["ranking", "learning-curve", "correction-map"][..]),
+    ];
+    for (name, html, figures) in pages {
+        let page = folder.path().join(format!("{name}.html"));
+        std::fs::write(&page, &html).unwrap();
+        draws(&chromium, &page, &html, figures);
+    }
+}
+
 #[test]
 fn a_browser_draws_every_figure_without_complaint() {
     let Some(chromium) = chromium() else {
@@ -58,17 +96,7 @@ fn a_browser_draws_every_figure_without_complaint() {
     let page = folder.join("report.html");
     std::fs::write(&page, &html).unwrap();
 
-    let (dom, log) = browse(&chromium, &page, &["--dump-dom", "--window-size=1280,900"]);
-    assert!(complaints(&log).is_empty(), "{:#?}", complaints(&log));
-    assert!(dom.contains("data-ready=\"true\""), "the script did not finish:\n{log}");
-    let classes = ["class=\"plot js-plotly-plot\"", "class=\"plot map js-plotly-plot\""];
-    let drawn: usize = classes.iter().map(|c| dom.matches(c).count()).sum();
-    assert_eq!(drawn, super::figure_ids(&html).len(), "figures drawn, figures there");
-    for id in ["errors", "map-left", "difference-after", "against-depth", "uncertainty-map"] {
-        let at = dom.find(&format!("id=\"{id}\"")).unwrap();
-        let figure = &dom[at..dom[at..].find("<figcaption>").unwrap() + at];
-        assert!(figure.contains("main-svg"), "{id} is empty");
-    }
+    draws(&chromium, &page, &html, &["errors", "map-left", "difference-after", "against-depth", "uncertainty-map"]);
 
     for (name, size, dark) in
         [("wide-light", "1280,900", false), ("wide-dark", "1280,900", true), ("phone", "500,900", false)]

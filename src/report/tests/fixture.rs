@@ -124,6 +124,7 @@ impl Fixture {
             command_line: "depthcal calibrate captures --hold-out 3 --out result".to_owned(),
             calibrated: Some(&self.calibrated),
             evaluations,
+            diagnosis: None,
             story: &[],
         }
     }

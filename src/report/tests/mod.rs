@@ -1,6 +1,8 @@
 //! The report of simulated captures: what it must contain, and what must not break it.
 
 mod browser;
+mod comparison;
+mod diagnosis;
 mod fixture;
 
 use super::*;

@@ -1,0 +1,116 @@
+//! The way of the depth error from what was measured to the last model, and what each step brought.
+
+use serde_json::{Value, json};
+
+use super::{AFTER, BEFORE, Figure, NEUTRAL, plain, short};
+use crate::report::ReportInput;
+use crate::report::diagnosis::{ReportDiagnosis, last};
+use crate::report::html::{fixed, number};
+
+/// One bar.
+struct Stage {
+    label: String,
+    value: f64,
+    /// 95 % interval.
+    interval: Option<[f64; 2]>,
+    colour: &'static str,
+}
+
+fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
+    let (declared, now) = (d.declared().depth_rms()?, last(input).depth_rms()?);
+    let whiskers = |e: &crate::report::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
+    let mut list = vec![
+        Stage {
+            label: "as measured".to_owned(),
+            value: now.before.value,
+            interval: whiskers(&now.before),
+            colour: BEFORE,
+        },
+        Stage {
+            label: format!("model:<br>{}", plain(&d.account.model)),
+            value: declared.after.value,
+            interval: whiskers(&declared.after),
+            colour: NEUTRAL,
+        },
+    ];
+    let steps = &d.account.steps;
+    for (i, step) in steps.iter().enumerate() {
+        let is_last = i + 1 == steps.len();
+        let value = if is_last { Some(now.after.value) } else { step.after.depth_rms_mm };
+        let name = step.effects.first().map_or("", String::as_str);
+        list.push(Stage {
+            label: format!("+ {}", plain(name).replace('_', "_<br>")),
+            value: value?,
+            interval: if is_last { whiskers(&now.after) } else { None },
+            colour: AFTER,
+        });
+    }
+    Some(list)
+}
+
+/// Depth error as measured, under the declared model, and after every step.
+pub(in crate::report) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
+    let list = stages(input, d)?;
+    let reach = |s: &Stage, side: usize| s.interval.map_or(Value::Null, |i| short((i[side] - s.value).abs()));
+    let data = json!({
+        "type": "bar",
+        "x": list.iter().map(|s| s.label.clone()).collect::<Value>(),
+        "y": list.iter().map(|s| short(s.value)).collect::<Value>(),
+        "error_y": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
+                    "array": list.iter().map(|s| reach(s, 1)).collect::<Value>(),
+                    "arrayminus": list.iter().map(|s| reach(s, 0)).collect::<Value>()},
+        "text": list.iter().map(|s| format!("<b>{}</b>", number(s.value))).collect::<Value>(),
+        "textposition": "inside", "insidetextanchor": "start", "textangle": 0, "textfont": {"size": 14, "color": "#ffffff"},
+        "marker": {"color": list.iter().map(|s| s.colour).collect::<Value>()},
+        "hovertemplate": "%{x}: %{y:.3~g} mm<extra></extra>",
+    });
+    let layout = json!({
+        "xaxis": {"type": "category", "tickangle": 0}, "bargap": 0.25, "showlegend": false,
+        "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
+    });
+    let told: Vec<String> =
+        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), fixed(s.value, 2))).collect();
+    Some(
+        Figure::new("stages", "Depth error on frames that the fit did not see", vec![data], layout)
+            .caption("Each bar is a model fitted anew. Whiskers: 95 % intervals from resampling whole frames.")
+            .alt(format!("Bars of the depth error: {}.", told.join("; ")))
+            .aspect(1.35),
+    )
+}
+
+/// What each step took off the depth error, per cent, with intervals; `None` without steps.
+pub(in crate::report) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
+    let list: Vec<_> =
+        d.account.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
+    if list.is_empty() {
+        return None;
+    }
+    let data = json!({
+        "type": "bar", "orientation": "h",
+        "y": list.iter().map(|s| s.0.clone()).collect::<Value>(),
+        "x": list.iter().map(|s| short(s.1.value)).collect::<Value>(),
+        "error_x": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
+                    "array": list.iter().map(|s| short(s.1.high - s.1.value)).collect::<Value>(),
+                    "arrayminus": list.iter().map(|s| short(s.1.value - s.1.low)).collect::<Value>()},
+        "marker": {"color": list.iter().map(|s| if s.1.low > 0.0 { AFTER } else { NEUTRAL }).collect::<Value>()},
+        "hovertemplate": "%{y}: %{x:.1f} %<extra></extra>",
+    });
+    let layout = json!({
+        "yaxis": {"type": "category", "autorange": "reversed"}, "showlegend": false,
+        "xaxis": {"title": {"text": "fall of the depth error / %"}, "zeroline": true},
+    });
+    let told: Vec<String> = list
+        .iter()
+        .map(|(n, g)| format!("{n} {} % ({} to {})", fixed(g.value, 1), fixed(g.low, 1), fixed(g.high, 1)))
+        .collect();
+    Some(
+        Figure::new("step-gains", "What each step brought", vec![data], layout)
+            .caption(format!(
+                "Fall of the depth error from one model to the next, with 95 % intervals from resampling frames in pairs: \
+                 {}. Grey: the interval holds zero.",
+                told.join("; ")
+            ))
+            .alt(format!("Bars of what each step brought: {}.", told.join("; ")))
+            .aspect(2.4),
+    )
+}
