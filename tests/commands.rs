@@ -15,7 +15,7 @@ use support::{
 #[test]
 fn help_and_version() {
     let help = stdout(&succeeds(["--help"]));
-    for command in ["detect", "calibrate", "evaluate", "apply", "simulate", "export"] {
+    for command in ["detect", "calibrate", "diagnose", "compare", "evaluate", "apply", "simulate", "export", "man"] {
         assert!(help.contains(&format!("\n  {command}")), "{help}");
         for flag in ["--help", "-h"] {
             let text = stdout(&succeeds([command, flag]));
@@ -27,6 +27,86 @@ fn help_and_version() {
     assert!(stdout(&succeeds(["--version"])).starts_with("depthcal "));
     assert_eq!(run(["unknown"]).status.code(), Some(1));
     assert_eq!(run([""; 0]).status.code(), Some(1));
+}
+
+/// Every command's help ends with commands to copy, which name options that exist.
+#[test]
+fn help_teaches_by_examples() {
+    let help = stdout(&succeeds(["--help"]));
+    assert!(help.contains("Exit codes:") && help.contains("NO_COLOR") && help.contains("report.html"), "{help}");
+    for command in
+        ["detect", "calibrate", "diagnose", "evaluate", "compare", "apply", "export", "simulate", "completions", "man"]
+    {
+        let text = stdout(&succeeds([command, "--help"]));
+        let (options, examples) =
+            text.split_once("Examples:").unwrap_or_else(|| panic!("{command}: no examples\n{text}"));
+        let own = examples.lines().filter(|l| l.trim_start().starts_with(&format!("depthcal {command}")));
+        let own: Vec<&str> = own.collect();
+        assert!(!own.is_empty(), "{command}: {examples}");
+        for flag in own.iter().flat_map(|l| l.split_whitespace()).filter(|w| w.starts_with("--")) {
+            assert!(options.contains(flag), "{command} has no {flag}");
+        }
+    }
+}
+
+#[test]
+fn completions_and_manual_pages() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = stdout(&succeeds(["completions", shell]));
+        for word in ["calibrate", "diagnose", "cross-validate"] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+    }
+    assert_eq!(run(["completions", "tcsh"]).status.code(), Some(1));
+    let page = stdout(&succeeds(["man"]));
+    assert!(page.contains(".TH depthcal 1") && page.contains("Exit codes:"), "{page}");
+    let folder = Folder::new();
+    succeeds(["man", "--out", &folder.arg("man1")]);
+    let names = folder.names("man1");
+    assert!(
+        ["depthcal.1", "depthcal-calibrate.1", "depthcal-man.1"].iter().all(|n| names.iter().any(|m| m == n)),
+        "{names:?}"
+    );
+    let page = std::fs::read_to_string(folder.path("man1/depthcal-diagnose.1")).unwrap();
+    assert!(page.contains("\\-\\-verify") && page.contains("Examples:"), "{page}");
+}
+
+/// With --json standard output is one JSON value, whatever happens; words are on standard error.
+#[test]
+fn results_and_failures_as_json() {
+    let folder = Folder::new();
+    folder.write("calibration.json", CALIBRATION);
+    let (calibration, out) = (folder.arg("calibration.json"), folder.arg("camera.yml"));
+    let output = succeeds(["export", &calibration, "--format", "opencv", "--out", &out, "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!((&value["command"], &value["exit_code"]), (&"export".into(), &0.into()));
+    assert_eq!(value["written"][0].as_str(), Some(out.as_str()));
+    assert!(stderr(&output).contains("written: "), "{}", stderr(&output));
+
+    let output = run(["--json", "evaluate", &folder.arg("missing.json"), "captures", "--out", &folder.arg("check")]);
+    assert_eq!(output.status.code(), Some(1));
+    let value: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(value["exit_code"], 1);
+    assert!(value["error"].as_str().unwrap().contains("missing.json"), "{value}");
+    assert!(stderr(&output).contains("missing.json"));
+}
+
+/// Nothing but a terminal gets colours or progress.
+#[test]
+fn no_control_characters_in_files() {
+    let folder = Folder::new();
+    folder.write("calibration.json", CALIBRATION);
+    for no_color in [false, true] {
+        let mut command =
+            support::command(["export", &folder.arg("missing.json"), "--format", "ros", "--out", "x", "-v"]);
+        if no_color {
+            command.env("NO_COLOR", "1");
+        }
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        assert!(!output.stderr.contains(&0x1b) && !output.stdout.contains(&0x1b), "{}", stderr(&output));
+        assert!(stderr(&output).starts_with("error: "), "{}", stderr(&output));
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::{CompareOptions, Prepared, Variant};
 use crate::calibrate::Estimator;
 use crate::evaluate::evaluate;
 use crate::observations::Capture;
+use crate::progress::Progress;
 
 /// Same input, same choice of frames.
 const SEED: u64 = 0x6c65_6172_6e00;
@@ -27,6 +28,7 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
     }
     sizes.push(most);
     let mut points = Vec::new();
+    let progress = Progress::new("learning curve", sizes.len());
     for size in sizes {
         // The fewer frames are left to judge by, the more often they are drawn.
         let fits = if size == total { 1 } else { options.learning_fits };
@@ -70,6 +72,7 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
                 held_out: errors(&pooled),
             });
         }
+        progress.advance();
     }
     points
 }

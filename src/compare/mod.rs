@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate_depth, calibrate_image};
 use crate::evaluate::{Evaluated, evaluate};
 use crate::observations::Capture;
+use crate::progress::Progress;
 use errors::{FrameErrors, frame_errors, interval, resampled};
 
 /// What to compare, and how.
@@ -143,7 +144,14 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
     } else {
         Vec::new()
     };
-    let judged: Vec<Judged> = variants.par_iter().map(|v| judge(v, &whole, &folds, verify, base)).collect();
+    let progress = Progress::new("fitting models", variants.len());
+    let judged = variants.par_iter().map(|v| {
+        let judged = judge(v, &whole, &folds, verify, base);
+        progress.advance();
+        judged
+    });
+    let judged: Vec<Judged> = judged.collect();
+    drop(progress);
     let (models, variants) = rank(judged, listed);
     let mut comparison = Comparison {
         train: train.name.clone(),

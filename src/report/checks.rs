@@ -204,9 +204,11 @@ fn coverage(input: &ReportInput<'_>, image: &Image, add: &mut impl FnMut(Level, 
     add(level, "Were the boards tilted?", answer + more);
 }
 
-/// Whether a question is about what the frames cover, which further captures would mend.
-pub(super) fn is_of_coverage(question: &str) -> bool {
-    ["Is the image covered?", "Is the range of distances covered?", "Were the boards tilted?"].contains(&question)
+/// What the frames do not cover and further captures would mend, in sentences.
+pub(super) fn coverage_gaps(checks: &[Check]) -> Vec<String> {
+    let questions = ["Is the image covered?", "Is the range of distances covered?", "Were the boards tilted?"];
+    let gaps = checks.iter().filter(|c| c.level != Level::Good && questions.contains(&c.question));
+    gaps.map(|c| c.answer.replace(" of it", " of the image")).collect()
 }
 
 /// The overall answer.

@@ -83,10 +83,11 @@ pub(super) fn content(input: &ReportInput<'_>) -> Content {
     let checks = checks::checks(input, &image, leftover.as_ref());
     let mut page = Content::default();
     if let Some(d) = &input.diagnosis {
-        account(&mut page, input, d);
+        let coverage = checks::coverage_gaps(&checks);
+        account(&mut page, input, d, &coverage);
         left_by_model(&mut page, input, d, &image, leftover.as_ref());
         tested(&mut page, d);
-        next(&mut page, d, &checks);
+        next(&mut page, d, &coverage);
         trust(&mut page, &checks);
     } else {
         first_screen(&mut page, input, &checks);
@@ -150,11 +151,11 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
 }
 
 /// The first screen of a diagnosis: the questions that a reader has, and the steps.
-fn account(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) {
+fn account(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) {
     let (level, text) = diagnosis::pill(d);
     let story = story(input);
     page.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
-    let rows: String = diagnosis::answers(input, d)
+    let rows: String = diagnosis::answers(input, d, coverage)
         .iter()
         .map(|a| {
             format!(
@@ -244,14 +245,9 @@ fn tested(page: &mut Content, d: &ReportDiagnosis<'_>) {
     }
 }
 
-fn next(page: &mut Content, d: &ReportDiagnosis<'_>, checks: &[checks::Check]) {
+fn next(page: &mut Content, d: &ReportDiagnosis<'_>, coverage: &[String]) {
     page.open("next", ["Next", "What to capture next"], "");
-    let coverage: Vec<String> = checks
-        .iter()
-        .filter(|c| c.level != checks::Level::Good && checks::is_of_coverage(c.question))
-        .map(|c| c.answer.replace(" of it", " of the image"))
-        .collect();
-    page.body += &diagnosis::next(d, &coverage);
+    page.body += &diagnosis::next(d, coverage);
     page.close();
 }
 

@@ -83,8 +83,8 @@ pub(in crate::report) fn pill(d: &ReportDiagnosis<'_>) -> (Level, String) {
     (level, format!("{text}{out}"))
 }
 
-/// All questions with their answers.
-pub(in crate::report) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Answer> {
+/// All questions with their answers; `coverage` says what boards did not reach.
+pub(in crate::report) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) -> Vec<Answer> {
     let new = |question, answer: String, more| Answer { question, answer, more };
     let mut list = Vec::new();
     if !d.account.declarations.is_empty() {
@@ -96,7 +96,7 @@ pub(in crate::report) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_
     list.push(new("What was added?", added(d), "steps"));
     list.push(new("How wrong is it now?", now(input, d), "where"));
     list.push(new("How sure is that?", sure(input, d), "trust"));
-    list.push(new("What to capture next?", next(d), "next"));
+    list.push(new("What to capture next?", next(d, coverage), "next"));
     list
 }
 
@@ -241,11 +241,13 @@ fn smallest(d: &ReportDiagnosis<'_>) -> Option<String> {
     })
 }
 
-fn next(d: &ReportDiagnosis<'_>) -> String {
-    match d.account.capture_next.len() {
-        0 => "Nothing in particular: these captures tell the effects apart.".to_owned(),
-        _ => sentences(&d.account.capture_next[..d.account.capture_next.len().min(NEXT)]),
+/// What to capture next: what tells rivals apart comes first, then what boards did not reach.
+fn next(d: &ReportDiagnosis<'_>, coverage: &[String]) -> String {
+    let list: Vec<String> = d.account.capture_next.iter().take(NEXT).chain(coverage).cloned().collect();
+    if list.is_empty() {
+        return "Nothing in particular: these captures tell the effects apart and cover image and range.".to_owned();
     }
+    sentences(&list)
 }
 
 /// Sentences from the account, which begins them with small letters and leaves the full stop out.

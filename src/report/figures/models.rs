@@ -6,7 +6,6 @@ use serde_json::{Value, json};
 
 use super::curves::bins;
 use super::{AFTER, BEFORE, Figure, NEUTRAL, OTHER, plain, short};
-use crate::calibrate::Calibrated;
 use crate::evaluate::PixelError;
 use crate::report::ReportInput;
 use crate::report::binned::{Axis, Binned, Cell};
@@ -15,54 +14,59 @@ use crate::report::diagnosis::{ReportDiagnosis, last};
 use crate::report::html::{count, escape, number};
 use crate::report::leftover::noise_mm;
 use crate::report::pool::usable;
+use crate::report::statistics::median;
 
-/// Pixels that the fitted effects are evaluated at, at most.
-const PIXELS: usize = 24_000;
-/// Fewest of them in a bin.
-const FEWEST: usize = 8;
+/// Pixels that the line of the added effects is made from, at most.
+const PIXELS: usize = 60_000;
+/// Fewest of a frame in a bin.
+const FEWEST: usize = 5;
 
-/// What the added effects, with everything fitted anew beside them, take off the depth error of single pixels, mm: the error
-/// under the declared model less that under the last one, both fitted to all frames. The board's depth is part of it: a
-/// focal length that changes with the model moves the board as well.
-pub(in crate::report) struct Taken<'a>(Vec<(&'a PixelError, f64)>);
+/// What the added effects, with everything fitted anew beside them, take off the depth error of single pixels, mm, frame by
+/// frame: the error under the declared model less that under the last one. The measured depth falls out of it, so that it
+/// has the models' shapes and no noise.
+pub(in crate::report) struct Taken<'a>(Vec<Vec<(&'a PixelError, f64)>>);
 
 impl<'a> Taken<'a> {
-    /// Over the frames that the headline speaks of; `None` where nothing was added.
+    /// Over the frames that the headline speaks of, by fits that did not see them; `None` where nothing was added.
     pub(in crate::report) fn of(input: &ReportInput<'a>, d: &ReportDiagnosis<'a>) -> Option<Self> {
-        let now = input.calibrated.filter(|_| !d.account.steps.is_empty())?;
+        if d.account.steps.is_empty() {
+            return None;
+        }
         let pool = last(input);
         let step = pool.pixels().count().div_ceil(PIXELS).max(1);
         let key = |p: &PixelError| p.context.pixel.map(f64::to_bits);
-        let mut list = Vec::new();
-        for f in &pool.frames {
-            let Some(declared) = d.before.frames.iter().find(|b| b.name == f.frame.name) else { continue };
-            let boards: HashMap<[u64; 2], f64> = declared.pixels.iter().map(|p| (key(p), p.board_depth_mm)).collect();
+        let taken = pool.frames.iter().map(|f| {
+            let declared = d.before.frames.iter().find(|b| b.name == f.frame.name);
+            let errors: HashMap<[u64; 2], f64> =
+                declared.iter().flat_map(|f| f.pixels.iter()).map(|p| (key(p), p.after_mm)).collect();
             // A stride that shares factors with the rows would see some columns only.
             let chosen = f.frame.pixels.iter().enumerate().filter(|(i, _)| i.wrapping_mul(2_654_435_761) % step == 0);
-            for (_, p) in chosen.filter(|(_, p)| usable(p)) {
-                let Some(board) = boards.get(&key(p)) else { continue };
-                let rho = 1.0 / (p.board_depth_mm + p.before_mm);
-                let depth = |c: &Calibrated| Some(1.0 / c.camera.correct(&p.context, p.cos_incidence, rho).ok()?.1);
-                let taken = depth(d.first).zip(depth(now)).map(|(a, b)| (a - board) - (b - p.board_depth_mm));
-                list.extend(taken.filter(|t| t.is_finite()).map(|t| (p, t)));
-            }
-        }
-        (!list.is_empty()).then_some(Self(list))
+            let difference = |p: &'a PixelError| Some((p, errors.get(&key(p))? - p.after_mm));
+            chosen.filter_map(|(_, p)| difference(p)).filter(|(p, t)| usable(p) && t.is_finite()).collect()
+        });
+        Some(Self(taken.collect()))
     }
 
-    /// Mean in every bin of a covariate.
+    /// In every bin of a covariate the mean over the frames of each frame's median, as errors are binned.
     fn line(&self, axis: &Axis, covariate: &Covariate) -> Value {
-        let mut sums = vec![(0.0, 0_usize); axis.bins];
-        for (p, mm) in &self.0 {
-            if let Some(b) = axis.bin((covariate.value)(p)) {
-                sums[b] = (sums[b].0 + mm, sums[b].1 + 1);
+        let mut medians = vec![Vec::new(); axis.bins];
+        for frame in &self.0 {
+            let mut lists = vec![Vec::new(); axis.bins];
+            for (p, mm) in frame {
+                if let Some(bin) = axis.bin((covariate.value)(p)) {
+                    lists[bin].push(*mm);
+                }
             }
+            let known = lists.iter_mut().enumerate().filter(|(_, list)| list.len() >= FEWEST);
+            known.for_each(|(bin, list)| medians[bin].push(median(list)));
         }
-        let used: Vec<usize> = (0..axis.bins).filter(|b| sums[*b].1 >= FEWEST).collect();
+        let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len() as f64;
+        let used: Vec<usize> = (0..axis.bins).filter(|b| !medians[*b].is_empty()).collect();
         json!({
-            "type": "scatter", "mode": "lines", "name": "what was added takes off", "line": {"color": OTHER, "width": 3, "dash": "dot"},
+            "type": "scatter", "mode": "lines", "name": "what was added takes off",
+            "line": {"color": OTHER, "width": 3, "dash": "dot"},
             "x": used.iter().map(|b| short(axis.middle(*b))).collect::<Value>(),
-            "y": used.iter().map(|b| short(sums[*b].0 / sums[*b].1 as f64)).collect::<Value>(),
+            "y": used.iter().map(|b| short(mean(&medians[*b]))).collect::<Value>(),
             "hovertemplate": "%{x:.4~g}: %{y:+.3~g} mm<extra>%{fullData.name}</extra>",
         })
     }

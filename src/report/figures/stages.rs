@@ -51,19 +51,25 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
 /// Depth error as measured, under the declared model, and after every step.
 pub(in crate::report) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let list = stages(input, d)?;
-    let reach = |s: &Stage, side: usize| s.interval.map_or(Value::Null, |i| short((i[side] - s.value).abs()));
-    let data = json!({
+    let label = |s: &Stage| format!("{}<br><b>{} mm</b>", s.label, number(s.value));
+    let bars = json!({
         "type": "bar",
-        "x": list.iter().map(|s| s.label.clone()).collect::<Value>(),
+        "x": list.iter().map(label).collect::<Value>(),
         "y": list.iter().map(|s| short(s.value)).collect::<Value>(),
-        "error_y": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
-                    "array": list.iter().map(|s| reach(s, 1)).collect::<Value>(),
-                    "arrayminus": list.iter().map(|s| reach(s, 0)).collect::<Value>()},
-        "text": list.iter().map(|s| format!("<b>{}</b>", number(s.value))).collect::<Value>(),
-        "textposition": "inside", "insidetextanchor": "start", "textangle": 0, "textfont": {"size": 14, "color": "#ffffff"},
         "marker": {"color": list.iter().map(|s| s.colour).collect::<Value>()},
-        "hovertemplate": "%{x}: %{y:.3~g} mm<extra></extra>",
+        "hovertemplate": "%{y:.3~g} mm<extra></extra>",
     });
+    // A trace of their own: a bar without interval would get a whisker of no length.
+    let known: Vec<(&Stage, [f64; 2])> = list.iter().filter_map(|s| Some((s, s.interval?))).collect();
+    let whiskers = json!({
+        "type": "scatter", "mode": "markers", "hoverinfo": "skip", "marker": {"size": 1, "opacity": 0},
+        "x": known.iter().map(|s| label(s.0)).collect::<Value>(),
+        "y": known.iter().map(|s| short(s.0.value)).collect::<Value>(),
+        "error_y": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
+                    "array": known.iter().map(|s| short(s.1[1] - s.0.value)).collect::<Value>(),
+                    "arrayminus": known.iter().map(|s| short(s.0.value - s.1[0])).collect::<Value>()},
+    });
+    let data = vec![bars, whiskers];
     let layout = json!({
         "xaxis": {"type": "category", "tickangle": 0}, "bargap": 0.25, "showlegend": false,
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
@@ -71,7 +77,7 @@ pub(in crate::report) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis
     let told: Vec<String> =
         list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), fixed(s.value, 2))).collect();
     Some(
-        Figure::new("stages", "Depth error on frames that the fit did not see", vec![data], layout)
+        Figure::new("stages", "Depth error on frames that the fit did not see", data, layout)
             .caption("Each bar is a model fitted anew. Whiskers: 95 % intervals from resampling whole frames.")
             .alt(format!("Bars of the depth error: {}.", told.join("; ")))
             .aspect(1.35),
