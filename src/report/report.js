@@ -82,9 +82,12 @@
     return layout;
   };
 
-  const data = (figure) => {
+  const data = (figure, paper) => {
     const traces = figure.data.map((trace) => {
       const copy = { ...trace };
+      for (const bar of ["error_x", "error_y"]) {
+        if (copy[bar]) copy[bar] = { color: colours(paper).ink, ...copy[bar] };
+      }
       // On a narrow screen a colour bar beside the map would leave no room for the map.
       if (copy.colorbar && narrow.matches) {
         copy.colorbar = { ...copy.colorbar, orientation: "h", y: -0.3, yanchor: "top", thickness: 10,
@@ -92,7 +95,7 @@
       }
       return copy;
     });
-    if (figure.variants) Object.assign(traces[0], figure.variants[figure.chosen || 0].trace);
+    if (figure.variants) Object.assign(traces[0], merged(traces[0], figure.variants[figure.chosen || 0].trace));
     return traces;
   };
 
@@ -114,7 +117,7 @@
       element.textContent = "This browser cannot draw in three dimensions; the figures beside show the same boards.";
       return Promise.resolve();
     }
-    return Plotly.react(element, data(figure), theme(figure, paper), config).then(() => scale(element, paper)).catch((error) => {
+    return Plotly.react(element, data(figure, paper), theme(figure, paper), config).then(() => scale(element, paper)).catch((error) => {
       element.classList.add("failed");
       element.textContent = "This figure could not be drawn.";
       console.error(`figure ${figure.id}: ${error}`);

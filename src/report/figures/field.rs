@@ -90,7 +90,7 @@ pub(in crate::report) fn reprojection_field(input: &ReportInput<'_>, image: &Ima
     let unseen = Pool::of(input, |r| r != Role::Fitted).reprojection();
     let unseen =
         unseen.map_or(String::new(), |e| format!(", {} px on frames that the fit did not see", number(e.0.value)));
-    let shown = if step > 1 { format!("; every {step}th marker is drawn") } else { String::new() };
+    let shown = if step > 1 { format!("; one marker in {step} is drawn") } else { String::new() };
     Some(
         Figure::new(
             "reprojection-field",
