@@ -309,31 +309,3 @@ pub fn text(d: &Diagnosis) -> String {
     }
     t
 }
-
-/// The account in a few sentences, for the head of a report.
-pub fn story(d: &Diagnosis) -> Vec<String> {
-    let mut sentences = vec![format!("Verdict: {}.", verdict(d))];
-    sentences.extend(d.declarations.iter().map(|s| format!("Check the declarations: {s}.")));
-    for step in &d.steps {
-        let gain = step.gain_percent.map_or_else(String::new, |g| {
-            format!(", a fall of {:.1} % (95 % interval over frames {:.1} to {:.1} %)", g.value, g.low, g.high)
-        });
-        let rivals = if step.indistinguishable.is_empty() {
-            String::new()
-        } else {
-            format!(" These captures cannot tell it from {}.", step.indistinguishable.join(", "))
-        };
-        sentences.push(format!(
-            "Added {}: {} mm rms, {}. On held-out frames the depth error went from {} to {} mm rms{gain}.{rivals}",
-            step.spec,
-            mm(Some(step.size_mm)),
-            p_value(step.p_value),
-            mm(step.before.depth_rms_mm),
-            mm(step.after.depth_rms_mm)
-        ));
-    }
-    sentences.extend(d.left_over.iter().map(|s| format!("Left: {s}.")));
-    sentences.extend(d.bad_frames.iter().map(|f| format!("Left out: {} ({}).", f.name, f.reason)));
-    sentences.extend(d.capture_next.iter().map(|s| format!("Capture next: {s}.")));
-    sentences
-}
