@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::simd::Isa;
+use super::simd::{Isa, LANES};
 
 /// A 2×2 matrix [A, B, C, D]: z ↦ (A z + B) / (C z + D).
 pub(super) type Matrix = [f64; 4];
@@ -121,6 +121,18 @@ pub(super) struct Slices<'a> {
     pub r: &'a [f32],
 }
 
+impl Slices<'_> {
+    /// Some of them.
+    #[inline(always)]
+    pub fn part(self, first: usize, length: usize) -> Self {
+        fn part(table: &[f32], first: usize, length: usize) -> &[f32] {
+            if table.is_empty() { table } else { &table[first..first + length] }
+        }
+        let [p, q, r] = [self.p, self.q, self.r].map(|table| part(table, first, length));
+        Self { p0: self.p0, p, q, r }
+    }
+}
+
 /// (dx, dy, dz) with r = dx x + dy y + dz at all pixels, where there are such.
 fn affine_in_ray(all: &[[f64; 3]], rays: &[[f64; 2]]) -> Option<[f32; 3]> {
     // Normal equations of the plane over the rays; their condition is harmless, fields of view being about 1.
@@ -160,24 +172,87 @@ fn correct_with<I: Isa, const P: bool, const Q: bool, const R: bool>(isa: I, c: 
 
 /// The formula at the head of this file for one pixel, as [`correct`] takes it.
 #[inline(always)]
-fn one<I: Isa, const Q: bool, const R: bool>(isa: I, (p, q, r): (f32, f32, f32), z: f32) -> f32 {
-    let slope = if R { isa.mul_add(r, z, p) } else { p };
-    let change = if Q { isa.mul_add(z, slope, q) } else { z * slope };
-    let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };
-    let corrected = z + if R { change / left } else { change };
-    let usable = (left > NEAREST_POLE) & (corrected > 0.0);
+fn one<I: Isa, const Q: bool, const R: bool>(isa: I, coefficients: (f32, f32, f32), z: f32) -> f32 {
+    let (corrected, usable) = true_depth::<I, Q, R>(isa, coefficients, z);
     if z > 0.0 { if usable { corrected } else { f32::NAN } } else { z }
 }
 
-/// [`correct`] with r from the rays instead of a table.
+/// True depth of a measured one, and whether it is one.
 #[inline(always)]
-pub(super) fn correct_on_rays<I: Isa>(isa: I, p: f32, [dx, dy, dz]: [f32; 3], rays: [&[f32]; 2], z: &mut [f32]) {
-    let n = z.len();
-    let [x, y] = rays.map(|r| &r[..n]);
-    for i in 0..n {
-        let r = isa.mul_add(dx, x[i], isa.mul_add(dy, y[i], dz));
-        z[i] = one::<I, false, true>(isa, (p, 0.0, r), z[i]);
+fn true_depth<I: Isa, const Q: bool, const R: bool>(isa: I, (p, q, r): (f32, f32, f32), z: f32) -> (f32, bool) {
+    let slope = if R { isa.mul_add(r, z, p) } else { p };
+    let change = if Q { isa.mul_add(z, slope, q) } else { z * slope };
+    let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };
+    let corrected = z + if R { isa.divide(change, left) } else { change };
+    (corrected, (left > NEAREST_POLE) & (corrected > 0.0))
+}
+
+/// Points from measured depth, with r from the rays instead of a table, while depth is in registers. Returns how many pixels
+/// have depth; `None`, with `out` undefined, where f32 does not do for some.
+#[inline(always)]
+pub(super) fn points<I: Isa>(
+    isa: I,
+    (p, d): (f32, [f32; 3]),
+    (measured, unit_mm): (&[u16], f32),
+    rays: [&[f32]; 2],
+    out: &mut [f32],
+) -> Option<usize> {
+    let (measured_blocks, measured_rest) = measured.as_chunks::<LANES>();
+    let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
+    let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();
+    let (blocks, rest) = out.as_chunks_mut::<{ 3 * LANES }>();
+    let (mut depths, mut lost) = ([0u32; LANES], [0u32; LANES]);
+    for (((measured, x), y), out) in measured_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
+        let found = block(isa, (p, d), (measured, unit_mm), [x, y], out);
+        for i in 0..LANES {
+            depths[i] += found[0][i];
+        }
+        for i in 0..LANES {
+            lost[i] |= found[1][i];
+        }
     }
+    if !measured_rest.is_empty() {
+        let n = measured_rest.len();
+        let (mut last, mut x, mut y, mut points) = ([0; LANES], [0.0; LANES], [0.0; LANES], [0.0; 3 * LANES]);
+        last[..n].copy_from_slice(measured_rest);
+        x[..n].copy_from_slice(x_rest);
+        y[..n].copy_from_slice(y_rest);
+        let found = block(isa, (p, d), (&last, unit_mm), [&x, &y], &mut points);
+        rest.copy_from_slice(&points[..3 * n]);
+        depths[0] += found[0].iter().sum::<u32>();
+        lost[0] |= found[1].iter().fold(0, |any, lost| any | lost);
+    }
+    lost.iter().all(|lost| *lost == 0).then(|| depths.iter().sum::<u32>() as usize)
+}
+
+/// [`points`] for some pixels: 1 where there is depth, and where it is lost.
+#[inline(always)]
+fn block<I: Isa>(
+    isa: I,
+    (p, [dx, dy, dz]): (f32, [f32; 3]),
+    (measured, unit_mm): (&[u16; LANES], f32),
+    [rx, ry]: [&[f32; LANES]; 2],
+    out: &mut [f32; 3 * LANES],
+) -> [[u32; LANES]; 2] {
+    let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let (mut has_depth, mut lost) = ([0; LANES], [0; LANES]);
+    for i in 0..LANES {
+        let z = f32::from(measured[i]) * unit_mm;
+        let r = isa.mul_add(dx, rx[i], isa.mul_add(dy, ry[i], dz));
+        let (corrected, usable) = true_depth::<I, false, true>(isa, (p, 0.0, r), z);
+        let valid = z > 0.0;
+        depth[i] = if valid { corrected } else { f32::NAN };
+        has_depth[i] = u32::from(valid);
+        lost[i] = u32::from(valid & !usable);
+    }
+    for i in 0..LANES {
+        x[i] = rx[i] * depth[i];
+    }
+    for i in 0..LANES {
+        y[i] = ry[i] * depth[i];
+    }
+    isa.interleave(&x, &y, &depth, out);
+    [has_depth, lost]
 }
 
 /// [`correct`] with the same coefficients for all pixels.

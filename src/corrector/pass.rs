@@ -5,7 +5,7 @@ use super::formats::{ROUND, count_f32, load, store_f32, store_u16};
 use super::plan::{Frame, Plan};
 use super::points::{PointsMut, back_project};
 use super::simd::{Isa, Kernel, dispatch};
-use super::{CorrectionSummary, Corrector, FrameContext, incidence, pixel, steps};
+use super::{CorrectionSummary, Corrector, FrameContext, incidence, moebius, pixel, steps};
 
 /// Where measured depth comes from.
 #[derive(Clone, Copy)]
@@ -259,6 +259,19 @@ impl Band<'_> {
             }
         }
 
+        let rays = [0, 1].map(|k| &corrector.ray_planes[k][pixels.clone()]);
+        let map = of_frame.frame.and_then(|(plan, _)| plan.map_on_rays());
+        if let (Input::U16(measured), Output::Points(PointsMut::Interleaved(out)), Some(map)) =
+            (input, &mut *output, map)
+        {
+            let out = &mut out[3 * offset..3 * (offset + count)];
+            if let Some(depths) = moebius::points(isa, map, (measured, of_frame.unit_mm as f32), rays, out) {
+                summary.corrected += depths;
+                summary.invalid += count - depths;
+                return;
+            }
+        }
+
         let mut z = [0.0f32; CHUNK];
         let z = &mut z[..count];
         match input {
@@ -267,7 +280,6 @@ impl Band<'_> {
             Input::Output => {}
         }
         let (depths, _) = count_f32(z);
-        let rays = [0, 1].map(|k| &corrector.ray_planes[k][pixels.clone()]);
         match (of_frame.frame, &*output) {
             (Some((plan, frame)), Output::Points(_)) => plan.correct_on_rays(isa, frame, first, rays, z),
             (Some((plan, frame)), _) => plan.correct(isa, frame, first, z),

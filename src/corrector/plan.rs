@@ -214,12 +214,19 @@ impl Plan {
         }
     }
 
+    /// p and the coefficients of r over the rays, where those are all of the plan.
+    #[inline(always)]
+    pub fn map_on_rays(&self) -> Option<(f32, [f32; 3])> {
+        let map = self.only_moebius().filter(|map| map.tables() == Tables::Pole)?;
+        Some((map.p_everywhere, map.r_from_ray?))
+    }
+
     /// [`Plan::correct`] where the rays of the pixels are at hand.
     #[inline(always)]
     pub fn correct_on_rays<I: Isa>(&self, isa: I, frame: &Frame<'_>, first: usize, rays: [&[f32]; 2], z: &mut [f32]) {
-        match self.only_moebius().map(|map| (map, map.r_from_ray, map.tables())) {
-            Some((map, Some(d), Tables::Pole)) => moebius::correct_on_rays(isa, map.p_everywhere, d, rays, z),
-            _ => self.correct(isa, frame, first, z),
+        match self.map_on_rays() {
+            Some((p, d)) => moebius::correct_on_rays(isa, p, d, rays, z),
+            None => self.correct(isa, frame, first, z),
         }
     }
 }
