@@ -255,6 +255,17 @@ fn block<I: Isa>(
     [has_depth, lost]
 }
 
+/// [`correct`] with r from the rays instead of a table.
+#[inline(always)]
+pub(super) fn correct_on_rays<I: Isa>(isa: I, p: f32, [dx, dy, dz]: [f32; 3], rays: [&[f32]; 2], z: &mut [f32]) {
+    let n = z.len();
+    let [x, y] = rays.map(|r| &r[..n]);
+    for i in 0..n {
+        let r = isa.mul_add(dx, x[i], isa.mul_add(dy, y[i], dz));
+        z[i] = one::<I, false, true>(isa, (p, 0.0, r), z[i]);
+    }
+}
+
 /// [`correct`] with the same coefficients for all pixels.
 #[inline(always)]
 pub(super) fn correct_alike<I: Isa>(isa: I, [p, q, r]: [f32; 3], z: &mut [f32]) {

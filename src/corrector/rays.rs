@@ -2,10 +2,10 @@
 //!
 //! The inverse of a lens has no closed form. Newton's method finds it row by row: neighbouring rows have nearly the same
 //! rays, so that extrapolating the rows before leaves less than a thousandth of a pixel to one Newton step, which squares
-//! that. This is done for the Brown–Conrady lens alone, whose derivatives are written out here; other lenses go through
+//! that. Where the lens folds within the image, the pixels it reaches are found beforehand. This is done for the Brown–Conrady lens alone, whose derivatives are written out here; other lenses go through
 //! [`Camera::ray`], pixel by pixel.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, Div, Mul, Neg, Range, Sub};
 
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Camera, Context};
@@ -18,7 +18,7 @@ use super::{CorrectorError, NO_RAY, pixel, probe};
 #[derive(Debug, Clone)]
 pub struct Rays {
     camera: Camera,
-    fast: Option<Lens>,
+    fast: Option<(Lens, Reach)>,
 }
 
 /// Brown–Conrady lens behind a pinhole, and where the depth image's pixels lie on the image.
@@ -33,7 +33,8 @@ struct Lens {
 impl Rays {
     /// Prepares for a camera; where its lens breathes, for a typical depth.
     pub fn new(camera: &Camera) -> Self {
-        Self { camera: camera.clone(), fast: Lens::of(camera) }
+        let fast = Lens::of(camera).map(|lens| (lens, Reach::of(camera, &lens)));
+        Self { camera: camera.clone(), fast }
     }
 
     /// x = X/Z and y = Y/Z of all pixels, row-major, in f32: within 1e-3 px. NaN where the lens maps no ray to the pixel.
@@ -75,7 +76,7 @@ impl Rays {
     fn rows<T: Real>(&self, first: usize, x: &mut [T], y: &mut [T]) {
         let width = self.camera.width;
         match &self.fast {
-            Some(lens) => dispatch(Rows { rays: self, lens, first, x, y }),
+            Some((lens, reach)) => dispatch(Rows { rays: self, lens, reach, first, x, y }),
             None => self.exact(first * width, x, y, |_| true),
         }
     }
@@ -133,6 +134,80 @@ impl Lens {
     }
 }
 
+/// Which pixels the lens reaches. Beyond its limit it folds, and corners may see no ray.
+#[derive(Debug, Clone, Default)]
+struct Reach {
+    /// Columns from and to, of each row; none where every pixel of the image has a ray.
+    spans: Vec<[u32; 2]>,
+    /// Rays of the pixels at the very limit, by their index.
+    limit: Vec<(usize, [f64; 2])>,
+}
+
+impl Reach {
+    fn of(camera: &Camera, lens: &Lens) -> Self {
+        const AROUND: usize = 2048;
+        let (width, height) = (camera.width, camera.height);
+        let ring = |radius: f64| -> Vec<[f64; 2]> {
+            let at = |i: usize| (std::f64::consts::TAU * i as f64 / AROUND as f64).sin_cos();
+            let distorted = |(sin, cos): (f64, f64)| distort::<f64, false>(&lens.k, radius * cos, radius * sin);
+            (0..AROUND).map(at).map(distorted).map(|[x, y, ..]| [x, y]).collect()
+        };
+        // A thousandth, which is less than a pixel, on either side of the limit.
+        let (inner, outer) = (ring(lens.limit * (1.0 - 1e-3)), ring(lens.limit * (1.0 + 1e-3)));
+        let [fx, fy, cx, cy, skew] = lens.pinhole;
+        let y = |row: usize| (row as f64 + lens.shift[1] - cy) / fy;
+        let corners = [[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]];
+        let farthest = corners.iter().map(|[u, v]| ((*u as f64 + lens.shift[0] - cx - skew * y(*v)) / fx).hypot(y(*v)));
+        let nearest = inner.iter().map(|[x, y]| x.hypot(*y)).fold(f64::INFINITY, f64::min);
+        if farthest.fold(0.0, f64::max) < nearest {
+            return Self::default();
+        }
+        // Columns within a ring, as real numbers.
+        let columns = |ring: &[[f64; 2]], y: f64| {
+            let next = ring.iter().cycle().skip(1);
+            let crossings = ring.iter().zip(next).filter(|(a, b)| (a[1] <= y) != (b[1] <= y));
+            let at = crossings.map(|(a, b)| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));
+            let pixel = at.map(|x| fx * x + skew * y + cx - lens.shift[0]);
+            pixel.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], u| [low.min(u), high.max(u)])
+        };
+        let whole = |[low, high]: [f64; 2]| {
+            let [from, to] = [low.ceil(), high.floor() + 1.0].map(|u| u.clamp(0.0, width as f64) as usize);
+            if low <= high { from..to.max(from) } else { 0..0 }
+        };
+        let rows: Vec<_> = (0..height)
+            .into_par_iter()
+            .map(|row| {
+                let (inside, all) = (whole(columns(&inner, y(row))), whole(columns(&outer, y(row))));
+                let limit = all.filter(|u| !inside.contains(u)).map(|u| {
+                    let context = Context { pixel: [u as f64, row as f64], ..Context::default() };
+                    let ray = camera.ray(camera.image_pixel(&context), probe::TYPICAL_RHO);
+                    (row * width + u, ray.unwrap_or(NO_RAY))
+                });
+                ([inside.start as u32, inside.end as u32], limit.collect::<Vec<_>>())
+            })
+            .collect();
+        let (spans, limit): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        Self { spans, limit: limit.concat() }
+    }
+
+    /// Fills in the pixels of a row that are at the limit or beyond, and tells which are not.
+    #[inline(always)]
+    fn fill_outside<T: Real>(&self, row: usize, x: &mut [T], y: &mut [T]) -> Range<usize> {
+        let Some([from, to]) = self.spans.get(row) else { return 0..x.len() };
+        let inside = *from as usize..*to as usize;
+        let (first, end) = (row * x.len(), (row + 1) * x.len());
+        for values in [&mut *x, &mut *y] {
+            values[..inside.start].fill(T::of(f64::NAN));
+            values[inside.end..].fill(T::of(f64::NAN));
+        }
+        let at = self.limit.partition_point(|(index, _)| *index < first);
+        for (index, ray) in self.limit[at..].iter().take_while(|(index, _)| *index < end) {
+            [x[index - first], y[index - first]] = ray.map(T::of);
+        }
+        inside
+    }
+}
+
 /// A floating-point number of the row loops.
 trait Real:
     Copy
@@ -154,6 +229,8 @@ trait Real:
     fn count(value: usize) -> Self;
     /// self · b + c.
     fn fused(self, b: Self, c: Self) -> Self;
+    /// self / b for b > 0.
+    fn over<I: Isa>(self, isa: I, b: Self) -> Self;
 }
 
 /// a b + c, in one instruction where there is one.
@@ -163,7 +240,7 @@ fn mul_add<T: Real, const FMA: bool>(a: T, b: T, c: T) -> T {
 }
 
 macro_rules! real {
-    ($type:ty, $rows:literal, $last:literal) => {
+    ($type:ty, $rows:literal, $last:literal, $over:expr) => {
         impl Real for $type {
             const ROWS: usize = $rows;
             const LAST_STEP: f64 = $last;
@@ -183,12 +260,16 @@ macro_rules! real {
             fn fused(self, b: Self, c: Self) -> Self {
                 self.mul_add(b, c)
             }
+            #[inline(always)]
+            fn over<I: Isa>(self, isa: I, b: Self) -> Self {
+                ($over)(isa, self, b)
+            }
         }
     };
 }
 // A step of 1e-4 leaves some 1e-8, a hundred-thousandth of a pixel; one of 1e-7 some 1e-14.
-real!(f32, 2, 1e-4);
-real!(f64, 3, 1e-7);
+real!(f32, 2, 1e-4, I::divide);
+real!(f64, 3, 1e-7, |_, a, b| a / b);
 
 /// x', y' of the distorted ray, and ∂x'/∂x, ∂x'/∂y = ∂y'/∂x, ∂y'/∂y.
 #[inline(always)]
@@ -215,6 +296,7 @@ fn distort<T: Real, const FMA: bool>(k: &[T; 5], x: T, y: T) -> [T; 5] {
 struct Rows<'a, T> {
     rays: &'a Rays,
     lens: &'a Lens,
+    reach: &'a Reach,
     first: usize,
     x: &'a mut [T],
     y: &'a mut [T],
@@ -227,36 +309,41 @@ impl<T: Real> Kernel for Rows<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        let Self { rays, lens, first, x, y } = self;
+    fn run<I: Isa>(self, isa: I) {
+        let Self { rays, lens, reach, first, x, y } = self;
         let width = rays.camera.width;
         let [fx, fy, cx, cy, skew] = lens.pinhole;
         let k = lens.k.map(T::of);
+        // Rows before in which every pixel has a ray.
+        let mut complete = 0;
         for row in 0..x.len() / width {
             let yd = ((first + row) as f64 + lens.shift[1] - cy) / fy;
-            let start = lens.shift[0] - cx - skew * yd;
             let (before_x, own_x) = x.split_at_mut(row * width);
             let (before_y, own_y) = y.split_at_mut(row * width);
-            let (own_x, own_y) = (&mut own_x[..width], &mut own_y[..width]);
+            let span = reach.fill_outside(first + row, &mut own_x[..width], &mut own_y[..width]);
+            let (own_x, own_y) = (&mut own_x[span.clone()], &mut own_y[span.clone()]);
+            let start = span.start as f64 + lens.shift[0] - cx - skew * yd;
             if row < T::ROWS {
                 for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
                     (*x, *y) = (T::of((u as f64 + start) / fx), T::of(yd));
                 }
             } else {
-                extrapolate(before_x, own_x);
-                extrapolate(before_y, own_y);
-                // Where the rows before have no ray.
-                for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
-                    let known = *x <= T::of(f64::INFINITY);
-                    *x = if known { *x } else { T::of(start / fx) + T::of(1.0 / fx) * T::count(u) };
-                    *y = if known { *y } else { T::of(yd) };
+                extrapolate(before_x, width, span.start, own_x);
+                extrapolate(before_y, width, span.start, own_y);
+                if complete < T::ROWS {
+                    for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
+                        let known = *x <= T::of(f64::INFINITY);
+                        *x = if known { *x } else { T::of(start / fx) + T::of(1.0 / fx) * T::count(u) };
+                        *y = if known { *y } else { T::of(yd) };
+                    }
                 }
             }
+            complete = if own_x.len() == width { complete + 1 } else { 0 };
             let target = (T::of(start / fx), T::of(1.0 / fx), T::of(yd));
             // Loops, not closures: only what is inlined is compiled for the machine's instruction set.
             let mut settled = false;
             for _ in 0..MOST_STEPS {
-                settled = newton::<T, I>(&k, target, own_x, own_y) == 0;
+                settled = newton::<T, I>(isa, &k, target, own_x, own_y) == 0;
                 if settled {
                     break;
                 }
@@ -267,25 +354,26 @@ impl<T: Real> Kernel for Rows<'_, T> {
                 beyond += u32::from(!(*x * *x + *y * *y <= limit));
             }
             if !settled || beyond > 0 {
-                rays.repair((first + row) * width, &k, target, limit, own_x, own_y);
+                rays.repair((first + row) * width + span.start, &k, target, limit, own_x, own_y);
+                complete = 0;
             }
         }
     }
 }
 
-/// Continues two or three rows.
+/// Continues two or three rows from column `from` on.
 #[inline(always)]
-fn extrapolate<T: Real>(before: &[T], own: &mut [T]) {
-    let width = own.len();
-    let row = |k: usize| &before[before.len() - k * width..][..width];
+fn extrapolate<T: Real>(before: &[T], width: usize, from: usize, own: &mut [T]) {
+    let n = own.len();
+    let row = |k: usize| &before[before.len() - k * width + from..][..n];
     if T::ROWS == 2 {
         let (a, b) = (row(1), row(2));
-        for i in 0..width {
+        for i in 0..n {
             own[i] = a[i] + (a[i] - b[i]);
         }
     } else {
         let (a, b, c) = (row(1), row(2), row(3));
-        for i in 0..width {
+        for i in 0..n {
             own[i] = T::of(3.0) * (a[i] - b[i]) + c[i];
         }
     }
@@ -293,7 +381,7 @@ fn extrapolate<T: Real>(before: &[T], own: &mut [T]) {
 
 /// One step for all pixels of a row, whose distorted rays are (start + u · step, yd). Returns how many have not settled.
 #[inline(always)]
-fn newton<T: Real, I: Isa>(k: &[T; 5], (start, step, yd): (T, T, T), x: &mut [T], y: &mut [T]) -> u32 {
+fn newton<T: Real, I: Isa>(isa: I, k: &[T; 5], (start, step, yd): (T, T, T), x: &mut [T], y: &mut [T]) -> u32 {
     let width = x.len();
     let y = &mut y[..width];
     let mut moving = 0;
@@ -303,7 +391,7 @@ fn newton<T: Real, I: Isa>(k: &[T; 5], (start, step, yd): (T, T, T), x: &mut [T]
             if I::FMA { distort::<T, true>(k, x[u], y[u]) } else { distort::<T, false>(k, x[u], y[u]) };
         let (ex, ey) = (start + step * T::count(u) - px, yd - py);
         let det = a * d - b * b;
-        let scale = T::of(1.0) / det;
+        let scale = T::of(1.0).over(isa, det);
         let (dx, dy) = ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale);
         x[u] = x[u] + dx;
         y[u] = y[u] + dy;

@@ -336,6 +336,27 @@ fn rays_of_all_pixels_agree_with_the_camera() {
 }
 
 #[test]
+fn pixels_beyond_the_lens_have_no_ray() {
+    // Wide enough for the lens of `camera` to fold before the corners.
+    let wide = camera(&[]);
+    let wide = Camera::new(WIDTH, HEIGHT, [119.0, 119.0, 78.2, 60.6, 0.0], wide.blocks()[1..].to_vec());
+    let n = WIDTH * HEIGHT;
+    let (mut x, mut y, mut x32, mut y32) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    Rays::new(&wide).double([&mut x, &mut y]).unwrap();
+    Rays::new(&wide).single([&mut x32, &mut y32]).unwrap();
+    let expected: Vec<_> = (0..n).map(|i| wide.ray(pixel(i, WIDTH), 1e-3).ok()).collect();
+    assert!(expected.iter().filter(|ray| ray.is_none()).count() > 20);
+    for i in 0..n {
+        let Some([ex, ey]) = expected[i] else {
+            assert!(x[i].is_nan() && y[i].is_nan() && x32[i].is_nan() && y32[i].is_nan(), "pixel {i}");
+            continue;
+        };
+        assert!((x[i] - ex).hypot(y[i] - ey) < 1e-11, "pixel {i}");
+        assert!((f64::from(x32[i]) - ex).hypot(f64::from(y32[i]) - ey) < 1e-5, "pixel {i}");
+    }
+}
+
+#[test]
 fn all_outputs_agree_and_do_not_depend_on_the_threads() {
     let corrector = Corrector::new(&camera(&[PROJECTIVE])).unwrap();
     let context = FrameContext::default();
