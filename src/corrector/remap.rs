@@ -8,10 +8,13 @@
 //! - [`Remap::linear`] interpolates between four pixels, with weights of 1/256: for images.
 //! - [`Remap::depth`] interpolates depth where the four pixels are on one surface, and takes the nearest pixel elsewhere.
 
+mod means;
+
 use depthcal_model::{Camera, Context};
 use rayon::prelude::*;
 
 use super::{CorrectorError, pixel, probe};
+use means::{Cell, WINDOW, weights};
 
 /// Maps a camera's images to those of a pinhole camera without lens. Pixels whose source lies outside the image become 0.
 #[derive(Debug, Clone)]
@@ -37,8 +40,6 @@ const OUTSIDE: u32 = u32::MAX;
 
 /// Output pixels that share a window of sources.
 const SEGMENT: usize = 64;
-/// Pixels of the window: an index of 16 bits cannot leave it, so that the loops need no bounds.
-const WINDOW: usize = 1 << 16;
 
 #[derive(Debug, Clone, Copy)]
 struct Segment {
@@ -48,43 +49,12 @@ struct Segment {
     whole: bool,
 }
 
-/// Where an output pixel lies among four source pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Cell {
-    /// The upper left one, from the segment's base.
-    offset: u16,
-    /// Weights of the right and lower ones, 1/256.
-    right: u8,
-    lower: u8,
-}
+/// A value that can be interpolated between four: u8, u16, [u8; 3].
+pub trait Texel: Copy + Default + Send + Sync + means::Means {}
 
-/// A value that can be interpolated between four.
-pub trait Texel: Copy + Default + Send + Sync {
-    /// The mean of [upper left, upper right, lower left, lower right] with weights that sum to 65536.
-    fn mean(four: [Self; 4], weights: [u32; 4]) -> Self;
-}
-
-macro_rules! texel {
-    ($type:ty) => {
-        impl Texel for $type {
-            #[inline(always)]
-            fn mean(four: [Self; 4], weights: [u32; 4]) -> Self {
-                // At most 65535 · 65536 + 32768, which 32 bits hold.
-                let sum: u32 = (0..4).map(|k| u32::from(four[k]) * weights[k]).sum();
-                ((sum + (1 << 15)) >> 16) as $type
-            }
-        }
-    };
-}
-texel!(u8);
-texel!(u16);
-
-impl Texel for [u8; 3] {
-    #[inline(always)]
-    fn mean(four: [Self; 4], weights: [u32; 4]) -> Self {
-        std::array::from_fn(|c| u8::mean(four.map(|texel| texel[c]), weights))
-    }
-}
+impl Texel for u8 {}
+impl Texel for u16 {}
+impl Texel for [u8; 3] {}
 
 /// Neighbours whose depth differs by more than this share are on different surfaces.
 const SAME_SURFACE: f32 = 0.03;
@@ -140,7 +110,7 @@ impl Remap {
     /// [`CorrectorError::Length`] where an image does not have one value per pixel.
     pub fn linear<T: Texel>(&self, image: &[T], out: &mut [T]) -> Result<(), CorrectorError> {
         self.check(image, out)?;
-        self.for_segments(image, out, |four, weights, _| T::mean(four, weights));
+        self.for_segments(image, out, T::means, |four, weights, _| T::mean(four, weights));
         Ok(())
     }
 
@@ -152,7 +122,7 @@ impl Remap {
     /// [`CorrectorError::Length`] where an image does not have one value per pixel.
     pub fn depth(&self, depth: &[u16], out: &mut [u16]) -> Result<(), CorrectorError> {
         self.check(depth, out)?;
-        self.for_segments(depth, out, |four, weights, nearest| {
+        let mean = |four: [u16; 4], weights: [u32; 4], nearest: u16| {
             let [a, b, c, d] = four.map(f32::from);
             let least = a.min(b).min(c.min(d));
             let most = a.max(b).max(c.max(d));
@@ -162,7 +132,15 @@ impl Remap {
             let mean = 65536.0 * ab * cd / ((w[0] * b + w[1] * a) * cd + (w[2] * d + w[3] * c) * ab);
             let one_surface = (least > 0.0) & (most - least < SAME_SURFACE * least);
             if one_surface { (mean + 0.5) as u16 } else { nearest }
-        });
+        };
+        let means = |windows: [&[u16; WINDOW]; 4], cells: &[Cell], out: &mut [u16]| {
+            for (out, cell) in out.iter_mut().zip(cells) {
+                let four = windows.map(|window| window[usize::from(cell.offset)]);
+                let nearest = four[usize::from(cell.right >= 128) + 2 * usize::from(cell.lower >= 128)];
+                *out = mean(four, weights(*cell), nearest);
+            }
+        };
+        self.for_segments(depth, out, means, mean);
         Ok(())
     }
 
@@ -208,12 +186,13 @@ impl Remap {
         }
     }
 
-    /// Calls `mean` with the four source pixels, their weights and the nearest pixel of every output pixel; where one of
-    /// the four is missing the nearest pixel it is.
+    /// Calls `means` with the windows and cells of segments, and `mean` with the four source pixels, their weights and the
+    /// nearest pixel of what remains; where one of the four is missing the nearest pixel it is.
     fn for_segments<T: Copy + Default + Send + Sync>(
         &self,
         image: &[T],
         out: &mut [T],
+        means: impl Fn([&[T; WINDOW]; 4], &[Cell], &mut [T]) + Sync,
         mean: impl Fn([T; 4], [u32; 4], T) -> T + Sync,
     ) {
         let per_row = self.width.div_ceil(SEGMENT);
@@ -226,11 +205,7 @@ impl Remap {
             for ((segment, cells), out) in segments.iter().zip(cells.chunks(SEGMENT)).zip(out.chunks_mut(SEGMENT)) {
                 let base = segment.base as usize;
                 if let Some(windows) = segment.whole.then(|| windows(image, base, self.width)).flatten() {
-                    for (out, cell) in out.iter_mut().zip(cells) {
-                        let four = windows.map(|window| window[usize::from(cell.offset)]);
-                        let nearest = four[usize::from(cell.right >= 128) + 2 * usize::from(cell.lower >= 128)];
-                        *out = mean(four, weights(*cell), nearest);
-                    }
+                    means(windows, cells, out);
                     continue;
                 }
                 for (out, cell) in out.iter_mut().zip(cells).filter(|(_, cell)| **cell != BORDER) {
@@ -251,13 +226,6 @@ const BORDER: Cell = Cell { offset: u16::MAX, right: u8::MAX, lower: u8::MAX };
 fn windows<T>(image: &[T], base: usize, width: usize) -> Option<[&[T; WINDOW]; 4]> {
     let window = |first: usize| image.get(first..first + WINDOW)?.first_chunk();
     Some([window(base)?, window(base + 1)?, window(base + width)?, window(base + width + 1)?])
-}
-
-#[inline(always)]
-fn weights(cell: Cell) -> [u32; 4] {
-    let (right, lower) = (u32::from(cell.right), u32::from(cell.lower));
-    let (left, upper) = (256 - right, 256 - lower);
-    [left * upper, right * upper, left * lower, right * lower]
 }
 
 /// Pixel of the camera's (depth) image that shows what a pinhole camera shows at `pixel`; NaN where none does.

@@ -339,7 +339,7 @@ fn rays_of_all_pixels_agree_with_the_camera() {
 fn pixels_beyond_the_lens_have_no_ray() {
     // Wide enough for the lens of `camera` to fold before the corners.
     let wide = camera(&[]);
-    let wide = Camera::new(WIDTH, HEIGHT, [119.0, 119.0, 78.2, 60.6, 0.0], wide.blocks()[1..].to_vec());
+    let wide = Camera::new(WIDTH, HEIGHT, [105.0, 105.0, 78.2, 60.6, 0.0], wide.blocks()[1..].to_vec());
     let n = WIDTH * HEIGHT;
     let (mut x, mut y, mut x32, mut y32) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     Rays::new(&wide).double([&mut x, &mut y]).unwrap();
