@@ -338,8 +338,8 @@ fn rays_of_all_pixels_agree_with_the_camera() {
 #[test]
 fn pixels_beyond_the_lens_have_no_ray() {
     // Wide enough for the lens of `camera` to fold before the corners.
-    let wide = camera(&[]);
-    let wide = Camera::new(WIDTH, HEIGHT, [105.0, 105.0, 78.2, 60.6, 0.0], wide.blocks()[1..].to_vec());
+    let lens = block("brown_conrady", &[-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
+    let wide = Camera::new(WIDTH, HEIGHT, [105.0, 105.0, 78.2, 60.6, 0.0], vec![lens]);
     let n = WIDTH * HEIGHT;
     let (mut x, mut y, mut x32, mut y32) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     Rays::new(&wide).double([&mut x, &mut y]).unwrap();
