@@ -69,14 +69,13 @@ impl Moebius {
         let q = all.iter().filter(usable).any(|c| c[1].abs() > 1e-9);
         // Below this, a depth of 60 m changes by less than a thousandth of a millimetre.
         let r = all.iter().filter(usable).any(|c| c[2].abs() > 1e-13);
-        let every = all.iter().all(|c| *c != NO_INVERSE);
         let mut map = match (same_p, q, r) {
             (true, false, _) => Self { p_everywhere: p0 as f32, ..Self::from_all(&all, false, false).without_p() },
             (false, false, true) => Self { q: Vec::new(), ..Self::from_all(&all, true, true) },
             (false, false, false) => Self { q: Vec::new(), r: Vec::new(), ..Self::from_all(&all, true, true) },
             _ => Self::from_all(&all, true, true),
         };
-        if every && map.tables() == Tables::Pole {
+        if map.tables() == Tables::Pole {
             map.r_from_ray = affine_in_ray(&all, rays);
         }
         map
@@ -133,18 +132,20 @@ impl Slices<'_> {
     }
 }
 
-/// (dx, dy, dz) with r = dx x + dy y + dz at all pixels, where there are such.
+/// (dx, dy, dz) with r = dx x + dy y + dz at all pixels that have a ray, where there are such.
 fn affine_in_ray(all: &[[f64; 3]], rays: &[[f64; 2]]) -> Option<[f32; 3]> {
+    let pixels = || all.iter().zip(rays).filter(|(_, ray)| !ray[0].is_nan());
     // Normal equations of the plane over the rays; their condition is harmless, fields of view being about 1.
     let (mut h, mut g) = (nalgebra::Matrix3::zeros(), nalgebra::Vector3::zeros());
-    for (c, [x, y]) in all.iter().zip(rays).step_by(1 + all.len() / 5000) {
+    for (c, [x, y]) in pixels().step_by(1 + all.len() / 5000) {
         let row = nalgebra::Vector3::new(*x, *y, 1.0);
         h += row * row.transpose();
         g += row * c[2];
     }
     let d = h.cholesky()?.solve(&g);
+    // A pixel that has a ray but corrects nothing misses too.
     let misses = |(c, [x, y]): (&[f64; 3], &[f64; 2])| (d.x * x + d.y * y + d.z - c[2]).abs() > 1e-12;
-    (!all.iter().zip(rays).any(misses)).then_some([d.x as f32, d.y as f32, d.z as f32])
+    (!pixels().any(misses)).then_some([d.x as f32, d.y as f32, d.z as f32])
 }
 
 /// Measured to true depth (mm) of neighbouring pixels in place; 0 stays 0, and what has no true depth becomes NaN.
