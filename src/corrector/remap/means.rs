@@ -95,7 +95,8 @@ impl Kernel for Bytes<'_> {
                 let (right, lower) = (u32::from(cells[i].right), u32::from(cells[i].lower));
                 // Upper and lower pixel in one number of 2 × 16 bits, which hold 255 · 256.
                 let columns = (fours[i] & 0x00ff_00ff) * (256 - right) + (fours[i] >> 8 & 0x00ff_00ff) * right;
-                out[i] = ((columns & 0xffff) * (256 - lower) + (columns >> 16) * lower + (1 << 15) >> 16) as u8;
+                let sum = (columns & 0xffff) * (256 - lower) + (columns >> 16) * lower;
+                out[i] = ((sum + (1 << 15)) >> 16) as u8;
             }
         }
     }
