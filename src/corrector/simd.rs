@@ -182,4 +182,28 @@ mod tests {
         assert_eq!(dispatch(Interleave(xyz)), expected);
         assert_eq!(Interleave(xyz).run(Portable::<false>), expected);
     }
+
+    struct Divide<'a>(&'a [f32], &'a mut [f32]);
+
+    impl Kernel for Divide<'_> {
+        type Output = ();
+        #[inline(always)]
+        fn run<I: Isa>(self, isa: I) {
+            for (b, out) in self.0.iter().zip(self.1) {
+                *out = isa.divide(317.3, *b);
+            }
+        }
+    }
+
+    #[test]
+    fn quotients_are_right_to_an_ulp() {
+        let divisors: Vec<f32> = (0..400_000).map(|i| 1e-6 * 1.00008f32.powi(i)).collect();
+        let (mut of_machine, mut portable) = (vec![0.0; divisors.len()], vec![0.0; divisors.len()]);
+        dispatch(Divide(&divisors, &mut of_machine));
+        Divide(&divisors, &mut portable).run(Portable::<true>);
+        for ((b, a), c) in divisors.iter().zip(&of_machine).zip(&portable) {
+            let exact = 317.3f32 / b;
+            assert!((a - exact).abs() <= exact * f32::EPSILON && a.to_bits() == c.to_bits(), "{b}: {a} {c} {exact}");
+        }
+    }
 }

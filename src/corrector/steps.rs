@@ -44,7 +44,7 @@ impl Errors {
     /// A result that misses its step by less than this is rounded to the right one.
     #[inline(always)]
     fn undecided(self) -> f32 {
-        0.5 - self.beside - self.share * self.change
+        (0.5 - self.beside - self.share * self.change).max(0.0)
     }
 }
 
