@@ -5,6 +5,8 @@ use depthcal::calibrate::{CalibrateOptions, calibrate};
 use depthcal::diagnose::{DiagnoseOptions, Diagnosis, diagnose, evidence, frames};
 use depthcal::simulated;
 use depthcal_io::Verdict;
+use depthcal_model::hook::{Depth, DepthState};
+use depthcal_model::{Context, Parameter, Piece, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Simulation};
 use rayon::prelude::*;
 
@@ -97,6 +99,55 @@ fn effects_beyond_the_catalogue_are_unexplained() {
             assert!(after < before, "{before} → {after} mm");
         }
     }
+}
+
+/// An effect that is taken out of the catalogue gets no other effect's name.
+#[test]
+fn an_effect_that_the_catalogue_lacks_is_unexplained() {
+    for (name, size) in [("cyclic_depth", 2.0), ("projector_distortion", 6.0)] {
+        let observed = simulation(&[(name, size)], 4).observe_points(&PointOptions::default()).unwrap();
+        let mut options = DiagnoseOptions::default();
+        options.calibrate.register = Register::builtin().without(name);
+        // A ripple in disparity is a wave in depth, as far as a short range of distances goes.
+        options.calibrate.register = options.calibrate.register.without("disparity_ripple");
+        let d = diagnose(&simulated::capture(&observed), None, &options).unwrap();
+        assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", d.rounds);
+        assert!(names(&d).iter().all(|n| *n == "free_map"), "{name}: {:?}", names(&d));
+    }
+}
+
+/// A lens pressed at three points bends what the depth image sees: ρ_m = ρ + k (x³ − 3xy²). An effect from outside the crates.
+#[derive(Debug)]
+struct Trefoil;
+
+impl Piece<Depth, 1> for Trefoil {
+    const NAME: &'static str = "trefoil";
+    const SOURCE: &'static str = "a test";
+    const PARAMETERS: [Parameter; 1] = [Parameter::new("k", "1/mm", 0.0, 1e-5)];
+
+    fn map<T: Scalar>(&self, s: DepthState<T>, [k]: [T; 1], _: &Context) -> T {
+        s.rho + k * s.x * (s.x * s.x - s.y * s.y * 3.0)
+    }
+}
+
+/// An effect that a user adds to the register is tested, named and fitted like the built-in ones.
+#[test]
+fn an_effect_from_outside_is_named() {
+    const K_PER_MM: f64 = 4e-5;
+    let observed = simulation(&[], 8).observe_points(&PointOptions::default()).unwrap();
+    let mut capture = simulated::capture(&observed);
+    let camera = CameraTruth::published(1).unwrap();
+    for sample in capture.frames.iter_mut().flat_map(|f| &mut f.samples) {
+        // The lens moves rays by a few per cent at most, which is little to the third power.
+        let [x, y] = [0, 1].map(|i| (sample.context.pixel[i] - camera.centre_px[i]) / camera.focal_px[i]);
+        sample.depth_mm = 1.0 / (1.0 / sample.depth_mm + K_PER_MM * x * (x * x - 3.0 * y * y));
+    }
+    let mut options = DiagnoseOptions::default();
+    options.calibrate.register.add(|_| Trefoil);
+    let d = diagnose(&capture, None, &options).unwrap();
+    assert_eq!(names(&d).first(), Some(&"trefoil"), "{:?}", d.rounds);
+    let fitted = d.steps[0].parameters[0].value;
+    assert!((fitted / K_PER_MM - 1.0).abs() < 0.15, "{fitted} instead of {K_PER_MM}");
 }
 
 #[test]

@@ -13,6 +13,9 @@ const CYCLE_STEP: f64 = 0.4;
 /// Reference amplitudes that are tried.
 const REFERENCES: usize = 9;
 
+/// Baselines that are tried, mm: depth cameras are between a hand's and two hands' breadths wide.
+const BASELINES_MM: [f64; 7] = [0.0, 40.0, -40.0, 75.0, -75.0, 120.0, -120.0];
+
 /// An effect that may be missing.
 #[derive(Debug, Clone)]
 pub struct Effect {
@@ -84,6 +87,7 @@ fn scan_values(scan: Scan, sights: &Sights) -> (Vec<f64>, bool) {
             let (low, high) = (0.5 * range.low, 2.0 * range.high);
             ((0..REFERENCES).map(|i| low * (high / low).powf(i as f64 / (REFERENCES - 1) as f64)).collect(), true)
         }
+        ScanKind::Baseline => (BASELINES_MM.to_vec(), false),
         ScanKind::Reference => (vec![round(range.middle)], false),
         ScanKind::TimeConstant => {
             let shares = [0.1, 0.2, 0.33, 0.5, 0.8, 1.3];

@@ -3,7 +3,9 @@
 //! p-values alone name something in nearly every capture whose fault the catalogue does not have. So an effect has to
 //! - be significant, corrected for the number of effects and constants tried;
 //! - gain on frames that its estimate has not seen, and on most of them rather than on one;
-//! - together with further named effects explain most of what a free function of anything explains.
+//! - together with further named effects explain most of what a free function of anything explains;
+//! - or, where something else is there as well, gain beside every free function nearly what it gains alone, and by the
+//!   frames' own scatter: what only mimics a map loses its gain beside the map.
 
 use super::evidence::{Evidence, Examination, LEVEL, t_of};
 use super::frames::FramePlane;
@@ -13,13 +15,23 @@ const MOST_TOGETHER: usize = 3;
 /// Further effects count when they add at least this share of what the first explains.
 const WORTH: f64 = 0.1;
 /// Share of the explicable that named effects have to explain.
-const EXPLAINED: f64 = 0.6;
+const EXPLAINED: f64 = 0.75;
 /// Mean gain over its standard error below which the gain may be one frame's accident.
 const STEADY: f64 = 1.2;
 /// Share of what planes of the frames' own explain that named effects have to explain.
 const FRAMES_EXPLAINED: f64 = 0.7;
 /// Paired difference of gains, over its standard error, that tells two effects apart.
 const TOLD_APART: f64 = 2.0;
+
+/// Beside each free function that explains something, an effect that is not a part of what that one explains keeps at least
+/// this share of its gain.
+const KEPT: f64 = 0.4;
+/// Share of the residuals' squares that an effect has to explain to be named while something else is unexplained.
+const WORTH_NAMING: f64 = 0.01;
+/// Level of the test beside them, by the frames' scatter; the test of the effect alone is the strict one.
+const LEVEL_BESIDE: f64 = 0.05;
+/// Free functions, by falling merit, that it is put beside.
+const MOST_BESIDE: usize = 4;
 
 /// What to do after a round.
 #[derive(Debug, Clone)]
@@ -79,11 +91,8 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_some()).collect();
     let least = least_share * examination.cost();
     let is_significant = |e: &Evidence, tests: usize| significant(e.p_value, tests, &e.gains) && merit(e) > least;
-    let best_free = free
-        .iter()
-        .copied()
-        .filter(|i| is_significant(&all[*i], free_count))
-        .max_by(|a, b| merit(&all[*a]).total_cmp(&merit(&all[*b])));
+    let free_that_count: Vec<usize> = free.iter().copied().filter(|i| is_significant(&all[*i], free_count)).collect();
+    let best_free = free_that_count.iter().copied().max_by(|a, b| merit(&all[*a]).total_cmp(&merit(&all[*b])));
     let named = effects
         .iter()
         .copied()
@@ -132,10 +141,18 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
         })
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let mut share = 1.0;
+    let ranked = ranked(examination, &effects, rejected);
+    let instead = |free: usize, explained: f64| match apart(examination, &ranked, &free_that_count, least) {
+        Some(effect) => {
+            let indistinguishable = indistinguishable(examination, effect, &[effect]);
+            Decision::Add { effect, beside: Vec::new(), indistinguishable, explained, of_planes: explained }
+        }
+        None => Decision::Unexplained { free, explained },
+    };
     if let Some((free, left)) = left {
         share = explained / (explained + left);
         if share < EXPLAINED {
-            return Decision::Unexplained { free: best_free.unwrap_or(free), explained: share };
+            return instead(best_free.unwrap_or(free), share);
         }
     }
     // Planes of the frames' own compete too: an effect that is there takes them up.
@@ -144,19 +161,55 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     let of_planes = at_best / own_planes.max(f64::MIN_POSITIVE);
     if of_planes < FRAMES_EXPLAINED {
         let free = best_free.unwrap_or_else(|| free[0]);
-        return Decision::Unexplained { free, explained: of_planes };
+        return instead(free, of_planes);
     }
-    let indistinguishable = effects
-        .iter()
-        .copied()
-        .filter(|i| !stack.contains(i) && all[*i].gain() > 0.0)
+    let indistinguishable = indistinguishable(examination, first, &stack);
+    let beside = stack[1..].iter().map(|i| all[*i].name.clone()).collect();
+    Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes }
+}
+
+/// Effects by falling rank, without those that were rejected.
+fn ranked(examination: &Examination, effects: &[usize], rejected: &[String]) -> Vec<usize> {
+    let all = &examination.evidence;
+    let mut ranked: Vec<usize> = effects.iter().copied().filter(|i| !rejected.contains(&all[*i].name)).collect();
+    ranked.sort_by(|a, b| rank(examination, &all[*b]).total_cmp(&rank(examination, &all[*a])));
+    ranked
+}
+
+/// The first effect that is there whatever else is: beside every free function in `free` it keeps its gain, and its score is
+/// significant by its scatter from frame to frame, which holds whatever the residuals of a frame share.
+fn apart(examination: &Examination, ranked: &[usize], free: &[usize], least: f64) -> Option<usize> {
+    let (lin, all) = (&examination.linearization, &examination.evidence);
+    let least = least.max(WORTH_NAMING * examination.cost());
+    let tests = examination.tests as f64;
+    let mut free = free.to_vec();
+    free.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
+    let alone: Vec<(usize, Vec<f64>)> =
+        free.iter().take(MOST_BESIDE).map(|i| (all[*i].index, lin.held_out_gain(&[all[*i].index]))).collect();
+    ranked.iter().copied().find(|candidate| {
+        let effect = &all[*candidate];
+        let robust = |p: f64, level: f64| p * tests < level;
+        significant(effect.p_value, examination.tests, &effect.gains)
+            && merit(effect) > least
+            && robust(effect.score.clustered_p_value, LEVEL)
+            && alone.iter().all(|(free, gains)| {
+                let added = difference(&lin.held_out_gain(&[*free, effect.index]), gains);
+                let beside = lin.score_beside(effect.index, &[*free]).clustered_p_value;
+                added.iter().sum::<f64>() > KEPT * effect.gain() && t_of(&added) > STEADY && beside < LEVEL_BESIDE
+            })
+    })
+}
+
+/// Effects that these captures cannot tell from effect `first`, those of `stack` left out.
+fn indistinguishable(examination: &Examination, first: usize, stack: &[usize]) -> Vec<String> {
+    let (lin, all) = (&examination.linearization, &examination.evidence);
+    (0..all.len())
+        .filter(|i| all[*i].along.is_none() && !stack.contains(i) && all[*i].gain() > 0.0)
         .filter(|i| {
             let apart = difference(&all[first].gains, &all[*i].gains);
             let beside = lin.score_beside(all[first].index, &[all[*i].index]).p_value;
             t_of(&apart) < TOLD_APART && beside > LEVEL
         })
         .map(|i| all[i].name.clone())
-        .collect();
-    let beside = stack[1..].iter().map(|i| all[*i].name.clone()).collect();
-    Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes }
+        .collect()
 }

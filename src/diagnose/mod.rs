@@ -39,6 +39,9 @@ use probe::Along;
 pub const FREE_MAP: &str = "free_map";
 /// The forms of it that are tried: an offset of inverse depth alone, and with a scale.
 const MAPS: [&str; 2] = [FREE_MAP, "bspline@columns=6@rows=6"];
+/// Where the residuals follow rows or columns of the image alone, finer ones across.
+const ROWS: &str = "free_map@columns=4@rows=48";
+const COLUMNS: &str = "free_map@columns=64@rows=4";
 /// What is gained where noise is small must not cost more than this where it is large, per cent of the depth error.
 const MOST_LOSS_PERCENT: f64 = 0.5;
 /// Effects that bring nothing beside a model before the search ends.
@@ -48,7 +51,7 @@ const WORTH_SAYING: f64 = 0.01;
 /// Effects are added at most this often.
 const MOST_ROUNDS: usize = 6;
 /// An added effect has to bring at least this share of what the effects before it brought.
-const WORTH_A_STEP: f64 = 0.03;
+const WORTH_A_STEP: f64 = 0.06;
 /// Before any effect is in the model only frames that are off by this much are left out, mm: a missing effect may look like
 /// a smaller one.
 const GROSS_MM: f64 = 5.0;
@@ -202,7 +205,12 @@ impl Loop<'_> {
         p_value: f64,
     ) -> Result<Option<(Step, Calibrated, HeldOut)>, CalibrateError> {
         let mut best: Option<(&str, HeldOut, Calibrated)> = None;
-        for spec in MAPS {
+        let across = match found.along {
+            Some(Along::Row) => Some(ROWS),
+            Some(Along::Column) => Some(COLUMNS),
+            _ => None,
+        };
+        for spec in MAPS.into_iter().chain(across) {
             self.options.effects.push(spec.to_owned());
             let tried = self.fit().and_then(|fit| Ok((self.held_out(&fit)?, fit)));
             self.options.effects.pop();

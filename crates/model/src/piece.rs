@@ -83,6 +83,8 @@ pub enum ScanKind {
     TimeConstant,
     /// Value at which the effect is zero.
     Reference,
+    /// Distance between camera and projector, mm, of either sign.
+    Baseline,
 }
 
 /// What is known of an observation beside the chain's state. Constant under differentiation.

@@ -104,7 +104,7 @@ impl Register {
         register.add(|_| lens::FocusBreathing);
         register.add(|_| pixel::DepthRegistration);
         register.add(|_| depth::Projective);
-        register.add(|_| depth::ProjectorDistortion);
+        register.add(depth::ProjectorDistortion::with_options);
         register.add(depth::DisparityRipple::with_options);
         register.add(|_| depth::RangeOffset);
         register.add(|_| depth::QuadraticDepth);
@@ -141,6 +141,12 @@ impl Register {
         self.entries.retain(|(name, ..)| *name != M::NAME);
         let make: Make = Arc::new(move |options: &Options| Arc::new(make(options)));
         self.entries.push((M::NAME, HookKind::Depth, make));
+    }
+
+    /// The register without the piece of that name: to ask what a search does when it does not know an effect.
+    pub fn without(mut self, name: &str) -> Self {
+        self.entries.retain(|(n, ..)| *n != name);
+        self
     }
 
     /// All names, in the order of registration.

@@ -1,0 +1,53 @@
+//! A measured capture with an effect planted in its depth images that nobody declares: is it found on top of the camera's own?
+//!
+//! `cargo run --release --example planted -- DATASET [--effects cyclic_depth=4,temporal_drift=6,depth_registration=2]`
+//!
+//! Frames get times of 10 s each where the dataset has none, so that drifts have something to follow.
+
+use std::error::Error;
+use std::path::Path;
+
+use depthcal::calibrate::{CalibrateOptions, calibrate};
+use depthcal::capture::{CaptureOptions, load};
+use depthcal::diagnose::account;
+use depthcal::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::simulated;
+use depthcal_simulate::Effect;
+
+const DEFAULT: &str = "none,cyclic_depth=4,temporal_drift=6,depth_registration=3,range_offset=15,radial_range=8,\
+                       disparity_ripple=4,smooth_map=6,row_banding=6";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let dataset = arguments.next().ok_or("usage: planted DATASET [--effects NAME=SIZE,…]")?;
+    let effects = match (arguments.next().as_deref(), arguments.next()) {
+        (Some("--effects"), Some(list)) => list,
+        _ => DEFAULT.to_owned(),
+    };
+    let mut capture = load(Path::new(&dataset), &CaptureOptions::default())?.capture;
+    if capture.frames.iter().all(|f| f.time_s == 0.0) {
+        capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
+    }
+    let camera = calibrate(&capture, &CalibrateOptions::default())?.camera;
+    println!("| planted | rms of it, mm | added | said rms, mm | verdict | depth rms before, mm | after, mm |");
+    println!("|---|---|---|---|---|---|---|");
+    for text in effects.split(',') {
+        let effect = Effect::parse(text)?;
+        let (planted, rms_mm) = match &effect {
+            Some(effect) => simulated::planted(&capture, camera.pinhole(), effect)?,
+            None => (capture.clone(), 0.0),
+        };
+        let d = diagnose(&planted, None, &DiagnoseOptions::default())?;
+        println!("| {text} | {rms_mm:.2} | {}", row(&d));
+        eprintln!("{text}\n{}", account::text(&d));
+    }
+    Ok(())
+}
+
+fn row(d: &Diagnosis) -> String {
+    let names: Vec<&str> = d.steps.iter().map(|s| s.effects[0].as_str()).collect();
+    let sizes: Vec<String> = d.steps.iter().map(|s| format!("{:.2}", s.size_mm)).collect();
+    let mm = |h: &depthcal::diagnose::HeldOut| h.errors.depth_rms_mm.unwrap_or(f64::NAN);
+    let (before, after) = (mm(&d.before), mm(&d.after));
+    format!("{} | {} | {:?} | {before:.2} | {after:.2} |", names.join(", "), sizes.join(", "), d.verdict)
+}

@@ -1,0 +1,114 @@
+//! Does the loop find what is missing? Simulated captures with an undeclared effect at one, two and four times the size that
+//! they can just show, clean ones, ones with effects that the catalogue does not have, and two effects at once; one table
+//! each.
+//!
+//! `cargo run --release --example power_study -- --seeds 10 --level points`
+//!
+//! | option | |
+//! |---|---|
+//! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
+//! | `--what single,clean,heavy,bad,beyond,absent,pairs` | which tables |
+//! | `--effects a,b` | these effects only |
+//! | `--factors 1,2,4` | sizes, in units of the detectable size |
+//! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
+//!
+//! Every run is also a line on standard error, so that rows can be looked into.
+
+mod beyond;
+mod nothing;
+mod pairs;
+mod single;
+mod size;
+
+use std::error::Error;
+use std::time::Instant;
+
+use depthcal::capture::{CaptureOptions, load};
+use depthcal::diagnose::{DiagnoseOptions, Diagnosis, HeldOut, diagnose};
+use depthcal::observations::Capture;
+use depthcal::simulated;
+use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+
+/// Anything that can go wrong in a run: it is said, and the run is left out.
+type Failure = Box<dyn Error + Send + Sync>;
+
+/// What is studied.
+struct Study {
+    images: bool,
+    seeds: u64,
+    effects: Vec<String>,
+    factors: Vec<f64>,
+}
+
+/// A capture of the thesis' camera 1 with effects; the seed decides poses, noise and the shape of the effects.
+fn simulation(effects: &[Effect], seed: u64) -> Result<Simulation, Failure> {
+    Ok(Simulation::new(CameraTruth::published(1)?, Kind::General(1), effects, 100 + seed).unit(seed))
+}
+
+impl Study {
+    fn wants(&self, effect: &str) -> bool {
+        self.effects.is_empty() || self.effects.iter().any(|n| n == effect)
+    }
+
+    fn capture(&self, simulation: &Simulation) -> Result<Capture, Failure> {
+        if !self.images {
+            return Ok(simulated::capture(&simulation.observe_points(&PointOptions::default())?));
+        }
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("capture");
+        simulation.write_dataset(&path)?;
+        Ok(load(&path, &CaptureOptions { cache: None, ..CaptureOptions::default() })?.capture)
+    }
+
+    fn diagnose(&self, simulation: &Simulation) -> Result<Diagnosis, Failure> {
+        Ok(diagnose(&self.capture(simulation)?, None, &DiagnoseOptions::default())?)
+    }
+}
+
+/// The names of a diagnosis, in order.
+fn names(diagnosis: &Diagnosis) -> Vec<String> {
+    diagnosis.steps.iter().map(|s| s.effects[0].clone()).collect()
+}
+
+fn depth_rms_mm(held_out: &HeldOut) -> f64 {
+    held_out.errors.depth_rms_mm.unwrap_or(f64::NAN)
+}
+
+fn percent(n: usize, of: usize) -> String {
+    format!("{:.0} %", 100.0 * n as f64 / of.max(1) as f64)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let value = |key: &str, default: &str| -> String {
+        let at = arguments.iter().position(|a| a == key);
+        at.and_then(|i| arguments.get(i + 1)).cloned().unwrap_or_else(|| default.to_owned())
+    };
+    let list = |text: String| -> Vec<String> { text.split(',').filter(|t| !t.is_empty()).map(str::to_owned).collect() };
+    let study = Study {
+        images: value("--level", "points") == "images",
+        seeds: value("--seeds", "5").parse().unwrap_or(5),
+        effects: list(value("--effects", "")),
+        factors: list(value("--factors", "1,2,4")).iter().filter_map(|f| f.parse().ok()).collect(),
+    };
+    let start = Instant::now();
+    for what in list(value("--what", "single,clean,heavy,bad,beyond,absent,pairs")) {
+        match what.as_str() {
+            "single" => study.single(),
+            "clean" => study.clean(),
+            "heavy" => study.heavy_tails(),
+            "bad" => study.bad_frames(),
+            "beyond" => study.beyond(),
+            "absent" => study.absent(),
+            "pairs" => study.pairs(),
+            other => eprintln!("there is no table '{other}': single, clean, heavy, bad, beyond, absent, pairs"),
+        }
+    }
+    eprintln!("{:.0} s", start.elapsed().as_secs_f64());
+}
