@@ -117,7 +117,7 @@ fn planted_effects_are_found_on_top_of_the_cameras_own() {
     let capture = &mut loaded.capture;
     capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
     let pinhole = calibrate(capture, &CalibrateOptions::default()).unwrap().camera.pinhole();
-    for (name, size) in [("cyclic_depth", 4.0), ("temporal_drift", 6.0), ("depth_registration", 3.0)] {
+    for (name, size) in [("cyclic_depth", 4.0), ("temporal_drift", 6.0), ("depth_registration", 6.0)] {
         let (planted, _) = planted(capture, pinhole, &Effect::new(name, size).unwrap()).unwrap();
         let d = diagnose(&planted, None, &DiagnoseOptions::default()).unwrap();
         let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());

@@ -78,7 +78,7 @@ impl Study {
         let folds = DiagnoseOptions::default().folds;
         let oracle = cross_validate(&diagnosis.last.capture, folds, &told)?;
         let recovery = if diagnosis.last.camera.block(name).is_some() {
-            recovery(simulation, &diagnosis.last, truth)?
+            recovery(simulation, &diagnosis.last, truth, full_scale)?
         } else {
             None
         };

@@ -45,7 +45,13 @@ fn exact(simulation: &Simulation, effects: &[Effect]) -> Result<PointObservation
 }
 
 /// Compares the effect in a fit with the simulated one.
-pub fn recovery(simulation: &Simulation, fit: &Calibrated, truth: &EffectTruth) -> Result<Option<Recovery>, Failure> {
+/// Amplitudes of the fit are `full_scale` times the simulator's.
+pub fn recovery(
+    simulation: &Simulation,
+    fit: &Calibrated,
+    truth: &EffectTruth,
+    full_scale: f64,
+) -> Result<Option<Recovery>, Failure> {
     let Some(block) = fit.camera.block(&truth.name) else { return Ok(None) };
     let value = |key: &str| truth.parameters.get(key).copied().unwrap_or(f64::NAN);
     let ratio = |fitted: f64, truth: f64| {
@@ -60,7 +66,11 @@ pub fn recovery(simulation: &Simulation, fit: &Calibrated, truth: &EffectTruth) 
     let with = exact(simulation, &[Effect::new(&truth.name, truth.size)?])?;
     let without = exact(simulation, &[])?;
     let is_lens = block.hook() == HookKind::Lens;
-    Ok(Some(if is_lens { lens(fit, &truth.name, &with, &without)? } else { depth(fit, &truth.name, &with, &without)? }))
+    Ok(Some(if is_lens {
+        lens(fit, &truth.name, &with, &without)?
+    } else {
+        depth(fit, &truth.name, &with, &without, full_scale)?
+    }))
 }
 
 /// Heights over the markers; poses take up planes.
@@ -91,11 +101,13 @@ fn depth(
     name: &str,
     with: &PointObservations,
     without: &PointObservations,
+    full_scale: f64,
 ) -> Result<Recovery, Failure> {
     let block = fit.camera.block(name).ok_or("not fitted")?;
     let piece = block.piece().ok_or("no piece")?;
     let bare = fit.camera.filtered(|b| b.name() != name && b.name() != "projective");
-    let contexts = simulated::capture(with);
+    let mut contexts = simulated::capture(with);
+    contexts.frames.iter_mut().flat_map(|f| &mut f.samples).for_each(|s| s.context.amplitude *= full_scale);
     let mut states: Vec<[f64; 4]> = Vec::new();
     let mut at: Vec<Context> = Vec::new();
     let mut truth = Vec::new();

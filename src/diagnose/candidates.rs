@@ -26,6 +26,9 @@ pub struct Effect {
     constant: Option<&'static str>,
     /// Whether finer values between the best ones make sense.
     pub refine: bool,
+    /// Values that are tried once it is in the model, where they are more freedom than a first test should have; empty where
+    /// those about the value found are.
+    pub afterwards: Vec<f64>,
 }
 
 impl Effect {
@@ -59,7 +62,9 @@ pub fn missing_effects(register: &Register, camera: &Camera, sights: &Sights) ->
             let scan = piece.scan();
             let (values, refine) = scan.map_or((Vec::new(), false), |scan| scan_values(scan, sights));
             let constant = scan.map(|s| s.constant).filter(|_| !values.is_empty());
-            Some(Effect { name, values, constant, refine })
+            let is_baseline = scan.is_some_and(|s| s.kind == ScanKind::Baseline);
+            let afterwards = if is_baseline { BASELINES_MM.to_vec() } else { Vec::new() };
+            Some(Effect { name, values, constant, refine, afterwards })
         })
         .collect()
 }
@@ -87,7 +92,8 @@ fn scan_values(scan: Scan, sights: &Sights) -> (Vec<f64>, bool) {
             let (low, high) = (0.5 * range.low, 2.0 * range.high);
             ((0..REFERENCES).map(|i| low * (high / low).powf(i as f64 / (REFERENCES - 1) as f64)).collect(), true)
         }
-        ScanKind::Baseline => (BASELINES_MM.to_vec(), false),
+        // The shift is a correction to the effect, and would let it pass for others.
+        ScanKind::Baseline => (vec![0.0], false),
         ScanKind::Reference => (vec![round(range.middle)], false),
         ScanKind::TimeConstant => {
             let shares = [0.1, 0.2, 0.33, 0.5, 0.8, 1.3];

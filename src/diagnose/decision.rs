@@ -20,16 +20,18 @@ const EXPLAINED: f64 = 0.75;
 const STEADY: f64 = 1.2;
 /// Share of what planes of the frames' own explain that named effects have to explain.
 const FRAMES_EXPLAINED: f64 = 0.7;
+/// Standard deviations by which noise may make planes of the frames' own look larger than they are.
+const PLANES_SCATTER: f64 = 1.5;
 /// Paired difference of gains, over its standard error, that tells two effects apart.
 const TOLD_APART: f64 = 2.0;
 
 /// Beside each free function that explains something, an effect that is not a part of what that one explains keeps at least
-/// this share of its gain.
-const KEPT: f64 = 0.4;
+/// this share of its gain; or else the free function explains little more than the effect does.
+const KEPT: f64 = 0.25;
+/// Level of the test of such an effect by the frames' scatter, corrected for the number of effects.
+const LEVEL_BY_FRAMES: f64 = 0.03;
 /// Share of the residuals' squares that an effect has to explain to be named while something else is unexplained.
 const WORTH_NAMING: f64 = 0.01;
-/// Level of the test beside them, by the frames' scatter; the test of the effect alone is the strict one.
-const LEVEL_BESIDE: f64 = 0.05;
 /// Free functions, by falling merit, that it is put beside.
 const MOST_BESIDE: usize = 4;
 
@@ -157,8 +159,9 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     }
     // Planes of the frames' own compete too: an effect that is there takes them up.
     let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
-    let at_best = explained.max(statistic * 0.5);
-    let of_planes = at_best / own_planes.max(f64::MIN_POSITIVE);
+    // Half of χ² with three degrees of freedom per frame scatters by this.
+    let scatter = 0.5 * (6.0 * planes.len() as f64).sqrt();
+    let of_planes = 0.5 * statistic / (own_planes - PLANES_SCATTER * scatter).max(f64::MIN_POSITIVE);
     if of_planes < FRAMES_EXPLAINED {
         let free = best_free.unwrap_or_else(|| free[0]);
         return instead(free, of_planes);
@@ -176,26 +179,25 @@ fn ranked(examination: &Examination, effects: &[usize], rejected: &[String]) -> 
     ranked
 }
 
-/// The first effect that is there whatever else is: beside every free function in `free` it keeps its gain, and its score is
-/// significant by its scatter from frame to frame, which holds whatever the residuals of a frame share.
+/// The first effect that is there whatever else is: its score is significant by its scatter from frame to frame, which holds
+/// whatever the residuals of a frame share, and it is no mere part of what a free function explains.
 fn apart(examination: &Examination, ranked: &[usize], free: &[usize], least: f64) -> Option<usize> {
     let (lin, all) = (&examination.linearization, &examination.evidence);
     let least = least.max(WORTH_NAMING * examination.cost());
-    let tests = examination.tests as f64;
     let mut free = free.to_vec();
     free.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
-    let alone: Vec<(usize, Vec<f64>)> =
-        free.iter().take(MOST_BESIDE).map(|i| (all[*i].index, lin.held_out_gain(&[all[*i].index]))).collect();
+    let competitors: Vec<usize> = free.iter().take(MOST_BESIDE).map(|i| all[*i].index).collect();
+    let total = |candidates: &[usize]| lin.held_out_gain(candidates).iter().sum::<f64>();
+    let of_competitors: Vec<f64> = competitors.iter().map(|c| total(&[*c])).collect();
     ranked.iter().copied().find(|candidate| {
         let effect = &all[*candidate];
-        let robust = |p: f64, level: f64| p * tests < level;
+        let own = effect.gain();
         significant(effect.p_value, examination.tests, &effect.gains)
             && merit(effect) > least
-            && robust(effect.score.clustered_p_value, LEVEL)
-            && alone.iter().all(|(free, gains)| {
-                let added = difference(&lin.held_out_gain(&[*free, effect.index]), gains);
-                let beside = lin.score_beside(effect.index, &[*free]).clustered_p_value;
-                added.iter().sum::<f64>() > KEPT * effect.gain() && t_of(&added) > STEADY && beside < LEVEL_BESIDE
+            && effect.score.clustered_p_value * (examination.tests as f64) < LEVEL_BY_FRAMES
+            && competitors.iter().zip(&of_competitors).all(|(competitor, theirs)| {
+                let together = total(&[*competitor, effect.index]);
+                together - theirs > KEPT * own || (together - own) * EXPLAINED < own * (1.0 - EXPLAINED)
             })
     })
 }

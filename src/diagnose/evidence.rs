@@ -287,8 +287,11 @@ pub fn refined_spec(fit: &Calibrated, register: &Register, added: &Evidence) -> 
     let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != added.name), ..fit.clone() };
     let sights = Sights::of(fit);
     let effect = missing_effects(register, &without.camera, &sights).into_iter().find(|e| e.name == added.name)?;
-    let present = added.value.filter(|v| effect.refine && v.is_finite())?;
-    let values = around(present, &effect.values);
+    let values = if effect.afterwards.is_empty() {
+        around(added.value.filter(|v| effect.refine && v.is_finite())?, &effect.values)
+    } else {
+        effect.afterwards.clone()
+    };
     let entries: Vec<Entry> =
         values.iter().filter_map(|v| effect_entry(register, effect.name, effect.spec(Some(*v)))).collect();
     let linearization = linearize(&without, &entries).ok()?;
