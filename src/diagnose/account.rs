@@ -76,6 +76,11 @@ pub fn round(examination: &Examination, decision: &Decision) -> DiagnosisRound {
     let cost = examination.cost();
     let decision = match decision {
         Decision::Nothing => "nothing is left that these data show".to_owned(),
+        Decision::Add { effect, beside_unexplained: true, explained, .. } => format!(
+            "something is left of which named effects explain {:.0} % at most; {} holds beside every free function",
+            100.0 * explained,
+            examination.evidence[*effect].spec,
+        ),
         Decision::Add { effect, beside, explained, of_planes, .. } => format!(
             "{}{} explains {:.0} % of what it and any free function explain, {:.2} times what planes of the frames' own do",
             examination.evidence[*effect].spec,

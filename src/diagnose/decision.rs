@@ -52,6 +52,8 @@ pub enum Decision {
         explained: f64,
         /// What they explain over what planes of the frames' own explain.
         of_planes: f64,
+        /// Whether something else is left that no named effect explains: the effect holds beside it.
+        beside_unexplained: bool,
     },
     /// Something is left that no named effect explains.
     Unexplained {
@@ -143,11 +145,15 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
         })
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let mut share = 1.0;
+    // Planes of the frames' own compete too: an effect that is there takes them up.
+    let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
     let ranked = ranked(examination, &effects, rejected);
     let instead = |free: usize, explained: f64| match apart(examination, &ranked, &free_that_count, least) {
         Some(effect) => {
             let indistinguishable = indistinguishable(examination, effect, &[effect]);
-            Decision::Add { effect, beside: Vec::new(), indistinguishable, explained, of_planes: explained }
+            let of_planes = 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE);
+            let beside = Vec::new();
+            Decision::Add { effect, beside, indistinguishable, explained, of_planes, beside_unexplained: true }
         }
         None => Decision::Unexplained { free, explained },
     };
@@ -157,8 +163,6 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
             return instead(best_free.unwrap_or(free), share);
         }
     }
-    // Planes of the frames' own compete too: an effect that is there takes them up.
-    let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
     // Half of χ² with three degrees of freedom per frame scatters by this.
     let scatter = 0.5 * (6.0 * planes.len() as f64).sqrt();
     let of_planes = 0.5 * statistic / (own_planes - PLANES_SCATTER * scatter).max(f64::MIN_POSITIVE);
@@ -168,7 +172,7 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     }
     let indistinguishable = indistinguishable(examination, first, &stack);
     let beside = stack[1..].iter().map(|i| all[*i].name.clone()).collect();
-    Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes }
+    Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes, beside_unexplained: false }
 }
 
 /// Effects by falling rank, without those that were rejected.
