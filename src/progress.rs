@@ -16,34 +16,29 @@ pub struct Progress(ProgressBar);
 impl Progress {
     /// A bar for `total` steps.
     pub fn new(what: &'static str, total: usize) -> Self {
-        let bar = ALL.add(ProgressBar::new(total as u64));
-        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} {eta}") {
-            bar.set_style(style);
-        }
-        bar.set_message(what);
-        Self(bar)
+        Self::styled(what, ProgressBar::new(total as u64), "{msg} {bar:30} {pos}/{len} {eta}")
     }
 
     /// The same where nobody knows how many there are.
     pub fn endless(what: &'static str) -> Self {
-        let bar = ALL.add(ProgressBar::no_length());
-        if let Ok(style) = ProgressStyle::with_template("{msg} {spinner} {pos} ({per_sec})") {
-            bar.set_style(style);
-        }
-        bar.set_message(what);
-        Self(bar)
+        Self::styled(what, ProgressBar::no_length(), "{msg} {spinner} {pos} ({per_sec})")
     }
 
     /// For a job whose steps nobody can count beforehand: says that it is at work and for how long.
     pub fn busy(what: &'static str) -> Self {
-        let bar = ALL.add(ProgressBar::new_spinner());
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+        let progress = Self::styled(what, ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}");
+        if !progress.0.is_hidden() {
+            progress.0.enable_steady_tick(Duration::from_millis(200));
+        }
+        progress
+    }
+
+    fn styled(what: &'static str, bar: ProgressBar, template: &str) -> Self {
+        let bar = ALL.add(bar);
+        if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
         bar.set_message(what);
-        if !bar.is_hidden() {
-            bar.enable_steady_tick(Duration::from_millis(200));
-        }
         Self(bar)
     }
 

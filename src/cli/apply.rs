@@ -412,6 +412,6 @@ fn images_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure
     Ok(found)
 }
 
-fn stem(path: &Path) -> String {
+pub(super) fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -12,6 +12,7 @@ use std::time::SystemTime;
 use depthcal_io::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
+use super::apply::stem;
 use super::common::{Failure, input};
 
 const FILE: &str = ".depthcal-apply.json";
@@ -56,7 +57,7 @@ impl Resume {
     /// Whether the interrupted run has completed a frame, whose results are `outputs`, as the present one would.
     pub(super) fn is_done(&self, depth: &Path, outputs: &[PathBuf]) -> bool {
         let Some(before) = &self.before else { return false };
-        let stem = depth.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = stem(depth);
         let same = before.version == self.now.version
             && before.calibration == self.now.calibration
             && before.frames.contains_key(&stem)

@@ -95,13 +95,12 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_some()).collect();
     let least = least_share * examination.cost();
     let is_significant = |e: &Evidence, tests: usize| significant(e.p_value, tests, &e.gains) && merit(e) > least;
-    let free_that_count: Vec<usize> = free.iter().copied().filter(|i| is_significant(&all[*i], free_count)).collect();
-    let best_free = free_that_count.iter().copied().max_by(|a, b| merit(&all[*a]).total_cmp(&merit(&all[*b])));
-    let named = effects
-        .iter()
-        .copied()
-        .filter(|i| is_significant(&all[*i], examination.tests) && !rejected.contains(&all[*i].name))
-        .max_by(|a, b| rank(examination, &all[*a]).total_cmp(&rank(examination, &all[*b])));
+    let mut free_that_count: Vec<usize> =
+        free.iter().copied().filter(|i| is_significant(&all[*i], free_count)).collect();
+    free_that_count.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
+    let best_free = free_that_count.first().copied();
+    let ranked = ranked(examination, &effects, rejected);
+    let named = ranked.iter().copied().find(|i| is_significant(&all[*i], examination.tests));
     let Some(first) = named else {
         return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained { free, explained: 0.0 });
     };
@@ -147,7 +146,6 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     let mut share = 1.0;
     // Planes of the frames' own compete too: an effect that is there takes them up.
     let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
-    let ranked = ranked(examination, &effects, rejected);
     let instead = |free: usize, explained: f64| match apart(examination, &ranked, &free_that_count, least) {
         Some(effect) => {
             let indistinguishable = indistinguishable(examination, effect, &[effect]);
@@ -184,24 +182,21 @@ fn ranked(examination: &Examination, effects: &[usize], rejected: &[String]) -> 
 }
 
 /// The first effect that is there whatever else is: its score is significant by its scatter from frame to frame, which holds
-/// whatever the residuals of a frame share, and it is no mere part of what a free function explains.
+/// whatever the residuals of a frame share, and it is no mere part of what a free function explains (`free`, by falling
+/// merit).
 fn apart(examination: &Examination, ranked: &[usize], free: &[usize], least: f64) -> Option<usize> {
     let (lin, all) = (&examination.linearization, &examination.evidence);
     let least = least.max(WORTH_NAMING * examination.cost());
-    let mut free = free.to_vec();
-    free.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
-    let competitors: Vec<usize> = free.iter().take(MOST_BESIDE).map(|i| all[*i].index).collect();
-    let total = |candidates: &[usize]| lin.held_out_gain(candidates).iter().sum::<f64>();
-    let of_competitors: Vec<f64> = competitors.iter().map(|c| total(&[*c])).collect();
+    let competitors = &free[..free.len().min(MOST_BESIDE)];
     ranked.iter().copied().find(|candidate| {
         let effect = &all[*candidate];
         let own = effect.gain();
         significant(effect.p_value, examination.tests, &effect.gains)
             && merit(effect) > least
             && effect.score.clustered_p_value * (examination.tests as f64) < LEVEL_BY_FRAMES
-            && competitors.iter().zip(&of_competitors).all(|(competitor, theirs)| {
-                let together = total(&[*competitor, effect.index]);
-                together - theirs > KEPT * own || (together - own) * EXPLAINED < own * (1.0 - EXPLAINED)
+            && competitors.iter().map(|i| &all[*i]).all(|competitor| {
+                let together: f64 = lin.held_out_gain(&[competitor.index, effect.index]).iter().sum();
+                together - competitor.gain() > KEPT * own || (together - own) * EXPLAINED < own * (1.0 - EXPLAINED)
             })
     })
 }

@@ -15,48 +15,55 @@ pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
 }
 
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
-    let damaged = |message: String| ImageError::Damaged { path: path.to_owned(), format: "JPEG", message };
-    if is_cut_off(bytes) {
-        return Err(damaged("the end is missing".into()));
-    }
     // The luma that the file holds is what detection needs; converting to RGB and back would only add rounding.
-    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::Luma);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(|error| damaged(error.to_string()))?;
-    let (width, height) = decoder.dimensions().ok_or_else(|| damaged("it has no size".into()))?;
-    let count = pixels(path, width, height)?;
-    let values = decoder.decode().map_err(|error| damaged(error.to_string()))?;
-    let data: Vec<u16> = match values.len() / count {
-        1 => values.into_iter().map(u16::from).collect(),
-        3 => values.chunks_exact(3).map(|p| luma([p[0], p[1], p[2]].map(u16::from))).collect(),
-        channels => return Err(damaged(format!("it has {channels} channels, which is not supported"))),
-    };
-    if data.len() != count {
-        return Err(damaged("it has fewer pixels than it says".into()));
-    }
+    let ([width, height], data) = decode_as(
+        path,
+        bytes,
+        ColorSpace::Luma,
+        |values| values.into_iter().map(u16::from).collect(),
+        |values| values.chunks_exact(3).map(|p| luma([p[0], p[1], p[2]].map(u16::from))).collect(),
+    )?;
     Ok(GrayImage { width, height, data, bits: 8 })
 }
 
 pub(crate) fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, ImageError> {
+    let ([width, height], data) = decode_as(
+        path,
+        bytes,
+        ColorSpace::RGB,
+        |values| values.into_iter().map(|v| [v; 3]).collect(),
+        |values| values.as_chunks().0.to_vec(),
+    )?;
+    Ok(RgbImage { width, height, data })
+}
+
+/// Size and pixels, decoded to `colours`; files may nevertheless give one channel or three.
+fn decode_as<P>(
+    path: &Path,
+    bytes: &[u8],
+    colours: ColorSpace,
+    from_one: impl Fn(Vec<u8>) -> Vec<P>,
+    from_three: impl Fn(Vec<u8>) -> Vec<P>,
+) -> Result<([usize; 2], Vec<P>), ImageError> {
     let damaged = |message: String| ImageError::Damaged { path: path.to_owned(), format: "JPEG", message };
     if is_cut_off(bytes) {
         return Err(damaged("the end is missing".into()));
     }
-    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGB);
+    let options = DecoderOptions::default().jpeg_set_out_colorspace(colours);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(|error| damaged(error.to_string()))?;
     let (width, height) = decoder.dimensions().ok_or_else(|| damaged("it has no size".into()))?;
     let count = pixels(path, width, height)?;
     let values = decoder.decode().map_err(|error| damaged(error.to_string()))?;
-    let data: Vec<[u8; 3]> = match values.len() / count {
-        1 => values.into_iter().map(|v| [v; 3]).collect(),
-        3 => values.as_chunks().0.to_vec(),
+    let data = match values.len() / count {
+        1 => from_one(values),
+        3 => from_three(values),
         channels => return Err(damaged(format!("it has {channels} channels, which is not supported"))),
     };
     if data.len() != count {
         return Err(damaged("it has fewer pixels than it says".into()));
     }
-    Ok(RgbImage { width, height, data })
+    Ok(([width, height], data))
 }
 
 /// Whether the last scan has no end mark. Decoders fill what is missing with grey and say nothing.

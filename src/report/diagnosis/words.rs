@@ -220,7 +220,9 @@ fn sure(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
         .filter_map(|s| s.effects.first().cloned())
         .collect();
     if !unsure.is_empty() {
-        text += &format!(" What {} brings may be chance: its interval holds zero.", join(&unsure));
+        let (brings, its) =
+            if unsure.len() == 1 { ("brings", "its interval holds") } else { ("bring", "their intervals hold") };
+        text += &format!(" What {} {brings} may be chance: {its} zero.", join(&unsure));
     }
     if let Some(least) = smallest(d) {
         text += &format!(" {least}");

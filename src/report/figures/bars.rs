@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, axis, plain, short};
+use super::{AFTER, BEFORE, Figure, axis, plain, short, whiskers};
 use crate::report::pool::Pool;
 use crate::report::statistics::{Change, Estimate};
 use crate::report::{ReportInput, Role};
@@ -14,11 +14,10 @@ fn bar(name: &str, colour: &str, labels: &[String], values: &[Estimate], hatched
         "name": name,
         "x": labels,
         "y": values.iter().map(|e| short(e.value)).collect::<Value>(),
-        "error_y": {
-            "type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
-            "array": values.iter().map(|e| interval(e, e.high)).collect::<Value>(),
-            "arrayminus": values.iter().map(|e| interval(e, e.low)).collect::<Value>(),
-        },
+        "error_y": whiskers(
+            values.iter().map(|e| interval(e, e.high)).collect(),
+            values.iter().map(|e| interval(e, e.low)).collect(),
+        ),
         "marker": {"color": colour, "pattern": {"shape": if hatched { "/" } else { "" }, "solidity": 0.25}},
         "hovertemplate": "%{x}: %{y:.3~g} mm<extra>%{fullData.name}</extra>",
     })

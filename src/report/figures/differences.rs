@@ -80,6 +80,16 @@ struct Series<'a> {
     group: usize,
 }
 
+fn as_measured(rasters: Vec<Option<(Raster, bool)>>) -> Series<'static> {
+    Series {
+        id: "difference-before",
+        title: "As measured",
+        caption: "Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth.",
+        rasters,
+        group: 0,
+    }
+}
+
 fn values(r: &(Raster, bool)) -> &[f64] {
     if r.1 { &r.0.after } else { &r.0.before }
 }
@@ -141,13 +151,7 @@ pub(in crate::report) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
     let labels: Vec<(String, String)> = pool.frames.iter().map(|f| (label(f, many), note(f))).collect();
     let side = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
     let series = vec![
-        Series {
-            id: "difference-before",
-            title: "As measured",
-            caption: "Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth.",
-            rasters: side(false),
-            group: 0,
-        },
+        as_measured(side(false)),
         Series {
             id: "difference-after",
             title: "Corrected",
@@ -177,13 +181,7 @@ pub(in crate::report) fn differences_by_model(input: &ReportInput<'_>, d: &Repor
     let cells = (CELLS / pool.frames.len()).clamp(60, CELLS_PER_FRAME);
     let of = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
     let series = vec![
-        Series {
-            id: "difference-before",
-            title: "As measured",
-            caption: "Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth.",
-            rasters: of(false),
-            group: 0,
-        },
+        as_measured(of(false)),
         Series {
             id: "difference-declared",
             title: "Corrected by the declared model",

@@ -133,6 +133,11 @@ impl Figure {
     }
 }
 
+/// Whiskers that reach by `above` and `below` beyond their values.
+pub(super) fn whiskers(above: Value, below: Value) -> Value {
+    json!({"type": "data", "symmetric": false, "thickness": 1.5, "width": 4, "array": above, "arrayminus": below})
+}
+
 /// A number with a few significant digits, to keep the file small; null where there is none.
 pub(super) fn short(value: f64) -> Value {
     if !value.is_finite() {

@@ -3,7 +3,7 @@
 use depthcal_io::{Comparison, Errors, ModelComparison};
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, Variant, colour_bar, diverging, plain, rounded, short, shorts};
+use super::{AFTER, Figure, NEUTRAL, Variant, colour_bar, diverging, plain, rounded, short, shorts, whiskers};
 use crate::calibrate::Calibrated;
 use crate::report::html::{count, fixed, number};
 use crate::report::statistics::quantile;
@@ -35,8 +35,7 @@ pub(in crate::report) fn model_ranking(c: &Comparison) -> Figure {
                 note: format!("{kind}, mm, on data that the fits did not see; whiskers: 95 % intervals."),
                 trace: json!({
                     "x": each(|i| i.mean),
-                    "error_x": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
-                                "array": each(|i| i.high - i.mean), "arrayminus": each(|i| i.mean - i.low)},
+                    "error_x": whiskers(each(|i| i.high - i.mean), each(|i| i.mean - i.low)),
                     "text": errors.iter().map(|e| e.map_or_else(|| "–".to_owned(), |i| fixed(i.mean, 2))).collect::<Value>(),
                 }),
             }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, NEUTRAL, plain, short};
+use super::{AFTER, BEFORE, Figure, NEUTRAL, plain, short, whiskers};
 use crate::report::ReportInput;
 use crate::report::diagnosis::{ReportDiagnosis, last};
 use crate::report::html::{fixed, number};
@@ -18,18 +18,18 @@ struct Stage {
 
 fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
     let (declared, now) = (d.declared().depth_rms()?, last(input).depth_rms()?);
-    let whiskers = |e: &crate::report::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
+    let interval = |e: &crate::report::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
     let mut list = vec![
         Stage {
             label: "as measured".to_owned(),
             value: now.before.value,
-            interval: whiskers(&now.before),
+            interval: interval(&now.before),
             colour: BEFORE,
         },
         Stage {
             label: format!("model:<br>{}", plain(&d.account.model)),
             value: declared.after.value,
-            interval: whiskers(&declared.after),
+            interval: interval(&declared.after),
             colour: NEUTRAL,
         },
     ];
@@ -41,7 +41,7 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
         list.push(Stage {
             label: format!("+ {}", plain(name).replace('_', "_<br>")),
             value: value?,
-            interval: if is_last { whiskers(&now.after) } else { None },
+            interval: if is_last { interval(&now.after) } else { None },
             colour: AFTER,
         });
     }
@@ -61,15 +61,16 @@ pub(in crate::report) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis
     });
     // A trace of their own: a bar without interval would get a whisker of no length.
     let known: Vec<(&Stage, [f64; 2])> = list.iter().filter_map(|s| Some((s, s.interval?))).collect();
-    let whiskers = json!({
+    let intervals = json!({
         "type": "scatter", "mode": "markers", "hoverinfo": "skip", "marker": {"size": 1, "opacity": 0},
         "x": known.iter().map(|s| label(s.0)).collect::<Value>(),
         "y": known.iter().map(|s| short(s.0.value)).collect::<Value>(),
-        "error_y": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
-                    "array": known.iter().map(|s| short(s.1[1] - s.0.value)).collect::<Value>(),
-                    "arrayminus": known.iter().map(|s| short(s.0.value - s.1[0])).collect::<Value>()},
+        "error_y": whiskers(
+            known.iter().map(|s| short(s.1[1] - s.0.value)).collect(),
+            known.iter().map(|s| short(s.0.value - s.1[0])).collect(),
+        ),
     });
-    let data = vec![bars, whiskers];
+    let data = vec![bars, intervals];
     let layout = json!({
         "xaxis": {"type": "category", "tickangle": 0}, "bargap": 0.25, "showlegend": false,
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
@@ -95,9 +96,10 @@ pub(in crate::report) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
         "type": "bar", "orientation": "h",
         "y": list.iter().map(|s| s.0.clone()).collect::<Value>(),
         "x": list.iter().map(|s| short(s.1.value)).collect::<Value>(),
-        "error_x": {"type": "data", "symmetric": false, "thickness": 1.5, "width": 4,
-                    "array": list.iter().map(|s| short(s.1.high - s.1.value)).collect::<Value>(),
-                    "arrayminus": list.iter().map(|s| short(s.1.value - s.1.low)).collect::<Value>()},
+        "error_x": whiskers(
+            list.iter().map(|s| short(s.1.high - s.1.value)).collect(),
+            list.iter().map(|s| short(s.1.value - s.1.low)).collect(),
+        ),
         "marker": {"color": list.iter().map(|s| if s.1.low > 0.0 { AFTER } else { NEUTRAL }).collect::<Value>()},
         "hovertemplate": "%{y}: %{x:.1f} %<extra></extra>",
     });
