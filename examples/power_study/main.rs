@@ -40,9 +40,11 @@ struct Study {
     factors: Vec<f64>,
 }
 
-/// A capture of the thesis' camera 1 with effects; the seed decides poses, noise and the shape of the effects.
+/// A capture with effects by one of the thesis' four cameras; the seed decides which, and poses, noise and the shape of the
+/// effects.
 fn simulation(effects: &[Effect], seed: u64) -> Result<Simulation, Failure> {
-    Ok(Simulation::new(CameraTruth::published(1)?, Kind::General(1), effects, 100 + seed).unit(seed))
+    let camera = CameraTruth::published(1 + (seed % 4) as usize)?;
+    Ok(Simulation::new(camera, Kind::General(1), effects, 100 + seed).unit(seed))
 }
 
 impl Study {

@@ -28,7 +28,8 @@ impl Study {
                     let run = || -> Result<_, Failure> {
                         let effect = |name| Ok::<_, Failure>(Effect::new(name, 4.0 * detectable_size(name, seed)?)?);
                         let d = self.diagnose(&simulation(&[effect(a)?, effect(b)?], seed)?)?;
-                        eprintln!("{a} and {b} {seed}: {:?} {:?}", d.verdict, names(&d));
+                        let decisions: Vec<&str> = d.rounds.iter().map(|r| r.decision.as_str()).collect();
+                        eprintln!("{a} and {b} {seed}: {:?} {:?} {decisions:#?}", d.verdict, names(&d));
                         Ok(names(&d))
                     };
                     run().inspect_err(|e| eprintln!("{a} and {b} seed {seed}: {e}")).ok()

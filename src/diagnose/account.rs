@@ -84,7 +84,7 @@ pub fn round(examination: &Examination, decision: &Decision) -> DiagnosisRound {
         Decision::Add { effect, beside, explained, of_planes, .. } => format!(
             "{}{} explains {:.0} % of what it and any free function explain, {:.2} times what planes of the frames' own do",
             examination.evidence[*effect].spec,
-            if beside.is_empty() { String::new() } else { format!(" with {}", beside.join(", ")) },
+            if beside.is_empty() { String::new() } else { format!(" with {}", names(examination, beside).join(", ")) },
             100.0 * explained,
             of_planes.min(1e3)
         ),
@@ -99,6 +99,11 @@ pub fn round(examination: &Examination, decision: &Decision) -> DiagnosisRound {
         free: examination.probes().map(|e| candidate(e, cost)).collect(),
         decision,
     }
+}
+
+/// Names of candidates.
+pub fn names(examination: &Examination, places: &[usize]) -> Vec<String> {
+    places.iter().map(|i| examination.evidence[*i].name.clone()).collect()
 }
 
 /// Adds to the last round why its effect was not added.

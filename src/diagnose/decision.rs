@@ -9,11 +9,8 @@
 
 use super::evidence::{Evidence, Examination, LEVEL, t_of};
 use super::frames::FramePlane;
+use super::together::{Together, added, beside};
 
-/// Named effects that explain together are sought up to this number.
-const MOST_TOGETHER: usize = 3;
-/// Further effects count when they add at least this share of what the first explains.
-const WORTH: f64 = 0.1;
 /// Share of the explicable that named effects have to explain.
 const EXPLAINED: f64 = 0.75;
 /// Mean gain over its standard error below which the gain may be one frame's accident.
@@ -44,8 +41,8 @@ pub enum Decision {
     Add {
         /// Its place in [`Examination::evidence`].
         effect: usize,
-        /// Further effects that explain what it leaves, by name.
-        beside: Vec<String>,
+        /// Further effects that explain what it leaves: their places.
+        beside: Vec<usize>,
         /// Effects that these captures cannot tell from it.
         indistinguishable: Vec<String>,
         /// Share that these effects together explain of what they and any free function explain.
@@ -72,12 +69,14 @@ pub fn merit(evidence: &Evidence) -> f64 {
 
 /// What a candidate is worth beside others: the simpler wins unless the other explains more than its parameters do by
 /// chance (Schwarz 1978, with frames as observations).
-fn rank(examination: &Examination, evidence: &Evidence) -> f64 {
+pub(super) fn rank(examination: &Examination, effect: usize) -> f64 {
+    let evidence = &examination.evidence[effect];
     let frames = examination.linearization.cluster_count().max(2) as f64;
     merit(evidence) - evidence.score.rank as f64 * (frames.ln() - 1.0)
 }
 
-fn significant(p_value: f64, tests: usize, gains: &[f64]) -> bool {
+/// Whether a candidate counts: by its p-value, corrected for the number of `tests`, and on more than one frame.
+pub(super) fn significant(p_value: f64, tests: usize, gains: &[f64]) -> bool {
     p_value * (tests as f64) < LEVEL && gains.iter().sum::<f64>() > 0.0 && t_of(gains) > STEADY
 }
 
@@ -88,7 +87,6 @@ fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
 /// Decides on an examination and the frames' own planes beside the same model. What explains less than `least_share` of the
 /// residuals' squares is let be, and the effects `rejected` are not proposed again.
 pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64, rejected: &[String]) -> Decision {
-    let lin = &examination.linearization;
     let all = &examination.evidence;
     let free_count = examination.probes().count();
     let effects: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_none()).collect();
@@ -104,42 +102,19 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     let Some(first) = named else {
         return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained { free, explained: 0.0 });
     };
-    // Effects that explain together, greedily.
-    let mut stack = vec![first];
-    let mut gains = all[first].gains.clone();
-    let mut statistic = all[first].score.statistic;
-    let of = |stack: &[usize]| -> Vec<usize> { stack.iter().map(|i| all[*i].index).collect() };
-    let extended = |stack: &[usize], more: usize| -> Vec<usize> {
-        stack.iter().map(|i| all[*i].index).chain(std::iter::once(all[more].index)).collect()
-    };
-    while stack.len() < MOST_TOGETHER {
-        let next = effects
-            .iter()
-            .copied()
-            .filter(|i| !stack.contains(i))
-            .map(|i| (i, lin.held_out_gain(&extended(&stack, i))))
-            .max_by(|a, b| a.1.iter().sum::<f64>().total_cmp(&b.1.iter().sum::<f64>()));
-        let Some((next, together)) = next else { break };
-        let added = difference(&together, &gains);
-        let score = lin.score_beside(all[next].index, &of(&stack));
-        let p_value = score.p_value;
-        let worth = added.iter().sum::<f64>() > WORTH * gains.iter().sum::<f64>();
-        if !worth || !significant(p_value, examination.tests, &added) {
-            break;
-        }
-        stack.push(next);
-        statistic += score.statistic;
-        gains = together;
-    }
+    let mut together = Together::explain(examination, &effects, first);
+    // What was tried and brought nothing is added at most beside another.
+    let untried = together.members.iter().position(|i| !rejected.contains(&all[*i].name));
+    together.members[..=untried.unwrap_or(0)].rotate_right(1);
+    let first = together.members[0];
     // What free functions explain beside them.
-    let explained: f64 = gains.iter().sum();
+    let explained = together.explained();
     let left = free
         .iter()
         .copied()
         .map(|i| {
-            let added = difference(&lin.held_out_gain(&extended(&stack, i)), &gains);
-            let p_value = lin.score_beside(all[i].index, &of(&stack)).p_value;
-            let counts = significant(p_value, free_count, &added);
+            let added = added(examination, i, &together.members, &together.gains);
+            let counts = significant(beside(examination, i, &together.members).1, free_count, &added);
             (i, if counts { added.iter().sum::<f64>() } else { 0.0 })
         })
         .max_by(|a, b| a.1.total_cmp(&b.1));
@@ -163,13 +138,13 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
     }
     // Half of χ² with three degrees of freedom per frame scatters by this.
     let scatter = 0.5 * (6.0 * planes.len() as f64).sqrt();
-    let of_planes = 0.5 * statistic / (own_planes - PLANES_SCATTER * scatter).max(f64::MIN_POSITIVE);
+    let of_planes = 0.5 * together.statistic / (own_planes - PLANES_SCATTER * scatter).max(f64::MIN_POSITIVE);
     if of_planes < FRAMES_EXPLAINED {
         let free = best_free.unwrap_or_else(|| free[0]);
         return instead(free, of_planes);
     }
-    let indistinguishable = indistinguishable(examination, first, &stack);
-    let beside = stack[1..].iter().map(|i| all[*i].name.clone()).collect();
+    let indistinguishable = indistinguishable(examination, first, &together.members);
+    let beside = together.members[1..].to_vec();
     Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes, beside_unexplained: false }
 }
 
@@ -177,7 +152,7 @@ pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64
 fn ranked(examination: &Examination, effects: &[usize], rejected: &[String]) -> Vec<usize> {
     let all = &examination.evidence;
     let mut ranked: Vec<usize> = effects.iter().copied().filter(|i| !rejected.contains(&all[*i].name)).collect();
-    ranked.sort_by(|a, b| rank(examination, &all[*b]).total_cmp(&rank(examination, &all[*a])));
+    ranked.sort_by(|a, b| rank(examination, *b).total_cmp(&rank(examination, *a)));
     ranked
 }
 

@@ -281,9 +281,19 @@ fn reduced_spec(linearization: &Linearization, index: usize, entry: &Entry, scor
     })
 }
 
-/// A better value of an added effect's constant, searched beside everything that was fitted with the first one; `None`
-/// where it has no constant that is searched.
-pub fn refined_spec(fit: &Calibrated, register: &Register, added: &Evidence) -> Option<String> {
+/// Score test and gains on left-out frames of an effect, with the constants that its spec has; `None` where it cannot be
+/// linearised.
+pub(super) fn weigh_alone(fit: &Calibrated, register: &Register, spec: &str) -> Option<(Score, Vec<f64>)> {
+    let linearization = linearize(fit, &[effect_entry(register, spec, spec.to_owned())?]).ok()?;
+    Some((linearization.score(0), linearization.held_out_gain(&[0])))
+}
+
+/// An added effect with a better value of its constant, searched beside everything that was fitted with the one it has;
+/// `None` where it has no constant that is searched, has the best one, or has parameters held.
+pub(super) fn refined(fit: &Calibrated, register: &Register, added: &Evidence) -> Option<Evidence> {
+    if added.reduced.as_ref() == Some(&added.spec) {
+        return None;
+    }
     let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != added.name), ..fit.clone() };
     let sights = Sights::of(fit);
     let effect = missing_effects(register, &without.camera, &sights).into_iter().find(|e| e.name == added.name)?;
@@ -292,13 +302,13 @@ pub fn refined_spec(fit: &Calibrated, register: &Register, added: &Evidence) -> 
     } else {
         effect.afterwards.clone()
     };
-    let entries: Vec<Entry> =
-        values.iter().filter_map(|v| effect_entry(register, effect.name, effect.spec(Some(*v)))).collect();
+    let with_spec = |v: &f64| Some((*v, effect_entry(register, effect.name, effect.spec(Some(*v)))?));
+    let (values, entries): (Vec<f64>, Vec<Entry>) = values.iter().filter_map(with_spec).unzip();
     let linearization = linearize(&without, &entries).ok()?;
     let best = (0..entries.len())
         .max_by(|a, b| linearization.score(*a).statistic.total_cmp(&linearization.score(*b).statistic))?;
     let spec = entries[best].spec.clone();
-    (spec != added.spec).then_some(spec)
+    (spec != added.spec).then(|| Evidence { spec, value: Some(values[best]), ..added.clone() })
 }
 
 /// Directions that the minimal detectable size of an effect with several parameters is a median over.
