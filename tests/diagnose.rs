@@ -71,6 +71,18 @@ fn two_effects_are_both_named() {
     assert_eq!(d.verdict, Verdict::Effect);
 }
 
+/// Beside the declared model alone a third effect explains more than either of these: no name stays that the two make
+/// needless.
+#[test]
+fn what_resembles_two_effects_is_not_named() {
+    for seed in [0, 1] {
+        let d = run(&simulation(&[("board_bow", 0.25), ("reflectivity_bias", 1.5)], seed));
+        let mut found = names(&d);
+        found.sort_unstable();
+        assert_eq!(found, ["board_bow", "reflectivity_bias"], "seed {seed}: {:?}", d.rounds);
+    }
+}
+
 #[test]
 fn nothing_is_named_where_nothing_is_missing() {
     let verdicts: Vec<(Verdict, Vec<String>)> = (0..10_u64)

@@ -316,3 +316,43 @@ fn improves(before: &HeldOut, after: &HeldOut, noise: &DepthNoise) -> bool {
     });
     depth + image > LEAST_GAIN_PERCENT && !loses
 }
+
+#[cfg(test)]
+mod tests {
+    use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+
+    use super::super::evidence::examine;
+    use super::*;
+    use crate::simulated;
+
+    #[test]
+    fn needless_effects_are_taken_out_and_the_others_kept() {
+        let effect = Effect::new("cyclic_depth", 4.0).unwrap();
+        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[effect], 5);
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        let declared = CalibrateOptions::default();
+        let mut trial = Trial { capture, verify: None, declared, folds: 5, added: Vec::new(), map: None };
+        let first = trial.fitted(&trial.present()).unwrap();
+        let examination = examine(&first.fit, &trial.declared.register).unwrap();
+        let found = |name: &str| {
+            let evidence = examination.effects().find(|e| e.name == name).unwrap().clone();
+            let effects = vec![name.to_owned()];
+            Added { evidence, effects, indistinguishable: Vec::new(), p_value: 0.0, after: first.held_out.clone() }
+        };
+        for name in ["incidence_bias", "cyclic_depth", "radial_range"] {
+            trial.add_one(found(name)).unwrap();
+        }
+        let mut present = trial.fitted(&trial.present()).unwrap();
+        // The last one was added just now: the loop has tested that.
+        let out = trial.take_out_needless(&mut present, examination.tests).unwrap();
+        assert_eq!(out, ["incidence_bias"]);
+        let names: Vec<&str> = trial.added.iter().map(|a| a.evidence.name.as_str()).collect();
+        assert_eq!(names, ["cyclic_depth", "radial_range"]);
+        // Every step goes on where the one before ended, on the models that are left.
+        let steps = trial.steps(&first.held_out, &present.fit);
+        assert_eq!(steps[0].before, first.held_out.errors);
+        assert_eq!(steps[1].before, steps[0].after);
+        assert_eq!(steps[1].after, present.held_out.errors);
+        assert!(steps[0].after.depth_rms_mm < steps[0].before.depth_rms_mm);
+    }
+}
