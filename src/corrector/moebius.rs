@@ -9,7 +9,7 @@
 
 use rayon::prelude::*;
 
-use super::simd::{Isa, LANES};
+use super::simd::Isa;
 
 /// A 2×2 matrix [A, B, C, D]: z ↦ (A z + B) / (C z + D).
 pub(super) type Matrix = [f64; 4];
@@ -28,7 +28,7 @@ pub(super) fn coefficients([a, b, c, d]: Matrix) -> [f64; 3] {
 
 /// 1 − r z below this is mostly rounding: f32 cannot tell on which side of the pole, where depth goes to infinity, it lies.
 /// f64 is asked then.
-const NEAREST_POLE: f32 = 1e-6;
+pub(super) const NEAREST_POLE: f32 = 1e-6;
 
 /// With these every depth lies beyond the pole: 1 − r z < 0; and without the pole z = 0.
 const NO_INVERSE: [f64; 3] = [-1.0, 0.0, 1e30];
@@ -148,14 +148,41 @@ fn affine_in_ray(all: &[[f64; 3]], rays: &[[f64; 2]]) -> Option<[f32; 3]> {
     (!pixels().any(misses)).then_some([d.x as f32, d.y as f32, d.z as f32])
 }
 
+/// Work that is compiled for each kind of tables: whether p, q and r are such.
+pub(super) trait ForTables {
+    type Output;
+    fn run<const P: bool, const Q: bool, const R: bool>(self) -> Self::Output;
+}
+
+/// Does it.
+#[inline(always)]
+pub(super) fn for_tables<W: ForTables>(tables: Tables, work: W) -> W::Output {
+    match tables {
+        Tables::Pole => work.run::<false, false, true>(),
+        Tables::Scale => work.run::<true, false, false>(),
+        Tables::ScaleAndPole => work.run::<true, false, true>(),
+        Tables::All => work.run::<true, true, true>(),
+    }
+}
+
 /// Measured to true depth (mm) of neighbouring pixels in place; 0 stays 0, and what has no true depth becomes NaN.
 #[inline(always)]
 pub(super) fn correct<I: Isa>(isa: I, tables: Tables, c: Slices<'_>, z: &mut [f32]) {
-    match tables {
-        Tables::Pole => correct_with::<I, false, false, true>(isa, c, z),
-        Tables::Scale => correct_with::<I, true, false, false>(isa, c, z),
-        Tables::ScaleAndPole => correct_with::<I, true, false, true>(isa, c, z),
-        Tables::All => correct_with::<I, true, true, true>(isa, c, z),
+    for_tables(tables, Correct { isa, c, z });
+}
+
+struct Correct<'a, I> {
+    isa: I,
+    c: Slices<'a>,
+    z: &'a mut [f32],
+}
+
+impl<I: Isa> ForTables for Correct<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const P: bool, const Q: bool, const R: bool>(self) {
+        correct_with::<I, P, Q, R>(self.isa, self.c, self.z);
     }
 }
 
@@ -180,80 +207,12 @@ fn one<I: Isa, const Q: bool, const R: bool>(isa: I, coefficients: (f32, f32, f3
 
 /// True depth of a measured one, and whether it is one.
 #[inline(always)]
-fn true_depth<I: Isa, const Q: bool, const R: bool>(isa: I, (p, q, r): (f32, f32, f32), z: f32) -> (f32, bool) {
+pub(super) fn true_depth<I: Isa, const Q: bool, const R: bool>(isa: I, (p, q, r): (f32, f32, f32), z: f32) -> (f32, bool) {
     let slope = if R { isa.mul_add(r, z, p) } else { p };
     let change = if Q { isa.mul_add(z, slope, q) } else { z * slope };
     let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };
     let corrected = z + if R { isa.divide(change, left) } else { change };
     (corrected, (left > NEAREST_POLE) & (corrected > 0.0))
-}
-
-/// Points from measured depth, with r from the rays instead of a table, while depth is in registers. Returns how many pixels
-/// have depth; `None`, with `out` undefined, where f32 does not do for some.
-#[inline(always)]
-pub(super) fn points<I: Isa>(
-    isa: I,
-    (p, d): (f32, [f32; 3]),
-    (measured, unit_mm): (&[u16], f32),
-    rays: [&[f32]; 2],
-    out: &mut [f32],
-) -> Option<usize> {
-    let (measured_blocks, measured_rest) = measured.as_chunks::<LANES>();
-    let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
-    let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();
-    let (blocks, rest) = out.as_chunks_mut::<{ 3 * LANES }>();
-    let (mut depths, mut lost) = ([0u32; LANES], [0u32; LANES]);
-    for (((measured, x), y), out) in measured_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
-        let found = block(isa, (p, d), (measured, unit_mm), [x, y], out);
-        for i in 0..LANES {
-            depths[i] += found[0][i];
-        }
-        for i in 0..LANES {
-            lost[i] |= found[1][i];
-        }
-    }
-    if !measured_rest.is_empty() {
-        let n = measured_rest.len();
-        let (mut last, mut x, mut y, mut points) = ([0; LANES], [0.0; LANES], [0.0; LANES], [0.0; 3 * LANES]);
-        last[..n].copy_from_slice(measured_rest);
-        x[..n].copy_from_slice(x_rest);
-        y[..n].copy_from_slice(y_rest);
-        let found = block(isa, (p, d), (&last, unit_mm), [&x, &y], &mut points);
-        rest.copy_from_slice(&points[..3 * n]);
-        depths[0] += found[0].iter().sum::<u32>();
-        lost[0] |= found[1].iter().fold(0, |any, lost| any | lost);
-    }
-    lost.iter().all(|lost| *lost == 0).then(|| depths.iter().sum::<u32>() as usize)
-}
-
-/// [`points`] for some pixels: 1 where there is depth, and where it is lost.
-#[inline(always)]
-fn block<I: Isa>(
-    isa: I,
-    (p, [dx, dy, dz]): (f32, [f32; 3]),
-    (measured, unit_mm): (&[u16; LANES], f32),
-    [rx, ry]: [&[f32; LANES]; 2],
-    out: &mut [f32; 3 * LANES],
-) -> [[u32; LANES]; 2] {
-    let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-    let (mut has_depth, mut lost) = ([0; LANES], [0; LANES]);
-    for i in 0..LANES {
-        let z = f32::from(measured[i]) * unit_mm;
-        let r = isa.mul_add(dx, rx[i], isa.mul_add(dy, ry[i], dz));
-        let (corrected, usable) = true_depth::<I, false, true>(isa, (p, 0.0, r), z);
-        let valid = z > 0.0;
-        depth[i] = if valid { corrected } else { f32::NAN };
-        has_depth[i] = u32::from(valid);
-        lost[i] = u32::from(valid & !usable);
-    }
-    for i in 0..LANES {
-        x[i] = rx[i] * depth[i];
-    }
-    for i in 0..LANES {
-        y[i] = ry[i] * depth[i];
-    }
-    isa.interleave(&x, &y, &depth, out);
-    [has_depth, lost]
 }
 
 /// [`correct`] with r from the rays instead of a table.

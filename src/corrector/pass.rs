@@ -3,9 +3,9 @@
 use super::bands::{CHUNK, Split, for_bands};
 use super::formats::{ROUND, count_f32, load, store_f32, store_u16};
 use super::plan::{Frame, Plan};
-use super::points::{PointsMut, back_project};
+use super::points::{FromSteps, PointsMut, back_project};
 use super::simd::{Isa, Kernel, dispatch};
-use super::{CorrectionSummary, Corrector, FrameContext, incidence, moebius, pixel, steps};
+use super::{CorrectionSummary, Corrector, FrameContext, incidence, pixel, steps};
 
 /// Where measured depth comes from.
 #[derive(Clone, Copy)]
@@ -110,16 +110,10 @@ impl OfFrame<'_> {
         self.corrector.invert(&context, index, measured_mm, cosine)
     }
 
-    /// The same in steps, rounded, and whether it was beyond the ends; quicker from a result that is about right.
+    /// The same in steps, rounded, and whether it was beyond the ends.
     #[inline(never)]
-    fn exact_steps(&self, index: usize, steps: u16, about: u16) -> (u16, bool) {
-        let measured_mm = f64::from(steps) * self.unit_mm;
-        let found = if about > 1000 && self.corrector.rays_are_fixed {
-            Some(self.polished(index, measured_mm, f64::from(about) * self.unit_mm))
-        } else {
-            self.exact(index, measured_mm)
-        };
-        let Some(depth_mm) = found else { return (0, false) };
+    fn exact_steps(&self, index: usize, steps: u16) -> (u16, bool) {
+        let Some(depth_mm) = self.exact(index, f64::from(steps) * self.unit_mm) else { return (0, false) };
         let rounded = (depth_mm / self.unit_mm).round();
         let held = rounded.clamp(1.0, f64::from(u16::MAX));
         (held as u16, held != rounded)
@@ -249,8 +243,9 @@ impl Band<'_> {
 
         let map = of_frame.frame.and_then(|(plan, _)| plan.only_moebius()).zip(corrector.bounds.as_ref());
         if let (Input::U16(measured), Output::U16(out), Some(map)) = (input, &mut *output, map) {
-            let (unit_mm, exact) = (of_frame.unit_mm as f32, |i, raw, about| of_frame.exact_steps(i, raw, about));
-            if let Some(done) = steps::correct(isa, map, first, unit_mm, measured, &mut out[own.clone()], &exact) {
+            let (c, unit_mm) = (map.0.slices(first, count), of_frame.unit_mm);
+            let chunk = steps::Chunk { c, unit_mm, measured, out: &mut out[own.clone()] };
+            if let Some(done) = steps::correct(isa, map, first, chunk, &|i, raw| of_frame.exact_steps(i, raw)) {
                 summary.corrected += done.corrected;
                 summary.saturated += done.saturated;
                 summary.invalid += count - done.depths;
@@ -264,8 +259,8 @@ impl Band<'_> {
         if let (Input::U16(measured), Output::Points(PointsMut::Interleaved(out)), Some(map)) =
             (input, &mut *output, map)
         {
-            let out = &mut out[3 * offset..3 * (offset + count)];
-            if let Some(depths) = moebius::points(isa, map, (measured, of_frame.unit_mm as f32), rays, out) {
+            let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], of_frame.unit_mm as f32);
+            if let Some(depths) = isa.points::<true>(FromSteps { map, measured, unit_mm, rays, out }) {
                 summary.corrected += depths;
                 summary.invalid += count - depths;
                 return;
@@ -336,6 +331,15 @@ impl Kernel for BackProject<'_> {
         for offset in (0..self.count).step_by(CHUNK) {
             let count = CHUNK.min(self.count - offset);
             let first = self.first + offset;
+            if let (Input::U16(depth), PointsMut::Interleaved(out), true) =
+                (self.input, &mut self.out, self.corrector.rays_are_fixed)
+            {
+                let pixels = first..first + count;
+                let rays = [0, 1].map(|k| &self.corrector.ray_planes[k][pixels.clone()]);
+                let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], self.unit_mm);
+                isa.points::<false>(FromSteps { map: (0.0, [0.0; 3]), measured: &depth[pixels], unit_mm, rays, out });
+                continue;
+            }
             let mut z = [0.0f32; CHUNK];
             let z = &mut z[..count];
             match self.input {

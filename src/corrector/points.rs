@@ -1,6 +1,10 @@
 //! Points from depth and rays.
 
+#[cfg(target_arch = "x86_64")]
+pub(super) mod avx512;
+
 use super::bands::Split;
+use super::moebius::true_depth;
 use super::simd::{Isa, LANES};
 
 /// Where points go: x, y and z in mm of every pixel, row by row, in the camera frame; NaN where there is no depth or no ray.
@@ -93,4 +97,81 @@ fn interleaved<I: Isa>(isa: I, z: &[f32], rays: [&[f32]; 2], out: &mut [f32]) {
     for (((z, rx), ry), out) in z_rest.iter().zip(x_rest).zip(y_rest).zip(rest.chunks_exact_mut(3)) {
         out.copy_from_slice(&point(*z, *rx, *ry));
     }
+}
+
+/// Neighbouring pixels of 16 bits whose points are wanted, x y z x y z …
+pub(super) struct FromSteps<'a> {
+    /// p of the Möbius map that corrects them (see `moebius`), and r over the rays.
+    pub map: (f32, [f32; 3]),
+    pub measured: &'a [u16],
+    pub unit_mm: f32,
+    pub rays: [&'a [f32]; 2],
+    pub out: &'a mut [f32],
+}
+
+/// Points while depth is in registers, corrected or as it is. Returns how many pixels have depth; `None`, with `out` undefined,
+/// where f32 does not do for some.
+#[inline(always)]
+pub(super) fn from_steps<I: Isa, const CORRECT: bool>(isa: I, from: FromSteps<'_>) -> Option<usize> {
+    let FromSteps { map, measured, unit_mm, rays, out } = from;
+    let (measured_blocks, measured_rest) = measured.as_chunks::<LANES>();
+    let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
+    let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();
+    let (blocks, rest) = out.as_chunks_mut::<{ 3 * LANES }>();
+    let (mut depths, mut lost) = ([0u32; LANES], [0u32; LANES]);
+    for (((measured, x), y), out) in measured_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
+        let found = block::<I, CORRECT>(isa, map, (measured, unit_mm), [x, y], out);
+        for i in 0..LANES {
+            depths[i] += found[0][i];
+        }
+        for i in 0..LANES {
+            lost[i] |= found[1][i];
+        }
+    }
+    if !measured_rest.is_empty() {
+        let n = measured_rest.len();
+        let (mut last, mut x, mut y, mut points) = ([0; LANES], [0.0; LANES], [0.0; LANES], [0.0; 3 * LANES]);
+        last[..n].copy_from_slice(measured_rest);
+        x[..n].copy_from_slice(x_rest);
+        y[..n].copy_from_slice(y_rest);
+        let found = block::<I, CORRECT>(isa, map, (&last, unit_mm), [&x, &y], &mut points);
+        rest.copy_from_slice(&points[..3 * n]);
+        depths[0] += found[0].iter().sum::<u32>();
+        lost[0] |= found[1].iter().fold(0, |any, lost| any | lost);
+    }
+    lost.iter().all(|lost| *lost == 0).then(|| depths.iter().sum::<u32>() as usize)
+}
+
+/// [`from_steps`] for some pixels: 1 where there is depth, and where it is lost.
+#[inline(always)]
+fn block<I: Isa, const CORRECT: bool>(
+    isa: I,
+    (p, [dx, dy, dz]): (f32, [f32; 3]),
+    (measured, unit_mm): (&[u16; LANES], f32),
+    [rx, ry]: [&[f32; LANES]; 2],
+    out: &mut [f32; 3 * LANES],
+) -> [[u32; LANES]; 2] {
+    let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    let (mut has_depth, mut lost) = ([0; LANES], [0; LANES]);
+    for i in 0..LANES {
+        let z = f32::from(measured[i]) * unit_mm;
+        let (corrected, usable) = if CORRECT {
+            let r = isa.mul_add(dx, rx[i], isa.mul_add(dy, ry[i], dz));
+            true_depth::<I, false, true>(isa, (p, 0.0, r), z)
+        } else {
+            (if rx[i].is_nan() { f32::NAN } else { z }, true)
+        };
+        let valid = z > 0.0;
+        depth[i] = if valid { corrected } else { f32::NAN };
+        has_depth[i] = u32::from(valid);
+        lost[i] = u32::from(valid & !usable);
+    }
+    for i in 0..LANES {
+        x[i] = rx[i] * depth[i];
+    }
+    for i in 0..LANES {
+        y[i] = ry[i] * depth[i];
+    }
+    isa.interleave(&x, &y, &depth, out);
+    [has_depth, lost]
 }

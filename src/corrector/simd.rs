@@ -4,8 +4,11 @@
 //! pulp knows (AVX-512, AVX2 with FMA, NEON, the target's baseline) and picks one at run time; the compiler vectorises.
 //! What it does not vectorise well is a method of [`Isa`].
 
-use super::formats::count_u16;
 use pulp::{Arch, Simd, WithSimd};
+
+use super::formats::count_u16;
+use super::points::{self, FromSteps};
+use super::steps::{self, Chunk, Seen};
 
 /// Work to be compiled for every instruction set. `run` must be `#[inline(always)]`, and so must all that it calls in its
 /// inner loops: only then do they take the caller's instruction set.
@@ -47,6 +50,18 @@ pub(super) trait Isa: Copy {
         (values.iter().fold(0, |most, value| *value.max(&most)), count_u16(values))
     }
 
+    /// [`steps::in_single`], in the instruction set's own way where that is quicker.
+    #[inline(always)]
+    fn steps<const P: bool, const Q: bool, const R: bool, const WHOLE: bool>(self, chunk: &mut Chunk<'_>) -> Seen {
+        steps::in_single::<Self, P, Q, R, WHOLE>(self, chunk)
+    }
+
+    /// [`points::from_steps`], in the instruction set's own way where that is quicker.
+    #[inline(always)]
+    fn points<const CORRECT: bool>(self, from: FromSteps<'_>) -> Option<usize> {
+        points::from_steps::<Self, CORRECT>(self, from)
+    }
+
     /// x0 y0 z0 x1 y1 z1 … from sixteen of each.
     #[inline(always)]
     fn interleave(self, x: &[f32; LANES], y: &[f32; LANES], z: &[f32; LANES], out: &mut [f32; 3 * LANES]) {
@@ -73,7 +88,8 @@ mod avx512 {
     use pulp::cast;
     use pulp::x86::V4;
 
-    use super::super::formats::count_u16;
+    use super::super::points::{self, FromSteps};
+    use super::super::steps::{self, Chunk, Seen};
     use super::{Isa, LANES};
 
     /// Which lanes of (x, y) and of z go where, for each third of the output, and which lanes are z's.
@@ -106,20 +122,13 @@ mod avx512 {
         const FMA: bool = true;
 
         #[inline(always)]
-        fn most_and_count(self, values: &[u16]) -> (u16, usize) {
-            let (blocks, rest) = values.as_chunks::<32>();
-            let mut most = [0u16; 32];
-            let mut count = count_u16(rest);
-            for block in blocks {
-                for i in 0..32 {
-                    most[i] = most[i].max(block[i]);
-                }
-                // The bits of the mask are counted beside the vectors.
-                let block = cast(*block);
-                count += self.avx512bw._mm512_test_epi16_mask(block, block).count_ones() as usize;
-            }
-            let greatest = |values: &[u16]| values.iter().fold(0, |most, value| *value.max(&most));
-            (greatest(&most).max(greatest(rest)), count)
+        fn steps<const P: bool, const Q: bool, const R: bool, const WHOLE: bool>(self, chunk: &mut Chunk<'_>) -> Seen {
+            steps::avx512::steps::<P, Q, R, WHOLE>(self, chunk)
+        }
+
+        #[inline(always)]
+        fn points<const CORRECT: bool>(self, from: FromSteps<'_>) -> Option<usize> {
+            points::avx512::points::<CORRECT>(self, from)
         }
 
         #[inline(always)]

@@ -1,13 +1,19 @@
 //! 16-bit depth to 16-bit depth by one Möbius map, the path of most cameras, in one pass.
 //!
-//! What is added to a depth is rounded, not the sum: the measured steps are whole already. A result that lies so near the
-//! middle between two steps that f32 cannot tell the side is looked at again in f64, so that results are those of the
-//! exact inverse, rounded; that is one pixel in some ten thousand.
+//! What is added to a depth is rounded, not the sum: the measured steps are whole already, and the change keeps its digits. The
+//! largest depth of a chunk bounds what f32 may be off: where that is less than [`MOST_ERROR`] the result is within half a
+//! step and that of the exact inverse, where it is not the chunk is corrected in f64.
+
+#[cfg(target_arch = "x86_64")]
+pub(super) mod avx512;
 
 use super::bands::CHUNK;
 use super::formats::count_u16;
-use super::moebius::{Moebius, Slices, Tables};
-use super::simd::{Isa, LANES};
+use super::moebius::{ForTables, Moebius, Slices, for_tables};
+use super::simd::Isa;
+
+/// Largest error of a result before it is rounded, steps.
+pub(super) const MOST_ERROR: f32 = 1e-3;
 
 /// 1.5 · 2²³: as [`super::formats::ROUND`], for negative numbers too.
 const ROUND_SIGNED: f32 = 12_582_912.0;
@@ -28,25 +34,15 @@ struct Bound {
     whole: bool,
 }
 
-/// What f32 may be off, in steps: for a change of `share` of it, and `beside`; and the largest change.
-#[derive(Clone, Copy)]
-struct Errors {
-    share: f32,
-    beside: f32,
-    change: f32,
+/// What a chunk needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Precision {
+    Single,
+    Double,
 }
 
-/// What the exact inverse makes of a pixel (index, steps, what f32 made of it) in steps: the result and whether it was beyond
-/// the ends.
-pub(super) type Exact<'a> = &'a dyn Fn(usize, u16, u16) -> (u16, bool);
-
-impl Errors {
-    /// A result that misses its step by less than this is rounded to the right one.
-    #[inline(always)]
-    fn undecided(self) -> f32 {
-        (0.5 - self.beside - self.share * self.change).max(0.0)
-    }
-}
+/// What the exact inverse makes of a pixel (index, steps) in steps: the result and whether it was beyond the ends.
+pub(super) type Exact<'a> = &'a dyn Fn(usize, u16) -> (u16, bool);
 
 impl Bounds {
     /// The bounds of a map over `pixels` pixels.
@@ -64,23 +60,31 @@ impl Bounds {
         Self { chunks: (0..pixels).step_by(CHUNK).map(of_chunk).collect() }
     }
 
-    /// Errors for depths of up to `steps`; `None` where results may leave 16 bits, or f32 is not enough.
+    /// What depths of up to `steps` need; `None` where results may leave 16 bits, or f64 with tables of f32 is not enough.
     #[inline(always)]
-    fn of(&self, chunk: usize, steps: u16, unit_mm: f32) -> Option<Errors> {
+    fn of(&self, chunk: usize, steps: u16, unit_mm: f32) -> Option<Precision> {
         let Bound { p, q, r, r_above, whole } = self.chunks[chunk];
         let steps = f32::from(steps);
         let z = steps * unit_mm;
         let left = 1.0 - r_above * z;
-        let change = (steps * (p + r * z) + q / unit_mm) / left;
-        // Half an ulp (6e-8) each for p, twice for r, for slope, product, what is left before the pole, one and a half for
-        // the quotient; and what the pole magnifies of r's.
-        let share = 4.2e-7 + 1.3e-7 * r * z / left;
-        let usable = left > 0.05 && steps + change < 65535.0 && change * share < 0.05;
+        let sum = steps * (p + r * z) + q / unit_mm;
+        let change = sum / left;
+        let usable = left > 0.05 && steps + change < 65535.0;
         // Depth must not shrink to half: then one step would round to none.
         let kept = !whole || 1.0 - p > 0.55 * (1.0 + r * z);
-        // Where p, q and r cancel, the change is less than they are, and its error a share of theirs.
-        let beside = 1e-6 + 3e-7 * (steps * p + q / unit_mm);
-        (usable && kept).then_some(Errors { share, beside, change })
+        if !(usable && kept) {
+            return None;
+        }
+        // Half an ulp (6e-8) of each table; what the pole magnifies of r's.
+        let of_tables = 6e-8 * (steps * p + q / unit_mm + r * z * (steps + change)) / left;
+        // The same each for z, slope, product, sum and twice for the quotient, and of what is left before the pole, which is
+        // near 1. The coefficients are bounds of their sizes, so that this holds where they cancel.
+        let of_f32 = of_tables + 6e-8 * (6.0 * change + (r * z + 1.0) / left * change) + 1e-6;
+        match (of_f32 < MOST_ERROR, of_tables < MOST_ERROR) {
+            (true, _) => Some(Precision::Single),
+            (false, true) => Some(Precision::Double),
+            _ => None,
+        }
     }
 }
 
@@ -91,187 +95,125 @@ pub(super) struct Done {
     pub saturated: usize,
 }
 
-/// Corrects a chunk; `None`, with `out` undefined, where it is beyond what this path can do.
+/// The pixels of a chunk, in steps of `unit_mm`.
+pub(super) struct Chunk<'a> {
+    pub c: Slices<'a>,
+    pub unit_mm: f64,
+    pub measured: &'a [u16],
+    pub out: &'a mut [u16],
+}
+
+/// What a pass over a chunk has seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Seen {
+    /// Largest measured depth.
+    pub most: u16,
+    /// Pixels with measured depth.
+    pub depths: usize,
+    /// Pixels with a result.
+    pub corrected: usize,
+}
+
+/// Corrects a chunk from pixel `first` on; `None`, with its output undefined, where it is beyond what this path can do.
 #[inline(always)]
 pub(super) fn correct<I: Isa>(
     isa: I,
     (map, bounds): (&Moebius, &Bounds),
     first: usize,
-    unit_mm: f32,
-    measured: &[u16],
-    out: &mut [u16],
+    chunk: Chunk<'_>,
     exact: Exact<'_>,
 ) -> Option<Done> {
-    let c = map.slices(first, measured.len());
-    let whole = bounds.chunks[first / CHUNK].whole;
-    match (map.tables(), whole) {
-        (Tables::Pole, true) => {
-            chunk::<I, false, false, true, true>(isa, c, bounds, first, unit_mm, measured, out, exact)
-        }
-        (Tables::Pole, false) => {
-            chunk::<I, false, false, true, false>(isa, c, bounds, first, unit_mm, measured, out, exact)
-        }
-        (Tables::Scale, true) => {
-            chunk::<I, true, false, false, true>(isa, c, bounds, first, unit_mm, measured, out, exact)
-        }
-        (Tables::Scale, false) => {
-            chunk::<I, true, false, false, false>(isa, c, bounds, first, unit_mm, measured, out, exact)
-        }
-        (Tables::ScaleAndPole, true) => {
-            chunk::<I, true, false, true, true>(isa, c, bounds, first, unit_mm, measured, out, exact)
-        }
-        (Tables::ScaleAndPole, false) => {
-            chunk::<I, true, false, true, false>(isa, c, bounds, first, unit_mm, measured, out, exact)
-        }
-        (Tables::All, _) => chunk::<I, true, true, true, false>(isa, c, bounds, first, unit_mm, measured, out, exact),
-    }
+    for_tables(map.tables(), Correct { isa, bounds, first, chunk, exact })
 }
 
-/// [`correct`] for one kind of tables.
-#[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn chunk<I: Isa, const P: bool, const Q: bool, const R: bool, const WHOLE: bool>(
+struct Correct<'a, I> {
     isa: I,
-    c: Slices<'_>,
-    bounds: &Bounds,
+    bounds: &'a Bounds,
     first: usize,
-    unit_mm: f32,
-    measured: &[u16],
-    out: &mut [u16],
-    exact: Exact<'_>,
-) -> Option<Done> {
-    let Worst(worst) = rounded::<I, P, Q, R, WHOLE>(isa, c, unit_mm, measured, out);
-    // After the pass, when the chunk is in the first-level cache.
-    let (most, depths) = isa.most_and_count(measured);
-    let errors = bounds.of(first / CHUNK, most, unit_mm)?;
-    let mut saturated = 0;
-    let undecided = errors.undecided().to_bits();
-    for (group, worst) in worst.as_chunks::<LANES>().0.iter().enumerate() {
-        if worst.iter().fold(0, |most, miss| (*miss).max(most)) < undecided {
-            continue;
+    chunk: Chunk<'a>,
+    exact: Exact<'a>,
+}
+
+impl<I: Isa> ForTables for Correct<'_, I> {
+    type Output = Option<Done>;
+
+    #[inline(always)]
+    fn run<const P: bool, const Q: bool, const R: bool>(self) -> Option<Done> {
+        let Self { isa, bounds, first, mut chunk, exact } = self;
+        let index = first / CHUNK;
+        let mut seen = if bounds.chunks[index].whole {
+            isa.steps::<P, Q, R, true>(&mut chunk)
+        } else {
+            isa.steps::<P, Q, R, false>(&mut chunk)
+        };
+        if bounds.of(index, seen.most, chunk.unit_mm as f32)? == Precision::Double {
+            seen.corrected = in_double::<P, Q, R>(&mut chunk);
         }
-        for column in (0..LANES).filter(|lane| worst[*lane] >= undecided).map(|lane| group * LANES + lane) {
-            saturated += settle::<I, P, Q, R>(isa, c, (unit_mm, errors), column, measured, out, first, exact);
-        }
-    }
-    // What is settled stays a depth.
-    let mut corrected = if WHOLE { depths } else { count_u16(out) };
-    if Q && depths != corrected {
-        // An offset may take small depths below half a step, which is no reason to lose them.
-        for (i, (raw, out)) in measured.iter().zip(out.iter_mut()).enumerate() {
-            if *raw > 0 && *out == 0 {
-                let (steps, beyond) = exact(first + i, *raw, 0);
-                *out = steps;
-                saturated += usize::from(beyond);
+        let mut saturated = 0;
+        if Q && seen.depths != seen.corrected {
+            // An offset may take small depths below half a step, which is no reason to lose them.
+            for (i, (raw, out)) in chunk.measured.iter().zip(chunk.out.iter_mut()).enumerate() {
+                if *raw > 0 && *out == 0 {
+                    let (steps, beyond) = exact(first + i, *raw);
+                    *out = steps;
+                    saturated += usize::from(beyond);
+                }
             }
+            seen.corrected = count_u16(chunk.out);
         }
-        corrected = count_u16(out);
+        Some(Done { depths: seen.depths, corrected: seen.corrected, saturated })
     }
-    Some(Done { depths, corrected, saturated })
 }
 
-/// The change of one pixel, in steps, and what is left of 1 before the pole.
+/// Corrects and rounds in f32, whether that is enough or not. `WHOLE`: all that is valid stays so.
 #[inline(always)]
-fn change<I: Isa, const Q: bool, const R: bool>(
+pub(super) fn in_single<I: Isa, const P: bool, const Q: bool, const R: bool, const WHOLE: bool>(
     isa: I,
-    (p, q, r): (f32, f32, f32),
-    unit_mm: f32,
-    per_mm: f32,
-    steps: f32,
-) -> (f32, f32) {
-    let r = r * unit_mm;
-    let slope = if R { isa.mul_add(r, steps, p) } else { p };
-    let above = if Q { isa.mul_add(steps, slope, q * per_mm) } else { steps * slope };
-    let left = if R { isa.mul_add(-r, steps, 1.0) } else { 1.0 };
-    (if R { isa.divide(above, left) } else { above }, left)
-}
-
-/// Largest distances of results from the steps that they were rounded to, of every [`BLOCK`]th pixel: bits of f32, which order
-/// as the numbers do. On lines of the cache, so that no store touches two.
-#[repr(align(64))]
-struct Worst([u32; BLOCK]);
-
-/// Corrects and rounds, whether the errors allow it or not.
-#[inline(always)]
-fn rounded<I: Isa, const P: bool, const Q: bool, const R: bool, const WHOLE: bool>(
-    isa: I,
-    c: Slices<'_>,
-    unit_mm: f32,
-    measured: &[u16],
-    out: &mut [u16],
-) -> Worst {
-    let mut worst = Worst([0; BLOCK]);
-    let (blocks, rest) = measured.as_chunks::<BLOCK>();
-    let (out_blocks, out_rest) = out.as_chunks_mut::<BLOCK>();
-    for (b, (measured, out)) in blocks.iter().zip(out_blocks).enumerate() {
-        rounded_block::<I, P, Q, R, WHOLE>(isa, c.part(b * BLOCK, BLOCK), unit_mm, measured, out, &mut worst.0);
-    }
-    let c = c.part(blocks.len() * BLOCK, rest.len());
-    rounded_block::<I, P, Q, R, WHOLE>(isa, c, unit_mm, rest, out_rest, &mut worst.0);
-    worst
-}
-
-/// [`rounded`] for up to a block.
-#[inline(always)]
-fn rounded_block<I: Isa, const P: bool, const Q: bool, const R: bool, const WHOLE: bool>(
-    isa: I,
-    c: Slices<'_>,
-    unit_mm: f32,
-    measured: &[u16],
-    out: &mut [u16],
-    worst: &mut [u32; BLOCK],
-) {
+    chunk: &mut Chunk<'_>,
+) -> Seen {
+    let Chunk { c, unit_mm, measured, ref mut out } = *chunk;
     let n = measured.len();
     let p = if P { &c.p[..n] } else { c.p };
     let q = if Q { &c.q[..n] } else { c.q };
     let r = if R { &c.r[..n] } else { c.r };
-    let (out, worst) = (&mut out[..n], &mut worst[..n]);
-    let per_mm = 1.0 / unit_mm;
+    let out = &mut out[..n];
+    let (unit_mm, per_mm) = (unit_mm as f32, (1.0 / unit_mm) as f32);
     for i in 0..n {
-        let k = (if P { p[i] } else { c.p0 }, if Q { q[i] } else { 0.0 }, if R { r[i] } else { 0.0 });
+        let (p, q, r) = (if P { p[i] } else { c.p0 }, if Q { q[i] } else { 0.0 }, if R { r[i] } else { 0.0 });
         let steps = f32::from(measured[i]);
-        let (change, left) = change::<I, Q, R>(isa, k, unit_mm, per_mm, steps);
-        let rounded = change + ROUND_SIGNED;
-        let miss = (change - (rounded - ROUND_SIGNED)).abs();
-        worst[i] = worst[i].max(miss.to_bits());
-        let sum = u32::from(measured[i]).wrapping_add(rounded.to_bits()) as u16;
-        out[i] = if WHOLE {
-            sum
-        } else {
-            let is_depth =
-                if R { left > 0.0 } else { true } & if Q { (steps > 0.0) & (steps + change > 0.5) } else { true };
-            if is_depth { sum } else { 0 }
-        };
+        let z = steps * unit_mm;
+        let slope = if R { isa.mul_add(r, z, p) } else { p };
+        let sum = if Q { isa.mul_add(steps, slope, q * per_mm) } else { steps * slope };
+        let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };
+        let change = if R { isa.divide(sum, left) } else { sum };
+        let corrected = u32::from(measured[i]).wrapping_add((change + ROUND_SIGNED).to_bits()) as u16;
+        let stays = if R { left > 0.0 } else { true } & if Q { (steps > 0.0) & (steps + change > 0.5) } else { true };
+        out[i] = if WHOLE | stays { corrected } else { 0 };
     }
+    // After the pass, when the chunk is in the first-level cache.
+    let (most, depths) = isa.most_and_count(measured);
+    Seen { most, depths, corrected: if WHOLE { depths } else { count_u16(out) } }
 }
 
-/// Takes the pixels of a column of blocks that are undecided from f64. Returns how many of those were beyond the ends.
+/// The same in f64. Returns how many pixels have a result.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-fn settle<I: Isa, const P: bool, const Q: bool, const R: bool>(
-    isa: I,
-    c: Slices<'_>,
-    (unit_mm, errors): (f32, Errors),
-    column: usize,
-    measured: &[u16],
-    out: &mut [u16],
-    first: usize,
-    exact: Exact<'_>,
-) -> usize {
-    let mut saturated = 0;
-    for i in (column..measured.len()).step_by(BLOCK) {
-        let k = (if P { c.p[i] } else { c.p0 }, if Q { c.q[i] } else { 0.0 }, if R { c.r[i] } else { 0.0 });
-        let (change, _) = change::<I, Q, R>(isa, k, unit_mm, 1.0 / unit_mm, f32::from(measured[i]));
-        let miss = (change - ((change + ROUND_SIGNED) - ROUND_SIGNED)).abs();
-        let undecided = isa.mul_add(change.abs(), errors.share, miss) >= 0.5 - errors.beside;
-        if undecided && measured[i] > 0 && out[i] > 0 {
-            let (steps, beyond) = exact(first + i, measured[i], out[i]);
-            out[i] = steps;
-            saturated += usize::from(beyond);
-        }
+fn in_double<const P: bool, const Q: bool, const R: bool>(chunk: &mut Chunk<'_>) -> usize {
+    /// 1.5 · 2⁵²: [`ROUND_SIGNED`] of f64.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let Chunk { c, unit_mm, measured, ref mut out } = *chunk;
+    let n = measured.len();
+    let p = if P { &c.p[..n] } else { c.p };
+    let q = if Q { &c.q[..n] } else { c.q };
+    let r = if R { &c.r[..n] } else { c.r };
+    let out = &mut out[..n];
+    for i in 0..n {
+        let (p, q, r) = (if P { p[i] } else { c.p0 }, if Q { q[i] } else { 0.0 }, if R { r[i] } else { 0.0 });
+        let steps = f64::from(measured[i]);
+        let left = 1.0 - f64::from(r) * (steps * unit_mm);
+        let sum = steps * (f64::from(p) + f64::from(r) * (steps * unit_mm)) + f64::from(q) / unit_mm;
+        let corrected = steps + sum / left;
+        let stays = (left > 0.0) & if Q { (steps > 0.0) & (corrected > 0.5) } else { true };
+        out[i] = if stays { (corrected + ROUND).to_bits() as u16 } else { 0 };
     }
-    saturated
+    count_u16(out)
 }
-
-/// Pixels that are taken at a time.
-const BLOCK: usize = 64;

@@ -1,0 +1,55 @@
+//! [`super::from_steps`] by AVX-512's own instructions.
+
+use std::arch::x86_64::{_CMP_NGT_UQ, _CMP_ORD_Q, __m512};
+
+use pulp::cast;
+use pulp::x86::V4;
+
+use super::{FromSteps, from_steps};
+use crate::corrector::moebius::NEAREST_POLE;
+use crate::corrector::simd::{Isa, LANES};
+
+/// Points while depth is in registers, corrected or as it is.
+#[inline(always)]
+pub(in crate::corrector) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option<usize> {
+    let f = v4.avx512f;
+    let FromSteps { map, measured, unit_mm, rays, out } = from;
+    let (p, [dx, dy, dz]) = map;
+    let (blocks, rest) = measured.as_chunks::<LANES>();
+    let [rx, ry] = rays.map(|plane| &plane.as_chunks::<LANES>().0[..blocks.len()]);
+    let (out_blocks, out_rest) = out.as_chunks_mut::<{ 3 * LANES }>();
+    let splat = |value: f32| f._mm512_set1_ps(value);
+    let (p, unit, nan, one, pole) = (splat(p), splat(unit_mm), splat(f32::NAN), splat(1.0), splat(NEAREST_POLE));
+    let d = [splat(dx), splat(dy), splat(dz)];
+
+    let (mut depths, mut lost) = (0, 0);
+    for (b, (measured, out)) in blocks.iter().zip(out_blocks).enumerate() {
+        let steps = f._mm512_cvtepu16_epi32(cast(*measured));
+        let valid = f._mm512_test_epi32_mask(steps, steps);
+        let z = f._mm512_mul_ps(f._mm512_cvtepi32_ps(steps), unit);
+        let (rx, ry): (__m512, __m512) = (cast(rx[b]), cast(ry[b]));
+        let depth = if CORRECT {
+            let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
+            let left = f._mm512_fnmadd_ps(r, z, one);
+            let sum = f._mm512_mul_ps(z, f._mm512_fmadd_ps(r, z, p));
+            let inverse = f._mm512_rcp14_ps(left);
+            let quotient = f._mm512_mul_ps(sum, inverse);
+            let change = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, quotient, sum), inverse, quotient);
+            let corrected = f._mm512_add_ps(z, change);
+            lost |= valid & f._mm512_cmp_ps_mask::<_CMP_NGT_UQ>(left, pole);
+            lost |= valid & f._mm512_cmp_ps_mask::<_CMP_NGT_UQ>(corrected, splat(0.0));
+            f._mm512_mask_blend_ps(valid, nan, corrected)
+        } else {
+            f._mm512_mask_blend_ps(valid & f._mm512_cmp_ps_mask::<_CMP_ORD_Q>(rx, rx), nan, z)
+        };
+        depths += valid.count_ones() as usize;
+        let (x, y) = (f._mm512_mul_ps(rx, depth), f._mm512_mul_ps(ry, depth));
+        v4.interleave(&cast(x), &cast(y), &cast(depth), out);
+    }
+    if lost != 0 {
+        return None;
+    }
+    let rays = rays.map(|plane| &plane[blocks.len() * LANES..measured.len()]);
+    let rest = FromSteps { map, measured: rest, unit_mm, rays, out: out_rest };
+    Some(depths + from_steps::<_, CORRECT>(v4, rest)?)
+}
