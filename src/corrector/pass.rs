@@ -5,7 +5,8 @@ use super::formats::{ROUND, count_f32, load, store_f32, store_u16};
 use super::plan::{Frame, Plan};
 use super::points::{FromSteps, PointsMut, back_project};
 use super::simd::{Isa, Kernel, dispatch};
-use super::{CorrectionSummary, Corrector, FrameContext, incidence, pixel, steps};
+use super::steps::{self, MOST_ERROR};
+use super::{CorrectionSummary, Corrector, FrameContext, incidence, pixel};
 
 /// Where measured depth comes from.
 #[derive(Clone, Copy)]
@@ -119,11 +120,10 @@ impl OfFrame<'_> {
         (held as u16, held != rounded)
     }
 
-    /// Largest error of the stages' tables, in steps.
+    /// Largest error of the plan in steps. Twice what was found by sampling it.
     #[inline(always)]
     fn error_steps(&self) -> f32 {
-        let tables = self.frame.is_some_and(|(plan, _)| plan.interpolates());
-        if tables { (0.004 / self.unit_mm) as f32 } else { 0.0 }
+        self.frame.map_or(0.0, |(plan, _)| (2.0 * plan.error_mm / self.unit_mm) as f32)
     }
 
     /// True depth (mm) from one that is right to a thousandth: two steps of Newton's method in f64.
@@ -144,13 +144,9 @@ impl OfFrame<'_> {
 
     /// Rounds again what lies so near the middle between two steps that f32 cannot tell the side.
     #[inline(never)]
-    fn settle(&self, first: usize, input: Input<'_>, z: &[f32], distances: &[f32], out: &mut [u16]) {
+    fn settle(&self, first: usize, measured: &[u16], z: &[f32], distances: &[f32], out: &mut [u16]) {
         for (i, out) in out.iter_mut().enumerate().filter(|(i, out)| distances[*i] <= 0.0 && **out > 0) {
-            let measured_mm = match input {
-                Input::U16(measured) => f64::from(measured[i]) * self.unit_mm,
-                Input::F32(measured) => f64::from(measured[i]),
-                Input::Output => return,
-            };
+            let measured_mm = f64::from(measured[i]) * self.unit_mm;
             let depth_mm = if self.corrector.rays_are_fixed {
                 self.polished(first + i, measured_mm, f64::from(z[i]))
             } else {
@@ -175,15 +171,21 @@ impl OfFrame<'_> {
     }
 }
 
-/// Distance of depths in steps from the middle between two steps, less what f32 and the tables may be off, into
-/// `distances`; whether any is 0 or below.
+/// What the roundings of f32 on the way through the stages may add up to, as a share of depth.
+pub(super) const OF_F32: f32 = 2.5e-7;
+
+/// Distance of depths in steps from the middle between two steps, less what they may be off, into `distances`; whether any is 0
+/// or below. What is off by less than [`MOST_ERROR`] is right as it is.
 #[inline(always)]
-fn from_half(z: &[f32], per_mm: f32, error_steps: f32, distances: &mut [f32]) -> bool {
+fn from_half(measured: &[u16], z: &[f32], per_mm: f32, error_steps: f32, distances: &mut [f32]) -> bool {
     let mut undecided = 0u32;
-    for (z, distance) in z.iter().zip(distances) {
+    for ((raw, z), distance) in measured.iter().zip(z).zip(distances) {
         let steps = *z * per_mm;
         let missing = (steps - ((steps + ROUND) - ROUND)).abs();
-        *distance = (0.5 - missing) - (steps * 1.5e-6 + error_steps);
+        // A change is off by a share of itself, however little it leaves.
+        let change = (steps - f32::from(*raw)).abs();
+        let error = error_steps + steps * OF_F32 + change * (2.0 * OF_F32);
+        *distance = if error > MOST_ERROR { (0.5 - missing) - error } else { 1.0 };
         undecided += u32::from(*distance <= 0.0);
     }
     undecided > 0
@@ -299,8 +301,10 @@ impl Band<'_> {
                 let out = &mut out[own];
                 let beyond = store_u16(isa, z, per_mm, out);
                 let mut distances = [0.0f32; CHUNK];
-                if from_half(z, per_mm, of_frame.error_steps(), &mut distances[..count]) {
-                    of_frame.settle(first, input, z, &distances[..count], out);
+                if let Input::U16(measured) = input
+                    && from_half(measured, z, per_mm, of_frame.error_steps(), &mut distances[..count])
+                {
+                    of_frame.settle(first, measured, z, &distances[..count], out);
                 }
                 beyond
             }

@@ -11,6 +11,7 @@ use depthcal_model::hook::HookKind;
 
 use depthcal_model::{AnyPiece, Camera, Context};
 
+use super::bins::Bins;
 use super::curve::Curve;
 use super::lookup::{ByAmplitude, ByCosine};
 use super::moebius::{self, Matrix, Moebius, Tables};
@@ -26,6 +27,8 @@ pub(super) enum Stage {
     Moebius(Moebius),
     /// The same at all pixels.
     Curve(Curve),
+    /// A factor that is linear between nodes of depth.
+    Bins(Bins),
     /// Anything else that depends on pixel and depth.
     Separable(Separable),
     /// The same at all pixels of a frame, depending on its time or temperature.
@@ -40,6 +43,8 @@ pub(super) enum Stage {
 #[derive(Debug, Clone)]
 pub(super) struct Plan {
     pub stages: Vec<Stage>,
+    /// Largest deviation from the camera's own inverse that was found within the working range, beside that of f32, mm.
+    pub error_mm: f64,
 }
 
 /// Most stages: as many coefficients per frame are kept without allocating.
@@ -132,7 +137,11 @@ impl Plan {
                 let measured = |index: usize, rho: f64| piece.measured(&context(index), rays[index], 1.0, rho);
                 let usable = |index: usize| !rays[index][0].is_nan();
                 knows_rays = true;
-                Stage::Separable(Separable::new(&measured, &probe::samples(camera, rays), rays.len(), usable)?)
+                let (samples, pixels) = (probe::samples(camera, rays), rays.len());
+                match Bins::new(&piece.piece.options(), &measured, &samples, pixels, usable) {
+                    Some(bins) => Stage::Bins(bins),
+                    None => Stage::Separable(Separable::new(&measured, &samples, pixels, usable)?),
+                }
             } else if probed.pixel || probed.shape == Shape::Other {
                 return None;
             } else if probed.frame && !probed.amplitude && !probed.incidence {
@@ -152,7 +161,7 @@ impl Plan {
         if !knows_rays && (stages.is_empty() || rays.iter().any(|ray| ray[0].is_nan())) {
             stages.push(Stage::Moebius(Moebius::new(|_| [1.0, 0.0, 0.0, 1.0], rays)));
         }
-        (stages.len() <= MOST_STAGES).then_some(Self { stages })
+        (stages.len() <= MOST_STAGES).then_some(Self { stages, error_mm: 0.0 })
     }
 
     /// The one stage of a camera whose rays depend on the depth: its whole chain as a function of pixel and depth.
@@ -163,7 +172,7 @@ impl Plan {
             ray.map_or(f64::NAN, |ray| camera.measured_inverse_depth(&context, ray, 1.0, rho))
         };
         let separable = Separable::new(&measured, samples, camera.width * camera.height, usable)?;
-        Some(Self { stages: vec![Stage::Separable(separable)] })
+        Some(Self { stages: vec![Stage::Separable(separable)], error_mm: 0.0 })
     }
 
     /// The Möbius map that is all of the plan, where it is.
@@ -172,11 +181,6 @@ impl Plan {
             [Stage::Moebius(map)] => Some(map),
             _ => None,
         }
-    }
-
-    /// Whether a stage interpolates between entries of a table.
-    pub fn interpolates(&self) -> bool {
-        !self.stages.iter().all(|stage| matches!(stage, Stage::Moebius(_) | Stage::Frame(_) | Stage::Amplitude(..)))
     }
 
     /// What the plan needs of a frame.
@@ -200,6 +204,7 @@ impl Plan {
             match stage {
                 Stage::Moebius(map) => moebius::correct(isa, map.tables(), map.slices(first, z.len()), z),
                 Stage::Curve(curve) => curve.correct(isa, z),
+                Stage::Bins(bins) => bins.correct(isa, first, z),
                 Stage::Separable(separable) => separable.correct(isa, first, z),
                 Stage::Frame(_) => moebius::correct_alike(isa, *alike, z),
                 Stage::Amplitude(table, _) => match frame.amplitudes {

@@ -217,3 +217,51 @@ fn in_double<const P: bool, const Q: bool, const R: bool>(chunk: &mut Chunk<'_>)
     }
     count_u16(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::simd::{Kernel, dispatch};
+    use super::*;
+
+    const PIXELS: usize = 147;
+
+    struct Both<'a>(Slices<'a>, &'a [u16], [&'a mut [u16]; 2]);
+
+    impl Kernel for Both<'_> {
+        type Output = [[Seen; 2]; 4];
+        #[inline(always)]
+        fn run<I: Isa>(self, isa: I) -> Self::Output {
+            let Self(c, measured, [of_machine, plain]) = self;
+            macro_rules! pass {
+                ($p:literal, $q:literal, $r:literal) => {{
+                    let mut chunk = Chunk { c, unit_mm: 0.5, measured, out: of_machine };
+                    let seen = isa.steps::<$p, $q, $r, false>(&mut chunk);
+                    let mut chunk = Chunk { c, unit_mm: 0.5, measured, out: plain };
+                    let expected = in_single::<I, $p, $q, $r, false>(isa, &mut chunk);
+                    let apart = |(a, b): (&u16, &u16)| a.abs_diff(*b) > 1;
+                    assert!(!of_machine.iter().zip(plain.iter()).any(apart));
+                    [seen, expected]
+                }};
+            }
+            [pass!(false, false, true), pass!(true, false, false), pass!(true, false, true), pass!(true, true, true)]
+        }
+    }
+
+    #[test]
+    fn the_machines_own_loop_does_what_the_plain_one_does() {
+        let at = |i: usize, size: f32| size * (0.37 * i as f32).sin();
+        let p: Vec<f32> = (0..PIXELS).map(|i| at(i, 0.2)).collect();
+        let q: Vec<f32> = (0..PIXELS).map(|i| at(i + 5, 20.0)).collect();
+        // Some pixels have no ray.
+        let r: Vec<f32> = (0..PIXELS).map(|i| if i % 19 == 3 { 1e30 } else { at(2 * i, 4e-4) }).collect();
+        let measured: Vec<u16> = (0..PIXELS).map(|i| if i % 7 == 1 { 0 } else { (i * 77 % 4000) as u16 }).collect();
+        let (mut a, mut b) = ([0; PIXELS], [0; PIXELS]);
+        let c = Slices { p0: 0.01, p: &p, q: &q, r: &r };
+        for [seen, expected] in dispatch(Both(c, &measured, [&mut a, &mut b])) {
+            assert_eq!((seen.most, seen.depths), (expected.most, expected.depths));
+            assert_eq!(seen.most, measured.iter().copied().max().unwrap());
+            // A result within rounding of half a step may fall on either side.
+            assert!(seen.corrected.abs_diff(expected.corrected) <= 1, "{seen:?} {expected:?}");
+        }
+    }
+}
