@@ -4,7 +4,7 @@
 //!
 //! `hot` works on one frame again and again; `cold` on a ring of frames of more than 256 MB, so that every frame comes from
 //! memory. The camera is the thesis' camera 1, scaled to the size. `copy` and `triad` beside them are the machine's own: a
-//! copy of the depth image, and a + 3 b over f32 images of that size.
+//! copy of the depth image, and a + 3 b over f32 images of that size, on as many threads.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -12,6 +12,7 @@ use std::time::Instant;
 use depthcal::corrector::{Corrector, FrameContext, PointsMut, Rays, Remap};
 use depthcal_io::DepthImage;
 use depthcal_model::{Camera, Register};
+use rayon::prelude::*;
 
 const SIZES: [(usize, usize); 3] = [(640, 480), (1280, 720), (1920, 1080)];
 
@@ -104,14 +105,20 @@ fn run(bench: &Bench) {
     let mut out = depth.clone();
     let context = FrameContext::default();
 
-    bench.case("copy", 4, |k| out[k % ring].data.copy_from_slice(black_box(&depth[k % ring].data)));
+    // As many parts as there are threads.
+    let part = n.div_ceil(bench.threads);
+    bench.case("copy", 4, |k| {
+        let (to, from) = (&mut out[k % ring].data, black_box(&depth[k % ring].data));
+        to.par_chunks_mut(part).zip(from.par_chunks(part)).for_each(|(to, from)| to.copy_from_slice(from));
+    });
     {
         let (b, c) = (vec![vec![1.0f32; n]; ring], vec![vec![2.0f32; n]; ring]);
         let mut a = b.clone();
         bench.case("triad", 12, |k| {
             let k = k % ring;
             let (b, c) = (black_box(&b[k]), &c[k]);
-            a[k].iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = b + 3.0 * c);
+            let parts = a[k].par_chunks_mut(part).zip(b.par_chunks(part)).zip(c.par_chunks(part));
+            parts.for_each(|((a, b), c)| a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = b + 3.0 * c));
         });
     }
 

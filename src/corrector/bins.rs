@@ -52,9 +52,10 @@ impl Bins {
         let factor = |pixel: usize, z: f64| 1.0 / (z * measured(pixel, 1.0 / z));
         let linear = |pixel: usize| {
             let at_nodes: Vec<f64> = nodes.iter().map(|z| factor(pixel, *z)).collect();
-            let between = at_nodes.windows(2).zip(&nodes).flat_map(|(m, z)| {
-                [0.21, 0.5, 0.83].map(|t| (z + t * length, m[0] + t * (m[1] - m[0])))
-            });
+            let between = at_nodes
+                .windows(2)
+                .zip(&nodes)
+                .flat_map(|(m, z)| [0.21, 0.5, 0.83].map(|t| (z + t * length, m[0] + t * (m[1] - m[0]))));
             let beyond = [(0.4 * near, at_nodes[0]), (2.3 * far, at_nodes[count - 1])];
             between.chain(beyond).all(|(z, m)| (factor(pixel, z) - m).abs() <= SAME)
         };

@@ -207,7 +207,11 @@ fn one<I: Isa, const Q: bool, const R: bool>(isa: I, coefficients: (f32, f32, f3
 
 /// True depth of a measured one, and whether it is one.
 #[inline(always)]
-pub(super) fn true_depth<I: Isa, const Q: bool, const R: bool>(isa: I, (p, q, r): (f32, f32, f32), z: f32) -> (f32, bool) {
+pub(super) fn true_depth<I: Isa, const Q: bool, const R: bool>(
+    isa: I,
+    (p, q, r): (f32, f32, f32),
+    z: f32,
+) -> (f32, bool) {
     let slope = if R { isa.mul_add(r, z, p) } else { p };
     let change = if Q { isa.mul_add(z, slope, q) } else { z * slope };
     let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };

@@ -26,11 +26,10 @@ fn map(name: &str, size: f64, phase: f64) -> Block {
 
 /// Depth pieces: each kind of tables of a Möbius map, and a map with bins over depth.
 fn pieces() -> impl Strategy<Value = Vec<Block>> {
-    let projective = [-3e-4..3e-4, -1e-4..1e-4, -1e-5..1e-5, 0.8..1.25f64]
-        .prop_map(|theta| block("projective", theta.to_vec()));
-    let of_size = |name: &'static str, most: f64| {
-        (0.0..most, 0.0..6.0f64).prop_map(move |(size, phase)| map(name, size, phase))
-    };
+    let projective =
+        [-3e-4..3e-4, -1e-4..1e-4, -1e-5..1e-5, 0.8..1.25f64].prop_map(|theta| block("projective", theta.to_vec()));
+    let of_size =
+        |name: &'static str, most: f64| (0.0..most, 0.0..6.0f64).prop_map(move |(size, phase)| map(name, size, phase));
     prop_oneof![
         projective.clone().prop_map(|p| vec![p]),
         of_size("multiplier@bins=1", 0.1).prop_map(|m| vec![m]),

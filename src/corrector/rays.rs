@@ -21,6 +21,9 @@ pub struct Rays {
     fast: Option<(Lens, Reach)>,
 }
 
+/// Rows for each thread below which it has one band only.
+const LOW: usize = 400;
+
 /// Brown–Conrady lens behind a pinhole, and where the depth image's pixels lie on the image.
 #[derive(Debug, Clone, Copy)]
 struct Lens {
@@ -63,7 +66,10 @@ impl Rays {
             }
         }
         let threads = rayon::current_num_threads();
-        let band = if threads == 1 { height } else { height.div_ceil(2 * threads).max(8) };
+        // Two bands for each thread, so that one that comes late finds something left; but the first rows of a band have none
+        // to be extrapolated from and cost as much as twenty others.
+        let bands = if threads == 1 || height < LOW * threads { threads } else { 2 * threads };
+        let band = height.div_ceil(bands).max(8);
         let work = |(k, (x, y)): (usize, (&mut [T], &mut [T]))| self.rows(k * band, x, y);
         if threads == 1 {
             work((0, (x, y)));

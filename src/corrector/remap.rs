@@ -13,6 +13,7 @@ mod means;
 use depthcal_model::{Camera, Context};
 use rayon::prelude::*;
 
+use super::simd::{Isa, Kernel, dispatch};
 use super::{CorrectorError, pixel, probe};
 use means::{Cell, WINDOW, weights};
 
@@ -163,27 +164,9 @@ impl Remap {
         out.par_chunks_mut(band * self.width).enumerate().for_each(|(k, out)| rows(k * band, out));
     }
 
-    #[inline]
     fn nearest_row<T: Copy + Default>(&self, row: usize, image: &[T], out: &mut [T]) {
-        /// What is copied at a time, beyond the end of a run too: the next one overwrites that.
-        const BLOCK: usize = 16;
-        let mut at = 0;
-        for run in &self.runs[self.rows[row] as usize..self.rows[row + 1] as usize] {
-            let (source, length) = (run.source as usize, run.length as usize);
-            if run.source == OUTSIDE {
-                out[at..at + length].fill(T::default());
-            } else {
-                let padded = length.next_multiple_of(BLOCK);
-                match (image.get(source..source + padded), out.get_mut(at..at + padded)) {
-                    (Some(image), Some(out)) => {
-                        let (from, to) = (image.as_chunks::<BLOCK>().0, out.as_chunks_mut::<BLOCK>().0);
-                        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
-                    }
-                    _ => out[at..at + length].copy_from_slice(&image[source..source + length]),
-                }
-            }
-            at += length;
-        }
+        let runs = &self.runs[self.rows[row] as usize..self.rows[row + 1] as usize];
+        dispatch(Nearest { runs, image, out });
     }
 
     /// Calls `means` with the windows and cells of segments, and `mean` with the four source pixels, their weights and the
@@ -215,6 +198,41 @@ impl Remap {
                 }
             }
         });
+    }
+}
+
+/// A row of nearest pixels.
+struct Nearest<'a, T> {
+    runs: &'a [Run],
+    image: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Copy + Default> Kernel for Nearest<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<I: Isa>(self, _: I) {
+        /// What is copied at a time, beyond the end of a run too: the next one overwrites that.
+        const BLOCK: usize = 16;
+        let Self { runs, image, out } = self;
+        let mut at = 0;
+        for run in runs {
+            let (source, length) = (run.source as usize, run.length as usize);
+            if run.source == OUTSIDE {
+                out[at..at + length].fill(T::default());
+            } else {
+                let padded = length.next_multiple_of(BLOCK);
+                match (image.get(source..source + padded), out.get_mut(at..at + padded)) {
+                    (Some(image), Some(out)) => {
+                        let (from, to) = (image.as_chunks::<BLOCK>().0, out.as_chunks_mut::<BLOCK>().0);
+                        to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+                    }
+                    _ => out[at..at + length].copy_from_slice(&image[source..source + length]),
+                }
+            }
+            at += length;
+        }
     }
 }
 

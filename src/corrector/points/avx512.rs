@@ -1,6 +1,6 @@
 //! [`super::from_steps`] by AVX-512's own instructions.
 
-use std::arch::x86_64::{_CMP_NGT_UQ, _CMP_ORD_Q, __m512};
+use std::arch::x86_64::{__m512, _CMP_NGT_UQ, _CMP_ORD_Q};
 
 use pulp::cast;
 use pulp::x86::V4;
