@@ -202,8 +202,9 @@ impl Corrector {
         self.plan.is_some()
     }
 
-    /// Corrects a depth image of `unit_mm` per step into `out`, whose unit is the same. Results are rounded; they end at
-    /// 1 and 65535, so that valid depth never becomes invalid by rounding and never wraps.
+    /// Corrects a depth image of `unit_mm` per step into `out`, whose unit is the same. Results are rounded: they are within
+    /// 0.501 steps of the exact inverse, that is, one that lies within a thousandth of a step of the middle between two may go
+    /// either way. They end at 1 and 65535, so that valid depth never becomes invalid by rounding and never wraps.
     ///
     /// # Errors
     ///

@@ -44,7 +44,8 @@ impl Bins {
     ) -> Option<Self> {
         let [bins, near, far] = ["bins", "near_mm", "far_mm"].map(|name| options.get(name).copied());
         let (count, near, far) = (bins? as usize, near?, far?);
-        if !(2..=MOST_NODES).contains(&count) || !(near > 0.0 && far > near && far < f64::from(f32::MAX)) {
+        let usable_nodes = near > 0.0 && far > near && far < f64::from(f32::MAX);
+        if !((2..=MOST_NODES).contains(&count) && usable_nodes) {
             return None;
         }
         let length = (far - near) / (count - 1) as f64;

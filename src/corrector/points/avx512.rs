@@ -13,21 +13,34 @@ use crate::corrector::simd::{Isa, LANES};
 #[inline(always)]
 pub(in crate::corrector) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option<usize> {
     let f = v4.avx512f;
-    let FromSteps { map, measured, unit_mm, rays, out } = from;
+    let FromSteps { map, measured, unit_mm, rays: [rx, ry], out } = from;
+    let n = measured.len();
+    if n < LANES {
+        return from_steps::<_, CORRECT>(v4, FromSteps { map, measured, unit_mm, rays: [rx, ry], out });
+    }
     let (p, [dx, dy, dz]) = map;
-    let (blocks, rest) = measured.as_chunks::<LANES>();
-    let [rx, ry] = rays.map(|plane| &plane.as_chunks::<LANES>().0[..blocks.len()]);
-    let (out_blocks, out_rest) = out.as_chunks_mut::<{ 3 * LANES }>();
     let splat = |value: f32| f._mm512_set1_ps(value);
     let (p, unit, nan, one, pole) = (splat(p), splat(unit_mm), splat(f32::NAN), splat(1.0), splat(NEAREST_POLE));
     let d = [splat(dx), splat(dy), splat(dz)];
 
+    // The first block ends, and the last begins, within another one, so that all stores but theirs are on lines of the cache:
+    // a pixel has three values, a line sixteen, and 3 · 11 is 1 beyond two lines.
+    let head = (out.as_ptr().align_offset(64) * 11) % LANES;
     let (mut depths, mut lost) = (0, 0);
-    for (b, (measured, out)) in blocks.iter().zip(out_blocks).enumerate() {
-        let steps = f._mm512_cvtepu16_epi32(cast(*measured));
+    let (mut at, mut done) = (0, 0);
+    while done < n {
+        let (Some(steps), Some(x), Some(y), Some(out)) = (
+            measured[at..].first_chunk::<LANES>(),
+            rx[at..].first_chunk::<LANES>(),
+            ry[at..].first_chunk::<LANES>(),
+            out[3 * at..].first_chunk_mut::<{ 3 * LANES }>(),
+        ) else {
+            return None;
+        };
+        let steps = f._mm512_cvtepu16_epi32(cast(*steps));
         let valid = f._mm512_test_epi32_mask(steps, steps);
         let z = f._mm512_mul_ps(f._mm512_cvtepi32_ps(steps), unit);
-        let (rx, ry): (__m512, __m512) = (cast(rx[b]), cast(ry[b]));
+        let (rx, ry): (__m512, __m512) = (cast(*x), cast(*y));
         let depth = if CORRECT {
             let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
             let left = f._mm512_fnmadd_ps(r, z, one);
@@ -42,14 +55,12 @@ pub(in crate::corrector) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<
         } else {
             f._mm512_mask_blend_ps(valid & f._mm512_cmp_ps_mask::<_CMP_ORD_Q>(rx, rx), nan, z)
         };
-        depths += valid.count_ones() as usize;
+        // What the block before has done already is not counted twice.
+        depths += (valid >> (done - at)).count_ones() as usize;
         let (x, y) = (f._mm512_mul_ps(rx, depth), f._mm512_mul_ps(ry, depth));
         v4.interleave(&cast(x), &cast(y), &cast(depth), out);
+        done = at + LANES;
+        at = if at == 0 && head > 0 { head } else { done }.min(n - LANES);
     }
-    if lost != 0 {
-        return None;
-    }
-    let rays = rays.map(|plane| &plane[blocks.len() * LANES..measured.len()]);
-    let rest = FromSteps { map, measured: rest, unit_mm, rays, out: out_rest };
-    Some(depths + from_steps::<_, CORRECT>(v4, rest)?)
+    (lost == 0).then_some(depths)
 }
