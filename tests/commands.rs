@@ -188,7 +188,8 @@ fn apply_removes_a_known_error_within_rounding() {
         for i in 5..pixels {
             let z = f64::from(image.data[i]) * unit;
             let read = corrected(i, f64::from(input.data[i]) * unit);
-            assert!((z - read).abs() <= 0.5 * unit + 1e-9, "{name} {i}: {z} {read}");
+            // Half a step, and the thousandth that f32 may be off.
+            assert!((z - read).abs() <= 0.501 * unit, "{name} {i}: {z} {read}");
             // Half a step of the measured depth, as the model magnifies it, and half a step of the corrected one.
             let slope = D[3] / (1.0 - a(i) * measured(i, truth[i])).powi(2);
             assert!((z - truth[i]).abs() <= (0.51 * slope + 0.5) * unit, "{name} {i}: {z} {}", truth[i]);
