@@ -43,7 +43,7 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
             })
             .collect();
         // By draw and model.
-        let judged: Vec<Vec<Option<Vec<Vec<FrameErrors>>>>> = draws
+        let judged: Vec<Vec<Result<Vec<Vec<FrameErrors>>, String>>> = draws
             .par_iter()
             .map(|chosen| {
                 let fitted = train.subset(|i, _| chosen[i]);
@@ -52,14 +52,18 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
                 let prepared = Prepared::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
                 let judge = |model: &String| {
                     let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
-                    let camera = prepared.fit(&variant, &options.calibrate).ok()?.camera;
-                    Some(judges.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
+                    let camera = prepared.fit(&variant, &options.calibrate)?.camera;
+                    Ok(judges.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
                 };
                 options.models.par_iter().map(judge).collect()
             })
             .collect();
         for (m, model) in options.models.iter().enumerate() {
-            let good: Vec<_> = judged.iter().filter_map(|by_model| by_model[m].as_ref()).collect();
+            let good: Vec<_> = judged.iter().filter_map(|by_model| by_model[m].as_ref().ok()).collect();
+            let mut reasons: Vec<String> =
+                judged.iter().filter_map(|by_model| by_model[m].as_ref().err().cloned()).collect();
+            reasons.sort_unstable();
+            reasons.dedup();
             // Frames that several fits leave out count for each of them.
             let datasets = good.first().map_or(0, |g| g.len());
             let pooled: Vec<Vec<FrameErrors>> =
@@ -69,6 +73,7 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
                 frames: size,
                 fits,
                 failed: fits - good.len(),
+                reasons,
                 held_out: errors(&pooled),
             });
         }

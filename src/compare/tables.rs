@@ -147,6 +147,14 @@ fn learning(c: &Comparison) -> Option<Table> {
         }
         text.push('\n');
     }
+    for point in c.learning_curve.iter().filter(|p| p.failed > 0) {
+        let why = point.reasons.join("; ");
+        let _ = writeln!(
+            text,
+            "{} with {} frames: {} of {} fits failed ({why})",
+            point.model, point.frames, point.failed, point.fits
+        );
+    }
     Some(Table { title: "Held-out dot error against the number of frames, mm".to_owned(), text })
 }
 

@@ -101,6 +101,9 @@ pub struct LearningPoint {
     pub fits: usize,
     /// Those of them that failed.
     pub failed: usize,
+    /// Why they failed: every reason once.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reasons: Vec<String>,
     /// Mean errors over the fits on data that they did not see.
     pub held_out: Errors<Option<f64>>,
 }

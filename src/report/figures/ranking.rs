@@ -65,6 +65,9 @@ pub(in crate::report) fn model_ranking(c: &Comparison) -> Figure {
     figure
 }
 
+/// Reasons of failed fits that a caption has room for; the tables have all.
+const REASONS: usize = 3;
+
 /// Errors against the number of frames in the fit.
 pub(in crate::report) fn learning_curve(c: &Comparison) -> Figure {
     let mut models: Vec<&str> = Vec::new();
@@ -103,8 +106,17 @@ pub(in crate::report) fn learning_curve(c: &Comparison) -> Figure {
                   "range": [(0.9 * low).max(1e-3).log10(), (1.6 * high).max(2e-3).log10()]},
     });
     let failed: usize = c.learning_curve.iter().map(|p| p.failed).sum();
-    let failures =
-        if failed == 0 { String::new() } else { format!(" {} failed and are left out.", count(failed, "fit")) };
+    let mut reasons: Vec<String> = c
+        .learning_curve
+        .iter()
+        .filter(|p| p.failed > 0)
+        .map(|p| format!("{} with {}: {}", p.model, count(p.frames, "frame"), p.reasons.join("; ")))
+        .collect();
+    reasons.truncate(REASONS);
+    let failures = match failed {
+        0 => String::new(),
+        n => format!(" {} failed and are left out ({}).", count(n, "fit"), plain(&reasons.join(". "))),
+    };
     Figure::new("learning-curve", "Dot error against the number of frames", data, layout)
         .caption(format!("Mean over fits to frames drawn at random, the same for all models.{failures}"))
         .alt(format!("Dot error of {} against the number of frames in the fit.", count(models.len(), "model")))

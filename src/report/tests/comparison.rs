@@ -31,6 +31,7 @@ pub(super) fn page() -> String {
         frames,
         fits: 3,
         failed: 0,
+        reasons: Vec::new(),
         held_out: Errors { dot_error_mm: Some(error), plane_error_mm: None, depth_rms_mm: Some(error) },
     };
     let failed = ModelComparison {
@@ -48,6 +49,7 @@ pub(super) fn page() -> String {
             point("projective", 12, 2.5),
             point("none", 4, 12.0),
             point("none", 12, 9.0),
+            LearningPoint { failed: 1, reasons: vec!["a map <folds>".to_owned()], ..point("multiplier", 4, 7.0) },
         ],
         ..Comparison::default()
     };
