@@ -1,5 +1,6 @@
 //! A depth model from outside depthcal's crates: an error that grows with the third power of the distance from the middle
-//! of the image. Declared in 20 lines, it is calibrated, saved, loaded, and compared like the built-in ones.
+//! of the image. Declared in 20 lines, it is calibrated, saved, loaded, compared, and tried by the diagnosis like the
+//! built-in ones.
 //!
 //! `cargo run --release --example own_depth_model -- DATASET` on a dataset of yours; without one a capture is simulated.
 
@@ -8,6 +9,8 @@ use std::path::PathBuf;
 use depthcal::calibrate::{CalibrateOptions, calibrate};
 use depthcal::capture::{CaptureOptions, load};
 use depthcal::compare::{CompareOptions, compare, tables};
+use depthcal::diagnose::account::text;
+use depthcal::diagnose::{DiagnoseOptions, diagnose};
 use depthcal_model::hook::{Depth, DepthState};
 use depthcal_model::{Context, Parameter, Piece, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
@@ -65,7 +68,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &[],
         &CompareOptions {
             models,
-            calibrate: options,
+            calibrate: options.clone(),
             folds: 3,
             thesis: false,
             learning_fits: 0,
@@ -75,7 +78,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for table in tables::tables(&comparison) {
         println!("\n{}\n{}", table.title, table.text);
     }
-    println!("{}", comparison.verdict.join("\n"));
+    println!("{}\n", comparison.verdict.join("\n"));
+
+    // What does D lack? The model is one of the effects that are tried.
+    let diagnosis = diagnose(&capture, None, &DiagnoseOptions { calibrate: options, ..DiagnoseOptions::default() })?;
+    println!("{}", text(&diagnosis));
     if simulated.exists() {
         std::fs::remove_dir_all(simulated)?;
     }
