@@ -1,6 +1,6 @@
 //! Errors on frames that a fit did not see.
 
-use depthcal_io::{GainInterval, HeldOutErrors};
+use depthcal_io::{GainInterval, HeldOutErrors, Interval};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -71,13 +71,50 @@ const MOST_SIGMAS: f64 = 8.0;
 /// Resamples for intervals.
 const RESAMPLES: usize = 1000;
 
+/// Fewest frames from which an interval is made.
+const FEWEST_FRAMES: usize = 3;
+
+/// Sum and number of a frame's squared depth errors.
+fn squares(f: &EvaluatedFrame) -> (f64, f64) {
+    (f.pixels.iter().map(|p| p.after_mm * p.after_mm).sum(), f.pixels.len() as f64)
+}
+
+/// Root mean square over some of the frames, each as often as it is listed.
+fn rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (sum, n) = frames.fold((0.0, 0.0), |(sum, n), (squares, count)| (sum + squares, n + count));
+    (sum / n).sqrt()
+}
+
+/// What `of` makes of all frames, and the ends of its 95 % interval: whole frames are drawn with replacement (Efron,
+/// Tibshirani 1993, chapter 13), because pixels of a frame share errors.
+fn resampled(frames: usize, of: impl Fn(&[usize]) -> f64) -> [f64; 3] {
+    let mut drawn: Vec<usize> = (0..frames).collect();
+    let value = of(&drawn);
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut resampled: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            drawn.iter_mut().for_each(|d| *d = rng.random_range(0..frames));
+            of(&drawn)
+        })
+        .collect();
+    resampled.sort_by(f64::total_cmp);
+    let at = |q: f64| resampled[(q * (RESAMPLES - 1) as f64).round() as usize];
+    [value, at(0.025), at(0.975)]
+}
+
+/// The root mean square depth error after correction with its 95 % interval; `None` with less than three frames of depth.
+pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
+    let frames: Vec<(f64, f64)> = evaluated.frames.iter().map(squares).filter(|f| f.1 > 0.0).collect();
+    if frames.len() < FEWEST_FRAMES {
+        return None;
+    }
+    let [mean, low, high] = resampled(frames.len(), |drawn| rms(drawn.iter().map(|i| frames[*i])));
+    Some(Interval { mean, low, high })
+}
+
 /// Fall of the root mean square depth error from one model to another on the same frames, per cent, with its 95 %
-/// interval: frames are resampled in pairs (Efron, Tibshirani 1993, chapter 13). `None` without depth.
+/// interval: frames are resampled in pairs. `None` without depth.
 pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
-    let squares = |f: &EvaluatedFrame| {
-        let sum: f64 = f.pixels.iter().map(|p| p.after_mm * p.after_mm).sum();
-        (sum, f.pixels.len() as f64)
-    };
     let pairs: Vec<[(f64, f64); 2]> = before
         .frames
         .iter()
@@ -87,21 +124,9 @@ pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainI
     if pairs.is_empty() {
         return None;
     }
-    let gain = |pick: &mut dyn FnMut(usize) -> usize| {
-        let mut sums = [(0.0, 0.0); 2];
-        for i in 0..pairs.len() {
-            for (sum, part) in sums.iter_mut().zip(pairs[pick(i)]) {
-                *sum = (sum.0 + part.0, sum.1 + part.1);
-            }
-        }
-        let [b, a] = sums.map(|(squares, n)| (squares / n).sqrt());
-        100.0 * (1.0 - a / b)
-    };
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut resampled: Vec<f64> = (0..RESAMPLES).map(|_| gain(&mut |_| rng.random_range(0..pairs.len()))).collect();
-    resampled.sort_by(f64::total_cmp);
-    let at = |q: f64| resampled[(q * (RESAMPLES - 1) as f64).round() as usize];
-    Some(GainInterval { value: gain(&mut |i| i), low: at(0.025), high: at(0.975) })
+    let side = |drawn: &[usize], i: usize| rms(drawn.iter().map(|d| pairs[*d][i]));
+    let [value, low, high] = resampled(pairs.len(), |drawn| 100.0 * (1.0 - side(drawn, 1) / side(drawn, 0)));
+    Some(GainInterval { value, low, high })
 }
 
 #[cfg(test)]
@@ -130,6 +155,20 @@ mod tests {
             uncorrectable: 0,
         });
         Evaluated { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
+    }
+
+    #[test]
+    fn errors_and_their_intervals() {
+        // Of equal frames every draw is the same; of two kinds the interval lies between them and about the whole.
+        let same = depth_rms_interval(&evaluated(&[2.0; 20])).unwrap();
+        assert!([same.mean, same.low, same.high].iter().all(|v| (v - 2.0).abs() < 1e-12), "{same:?}");
+        let mixed: Vec<f64> = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { 3.0 }).collect();
+        let mixed = depth_rms_interval(&evaluated(&mixed)).unwrap();
+        assert!((mixed.mean - 5.0_f64.sqrt()).abs() < 1e-12, "{mixed:?}");
+        // The mean square, 5 mm², has the standard error 4 / √40 = 0.63 mm².
+        let ends = [mixed.low, mixed.high].map(|v| (v * v - 5.0).abs() / (1.96 * 0.632));
+        assert!(ends.iter().all(|e| (e - 1.0).abs() < 0.25), "{mixed:?}");
+        assert!(depth_rms_interval(&evaluated(&[1.0; 2])).is_none());
     }
 
     #[test]

@@ -42,6 +42,11 @@ impl Progress {
         Self(bar)
     }
 
+    /// Says what is being done now.
+    pub fn now(&self, what: String) {
+        self.0.set_message(what);
+    }
+
     /// One step is done.
     pub fn advance(&self) {
         self.0.inc(1);

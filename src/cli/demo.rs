@@ -42,9 +42,7 @@ impl Demo {
 
         let reading = Reading { refresh: false, no_cache: true };
         let (loaded, judge) = (reading.load(&fitted)?, reading.load(&other)?);
-        let busy = Progress::busy("diagnosing");
         let d = diagnose(&loaded.capture, Some(&judge.capture), &DiagnoseOptions::default())?;
-        drop(busy);
         let title = "Demo: a depth camera with an error that nobody declared".to_owned();
         let told = Told {
             title,

@@ -15,7 +15,6 @@ use crate::diagnose::account::{text, to_file};
 use crate::diagnose::separability::separability;
 use crate::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use crate::evaluate::evaluate;
-use crate::progress::Progress;
 use crate::report::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 
 /// Finds what a camera's model lacks: fits it, looks at what is left, traces that to an effect, adds it, fits again and
@@ -78,9 +77,7 @@ impl Diagnose {
         options.camera =
             declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
         let options = DiagnoseOptions { calibrate: options, folds: usize::from(self.folds) };
-        let busy = Progress::busy("diagnosing");
         let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
-        drop(busy);
         let told = Told {
             title: loaded.capture.name.clone(),
             command_line: command_line(),

@@ -178,6 +178,7 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         p_value: s.p_value,
         before: s.before,
         after: s.after,
+        depth_rms_after_mm: s.depth_rms_after_mm,
         depth_gain_percent: s.gain_percent,
     };
     let frame = |f: &BadFrame| DiagnosisFrame { name: f.name.clone(), reason: f.reason.clone() };

@@ -7,9 +7,9 @@
 //! | which effects may be missing | [`candidates`] |
 //! | free functions that compete with them | [`probe`] |
 //! | what the residuals say about each | [`evidence`] |
-//! | which explain together | [`together`] |
+//! | which explain together | `together` |
 //! | which one to add, if any | [`decision`] |
-//! | fits with effects added and taken out again | [`trial`] |
+//! | fits with effects added and taken out again | `trial` |
 //! | the loop | here |
 
 pub mod account;
@@ -24,7 +24,7 @@ pub mod sight;
 mod together;
 mod trial;
 
-use depthcal_io::{DiagnosisParameter, DiagnosisRound, GainInterval, HeldOutErrors, Verdict};
+use depthcal_io::{DiagnosisParameter, DiagnosisRound, GainInterval, HeldOutErrors, Interval, Verdict};
 use depthcal_solver::score::ScoreError;
 use thiserror::Error;
 
@@ -113,6 +113,8 @@ pub struct Step {
     pub before: HeldOutErrors,
     /// Errors after.
     pub after: HeldOutErrors,
+    /// Depth error after, with its interval.
+    pub depth_rms_after_mm: Option<Interval>,
     /// Fall of the depth error, per cent.
     pub gain_percent: Option<GainInterval>,
 }
@@ -163,8 +165,7 @@ pub fn diagnose(
     }
     let (capture, mut bad_frames) = without_duplicates(capture);
     let whole = capture.clone();
-    let declared = options.calibrate.clone();
-    let mut trial = Trial { capture, verify, declared, folds: options.folds, added: Vec::new(), map: None };
+    let mut trial = Trial::new(capture, verify, options.calibrate.clone(), options.folds);
     let mut fit = trial.fit(&trial.declared)?;
     trial.drop_bad_frames(&mut fit, &mut bad_frames, GROSS_MM)?;
     let declarations = account::implausible_declarations(&fit);
@@ -176,6 +177,8 @@ pub fn diagnose(
     // Effects that brought nothing beside the present model.
     let mut rejected: Vec<String> = Vec::new();
     let examination = loop {
+        trial.round += 1;
+        trial.doing("examining what is left", &trial.present());
         let examination = examine(&present.fit, &options.calibrate.register)?;
         let least_share = WORTH_A_STEP * explained;
         let decision = decide(&examination, &frame_planes(&present.fit), least_share, &rejected);

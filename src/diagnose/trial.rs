@@ -10,10 +10,11 @@ use super::probe::Along;
 use super::sight::Sights;
 use super::{FREE_MAP, HeldOut, Step};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
-use crate::cross_validation::{cross_validate, depth_gain_percent, errors, weighted_depth_rms};
+use crate::cross_validation::{cross_validate, depth_gain_percent, depth_rms_interval, errors, weighted_depth_rms};
 use crate::evaluate::evaluate;
 use crate::noise::DepthNoise;
 use crate::observations::{Capture, Frame};
+use crate::progress::Progress;
 
 /// The forms of the free map that are tried: an offset of inverse depth alone, and with a scale.
 const MAPS: [&str; 2] = [FREE_MAP, "bspline@columns=6@rows=6"];
@@ -59,9 +60,28 @@ pub(super) struct Trial<'a> {
     pub added: Vec<Added>,
     /// The form of the free map that is in the model.
     pub map: Option<&'static str>,
+    /// The round of the loop, from 1; 0 is what comes before.
+    pub round: usize,
+    progress: Progress,
 }
 
-impl Trial<'_> {
+impl<'a> Trial<'a> {
+    /// The declared model, with nothing added.
+    pub fn new(capture: Capture, verify: Option<&'a Capture>, declared: CalibrateOptions, folds: usize) -> Self {
+        let progress = Progress::busy("diagnosing");
+        Self { capture, verify, declared, folds, added: Vec::new(), map: None, round: 0, progress }
+    }
+
+    /// Says on terminals what is being done now, and with which model.
+    pub fn doing(&self, what: &str, options: &CalibrateOptions) {
+        let added = options.effects.get(self.declared.effects.len()..).unwrap_or_default();
+        let model = if added.is_empty() { "the declared model".to_owned() } else { added.join(" + ") };
+        match self.round {
+            0 => self.progress.now(format!("diagnosing: {what} ({model})")),
+            round => self.progress.now(format!("diagnosing, round {round}: {what} ({model})")),
+        }
+    }
+
     /// The declared model with effects added.
     fn options(&self, added: &[Added]) -> CalibrateOptions {
         let mut options = self.declared.clone();
@@ -77,11 +97,13 @@ impl Trial<'_> {
 
     /// Fits a model.
     pub fn fit(&self, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+        self.doing("fitting", options);
         calibrate(&self.capture, options)
     }
 
     /// Errors on frames that the model did not see.
     pub fn held_out(&self, fit: &Calibrated, options: &CalibrateOptions) -> Result<HeldOut, CalibrateError> {
+        self.doing("judging on held-out frames", options);
         let evaluated = match self.verify {
             Some(verify) => evaluate(&fit.camera, verify),
             None => cross_validate(&fit.capture, self.folds.min(fit.capture.frames.len()), options)?,
@@ -212,6 +234,7 @@ impl Trial<'_> {
                 p_value: one.p_value,
                 before: before.errors,
                 after: one.after.errors,
+                depth_rms_after_mm: depth_rms_interval(&one.after.evaluated),
                 gain_percent: depth_gain_percent(&before.evaluated, &one.after.evaluated),
             }
         };
@@ -255,6 +278,7 @@ impl Trial<'_> {
                 p_value,
                 before: present.held_out.errors,
                 after: fitted.held_out.errors,
+                depth_rms_after_mm: depth_rms_interval(&fitted.held_out.evaluated),
                 gain_percent: depth_gain_percent(&present.held_out.evaluated, &fitted.held_out.evaluated),
             };
             (step, fitted)
@@ -289,6 +313,7 @@ impl Trial<'_> {
     ) -> Result<bool, CalibrateError> {
         let before = bad_frames.len();
         for _ in 0..FRAME_ROUNDS {
+            self.doing("looking for bad frames", &self.present());
             let planes = frame_planes(fit);
             let bad = outlying(&planes, least_mm);
             if bad.is_empty() {
@@ -331,7 +356,7 @@ mod tests {
         let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[effect], 5);
         let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
         let declared = CalibrateOptions::default();
-        let mut trial = Trial { capture, verify: None, declared, folds: 5, added: Vec::new(), map: None };
+        let mut trial = Trial::new(capture, None, declared, 5);
         let first = trial.fitted(&trial.present()).unwrap();
         let examination = examine(&first.fit, &trial.declared.register).unwrap();
         let found = |name: &str| {

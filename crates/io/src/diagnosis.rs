@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FileError, FileReference, read_json, write_json};
+use crate::{FileError, FileReference, Interval, read_json, write_json};
 
 /// The outcome of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,6 +42,13 @@ pub struct GainInterval {
     pub high: f64,
 }
 
+impl GainInterval {
+    /// Whether there is a gain beyond chance: the whole interval is above zero.
+    pub fn is_certain(&self) -> bool {
+        self.low > 0.0
+    }
+}
+
 /// An effect that was accepted and added.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisStep {
@@ -61,6 +68,10 @@ pub struct DiagnosisStep {
     pub before: HeldOutErrors,
     /// Errors after.
     pub after: HeldOutErrors,
+    /// Root mean square depth error after it was added, with its interval; absent where there is none, and in files of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_after_mm: Option<Interval>,
     /// Fall of the root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
 }

@@ -58,7 +58,7 @@ fn step_row(i: usize, s: &DiagnosisStep) -> String {
     let (b, a) = (&s.before, &s.after);
     let gain = s.depth_gain_percent.as_ref().map_or_else(|| "–".to_owned(), gain);
     let class = match &s.depth_gain_percent {
-        Some(g) if g.low > 0.0 => "good",
+        Some(g) if g.is_certain() => "good",
         Some(g) if g.high < 0.0 => "bad",
         _ => "care",
     };

@@ -170,7 +170,7 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
 /// `−16.5 % (13.5 to 20.1)`.
 pub(in crate::report) fn gain(g: &GainInterval) -> String {
     let way = if g.value >= 0.0 { "less" } else { "more" };
-    let unsure = if g.low <= 0.0 { ", not certain" } else { "" };
+    let unsure = if g.is_certain() { "" } else { ", not certain" };
     format!("{} % {way} (95 % interval {} to {} %{unsure})", fixed(g.value.abs(), 1), fixed(g.low, 1), fixed(g.high, 1))
 }
 
@@ -216,7 +216,7 @@ fn sure(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
         .account
         .steps
         .iter()
-        .filter(|s| s.depth_gain_percent.is_some_and(|g| g.low <= 0.0))
+        .filter(|s| s.depth_gain_percent.is_some_and(|g| !g.is_certain()))
         .filter_map(|s| s.effects.first().cloned())
         .collect();
     if !unsure.is_empty() {

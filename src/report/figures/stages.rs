@@ -21,7 +21,7 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
     let interval = |e: &crate::report::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
     let mut list = vec![
         Stage {
-            label: "as measured".to_owned(),
+            label: "as<br>measured".to_owned(),
             value: now.before.value,
             interval: interval(&now.before),
             colour: BEFORE,
@@ -36,12 +36,16 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
     let steps = &d.account.steps;
     for (i, step) in steps.iter().enumerate() {
         let is_last = i + 1 == steps.len();
-        let value = if is_last { Some(now.after.value) } else { step.after.depth_rms_mm };
+        let (value, ends) = match (is_last, step.depth_rms_after_mm) {
+            (true, _) => (Some(now.after.value), interval(&now.after)),
+            (false, Some(after)) => (Some(after.mean), Some([after.low, after.high])),
+            (false, None) => (step.after.depth_rms_mm, None),
+        };
         let name = step.effects.first().map_or("", String::as_str);
         list.push(Stage {
             label: format!("+ {}", plain(name).replace('_', "_<br>")),
             value: value?,
-            interval: if is_last { interval(&now.after) } else { None },
+            interval: ends,
             colour: AFTER,
         });
     }
@@ -71,8 +75,10 @@ pub(in crate::report) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis
         ),
     });
     let data = vec![bars, intervals];
+    // Five labels have to stand side by side on a phone.
+    let size = if list.len() > 4 { 10 } else { 12 };
     let layout = json!({
-        "xaxis": {"type": "category", "tickangle": 0}, "bargap": 0.25, "showlegend": false,
+        "xaxis": {"type": "category", "tickangle": 0, "tickfont": {"size": size}}, "bargap": 0.25, "showlegend": false,
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
     });
     let told: Vec<String> =
@@ -100,7 +106,7 @@ pub(in crate::report) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
             list.iter().map(|s| short(s.1.high - s.1.value)).collect(),
             list.iter().map(|s| short(s.1.value - s.1.low)).collect(),
         ),
-        "marker": {"color": list.iter().map(|s| if s.1.low > 0.0 { AFTER } else { NEUTRAL }).collect::<Value>()},
+        "marker": {"color": list.iter().map(|s| if s.1.is_certain() { AFTER } else { NEUTRAL }).collect::<Value>()},
         "hovertemplate": "%{y}: %{x:.1f} %<extra></extra>",
     });
     let layout = json!({

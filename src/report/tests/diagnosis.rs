@@ -116,6 +116,27 @@ fn every_question_is_answered_on_the_first_screen() {
     }
 }
 
+/// Every bar has a whisker: those between the first and the last model as well, from the account.
+#[test]
+fn all_stages_have_intervals() {
+    let d = diagnosed();
+    let mut account = d.account.clone();
+    let first = account.steps[0].clone();
+    let after = first.depth_rms_after_mm.unwrap();
+    assert!(after.low < after.mean && after.mean < after.high, "{after:?}");
+    assert!((after.mean - first.after.depth_rms_mm.unwrap()).abs() < 1e-9);
+    account.steps.push(first);
+    let stages =
+        |account: &DiagnosisFile| figures(&d.render(account)).into_iter().find(|f| f["id"] == "stages").unwrap();
+    let bars = |figure: &Value, trace: usize| figure["data"][trace]["x"].as_array().unwrap().len();
+    let all = stages(&account);
+    assert_eq!((bars(&all, 0), bars(&all, 1)), (4, 4));
+    // An account of an earlier version does not have the one in the middle.
+    account.steps[0].depth_rms_after_mm = None;
+    let earlier = stages(&account);
+    assert_eq!((bars(&earlier, 0), bars(&earlier, 1)), (4, 3));
+}
+
 /// The line that is drawn through what the declared model leaves is the fitted effect: it follows the bins, which are
 /// measured, within their intervals.
 #[test]
