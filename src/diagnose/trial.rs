@@ -23,8 +23,6 @@ const ROWS: &str = "free_map@columns=4@rows=48";
 const COLUMNS: &str = "free_map@columns=64@rows=4";
 /// What is gained where noise is small must not cost more than this where it is large, per cent of the depth error.
 const MOST_LOSS_PERCENT: f64 = 0.5;
-/// A loss that may be chance is let pass where the weighted error gains this many times as much.
-const LARGER: f64 = 2.0;
 /// Less than this on held-out frames is nothing, per cent.
 const LEAST_GAIN_PERCENT: f64 = 0.02;
 /// Rounds of leaving bad frames out.
@@ -329,14 +327,14 @@ impl<'a> Trial<'a> {
 
 /// Whether a model is better than another on held-out frames: in depth, weighted by the noise, and in the image taken
 /// together. What one gains the other must not lose; nor must far pixels lose, where noise is large, what near ones gain,
-/// unless that is no more than chance over the frames and little beside the gain.
+/// unless that may be chance over the frames and is less than the gain.
 fn improves(before: &HeldOut, after: &HeldOut, noise: &DepthNoise) -> bool {
     let gain = |b: f64, a: f64| if b > 0.0 { 100.0 * (1.0 - a / b) } else { 0.0 };
     let weighted = |h: &HeldOut| weighted_depth_rms(&h.evaluated, noise);
     let depth = weighted(before).zip(weighted(after)).map_or(0.0, |(b, a)| gain(b, a));
     let image = gain(before.errors.reprojection_px, after.errors.reprojection_px);
     let loses = depth_gain_percent(&before.evaluated, &after.evaluated).is_some_and(|plain| {
-        let by_chance = plain.high > 0.0 && depth > LARGER * -plain.value;
+        let by_chance = plain.high > 0.0 && depth > -plain.value;
         plain.value < -MOST_LOSS_PERCENT && !by_chance
     });
     depth + image > LEAST_GAIN_PERCENT && !loses
