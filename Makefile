@@ -3,7 +3,7 @@
 CARGO ?= cargo
 DEMO ?= demo
 
-.PHONY: help setup test demo check bench
+.PHONY: help setup test demo check recordings bench
 
 help: ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */  make \1	/' | expand -t 16
@@ -22,6 +22,10 @@ check: setup ## formatting, clippy and rustdoc without warnings, and the build w
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 	$(CARGO) check --no-default-features
+
+recordings: setup ## clippy and tests of --rrd, which brings some 230 more crates
+	$(CARGO) clippy --all-targets --features rerun -- -D warnings
+	$(CARGO) test --features rerun --lib rerun::
 
 bench: setup ## run the benchmarks
 	$(CARGO) bench --workspace

@@ -22,6 +22,8 @@ pub mod observations;
 mod progress;
 pub mod record;
 pub mod report;
+#[cfg(feature = "rerun")]
+pub mod rerun;
 pub mod roughness;
 pub mod simulated;
 pub mod smoothness;

@@ -266,3 +266,18 @@ fn an_interrupted_correction_leaves_no_half_file() {
         assert!(image.data.iter().all(|z| *z > 0), "{name}");
     }
 }
+
+/// Before the images are read, so that nobody waits for a refusal.
+#[cfg(not(feature = "rerun"))]
+#[test]
+fn recordings_need_their_feature() {
+    let folder = Folder::dataset(&[BOARD, FRAMES, UNIT]);
+    folder.write("calibration.json", CALIBRATION);
+    let parts = ["--rrd", "capture.rrd", "without the feature 'rerun'", "--features rerun"];
+    let (calibration, data, out) = (folder.arg("calibration.json"), folder.arg("data"), folder.arg("out"));
+    for command in [&["calibrate"][..], &["diagnose"], &["evaluate", calibration.as_str()]] {
+        let rest = [data.as_str(), "--no-cache", "--rrd", "capture.rrd", "--out", out.as_str()];
+        fails(command.iter().copied().chain(rest), &parts);
+        assert_eq!(folder.names("out"), [""; 0]);
+    }
+}

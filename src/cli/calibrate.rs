@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::common::{
     Failure, Output, Reading, command_line, frames_of, input, say_not_judged, value_of, write_calibration, write_report,
 };
+use super::recording::Recording;
 use super::voice::say;
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::capture::declared_camera;
@@ -53,6 +54,7 @@ enum EstimatorName {
   depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame judges
   depthcal calibrate captures/ --model projective:xw --out r/      only dx and dw free
   depthcal calibrate captures/ --with cyclic_depth@period_mm=300 --out r/
+  depthcal calibrate captures/ --rrd result.rrd --out result/      a recording for the rerun viewer too
   depthcal calibrate captures/ --json --out r/ | jq .calibration.camera")]
 pub(super) struct Calibrate {
     /// Folder with a dataset.toml.
@@ -80,6 +82,8 @@ pub(super) struct Calibrate {
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
+    recording: Recording,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -99,6 +103,7 @@ impl Calibrate {
         };
         // Names are checked before the images are read, which takes its time.
         options.check_names().map_err(input)?;
+        self.recording.check()?;
         let loaded = self.reading.load(&self.dataset)?;
         let (fitted, held) = match self.hold_out {
             Some(hold_out) => {
@@ -119,8 +124,8 @@ impl Calibrate {
         print_parameters(&result);
         let fitted = evaluate(&result.camera, &result.capture);
         let mut datasets = vec![fitted.record()];
-        let held_out = match (held, self.cross_validate) {
-            (Some(held), _) => Some(("held out", evaluate(&result.camera, &held))),
+        let held_out = match (&held, self.cross_validate) {
+            (Some(held), _) => Some(("held out", evaluate(&result.camera, held))),
             (None, Some(folds)) => {
                 Some(("cross-validated", cross_validate(&loaded.capture, usize::from(folds), &options)?))
             }
@@ -148,11 +153,15 @@ impl Calibrate {
         };
         let report = write_report(&report, &self.output.out)?;
         say!("written: {} and {}", written.display(), report.display());
+        // Cross-validation has a camera for every part; a recording is of one.
+        let mut recorded = vec![(&result.capture, &fitted)];
+        recorded.extend(held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));
+        let recording = self.recording.write(&result.camera, &recorded)?;
         Ok(json!({
             "frames": frames_of(&result.capture.name, result.capture.frames.len(), &result.capture.dropped),
             "calibration": value_of(&Calibration::read(&written).map_err(input)?)?,
             "datasets": evaluation,
-            "written": [written, report],
+            "written": std::iter::once(written).chain([report]).chain(recording).collect::<Vec<_>>(),
         }))
     }
 }

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::common::{
     Failure, Output, Reading, command_line, frames_of, input, value_of, write_calibration, write_report,
 };
+use super::recording::Recording;
 use super::voice::say;
 use crate::calibrate::CalibrateOptions;
 use crate::capture::{Loaded, declared_camera};
@@ -50,6 +51,8 @@ pub(super) struct Diagnose {
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
+    recording: Recording,
+    #[command(flatten)]
     output: Output,
 }
 
@@ -72,6 +75,7 @@ impl Diagnose {
             ..CalibrateOptions::default()
         };
         options.check_names().map_err(input)?;
+        self.recording.check()?;
         let loaded = self.reading.load(&self.dataset)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path)).transpose()?;
         options.camera =
@@ -85,7 +89,17 @@ impl Diagnose {
             verified: verify.is_some(),
             story: Vec::new(),
         };
-        tell(&d, &loaded, told, &self.output.out)
+        let mut result = tell(&d, &loaded, told, &self.output.out)?;
+        let fitted = evaluate(&d.last.camera, &d.last.capture);
+        let mut recorded = vec![(&d.last.capture, &fitted)];
+        // Left-out frames of the dataset itself were judged by cameras of their own.
+        recorded.extend(verify.as_ref().map(|v| (&v.capture, &d.after.evaluated)));
+        if let (Some(path), Some(written)) =
+            (self.recording.write(&d.last.camera, &recorded)?, result["written"].as_array_mut())
+        {
+            written.push(json!(path));
+        }
+        Ok(result)
     }
 }
 

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::common::{
     Failure, Output, Reading, command_line, frames_of, input, read_calibration, say_not_judged, value_of, write_report,
 };
+use super::recording::Recording;
 use super::voice::say;
 use crate::evaluate::{evaluate, table};
 use crate::progress::Progress;
@@ -31,11 +32,14 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
+    recording: Recording,
+    #[command(flatten)]
     output: Output,
 }
 
 impl Evaluate {
     pub(super) fn run(&self) -> Result<Value, Failure> {
+        self.recording.check()?;
         let (calibration, camera) = read_calibration(&self.calibration, &Register::builtin())?;
         let (mut datasets, mut all) = (Vec::new(), Vec::new());
         let (mut fitted, mut frames) = (None, Vec::new());
@@ -68,7 +72,7 @@ impl Evaluate {
                 say!("  {uncorrectable} depth pixels cannot be corrected by this model and are left out");
             }
             datasets.push(evaluated.record());
-            all.push((evaluated, role));
+            all.push((evaluated, role, loaded.capture));
         }
         say!("\n{}", table(&datasets, fitted.as_deref()));
         if fitted.is_some() {
@@ -78,7 +82,7 @@ impl Evaluate {
         let values = value_of(&datasets)?;
         Evaluation { datasets }.write(&path).map_err(input)?;
         let shown: Vec<ReportDataset<'_>> =
-            all.iter().map(|(evaluated, role)| ReportDataset { evaluated, role: *role }).collect();
+            all.iter().map(|(evaluated, role, _)| ReportDataset { evaluated, role: *role }).collect();
         let report = ReportInput {
             title: format!("Evaluation of {}", self.calibration.display()),
             command_line: command_line(),
@@ -89,6 +93,9 @@ impl Evaluate {
         };
         let report = write_report(&report, &self.output.out)?;
         say!("written: {} and {}", path.display(), report.display());
-        Ok(json!({ "frames": frames, "datasets": values, "written": [path, report] }))
+        let recorded: Vec<_> = all.iter().map(|(evaluated, _, capture)| (capture, evaluated)).collect();
+        let recording = self.recording.write(&camera, &recorded)?;
+        let written: Vec<_> = [path, report].into_iter().chain(recording).collect();
+        Ok(json!({ "frames": frames, "datasets": values, "written": written }))
     }
 }

@@ -13,6 +13,7 @@ mod diagnose;
 mod evaluate;
 mod export;
 mod man;
+mod recording;
 mod simulate;
 mod voice;
 
