@@ -166,7 +166,7 @@ pub fn diagnose(
     let (capture, mut bad_frames) = without_duplicates(capture);
     let whole = capture.clone();
     let mut trial = Trial::new(capture, verify, options.calibrate.clone(), options.folds);
-    let mut fit = trial.fit(&trial.declared)?;
+    let mut fit = trial.fit_declared(&mut bad_frames)?;
     trial.drop_bad_frames(&mut fit, &mut bad_frames, GROSS_MM)?;
     let declarations = account::implausible_declarations(&fit);
     let mut first = Fitted { held_out: trial.held_out(&fit, &trial.declared)?, fit };

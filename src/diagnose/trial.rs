@@ -8,7 +8,7 @@ use super::evidence::{Evidence, refined, weigh_alone};
 use super::frames::{BadFrame, explain, frame_planes, outlying};
 use super::probe::Along;
 use super::sight::Sights;
-use super::{FREE_MAP, HeldOut, Step};
+use super::{FREE_MAP, GROSS_MM, HeldOut, Step};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
 use crate::cross_validation::{cross_validate, depth_gain_percent, depth_rms_interval, errors, weighted_depth_rms};
 use crate::evaluate::evaluate;
@@ -25,6 +25,8 @@ const COLUMNS: &str = "free_map@columns=64@rows=4";
 const MOST_LOSS_PERCENT: f64 = 0.5;
 /// Less than this on held-out frames is nothing, per cent.
 const LEAST_GAIN_PERCENT: f64 = 0.02;
+/// The depth model beside which bad frames stand out where the declared one follows them.
+const STIFF: &str = "projective:w";
 /// Rounds of leaving bad frames out.
 const FRAME_ROUNDS: usize = 3;
 
@@ -97,6 +99,26 @@ impl<'a> Trial<'a> {
     pub fn fit(&self, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
         self.doing("fitting", options);
         calibrate(&self.capture, options)
+    }
+
+    /// Fits the declared model. Frames with depth that is not theirs can bend it until it folds; a scale of depth alone does not
+    /// bend, so that they stand out beside it, and are left out.
+    pub fn fit_declared(&mut self, bad_frames: &mut Vec<BadFrame>) -> Result<Calibrated, CalibrateError> {
+        let error = match self.fit(&self.declared) {
+            Err(error) if error.is_untrusted_fit() => error,
+            other => return other,
+        };
+        let stiff = CalibrateOptions { model: STIFF.to_owned(), effects: Vec::new(), ..self.declared.clone() };
+        let Ok(fit) = self.fit(&stiff) else { return Err(error) };
+        let planes = frame_planes(&fit);
+        let bad = outlying(&planes, GROSS_MM);
+        if bad.is_empty() {
+            return Err(error);
+        }
+        info!("{error}: tried again without {} frames", bad.len());
+        bad_frames.extend(explain(&fit, &bad));
+        self.capture = self.capture.subset(|_, f| bad_frames.iter().all(|b| b.name != f.name));
+        self.fit(&self.declared)
     }
 
     /// Errors on frames that the model did not see.
@@ -377,5 +399,32 @@ mod tests {
         assert_eq!(steps[1].before, steps[0].after);
         assert_eq!(steps[1].after, present.held_out.errors);
         assert!(steps[0].after.depth_rms_mm < steps[0].before.depth_rms_mm);
+    }
+
+    /// Depth of the nearest and of the farthest board, exchanged.
+    #[test]
+    fn frames_that_bend_the_declared_model_until_it_folds_are_left_out() {
+        let mut folded = 0;
+        for seed in 0..6 {
+            let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 1100 + seed);
+            let mut capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+            let mean = |f: &Frame| f.samples.iter().map(|s| s.depth_mm).sum::<f64>() / f.samples.len() as f64;
+            capture.frames.sort_by(|a, b| mean(a).total_cmp(&mean(b)));
+            let last = capture.frames.len() - 1;
+            for i in 0..2 {
+                let near = std::mem::take(&mut capture.frames[i].samples);
+                capture.frames[i].samples = std::mem::replace(&mut capture.frames[last - i].samples, near);
+            }
+            let exchanged = [0, 1, last - 1, last].map(|i| capture.frames[i].name.clone());
+            let declared = CalibrateOptions::default();
+            folded += usize::from(calibrate(&capture, &declared).is_err_and(|e| e.is_untrusted_fit()));
+            let mut trial = Trial::new(capture, None, declared, 5);
+            let mut bad_frames = Vec::new();
+            let mut fit = trial.fit_declared(&mut bad_frames).unwrap();
+            trial.drop_bad_frames(&mut fit, &mut bad_frames, GROSS_MM).unwrap();
+            assert!(exchanged.iter().all(|n| bad_frames.iter().any(|b| b.name == *n)), "seed {seed}: {bad_frames:?}");
+            assert_eq!(bad_frames.len(), exchanged.len(), "seed {seed}: {bad_frames:?}");
+        }
+        assert!(folded > 0, "no capture bends the model: the test shows nothing");
     }
 }
