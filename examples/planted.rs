@@ -18,13 +18,13 @@ const DEFAULT: &str = "none,cyclic_depth=4,temporal_drift=6,depth_registration=3
                        disparity_ripple=4,smooth_map=6,row_banding=6";
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let dataset = arguments.next().ok_or("usage: planted DATASET [--effects NAME=SIZE,…]")?;
-    let effects = match (arguments.next().as_deref(), arguments.next()) {
-        (Some("--effects"), Some(list)) => list,
-        _ => DEFAULT.to_owned(),
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (dataset, effects) = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        [dataset] => (dataset, DEFAULT),
+        [dataset, "--effects", list] => (dataset, list),
+        _ => return Err("usage: planted DATASET [--effects NAME=SIZE,…]".into()),
     };
-    let mut capture = load(Path::new(&dataset), &CaptureOptions::default())?.capture;
+    let mut capture = load(Path::new(dataset), &CaptureOptions::default())?.capture;
     if capture.frames.iter().all(|f| f.time_s == 0.0) {
         capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
     }

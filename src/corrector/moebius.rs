@@ -103,11 +103,7 @@ impl Moebius {
 
     /// The tables of `length` pixels from `first` on.
     pub fn slices(&self, first: usize, length: usize) -> Slices<'_> {
-        fn part(table: &[f32], first: usize, length: usize) -> &[f32] {
-            if table.is_empty() { &[] } else { &table[first..first + length] }
-        }
-        let [p, q, r] = [&self.p, &self.q, &self.r].map(|table| part(table, first, length));
-        Slices { p0: self.p_everywhere, p, q, r }
+        Slices { p0: self.p_everywhere, p: &self.p, q: &self.q, r: &self.r }.part(first, length)
     }
 }
 
@@ -129,6 +125,21 @@ impl Slices<'_> {
         }
         let [p, q, r] = [self.p, self.q, self.r].map(|table| part(table, first, length));
         Self { p0: self.p0, p, q, r }
+    }
+
+    /// The first `n`, of those that are tables.
+    #[inline(always)]
+    pub fn first<const P: bool, const Q: bool, const R: bool>(self, n: usize) -> Self {
+        let p = if P { &self.p[..n] } else { self.p };
+        let q = if Q { &self.q[..n] } else { self.q };
+        let r = if R { &self.r[..n] } else { self.r };
+        Self { p0: self.p0, p, q, r }
+    }
+
+    /// (p, q, r) of the pixel at `i`.
+    #[inline(always)]
+    pub fn at<const P: bool, const Q: bool, const R: bool>(self, i: usize) -> (f32, f32, f32) {
+        (if P { self.p[i] } else { self.p0 }, if Q { self.q[i] } else { 0.0 }, if R { self.r[i] } else { 0.0 })
     }
 }
 
@@ -189,12 +200,9 @@ impl<I: Isa> ForTables for Correct<'_, I> {
 #[inline(always)]
 fn correct_with<I: Isa, const P: bool, const Q: bool, const R: bool>(isa: I, c: Slices<'_>, z: &mut [f32]) {
     let n = z.len();
-    let p = if P { &c.p[..n] } else { c.p };
-    let q = if Q { &c.q[..n] } else { c.q };
-    let r = if R { &c.r[..n] } else { c.r };
+    let c = c.first::<P, Q, R>(n);
     for i in 0..n {
-        let coefficients = (if P { p[i] } else { c.p0 }, if Q { q[i] } else { 0.0 }, if R { r[i] } else { 0.0 });
-        z[i] = one::<I, Q, R>(isa, coefficients, z[i]);
+        z[i] = one::<I, Q, R>(isa, c.at::<P, Q, R>(i), z[i]);
     }
 }
 

@@ -173,13 +173,11 @@ pub(super) fn in_single<I: Isa, const P: bool, const Q: bool, const R: bool, con
 ) -> Seen {
     let Chunk { c, unit_mm, measured, ref mut out } = *chunk;
     let n = measured.len();
-    let p = if P { &c.p[..n] } else { c.p };
-    let q = if Q { &c.q[..n] } else { c.q };
-    let r = if R { &c.r[..n] } else { c.r };
+    let c = c.first::<P, Q, R>(n);
     let out = &mut out[..n];
     let (unit_mm, per_mm) = (unit_mm as f32, (1.0 / unit_mm) as f32);
     for i in 0..n {
-        let (p, q, r) = (if P { p[i] } else { c.p0 }, if Q { q[i] } else { 0.0 }, if R { r[i] } else { 0.0 });
+        let (p, q, r) = c.at::<P, Q, R>(i);
         let steps = f32::from(measured[i]);
         let z = steps * unit_mm;
         let slope = if R { isa.mul_add(r, z, p) } else { p };
@@ -202,12 +200,10 @@ fn in_double<const P: bool, const Q: bool, const R: bool>(chunk: &mut Chunk<'_>)
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let Chunk { c, unit_mm, measured, ref mut out } = *chunk;
     let n = measured.len();
-    let p = if P { &c.p[..n] } else { c.p };
-    let q = if Q { &c.q[..n] } else { c.q };
-    let r = if R { &c.r[..n] } else { c.r };
+    let c = c.first::<P, Q, R>(n);
     let out = &mut out[..n];
     for i in 0..n {
-        let (p, q, r) = (if P { p[i] } else { c.p0 }, if Q { q[i] } else { 0.0 }, if R { r[i] } else { 0.0 });
+        let (p, q, r) = c.at::<P, Q, R>(i);
         let steps = f64::from(measured[i]);
         let left = 1.0 - f64::from(r) * (steps * unit_mm);
         let sum = steps * (f64::from(p) + f64::from(r) * (steps * unit_mm)) + f64::from(q) / unit_mm;

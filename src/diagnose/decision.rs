@@ -80,7 +80,8 @@ pub(super) fn significant(p_value: f64, tests: usize, gains: &[f64]) -> bool {
     p_value * (tests as f64) < LEVEL && gains.iter().sum::<f64>() > 0.0 && t_of(gains) > STEADY
 }
 
-fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+/// Gains of one over those of the other, frame by frame.
+pub(super) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 

@@ -173,7 +173,7 @@ pub fn diagnose(
     let mut present = first.clone();
     let mut rounds: Vec<DiagnosisRound> = Vec::new();
     let mut explained = 0.0_f64;
-    let (mut map, mut unexplained) = (None, None);
+    let mut unexplained = None;
     // Effects that brought nothing beside the present model.
     let mut rejected: Vec<String> = Vec::new();
     let examination = loop {
@@ -195,9 +195,7 @@ pub fn diagnose(
                 if found.along.is_some_and(Along::is_of_the_pixel) {
                     // Corrected for the number of free functions.
                     let p_value = (found.p_value * examination.probes().count() as f64).min(1.0);
-                    if let Some((step, fitted)) = trial.add_free_map(found, &present, p_value) {
-                        (map, present) = (Some(step), fitted);
-                    }
+                    trial.add_free_map(found, &mut present, p_value);
                 }
                 break examination;
             }
@@ -231,18 +229,17 @@ pub fn diagnose(
                     // Numbers before and after are about the same frames.
                     first = trial.fitted(&trial.declared)?;
                     present.held_out = trial.held_out(&present.fit, &trial.present())?;
-                    trial.errors_along(0)?;
+                    trial.errors_along(0, &present.held_out)?;
                 }
             }
         }
     };
-    if !(trial.added.is_empty() && map.is_none()) && trial.readmit(&whole, &mut bad_frames)? {
+    if !trial.added.is_empty() && trial.readmit(&whole, &mut bad_frames)? {
         present = trial.fitted(&trial.present())?;
         first = trial.fitted(&trial.declared)?;
-        trial.errors_along(0)?;
+        trial.errors_along(0, &present.held_out)?;
     }
-    let mut steps = trial.steps(&first.held_out, &present.fit);
-    steps.extend(map);
+    let steps = trial.steps(&first.held_out, &present.fit);
     let (fit, present) = (present.fit, present.held_out);
     let planes = frame_planes(&fit);
     let mut left_over = account::left_over(&unexplained);

@@ -3,7 +3,7 @@
 //! An effect that resembles two others is the best one alone and needless once both are there. So after the search forwards
 //! those are taken out again that the rest make needless (floating search: Pudil, Novovičová, Kittler 1994).
 
-use super::decision::{rank, significant};
+use super::decision::{difference, rank, significant};
 use super::evidence::Examination;
 
 /// Effects that explain together are sought up to this number.
@@ -64,7 +64,7 @@ pub(super) fn beside(examination: &Examination, candidate: usize, others: &[usiz
 /// What `candidate` adds to `members`, frame by frame, given their own gains.
 pub(super) fn added(examination: &Examination, candidate: usize, members: &[usize], gains_of: &[f64]) -> Vec<f64> {
     let extended: Vec<usize> = members.iter().copied().chain(std::iter::once(candidate)).collect();
-    gains(examination, &extended).iter().zip(gains_of).map(|(with, without)| with - without).collect()
+    difference(&gains(examination, &extended), gains_of)
 }
 
 /// Whether what a member adds to the `others` is worth it.

@@ -5,7 +5,7 @@ use tracing::info;
 use super::account::{fitted_block, fitted_parameters};
 use super::decision::significant;
 use super::evidence::{Evidence, refined, weigh_alone};
-use super::frames::{BadFrame, explain, frame_planes, outlying};
+use super::frames::{BadFrame, FramePlane, explain, frame_planes, outlying};
 use super::probe::Along;
 use super::sight::Sights;
 use super::{FREE_MAP, GROSS_MM, HeldOut, Step};
@@ -37,7 +37,7 @@ pub(super) struct Fitted {
     pub held_out: HeldOut,
 }
 
-/// An effect that the loop added.
+/// An effect that the loop added, or the free map.
 #[derive(Clone)]
 pub(super) struct Added {
     /// Its evidence in the round in which it was found, with its constant as searched since.
@@ -58,8 +58,6 @@ pub(super) struct Trial<'a> {
     pub declared: CalibrateOptions,
     pub folds: usize,
     pub added: Vec<Added>,
-    /// The form of the free map that is in the model.
-    pub map: Option<&'static str>,
     /// The round of the loop, from 1; 0 is what comes before.
     pub round: usize,
     progress: Progress,
@@ -69,7 +67,7 @@ impl<'a> Trial<'a> {
     /// The declared model, with nothing added.
     pub fn new(capture: Capture, verify: Option<&'a Capture>, declared: CalibrateOptions, folds: usize) -> Self {
         let progress = Progress::busy("diagnosing");
-        Self { capture, verify, declared, folds, added: Vec::new(), map: None, round: 0, progress }
+        Self { capture, verify, declared, folds, added: Vec::new(), round: 0, progress }
     }
 
     /// Says on terminals what is being done now, and with which model.
@@ -86,7 +84,6 @@ impl<'a> Trial<'a> {
     fn options(&self, added: &[Added]) -> CalibrateOptions {
         let mut options = self.declared.clone();
         options.effects.extend(added.iter().map(|a| a.evidence.spec.clone()));
-        options.effects.extend(self.map.map(str::to_owned));
         options
     }
 
@@ -116,8 +113,7 @@ impl<'a> Trial<'a> {
             return Err(error);
         }
         info!("{error}: tried again without {} frames", bad.len());
-        bad_frames.extend(explain(&fit, &bad));
-        self.capture = self.capture.subset(|_, f| bad_frames.iter().all(|b| b.name != f.name));
+        self.leave_out(&fit, &bad, bad_frames);
         self.fit(&self.declared)
     }
 
@@ -211,7 +207,7 @@ impl<'a> Trial<'a> {
                     out.push(one.evidence.spec);
                     self.added = rest;
                     *present = without;
-                    self.errors_along(i)?;
+                    self.errors_along(i, &present.held_out)?;
                 }
                 Ok(_) => i += 1,
                 Err(error) => {
@@ -230,11 +226,12 @@ impl<'a> Trial<'a> {
         counts && improves(&without.held_out, &with.held_out, &with.fit.noise.depth)
     }
 
-    /// Fits the models along the way again from the effect at `first` on.
-    pub fn errors_along(&mut self, first: usize) -> Result<(), CalibrateError> {
+    /// Fits the models along the way again, from the effect at `first` on; the last of them is the `present` one.
+    pub fn errors_along(&mut self, first: usize, present: &HeldOut) -> Result<(), CalibrateError> {
         for i in first..self.added.len() {
-            let options = self.options(&self.added[..=i]);
-            self.added[i].after = self.fitted(&options)?.held_out;
+            let is_last = i + 1 == self.added.len();
+            self.added[i].after =
+                if is_last { present.clone() } else { self.fitted(&self.options(&self.added[..=i]))?.held_out };
         }
         Ok(())
     }
@@ -245,12 +242,18 @@ impl<'a> Trial<'a> {
         let befores = std::iter::once(declared).chain(self.added.iter().map(|a| &a.after));
         let step = |(one, before): (&Added, &HeldOut)| {
             let name = &one.evidence.name;
+            // A map's values at its nodes are no findings, and D takes up parts of them.
+            let (parameters, size_mm) = if name == FREE_MAP {
+                (Vec::new(), one.evidence.expected_size_mm)
+            } else {
+                (fitted_parameters(fit, name), sights.size_mm(fitted_block(fit, name)))
+            };
             Step {
                 effects: one.effects.clone(),
                 spec: one.evidence.spec.clone(),
                 indistinguishable: one.indistinguishable.clone(),
-                parameters: fitted_parameters(fit, name),
-                size_mm: sights.size_mm(fitted_block(fit, name)),
+                parameters,
+                size_mm,
                 p_value: one.p_value,
                 before: before.errors,
                 after: one.after.errors,
@@ -261,16 +264,16 @@ impl<'a> Trial<'a> {
         self.added.iter().zip(befores).map(step).collect()
     }
 
-    /// The free map in the form that brings most on held-out frames; it names nothing but corrects. `None` where it brings
-    /// nothing.
-    pub fn add_free_map(&mut self, found: &Evidence, present: &Fitted, p_value: f64) -> Option<(Step, Fitted)> {
+    /// Adds the free map in the form that brings most on held-out frames; it names nothing but corrects. Where no form brings
+    /// anything the model stays as it is.
+    pub fn add_free_map(&mut self, found: &Evidence, present: &mut Fitted, p_value: f64) {
         let across = match found.along {
             Some(Along::Row) => Some(ROWS),
             Some(Along::Column) => Some(COLUMNS),
             _ => None,
         };
         let rms = |h: &HeldOut| h.errors.depth_rms_mm.unwrap_or(f64::INFINITY);
-        let mut best: Option<(&'static str, Fitted)> = None;
+        let mut best: Option<(&str, Fitted)> = None;
         for spec in MAPS.into_iter().chain(across) {
             let mut options = self.present();
             options.effects.push(spec.to_owned());
@@ -281,28 +284,21 @@ impl<'a> Trial<'a> {
                     continue;
                 }
             };
-            let lowest = rms(&best.as_ref().map_or(present, |(_, b)| b).held_out);
+            let lowest = rms(&best.as_ref().map_or(&*present, |(_, b)| b).held_out);
             let better = improves(&present.held_out, &fitted.held_out, &fitted.fit.noise.depth);
             if better && rms(&fitted.held_out) < lowest {
                 best = Some((spec, fitted));
             }
         }
-        best.map(|(spec, fitted)| {
-            self.map = Some(spec);
-            let step = Step {
-                effects: vec![FREE_MAP.to_owned()],
-                spec: spec.to_owned(),
-                indistinguishable: Vec::new(),
-                parameters: Vec::new(),
-                size_mm: found.expected_size_mm,
-                p_value,
-                before: present.held_out.errors,
-                after: fitted.held_out.errors,
-                depth_rms_after_mm: depth_rms_interval(&fitted.held_out.evaluated),
-                gain_percent: depth_gain_percent(&present.held_out.evaluated, &fitted.held_out.evaluated),
-            };
-            (step, fitted)
-        })
+        let Some((spec, fitted)) = best else { return };
+        self.added.push(Added {
+            evidence: Evidence { name: FREE_MAP.to_owned(), spec: spec.to_owned(), ..found.clone() },
+            effects: vec![FREE_MAP.to_owned()],
+            indistinguishable: Vec::new(),
+            p_value,
+            after: fitted.held_out.clone(),
+        });
+        *present = fitted;
     }
 
     /// Takes frames back that were left out before the effects were in the model which explain them. Returns whether there
@@ -320,8 +316,13 @@ impl<'a> Trial<'a> {
         };
         let returned: Vec<String> = bad_frames.iter().filter(|b| back(b)).map(|b| b.name.clone()).collect();
         bad_frames.retain(|b| !returned.contains(&b.name));
-        self.capture = whole.subset(|_, f| bad_frames.iter().all(|b| b.name != f.name));
+        self.capture = without(whole, bad_frames);
         Ok(!returned.is_empty())
+    }
+
+    fn leave_out(&mut self, fit: &Calibrated, bad: &[&FramePlane], bad_frames: &mut Vec<BadFrame>) {
+        bad_frames.extend(explain(fit, bad));
+        self.capture = without(&self.capture, bad_frames);
     }
 
     /// Leaves bad frames out until there are none. Returns whether there were any.
@@ -339,12 +340,15 @@ impl<'a> Trial<'a> {
             if bad.is_empty() {
                 break;
             }
-            bad_frames.extend(explain(fit, &bad));
-            self.capture = self.capture.subset(|_, f| bad_frames.iter().all(|b| b.name != f.name));
+            self.leave_out(fit, &bad, bad_frames);
             *fit = self.fit(&self.present())?;
         }
         Ok(bad_frames.len() > before)
     }
+}
+
+fn without(capture: &Capture, bad_frames: &[BadFrame]) -> Capture {
+    capture.subset(|_, f| bad_frames.iter().all(|b| b.name != f.name))
 }
 
 /// Whether a model is better than another on held-out frames: in depth, weighted by the noise, and in the image taken
@@ -355,11 +359,13 @@ fn improves(before: &HeldOut, after: &HeldOut, noise: &DepthNoise) -> bool {
     let weighted = |h: &HeldOut| weighted_depth_rms(&h.evaluated, noise);
     let depth = weighted(before).zip(weighted(after)).map_or(0.0, |(b, a)| gain(b, a));
     let image = gain(before.errors.reprojection_px, after.errors.reprojection_px);
-    let loses = depth_gain_percent(&before.evaluated, &after.evaluated).is_some_and(|plain| {
-        let by_chance = plain.high > 0.0 && depth > -plain.value;
-        plain.value < -MOST_LOSS_PERCENT && !by_chance
-    });
-    depth + image > LEAST_GAIN_PERCENT && !loses
+    let loses = || {
+        depth_gain_percent(&before.evaluated, &after.evaluated).is_some_and(|plain| {
+            let by_chance = plain.high > 0.0 && depth > -plain.value;
+            plain.value < -MOST_LOSS_PERCENT && !by_chance
+        })
+    };
+    depth + image > LEAST_GAIN_PERCENT && !loses()
 }
 
 #[cfg(test)]
