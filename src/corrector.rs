@@ -11,6 +11,7 @@
 
 mod bands;
 mod bins;
+mod cubics;
 mod curve;
 mod depth_table;
 mod error;
@@ -35,6 +36,7 @@ use depthcal_io::{DepthImage, GrayImage};
 use depthcal_model::{Camera, Context};
 use rayon::prelude::*;
 
+use cubics::RayCubics;
 use pass::{Input, Output};
 use plan::{Frame, Plan};
 use simd::{Isa, Kernel, dispatch};
@@ -134,6 +136,8 @@ pub struct Corrector {
     rays: Vec<[f64; 2]>,
     /// The same, x and y.
     ray_planes: [Vec<f32>; 2],
+    /// The same as cubics.
+    ray_cubics: RayCubics,
     rays_are_fixed: bool,
     /// `None` where every pixel is inverted by the camera.
     plan: Option<Plan>,
@@ -170,8 +174,9 @@ impl Corrector {
             None
         };
         let ray_planes = [0, 1].map(|k| rays.iter().map(|ray| ray[k] as f32).collect());
-        let mut corrector =
-            Self { camera: camera.clone(), needs, rays, ray_planes, rays_are_fixed, plan, bounds: None };
+        let ray_cubics = RayCubics::new(&rays);
+        let camera = camera.clone();
+        let mut corrector = Self { camera, needs, rays, ray_planes, ray_cubics, rays_are_fixed, plan, bounds: None };
         corrector.plan = corrector.plan.take().and_then(|mut plan| {
             plan.error_mm = corrector.error_of(&plan)?;
             Some(plan)

@@ -262,7 +262,8 @@ impl Band<'_> {
             (input, &mut *output, map)
         {
             let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], of_frame.unit_mm as f32);
-            if let Some(depths) = isa.points::<true>(FromSteps { map, measured, unit_mm, rays, out }) {
+            let cubics = corrector.ray_cubics.part(first, count);
+            if let Some(depths) = isa.points::<true>(FromSteps { map, measured, unit_mm, rays, cubics, out }) {
                 summary.corrected += depths;
                 summary.invalid += count - depths;
                 return;
@@ -341,7 +342,8 @@ impl Kernel for BackProject<'_> {
                 let pixels = first..first + count;
                 let rays = [0, 1].map(|k| &self.corrector.ray_planes[k][pixels.clone()]);
                 let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], self.unit_mm);
-                isa.points::<false>(FromSteps { map: (0.0, [0.0; 3]), measured: &depth[pixels], unit_mm, rays, out });
+                let (map, cubics) = ((0.0, [0.0; 3]), self.corrector.ray_cubics.part(first, count));
+                isa.points::<false>(FromSteps { map, measured: &depth[pixels], unit_mm, rays, cubics, out });
                 continue;
             }
             let mut z = [0.0f32; CHUNK];

@@ -4,6 +4,7 @@
 pub(super) mod avx512;
 
 use super::bands::Split;
+use super::cubics::Cubic;
 use super::moebius::true_depth;
 use super::simd::{Isa, LANES};
 
@@ -106,6 +107,8 @@ pub(super) struct FromSteps<'a> {
     pub measured: &'a [u16],
     pub unit_mm: f32,
     pub rays: [&'a [f32]; 2],
+    /// The same from every sixteenth pixel on, for who can use them.
+    pub cubics: &'a [[Cubic; 2]],
     pub out: &'a mut [f32],
 }
 
@@ -113,7 +116,7 @@ pub(super) struct FromSteps<'a> {
 /// where f32 does not do for some.
 #[inline(always)]
 pub(super) fn from_steps<I: Isa, const CORRECT: bool>(isa: I, from: FromSteps<'_>) -> Option<usize> {
-    let FromSteps { map, measured, unit_mm, rays, out } = from;
+    let FromSteps { map, measured, unit_mm, rays, out, .. } = from;
     let (measured_blocks, measured_rest) = measured.as_chunks::<LANES>();
     let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
     let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();

@@ -23,13 +23,10 @@ pub(in crate::corrector) fn steps<const P: bool, const Q: bool, const R: bool, c
 ) -> Seen {
     let (f, bw) = (v4.avx512f, v4.avx512bw);
     let Chunk { c, unit_mm, measured, ref mut out } = *chunk;
-    let (blocks, rest) = measured.as_chunks::<BLOCK>();
-    let (out_blocks, out_rest) = out.as_chunks_mut::<BLOCK>();
-    let tables = Tables {
-        p: if P { &halves(c.p)[..blocks.len()] } else { &[] },
-        q: if Q { &halves(c.q)[..blocks.len()] } else { &[] },
-        r: if R { &halves(c.r)[..blocks.len()] } else { &[] },
-    };
+    let n = measured.len();
+    if n < BLOCK {
+        return in_single::<_, P, Q, R, WHOLE>(v4, chunk);
+    }
     let splat = |value: f32| f._mm512_set1_ps(value);
     let (p0, unit, per_mm) = (splat(c.p0), splat(unit_mm as f32), splat((1.0 / unit_mm) as f32));
     let (one, half, zero) = (splat(1.0), splat(0.5), splat(0.0));
@@ -37,18 +34,30 @@ pub(in crate::corrector) fn steps<const P: bool, const Q: bool, const R: bool, c
 
     let mut most = f._mm512_setzero_si512();
     let (mut depths, mut corrected) = (0, 0);
-    for (b, (measured, out)) in blocks.iter().zip(out_blocks).enumerate() {
+    // The first block ends, and the last begins, within another one, so that all stores but theirs are whole lines of the cache.
+    let head = out.as_ptr().align_offset(64) % BLOCK;
+    let (mut at, mut done) = (0, 0);
+    while done < n {
+        let (Some(measured), Some(out), Some(p), Some(q), Some(r)) = (
+            measured[at..].first_chunk::<BLOCK>(),
+            out[at..].first_chunk_mut::<BLOCK>(),
+            block::<P>(c.p, at),
+            block::<Q>(c.q, at),
+            block::<R>(c.r, at),
+        ) else {
+            break;
+        };
         let depth: [__m256i; 2] = cast(*measured);
         let mut changes = [f._mm512_setzero_si512(); 2];
         let mut stays = [0; 2];
         for h in 0..2 {
             let steps = f._mm512_cvtepi32_ps(f._mm512_cvtepu16_epi32(depth[h]));
             let z = f._mm512_mul_ps(steps, unit);
-            let p = if P { cast(tables.p[b][h]) } else { p0 };
-            let r: __m512 = if R { cast(tables.r[b][h]) } else { zero };
+            let p = if P { cast(p[h]) } else { p0 };
+            let r: __m512 = if R { cast(r[h]) } else { zero };
             let slope = if R { f._mm512_fmadd_ps(r, z, p) } else { p };
             let sum = if Q {
-                f._mm512_fmadd_ps(steps, slope, f._mm512_mul_ps(cast(tables.q[b][h]), per_mm))
+                f._mm512_fmadd_ps(steps, slope, f._mm512_mul_ps(cast(q[h]), per_mm))
             } else {
                 f._mm512_mul_ps(steps, slope)
             };
@@ -77,39 +86,29 @@ pub(in crate::corrector) fn steps<const P: bool, const Q: bool, const R: bool, c
         let measured: __m512i = cast(*measured);
         let sum = bw._mm512_add_epi16(measured, change);
         most = bw._mm512_max_epu16(most, measured);
-        // The bits of a mask are counted beside the vectors.
-        depths += bw._mm512_test_epi16_mask(measured, measured).count_ones() as usize;
+        // The bits of a mask are counted beside the vectors; what the block before has done already is not counted twice.
+        let own = |mask: u32| (mask >> (done - at)).count_ones() as usize;
+        depths += own(bw._mm512_test_epi16_mask(measured, measured));
         if WHOLE {
             *out = cast(sum);
         } else {
             let sum = bw._mm512_maskz_mov_epi16(u32::from(stays[0]) | u32::from(stays[1]) << HALF, sum);
-            corrected += bw._mm512_test_epi16_mask(sum, sum).count_ones() as usize;
+            corrected += own(bw._mm512_test_epi16_mask(sum, sum));
             *out = cast(sum);
         }
+        done = at + BLOCK;
+        at = if at == 0 && head > 0 { head } else { done }.min(n - BLOCK);
     }
     let most: [u16; BLOCK] = cast(most);
-    let at = blocks.len() * BLOCK;
-    let c = c.part(at, rest.len());
-    let seen = in_single::<_, P, Q, R, WHOLE>(v4, &mut Chunk { c, unit_mm, measured: rest, out: out_rest });
     let corrected = if WHOLE { depths } else { corrected };
-    Seen {
-        most: most.into_iter().fold(seen.most, u16::max),
-        depths: depths + seen.depths,
-        corrected: corrected + seen.corrected,
-    }
+    Seen { most: most.into_iter().fold(0, u16::max), depths, corrected }
 }
 
+/// The coefficients of a block, where they are a table.
 #[inline(always)]
-fn halves(table: &[f32]) -> &[[[f32; HALF]; 2]] {
-    table.as_chunks().0.as_chunks().0
+fn block<const WANTED: bool>(table: &[f32], at: usize) -> Option<[[f32; HALF]; 2]> {
+    if WANTED { table.get(at..)?.first_chunk::<BLOCK>().map(|block| cast(*block)) } else { Some([[0.0; HALF]; 2]) }
 }
 
 /// Ordered, signalling no exception on NaN.
 const GREATER: i32 = std::arch::x86_64::_CMP_GT_OQ;
-
-/// The coefficients of blocks, where they are tables.
-struct Tables<'a> {
-    p: &'a [[[f32; HALF]; 2]],
-    q: &'a [[[f32; HALF]; 2]],
-    r: &'a [[[f32; HALF]; 2]],
-}
