@@ -173,8 +173,8 @@ impl Corrector {
         } else {
             None
         };
-        let ray_planes = [0, 1].map(|k| rays.iter().map(|ray| ray[k] as f32).collect());
-        let ray_cubics = RayCubics::new(&rays);
+        let mut ray_planes = [0, 1].map(|k| rays.iter().map(|ray| ray[k] as f32).collect());
+        let ray_cubics = RayCubics::new(&rays, &mut ray_planes);
         let camera = camera.clone();
         let mut corrector = Self { camera, needs, rays, ray_planes, ray_cubics, rays_are_fixed, plan, bounds: None };
         corrector.plan = corrector.plan.take().and_then(|mut plan| {

@@ -6,6 +6,8 @@ use super::CorrectionSummary;
 
 /// Pixels that are taken through all stages while they are in the first-level cache.
 pub(super) const CHUNK: usize = 1024;
+/// Pixels at most that are taken at a time where one loop does all: what goes before and after it then hardly counts.
+pub(super) const STRETCH: usize = 8 * CHUNK;
 /// Fewest pixels that are worth another thread: some ten microseconds of work.
 const FEWEST: usize = 16 * CHUNK;
 

@@ -1,37 +1,42 @@
 //! Tables over the pixels of a row that are smooth, as cubics: what is not read from memory need not be waited for.
 //!
 //! Rays take eight bytes of a pixel from tables, more than its depth and a third of all that a point moves. A lens bends them so
-//! little over sixteen pixels that a cubic for each coordinate is right to some 1e-8, and takes two bytes of a pixel.
+//! little over sixteen pixels that a cubic for each coordinate is as good as a table of f32, and takes two bytes of a pixel.
 
 use rayon::prelude::*;
 
 use super::simd::LANES;
 
-/// Pixels over which a cubic is right: sixteen from any of the first sixteen on, since blocks of points may begin between.
-const SPAN: usize = 2 * LANES - 1;
+/// Largest deviation of a ray; at 5 m that is a quarter of a thousandth of a millimetre.
+const TOLERANCE: f64 = 5e-8;
 
-/// Largest deviation of a ray, which at 5 m is a thousandth of a millimetre.
-const TOLERANCE: f64 = 2e-7;
-
-/// c₀ + c₁ t + c₂ t² + c₃ t³ of the pixel t + 15 after the first.
+/// c₀ + c₁ t + c₂ t² + c₃ t³ at the distance t = −7.5 … 7.5 from the middle of sixteen pixels.
 pub(super) type Cubic = [f32; 4];
 
-/// x and y of rays, from every sixteenth pixel on; NaN where they are not cubics: at the end of a row and where pixels
-/// have no ray.
+/// x and y of the rays of sixteen pixels each; NaN where they are no cubics: around the end of a row, and where a pixel has no ray.
 #[derive(Debug, Clone, Default)]
 pub(super) struct RayCubics(Vec<[Cubic; 2]>);
 
 impl RayCubics {
-    /// Of the rays of all pixels, row by row.
-    pub fn new(rays: &[[f64; 2]]) -> Self {
+    /// Of the rays of all pixels, row by row. What has a cubic is set to its value in `planes`, so that all loops see the
+    /// same rays.
+    pub fn new(rays: &[[f64; 2]], planes: &mut [Vec<f32>; 2]) -> Self {
         let fit = Fit::new();
-        let of_block = |block: &[[f64; 2]]| {
-            let Some(span) = block.first_chunk::<SPAN>() else { return NONE };
-            let [x, y] = [0, 1].map(|k| fit.cubic(&span.map(|ray| ray[k]), TOLERANCE));
-            x.zip(y).map_or(NONE, |(x, y)| [x, y])
+        let of_block = |rays: &[[f64; 2]]| {
+            let rays = rays.first_chunk::<LANES>()?;
+            let [x, y] = [0, 1].map(|k| fit.cubic(&rays.map(|ray| ray[k])));
+            Some([x?, y?])
         };
-        let from = |b: usize| &rays[b * LANES..rays.len().min(b * LANES + SPAN)];
-        Self((0..rays.len().div_ceil(LANES)).into_par_iter().map(|b| of_block(from(b))).collect())
+        let [x, y] = planes;
+        let blocks = rays.par_chunks(LANES).zip(x.par_chunks_mut(LANES)).zip(y.par_chunks_mut(LANES));
+        let cubics = blocks.map(|((rays, x), y)| {
+            let Some(cubics) = of_block(rays) else { return [[f32::NAN; 4]; 2] };
+            for (cubic, plane) in cubics.iter().zip([x, y]) {
+                plane.iter_mut().enumerate().for_each(|(i, value)| *value = at(cubic, i));
+            }
+            cubics
+        });
+        Self(cubics.collect())
     }
 
     /// Those of some pixels; `first` is a multiple of sixteen.
@@ -41,9 +46,24 @@ impl RayCubics {
     }
 }
 
-const NONE: [Cubic; 2] = [[f32::NAN; 4]; 2];
+/// The value at one of the sixteen pixels, rounded as every loop must.
+fn at([c0, c1, c2, c3]: &Cubic, i: usize) -> f32 {
+    let t = PLACES[i];
+    c3.mul_add(t, *c2).mul_add(t, *c1).mul_add(t, *c0)
+}
 
-/// Least squares over t = −15 … 15: even and odd powers are orthogonal.
+/// t of sixteen pixels.
+pub(super) const PLACES: [f32; LANES] = {
+    let mut places = [0.0; LANES];
+    let mut i = 0;
+    while i < LANES {
+        places[i] = i as f32 - 0.5 * (LANES - 1) as f32;
+        i += 1;
+    }
+    places
+};
+
+/// Least squares over sixteen pixels: even and odd powers are orthogonal.
 struct Fit {
     even: [[f64; 2]; 2],
     odd: [[f64; 2]; 2],
@@ -51,31 +71,24 @@ struct Fit {
 
 impl Fit {
     fn new() -> Self {
-        let moment = |k: i32| (0..SPAN).map(|i| place(i).powi(k)).sum::<f64>();
+        let moment = |k: i32| PLACES.iter().map(|t| f64::from(*t).powi(k)).sum::<f64>();
         let inverse = |a: f64, b: f64, c: f64| {
             let det = a * c - b * b;
             [[c / det, -b / det], [-b / det, a / det]]
         };
-        Self {
-            even: inverse(moment(0), moment(2), moment(4)),
-            odd: inverse(moment(2), moment(4), moment(6)),
-        }
+        Self { even: inverse(moment(0), moment(2), moment(4)), odd: inverse(moment(2), moment(4), moment(6)) }
     }
 
     /// The cubic of some values, where it is right everywhere.
-    fn cubic(&self, values: &[f64; SPAN], tolerance: f64) -> Option<Cubic> {
-        let sums = [0, 1, 2, 3].map(|k| values.iter().enumerate().map(|(i, v)| v * place(i).powi(k)).sum::<f64>());
+    fn cubic(&self, values: &[f64; LANES]) -> Option<Cubic> {
+        let sum = |k: i32| values.iter().zip(PLACES).map(|(v, t)| v * f64::from(t).powi(k)).sum::<f64>();
         let solve = |[[a, b], [c, d]]: [[f64; 2]; 2], [s, t]: [f64; 2]| [a * s + b * t, c * s + d * t];
-        let ([c0, c2], [c1, c3]) = (solve(self.even, [sums[0], sums[2]]), solve(self.odd, [sums[1], sums[3]]));
+        let ([c0, c2], [c1, c3]) = (solve(self.even, [sum(0), sum(2)]), solve(self.odd, [sum(1), sum(3)]));
         let cubic = [c0, c1, c2, c3].map(|c| c as f32);
-        let at = |t: f64| cubic.iter().rev().fold(0.0, |value, c| value * t + f64::from(*c));
-        // NaN is not right.
-        values.iter().enumerate().all(|(i, v)| (at(place(i)) - v).abs() <= tolerance).then_some(cubic)
+        // Beside the rounding of the value itself; NaN is not right.
+        let right = |(i, v): (usize, &f64)| (f64::from(at(&cubic, i)) - v).abs() <= TOLERANCE + 6e-8 * v.abs();
+        values.iter().enumerate().all(right).then_some(cubic)
     }
-}
-
-fn place(i: usize) -> f64 {
-    i as f64 - (LANES - 1) as f64
 }
 
 #[cfg(test)]
@@ -84,24 +97,29 @@ mod tests {
 
     #[test]
     fn rays_of_a_lens_are_cubics_but_at_the_ends_of_rows_and_where_there_are_none() {
-        const WIDTH: usize = 128;
+        const WIDTH: usize = 136;
+        const LOST: usize = 3 * WIDTH + 40;
         let ray = |i: usize| {
             let [x, y] = [(i % WIDTH) as f64 / 400.0 - 0.15, (i / WIDTH) as f64 / 400.0];
             let stretch = 1.0 + 0.2 * (x * x + y * y) + 0.1 * (x * x + y * y).powi(2);
-            if i == 3 * WIDTH + 40 { [f64::NAN; 2] } else { [x * stretch, y * stretch] }
+            if i == LOST { [f64::NAN; 2] } else { [x * stretch, y * stretch] }
         };
         let rays: Vec<[f64; 2]> = (0..6 * WIDTH).map(ray).collect();
-        let cubics = RayCubics::new(&rays);
-        assert_eq!(cubics.part(0, rays.len()).len(), rays.len() / LANES);
-        for (b, [x, y]) in cubics.part(0, rays.len()).iter().enumerate() {
-            let first = b * LANES;
-            let crosses = first % WIDTH + SPAN > WIDTH;
-            let lost = (first..first + SPAN).contains(&(3 * WIDTH + 40));
-            assert_eq!(x[0].is_nan(), crosses || lost, "{b}");
-            for i in (0..SPAN).filter(|_| !x[0].is_nan()) {
-                let at = |c: &Cubic| c.iter().rev().fold(0.0, |value, c| value * place(i) + f64::from(*c));
-                let [expected_x, expected_y] = rays[first + i];
-                assert!((at(x) - expected_x).abs() <= TOLERANCE && (at(y) - expected_y).abs() <= TOLERANCE);
+        let mut planes = [0, 1].map(|k| rays.iter().map(|ray| ray[k] as f32).collect::<Vec<f32>>());
+        let before = planes.clone();
+        let cubics = RayCubics::new(&rays, &mut planes);
+        assert_eq!(cubics.part(0, rays.len()).len(), rays.len().div_ceil(LANES));
+        for (b, cubic) in cubics.part(0, rays.len()).iter().enumerate() {
+            let pixels = b * LANES..(b + 1) * LANES;
+            let crosses = pixels.start % WIDTH + LANES > WIDTH;
+            assert_eq!(cubic[0][0].is_nan(), crosses || pixels.contains(&LOST), "{b}");
+            for (k, i) in pixels.flat_map(|i| [(0, i), (1, i)]) {
+                let (found, expected) = (planes[k][i], rays[i][k]);
+                if cubic[0][0].is_nan() {
+                    assert_eq!(found.to_bits(), before[k][i].to_bits());
+                } else {
+                    assert!((f64::from(found) - expected).abs() <= 1e-7 && found == at(&cubic[k], i % LANES));
+                }
             }
         }
     }

@@ -1,6 +1,6 @@
 //! One pass over a frame: load, stages, exact inverse where they do not reach, store.
 
-use super::bands::{CHUNK, Split, for_bands};
+use super::bands::{CHUNK, STRETCH, Split, for_bands};
 use super::formats::{ROUND, count_f32, load, store_f32, store_u16};
 use super::plan::{Frame, Plan};
 use super::points::{FromSteps, PointsMut, back_project};
@@ -212,21 +212,31 @@ impl Kernel for Band<'_> {
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) -> CorrectionSummary {
         let mut summary = CorrectionSummary::default();
-        for offset in (0..self.count).step_by(CHUNK) {
-            let count = CHUNK.min(self.count - offset);
-            self.chunk(isa, offset, count, &mut summary);
+        let (mut offset, mut by_chunks) = (0, 0);
+        while offset < self.count {
+            let most = if offset < by_chunks { CHUNK } else { STRETCH };
+            let count = most.min(self.count - offset);
+            if self.part(isa, offset, count, &mut summary) {
+                offset += count;
+            } else {
+                by_chunks = offset + count;
+            }
         }
         summary
     }
 }
 
 impl Band<'_> {
+    /// Corrects some pixels; whether it has: what takes several stages or f64 needs them in parts of no more than [`CHUNK`].
     #[inline(always)]
-    fn chunk<I: Isa>(&mut self, isa: I, offset: usize, count: usize, summary: &mut CorrectionSummary) {
+    fn part<I: Isa>(&mut self, isa: I, offset: usize, count: usize, summary: &mut CorrectionSummary) -> bool {
         let Self { of_frame, input, output, .. } = self;
         let (first, own) = (self.first + offset, offset..offset + count);
         let pixels = first..first + count;
         let corrector = of_frame.corrector;
+        if count > CHUNK && matches!(input, Input::Output) {
+            return false;
+        }
         // What is to be overwritten is kept.
         let (steps, millimetres): ([u16; CHUNK], [f32; CHUNK]);
         let input = match (&*input, &*output) {
@@ -240,7 +250,7 @@ impl Band<'_> {
             }
             (Input::U16(all), _) => Input::U16(&all[pixels.clone()]),
             (Input::F32(all), _) => Input::F32(&all[pixels.clone()]),
-            (Input::Output, Output::Points(_)) => return,
+            (Input::Output, Output::Points(_)) => return true,
         };
 
         let map = of_frame.frame.and_then(|(plan, _)| plan.only_moebius()).zip(corrector.bounds.as_ref());
@@ -252,7 +262,7 @@ impl Band<'_> {
                 summary.saturated += done.saturated;
                 summary.invalid += count - done.depths;
                 summary.not_correctable += done.depths - done.corrected;
-                return;
+                return true;
             }
         }
 
@@ -263,11 +273,15 @@ impl Band<'_> {
         {
             let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], of_frame.unit_mm as f32);
             let cubics = corrector.ray_cubics.part(first, count);
-            if let Some(depths) = isa.points::<true>(FromSteps { map, measured, unit_mm, rays, cubics, out }) {
-                summary.corrected += depths;
-                summary.invalid += count - depths;
-                return;
+            if let Some(found) = isa.points::<true>(FromSteps { map, measured, unit_mm, rays, cubics, out }) {
+                summary.corrected += found.points;
+                summary.invalid += count - found.depths;
+                summary.not_correctable += found.depths - found.points;
+                return true;
             }
+        }
+        if count > CHUNK {
+            return false;
         }
 
         let mut z = [0.0f32; CHUNK];
@@ -315,6 +329,7 @@ impl Band<'_> {
                 0
             }
         };
+        true
     }
 }
 
@@ -333,19 +348,21 @@ impl Kernel for BackProject<'_> {
 
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) {
+        if let (Input::U16(depth), PointsMut::Interleaved(out), true) =
+            (self.input, &mut self.out, self.corrector.rays_are_fixed)
+        {
+            for (k, out) in out[..3 * self.count].chunks_mut(3 * STRETCH).enumerate() {
+                let (first, count) = (self.first + k * STRETCH, out.len() / 3);
+                let (pixels, unit_mm) = (first..first + count, self.unit_mm);
+                let rays = [0, 1].map(|k| &self.corrector.ray_planes[k][pixels.clone()]);
+                let (map, cubics) = ((0.0, [0.0; 3]), self.corrector.ray_cubics.part(first, count));
+                isa.points::<false>(FromSteps { map, measured: &depth[pixels], unit_mm, rays, cubics, out });
+            }
+            return;
+        }
         for offset in (0..self.count).step_by(CHUNK) {
             let count = CHUNK.min(self.count - offset);
             let first = self.first + offset;
-            if let (Input::U16(depth), PointsMut::Interleaved(out), true) =
-                (self.input, &mut self.out, self.corrector.rays_are_fixed)
-            {
-                let pixels = first..first + count;
-                let rays = [0, 1].map(|k| &self.corrector.ray_planes[k][pixels.clone()]);
-                let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], self.unit_mm);
-                let (map, cubics) = ((0.0, [0.0; 3]), self.corrector.ray_cubics.part(first, count));
-                isa.points::<false>(FromSteps { map, measured: &depth[pixels], unit_mm, rays, cubics, out });
-                continue;
-            }
             let mut z = [0.0f32; CHUNK];
             let z = &mut z[..count];
             match self.input {

@@ -107,45 +107,56 @@ pub(super) struct FromSteps<'a> {
     pub measured: &'a [u16],
     pub unit_mm: f32,
     pub rays: [&'a [f32]; 2],
-    /// The same from every sixteenth pixel on, for who can use them.
+    /// The same, sixteen pixels each.
     pub cubics: &'a [[Cubic; 2]],
     pub out: &'a mut [f32],
 }
 
-/// Points while depth is in registers, corrected or as it is. Returns how many pixels have depth; `None`, with `out` undefined,
-/// where f32 does not do for some.
+/// How many pixels have depth, and how many of them a ray too.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Found {
+    pub depths: usize,
+    pub points: usize,
+}
+
+/// Points while depth is in registers, corrected or as it is. `None`, with `out` undefined, where f32 does not do for some.
 #[inline(always)]
-pub(super) fn from_steps<I: Isa, const CORRECT: bool>(isa: I, from: FromSteps<'_>) -> Option<usize> {
+pub(super) fn from_steps<I: Isa, const CORRECT: bool>(isa: I, from: FromSteps<'_>) -> Option<Found> {
     let FromSteps { map, measured, unit_mm, rays, out, .. } = from;
     let (measured_blocks, measured_rest) = measured.as_chunks::<LANES>();
     let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
     let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();
     let (blocks, rest) = out.as_chunks_mut::<{ 3 * LANES }>();
-    let (mut depths, mut lost) = ([0u32; LANES], [0u32; LANES]);
+    let [mut depths, mut points, mut lost] = [[0u32; LANES]; 3];
     for (((measured, x), y), out) in measured_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
         let found = block::<I, CORRECT>(isa, map, (measured, unit_mm), [x, y], out);
         for i in 0..LANES {
             depths[i] += found[0][i];
         }
         for i in 0..LANES {
-            lost[i] |= found[1][i];
+            points[i] += found[1][i];
+        }
+        for i in 0..LANES {
+            lost[i] |= found[2][i];
         }
     }
     if !measured_rest.is_empty() {
         let n = measured_rest.len();
-        let (mut last, mut x, mut y, mut points) = ([0; LANES], [0.0; LANES], [0.0; LANES], [0.0; 3 * LANES]);
+        let (mut last, mut x, mut y, mut out) = ([0; LANES], [0.0; LANES], [0.0; LANES], [0.0; 3 * LANES]);
         last[..n].copy_from_slice(measured_rest);
         x[..n].copy_from_slice(x_rest);
         y[..n].copy_from_slice(y_rest);
-        let found = block::<I, CORRECT>(isa, map, (&last, unit_mm), [&x, &y], &mut points);
-        rest.copy_from_slice(&points[..3 * n]);
+        let found = block::<I, CORRECT>(isa, map, (&last, unit_mm), [&x, &y], &mut out);
+        rest.copy_from_slice(&out[..3 * n]);
         depths[0] += found[0].iter().sum::<u32>();
-        lost[0] |= found[1].iter().fold(0, |any, lost| any | lost);
+        points[0] += found[1].iter().sum::<u32>();
+        lost[0] |= found[2].iter().fold(0, |any, lost| any | lost);
     }
-    lost.iter().all(|lost| *lost == 0).then(|| depths.iter().sum::<u32>() as usize)
+    let [depths, points] = [depths, points].map(|counts| counts.iter().sum::<u32>() as usize);
+    lost.iter().all(|lost| *lost == 0).then_some(Found { depths, points })
 }
 
-/// [`from_steps`] for some pixels: 1 where there is depth, and where it is lost.
+/// [`from_steps`] for some pixels: 1 where there is depth, where a point, and where it is lost.
 #[inline(always)]
 fn block<I: Isa, const CORRECT: bool>(
     isa: I,
@@ -153,21 +164,22 @@ fn block<I: Isa, const CORRECT: bool>(
     (measured, unit_mm): (&[u16; LANES], f32),
     [rx, ry]: [&[f32; LANES]; 2],
     out: &mut [f32; 3 * LANES],
-) -> [[u32; LANES]; 2] {
+) -> [[u32; LANES]; 3] {
     let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-    let (mut has_depth, mut lost) = ([0; LANES], [0; LANES]);
+    let [mut has_depth, mut has_point, mut lost] = [[0; LANES]; 3];
     for i in 0..LANES {
         let z = f32::from(measured[i]) * unit_mm;
         let (corrected, usable) = if CORRECT {
             let r = isa.mul_add(dx, rx[i], isa.mul_add(dy, ry[i], dz));
             true_depth::<I, false, true>(isa, (p, 0.0, r), z)
         } else {
-            (if rx[i].is_nan() { f32::NAN } else { z }, true)
+            (z, true)
         };
-        let valid = z > 0.0;
-        depth[i] = if valid { corrected } else { f32::NAN };
+        let (valid, has_ray) = (z > 0.0, !rx[i].is_nan());
+        depth[i] = if valid & has_ray { corrected } else { f32::NAN };
         has_depth[i] = u32::from(valid);
-        lost[i] = u32::from(valid & !usable);
+        has_point[i] = u32::from(valid & has_ray);
+        lost[i] = u32::from(valid & has_ray & !usable);
     }
     for i in 0..LANES {
         x[i] = rx[i] * depth[i];
@@ -176,5 +188,5 @@ fn block<I: Isa, const CORRECT: bool>(
         y[i] = ry[i] * depth[i];
     }
     isa.interleave(&x, &y, &depth, out);
-    [has_depth, lost]
+    [has_depth, has_point, lost]
 }

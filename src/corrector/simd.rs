@@ -7,7 +7,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::formats::count_u16;
-use super::points::{self, FromSteps};
+use super::points::{self, Found, FromSteps};
 use super::steps::{self, Chunk, Seen};
 
 /// Work to be compiled for every instruction set. `run` must be `#[inline(always)]`, and so must all that it calls in its
@@ -58,7 +58,7 @@ pub(super) trait Isa: Copy {
 
     /// [`points::from_steps`], in the instruction set's own way where that is quicker.
     #[inline(always)]
-    fn points<const CORRECT: bool>(self, from: FromSteps<'_>) -> Option<usize> {
+    fn points<const CORRECT: bool>(self, from: FromSteps<'_>) -> Option<Found> {
         points::from_steps::<Self, CORRECT>(self, from)
     }
 
@@ -88,7 +88,7 @@ mod avx512 {
     use pulp::cast;
     use pulp::x86::V4;
 
-    use super::super::points::{self, FromSteps};
+    use super::super::points::{self, Found, FromSteps};
     use super::super::steps::{self, Chunk, Seen};
     use super::{Isa, LANES};
 
@@ -127,7 +127,7 @@ mod avx512 {
         }
 
         #[inline(always)]
-        fn points<const CORRECT: bool>(self, from: FromSteps<'_>) -> Option<usize> {
+        fn points<const CORRECT: bool>(self, from: FromSteps<'_>) -> Option<Found> {
             points::avx512::points::<CORRECT>(self, from)
         }
 

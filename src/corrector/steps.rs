@@ -34,6 +34,47 @@ struct Bound {
     whole: bool,
 }
 
+impl Bound {
+    /// Of both.
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        Self {
+            p: self.p.max(other.p),
+            q: self.q.max(other.q),
+            r: self.r.max(other.r),
+            r_above: self.r_above.max(other.r_above),
+            whole: self.whole & other.whole,
+        }
+    }
+
+    /// What depths of up to `steps` need; `None` where results may leave 16 bits, or f64 with tables of f32 is not enough.
+    #[inline(always)]
+    fn needs(self, steps: u16, unit_mm: f32) -> Option<Precision> {
+        let Self { p, q, r, r_above, whole } = self;
+        let steps = f32::from(steps);
+        let z = steps * unit_mm;
+        let left = 1.0 - r_above * z;
+        let sum = steps * (p + r * z) + q / unit_mm;
+        let change = sum / left;
+        let usable = left > 0.05 && steps + change < 65535.0;
+        // Depth must not shrink to half: then one step would round to none.
+        let kept = !whole || 1.0 - p > 0.55 * (1.0 + r * z);
+        if !(usable && kept) {
+            return None;
+        }
+        // Half an ulp (6e-8) of each table; what the pole magnifies of r's.
+        let of_tables = 6e-8 * (steps * p + q / unit_mm + r * z * (steps + change)) / left;
+        // The same each for z, slope, product, sum and twice for the quotient, and of what is left before the pole, which is
+        // near 1. The coefficients are bounds of their sizes, so that this holds where they cancel.
+        let of_f32 = of_tables + 6e-8 * (6.0 * change + (r * z + 1.0) / left * change) + 1e-6;
+        match (of_f32 < MOST_ERROR, of_tables < MOST_ERROR) {
+            (true, _) => Some(Precision::Single),
+            (false, true) => Some(Precision::Double),
+            _ => None,
+        }
+    }
+}
+
 /// What a chunk needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Precision {
@@ -60,31 +101,11 @@ impl Bounds {
         Self { chunks: (0..pixels).step_by(CHUNK).map(of_chunk).collect() }
     }
 
-    /// What depths of up to `steps` need; `None` where results may leave 16 bits, or f64 with tables of f32 is not enough.
+    /// Of `length` pixels from `first` on, which is the first of a chunk.
     #[inline(always)]
-    fn of(&self, chunk: usize, steps: u16, unit_mm: f32) -> Option<Precision> {
-        let Bound { p, q, r, r_above, whole } = self.chunks[chunk];
-        let steps = f32::from(steps);
-        let z = steps * unit_mm;
-        let left = 1.0 - r_above * z;
-        let sum = steps * (p + r * z) + q / unit_mm;
-        let change = sum / left;
-        let usable = left > 0.05 && steps + change < 65535.0;
-        // Depth must not shrink to half: then one step would round to none.
-        let kept = !whole || 1.0 - p > 0.55 * (1.0 + r * z);
-        if !(usable && kept) {
-            return None;
-        }
-        // Half an ulp (6e-8) of each table; what the pole magnifies of r's.
-        let of_tables = 6e-8 * (steps * p + q / unit_mm + r * z * (steps + change)) / left;
-        // The same each for z, slope, product, sum and twice for the quotient, and of what is left before the pole, which is
-        // near 1. The coefficients are bounds of their sizes, so that this holds where they cancel.
-        let of_f32 = of_tables + 6e-8 * (6.0 * change + (r * z + 1.0) / left * change) + 1e-6;
-        match (of_f32 < MOST_ERROR, of_tables < MOST_ERROR) {
-            (true, _) => Some(Precision::Single),
-            (false, true) => Some(Precision::Double),
-            _ => None,
-        }
+    fn of(&self, first: usize, length: usize) -> Bound {
+        let chunks = &self.chunks[first / CHUNK..(first + length).div_ceil(CHUNK)];
+        chunks.iter().fold(Bound { whole: true, ..Bound::default() }, |bound, chunk| bound.and(*chunk))
     }
 }
 
@@ -140,13 +161,10 @@ impl<I: Isa> ForTables for Correct<'_, I> {
     #[inline(always)]
     fn run<const P: bool, const Q: bool, const R: bool>(self) -> Option<Done> {
         let Self { isa, bounds, first, mut chunk, exact } = self;
-        let index = first / CHUNK;
-        let mut seen = if bounds.chunks[index].whole {
-            isa.steps::<P, Q, R, true>(&mut chunk)
-        } else {
-            isa.steps::<P, Q, R, false>(&mut chunk)
-        };
-        if bounds.of(index, seen.most, chunk.unit_mm as f32)? == Precision::Double {
+        let bound = bounds.of(first, chunk.measured.len());
+        let mut seen =
+            if bound.whole { isa.steps::<P, Q, R, true>(&mut chunk) } else { isa.steps::<P, Q, R, false>(&mut chunk) };
+        if bound.needs(seen.most, chunk.unit_mm as f32)? == Precision::Double {
             seen.corrected = in_double::<P, Q, R>(&mut chunk);
         }
         let mut saturated = 0;

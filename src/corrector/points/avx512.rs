@@ -1,88 +1,117 @@
 //! [`super::from_steps`] by AVX-512's own instructions.
 
-use std::arch::x86_64::{__m512, _CMP_NGT_UQ, _CMP_ORD_Q};
+use std::arch::x86_64::{__m512, _CMP_NGT_UQ, _CMP_UNORD_Q};
 
 use pulp::cast;
 use pulp::x86::V4;
 
-use super::{FromSteps, from_steps};
-use crate::corrector::cubics::Cubic;
+use super::{Found, FromSteps, from_steps};
+use crate::corrector::cubics::{Cubic, PLACES};
 use crate::corrector::moebius::NEAREST_POLE;
 use crate::corrector::simd::{Isa, LANES};
 
-/// Places of the pixels of a block from the middle of a cubic's.
-const FROM_MIDDLE: [f32; LANES] = {
-    let mut places = [0.0; LANES];
+/// Indices of lanes.
+const FIRST: [u32; LANES] = {
+    let mut indices = [0; LANES];
     let mut i = 0;
     while i < LANES {
-        places[i] = i as f32 - (LANES - 1) as f32;
+        indices[i] = i as u32;
         i += 1;
     }
-    places
+    indices
 };
 
 /// Points while depth is in registers, corrected or as it is.
+///
+/// q is 0 here, so that the map is z = (1 + p) z_m / (1 − r z_m): three roundings of depth itself, some 0.001 mm at 5 m.
 #[inline(always)]
-pub(in crate::corrector) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option<usize> {
+pub(in crate::corrector) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option<Found> {
     let f = v4.avx512f;
-    let FromSteps { map, measured, unit_mm, rays: [rx, ry], cubics, out } = from;
-    let n = measured.len();
-    if n < LANES {
-        return from_steps::<_, CORRECT>(v4, FromSteps { map, measured, unit_mm, rays: [rx, ry], cubics, out });
+    if from.measured.len() < LANES {
+        return from_steps::<_, CORRECT>(v4, from);
     }
-    let (p, [dx, dy, dz]) = map;
+    let FromSteps { map, measured, unit_mm, rays: [rx, ry], cubics, out } = from;
+    let (p, d) = map;
+    if CORRECT && p <= -1.0 {
+        return None;
+    }
     let splat = |value: f32| f._mm512_set1_ps(value);
-    let (p, unit, nan, one, pole) = (splat(p), splat(unit_mm), splat(f32::NAN), splat(1.0), splat(NEAREST_POLE));
-    let d = [splat(dx), splat(dy), splat(dz)];
+    let scale = splat(if CORRECT { (1.0 + p) * unit_mm } else { unit_mm });
+    let d = d.map(|d| splat(d * unit_mm));
+    let (nan, one) = (splat(f32::NAN), splat(1.0));
 
-    // The first block ends, and the last begins, within another one, so that all stores but theirs are on lines of the cache:
-    // a pixel has three values, a line sixteen, and 3 · 11 is 1 beyond two lines.
-    let head = (out.as_ptr().align_offset(64) * 11) % LANES;
-    let t = f._mm512_add_ps(cast(FROM_MIDDLE), splat(head as f32));
+    let places: __m512 = cast(PLACES);
     let cubic = |c: &Cubic| {
         let [c0, c1, c2, c3] = c.map(splat);
-        f._mm512_fmadd_ps(f._mm512_fmadd_ps(f._mm512_fmadd_ps(c3, t, c2), t, c1), t, c0)
+        let slope = f._mm512_fmadd_ps(f._mm512_fmadd_ps(c3, places, c2), places, c1);
+        f._mm512_fmadd_ps(slope, places, c0)
     };
-    let (mut depths, mut lost) = (0, 0);
-    let (mut at, mut done) = (0, 0);
-    while done < n {
-        let (Some(steps), Some(x), Some(y), Some([of_x, of_y]), Some(out)) = (
-            measured[at..].first_chunk::<LANES>(),
-            rx[at..].first_chunk::<LANES>(),
-            ry[at..].first_chunk::<LANES>(),
-            cubics.get(at / LANES),
-            out[3 * at..].first_chunk_mut::<{ 3 * LANES }>(),
-        ) else {
-            return None;
-        };
-        let steps = f._mm512_cvtepu16_epi32(cast(*steps));
-        let valid = f._mm512_test_epi32_mask(steps, steps);
-        let z = f._mm512_mul_ps(f._mm512_cvtepi32_ps(steps), unit);
-        let (rx, ry): (__m512, __m512) = if at % LANES == head && !of_x[0].is_nan() {
-            (cubic(of_x), cubic(of_y))
+
+    // A pixel has three values, a line of the cache sixteen, and 3 · 11 is 1 beyond two lines: so many pixels from the first on
+    // points begin with a line. From there on they are stored as whole lines, of two neighbouring blocks each.
+    let head = (out.as_ptr().align_offset(64) * 11) % LANES;
+    let shift = f._mm512_add_epi32(cast(FIRST), f._mm512_set1_epi32(head as i32));
+    let (steps_blocks, steps_rest) = measured.as_chunks::<LANES>();
+    let (x_blocks, x_rest) = rx.as_chunks::<LANES>();
+    let (y_blocks, y_rest) = ry.as_chunks::<LANES>();
+    let blocks = steps_blocks.len();
+    let (x_blocks, y_blocks, block_cubics) = (&x_blocks[..blocks], &y_blocks[..blocks], &cubics[..blocks]);
+
+    let mut nearest_pole = one;
+    let (mut depths, mut without_ray) = (0, 0);
+    let mut before = [nan; 3];
+    let (first, out) = out.split_at_mut(3 * head);
+    let (whole, out) = out.split_at_mut(3 * LANES * (blocks - 1));
+    let (last, rest) = out.split_at_mut(3 * (LANES - head));
+    let mut lines = whole.as_chunks_mut::<{ 3 * LANES }>().0.iter_mut();
+    let mut one_block = [0.0; 3 * LANES];
+    for b in 0..blocks {
+        let steps = f._mm512_cvtepu16_epi32(cast(steps_blocks[b]));
+        let mut valid = f._mm512_test_epi32_mask(steps, steps);
+        depths += valid.count_ones() as usize;
+        let [of_x, of_y] = &block_cubics[b];
+        let (rx, ry): (__m512, __m512) = if of_x[0].is_nan() {
+            let (rx, ry) = (cast(x_blocks[b]), cast(y_blocks[b]));
+            let lost = f._mm512_cmp_ps_mask::<_CMP_UNORD_Q>(rx, rx);
+            without_ray += (valid & lost).count_ones() as usize;
+            valid &= !lost;
+            (rx, ry)
         } else {
-            (cast(*x), cast(*y))
+            (cubic(of_x), cubic(of_y))
         };
+        let steps = f._mm512_cvtepi32_ps(steps);
         let depth = if CORRECT {
             let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
-            let left = f._mm512_fnmadd_ps(r, z, one);
-            let sum = f._mm512_mul_ps(z, f._mm512_fmadd_ps(r, z, p));
+            // 1 where there is no depth. Of NaN and another number it is the other.
+            let left = f._mm512_fnmadd_ps(r, steps, one);
+            nearest_pole = f._mm512_min_ps(left, nearest_pole);
+            // The estimate of 1/left is right to 2⁻¹⁴, Newton's step squares that.
             let inverse = f._mm512_rcp14_ps(left);
-            let quotient = f._mm512_mul_ps(sum, inverse);
-            let change = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, quotient, sum), inverse, quotient);
-            let corrected = f._mm512_add_ps(z, change);
-            lost |= valid & f._mm512_cmp_ps_mask::<_CMP_NGT_UQ>(left, pole);
-            lost |= valid & f._mm512_cmp_ps_mask::<_CMP_NGT_UQ>(corrected, splat(0.0));
-            f._mm512_mask_blend_ps(valid, nan, corrected)
+            let inverse = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, inverse, one), inverse, inverse);
+            f._mm512_mask_mul_ps(nan, valid, f._mm512_mul_ps(steps, scale), inverse)
         } else {
-            f._mm512_mask_blend_ps(valid & f._mm512_cmp_ps_mask::<_CMP_ORD_Q>(rx, rx), nan, z)
+            f._mm512_mask_mul_ps(nan, valid, steps, scale)
         };
-        // What the block before has done already is not counted twice.
-        depths += (valid >> (done - at)).count_ones() as usize;
-        let (x, y) = (f._mm512_mul_ps(rx, depth), f._mm512_mul_ps(ry, depth));
-        v4.interleave(&cast(x), &cast(y), &cast(depth), out);
-        done = at + LANES;
-        at = if at == 0 && head > 0 { head } else { done }.min(n - LANES);
+        let point = [f._mm512_mul_ps(rx, depth), f._mm512_mul_ps(ry, depth), depth];
+        if b == 0 {
+            v4.interleave(&cast(point[0]), &cast(point[1]), &cast(point[2]), &mut one_block);
+            first.copy_from_slice(&one_block[..3 * head]);
+        } else if let Some(line) = lines.next() {
+            let x = f._mm512_permutex2var_ps(before[0], shift, point[0]);
+            let y = f._mm512_permutex2var_ps(before[1], shift, point[1]);
+            let depth = f._mm512_permutex2var_ps(before[2], shift, point[2]);
+            v4.interleave(&cast(x), &cast(y), &cast(depth), line);
+        }
+        before = point;
     }
-    (lost == 0).then_some(depths)
+    v4.interleave(&cast(before[0]), &cast(before[1]), &cast(before[2]), &mut one_block);
+    last.copy_from_slice(&one_block[3 * head..]);
+    let usable = !CORRECT || f._mm512_cmp_ps_mask::<_CMP_NGT_UQ>(nearest_pole, splat(NEAREST_POLE)) == 0;
+    if !usable {
+        return None;
+    }
+    let rays = [x_rest, y_rest];
+    let of_rest = FromSteps { map, measured: steps_rest, unit_mm, rays, cubics: &[], out: rest };
+    let of_rest = from_steps::<_, CORRECT>(v4, of_rest)?;
+    Some(Found { depths: depths + of_rest.depths, points: depths - without_ray + of_rest.points })
 }

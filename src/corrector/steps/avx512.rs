@@ -6,6 +6,7 @@ use std::arch::x86_64::{__m256i, __m512, __m512i};
 use pulp::cast;
 use pulp::x86::V4;
 
+use super::super::moebius::Slices;
 use super::{Chunk, Seen, in_single};
 
 /// Pixels of a block, and of each of its halves.
@@ -21,93 +22,122 @@ pub(in crate::corrector) fn steps<const P: bool, const Q: bool, const R: bool, c
     v4: V4,
     chunk: &mut Chunk<'_>,
 ) -> Seen {
-    let (f, bw) = (v4.avx512f, v4.avx512bw);
-    let Chunk { c, unit_mm, measured, ref mut out } = *chunk;
+    let Chunk { c, unit_mm, measured, .. } = *chunk;
     let n = measured.len();
     if n < BLOCK {
         return in_single::<_, P, Q, R, WHOLE>(v4, chunk);
     }
-    let splat = |value: f32| f._mm512_set1_ps(value);
-    let (p0, unit, per_mm) = (splat(c.p0), splat(unit_mm as f32), splat((1.0 / unit_mm) as f32));
-    let (one, half, zero) = (splat(1.0), splat(0.5), splat(0.0));
-    let in_order: __m512i = cast(IN_ORDER);
-
-    let mut most = f._mm512_setzero_si512();
-    let (mut depths, mut corrected) = (0, 0);
-    // The first block ends, and the last begins, within another one, so that all stores but theirs are whole lines of the cache.
-    let head = out.as_ptr().align_offset(64) % BLOCK;
-    let (mut at, mut done) = (0, 0);
-    while done < n {
-        let (Some(measured), Some(out), Some(p), Some(q), Some(r)) = (
-            measured[at..].first_chunk::<BLOCK>(),
-            out[at..].first_chunk_mut::<BLOCK>(),
-            block::<P>(c.p, at),
-            block::<Q>(c.q, at),
-            block::<R>(c.r, at),
-        ) else {
-            break;
-        };
-        let depth: [__m256i; 2] = cast(*measured);
-        let mut changes = [f._mm512_setzero_si512(); 2];
-        let mut stays = [0; 2];
-        for h in 0..2 {
-            let steps = f._mm512_cvtepi32_ps(f._mm512_cvtepu16_epi32(depth[h]));
-            let z = f._mm512_mul_ps(steps, unit);
-            let p = if P { cast(p[h]) } else { p0 };
-            let r: __m512 = if R { cast(r[h]) } else { zero };
-            let slope = if R { f._mm512_fmadd_ps(r, z, p) } else { p };
-            let sum = if Q {
-                f._mm512_fmadd_ps(steps, slope, f._mm512_mul_ps(cast(q[h]), per_mm))
-            } else {
-                f._mm512_mul_ps(steps, slope)
-            };
-            let left = if R { f._mm512_fnmadd_ps(r, z, one) } else { one };
-            let change = if R {
-                // The estimate is right to 2⁻¹⁴; what the quotient leaves squares that.
-                let inverse = f._mm512_rcp14_ps(left);
-                let quotient = f._mm512_mul_ps(sum, inverse);
-                f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, quotient, sum), inverse, quotient)
-            } else {
-                sum
-            };
-            if !WHOLE {
-                let before_pole = if R { f._mm512_cmp_ps_mask::<GREATER>(left, zero) } else { u16::MAX };
-                let above = if Q {
-                    let valid = f._mm512_cmp_ps_mask::<GREATER>(steps, zero);
-                    valid & f._mm512_cmp_ps_mask::<GREATER>(f._mm512_add_ps(steps, change), half)
-                } else {
-                    u16::MAX
-                };
-                stays[h] = before_pole & above;
-            }
-            changes[h] = f._mm512_cvtps_epi32(change);
-        }
-        let change = f._mm512_permutexvar_epi64(in_order, bw._mm512_packs_epi32(changes[0], changes[1]));
-        let measured: __m512i = cast(*measured);
-        let sum = bw._mm512_add_epi16(measured, change);
-        most = bw._mm512_max_epu16(most, measured);
-        // The bits of a mask are counted beside the vectors; what the block before has done already is not counted twice.
-        let own = |mask: u32| (mask >> (done - at)).count_ones() as usize;
-        depths += own(bw._mm512_test_epi16_mask(measured, measured));
-        if WHOLE {
-            *out = cast(sum);
-        } else {
-            let sum = bw._mm512_maskz_mov_epi16(u32::from(stays[0]) | u32::from(stays[1]) << HALF, sum);
-            corrected += own(bw._mm512_test_epi16_mask(sum, sum));
-            *out = cast(sum);
-        }
-        done = at + BLOCK;
-        at = if at == 0 && head > 0 { head } else { done }.min(n - BLOCK);
+    let mut pass = Pass::<P, Q, R, WHOLE> {
+        v4,
+        p0: v4.avx512f._mm512_set1_ps(c.p0),
+        unit: v4.avx512f._mm512_set1_ps(unit_mm as f32),
+        per_mm: v4.avx512f._mm512_set1_ps((1.0 / unit_mm) as f32),
+        most: v4.avx512f._mm512_setzero_si512(),
+        depths: 0,
+        corrected: 0,
+    };
+    // The first block ends, and the last begins, within another one, so that all stores but theirs are whole lines of the
+    // cache. What they share is counted once.
+    let head = chunk.out.as_ptr().align_offset(64) % BLOCK;
+    let whole = (n - head) / BLOCK * BLOCK;
+    let rest = n - head - whole;
+    let out = &mut *chunk.out;
+    if head > 0 {
+        pass.blocks(c.part(0, BLOCK), &measured[..BLOCK], &mut out[..BLOCK], u32::MAX >> (BLOCK - head));
     }
-    let most: [u16; BLOCK] = cast(most);
-    let corrected = if WHOLE { depths } else { corrected };
-    Seen { most: most.into_iter().fold(0, u16::max), depths, corrected }
+    pass.blocks(c.part(head, whole), &measured[head..head + whole], &mut out[head..head + whole], u32::MAX);
+    if rest > 0 {
+        let from = n - BLOCK;
+        pass.blocks(c.part(from, BLOCK), &measured[from..], &mut out[from..n], u32::MAX << (BLOCK - rest));
+    }
+    let most: [u16; BLOCK] = cast(pass.most);
+    let corrected = if WHOLE { pass.depths } else { pass.corrected };
+    Seen { most: most.into_iter().fold(0, u16::max), depths: pass.depths, corrected }
 }
 
-/// The coefficients of a block, where they are a table.
+/// What blocks share, and what has been seen in them.
+struct Pass<const P: bool, const Q: bool, const R: bool, const WHOLE: bool> {
+    v4: V4,
+    p0: __m512,
+    unit: __m512,
+    per_mm: __m512,
+    most: __m512i,
+    depths: usize,
+    corrected: usize,
+}
+
+impl<const P: bool, const Q: bool, const R: bool, const WHOLE: bool> Pass<P, Q, R, WHOLE> {
+    /// A whole number of blocks; in each, the pixels of `counted` are counted.
+    #[inline(always)]
+    fn blocks(&mut self, c: Slices<'_>, measured: &[u16], out: &mut [u16], counted: u32) {
+        let (f, bw) = (self.v4.avx512f, self.v4.avx512bw);
+        let blocks = measured.as_chunks::<BLOCK>().0;
+        let (p, q, r) = (
+            if P { &halves(c.p)[..blocks.len()] } else { &[] },
+            if Q { &halves(c.q)[..blocks.len()] } else { &[] },
+            if R { &halves(c.r)[..blocks.len()] } else { &[] },
+        );
+        let (unit, per_mm) = (self.unit, self.per_mm);
+        let (one, half, zero) = (f._mm512_set1_ps(1.0), f._mm512_set1_ps(0.5), f._mm512_set1_ps(0.0));
+        let in_order: __m512i = cast(IN_ORDER);
+        let (mut most, mut depths, mut corrected) = (self.most, 0, 0);
+        for (b, (measured, out)) in blocks.iter().zip(out.as_chunks_mut::<BLOCK>().0).enumerate() {
+            let depth: [__m256i; 2] = cast(*measured);
+            let mut changes = [f._mm512_setzero_si512(); 2];
+            let mut stays = [0; 2];
+            for h in 0..2 {
+                let steps = f._mm512_cvtepi32_ps(f._mm512_cvtepu16_epi32(depth[h]));
+                let z = f._mm512_mul_ps(steps, unit);
+                let p = if P { cast(p[b][h]) } else { self.p0 };
+                let r: __m512 = if R { cast(r[b][h]) } else { zero };
+                let slope = if R { f._mm512_fmadd_ps(r, z, p) } else { p };
+                let sum = if Q {
+                    f._mm512_fmadd_ps(steps, slope, f._mm512_mul_ps(cast(q[b][h]), per_mm))
+                } else {
+                    f._mm512_mul_ps(steps, slope)
+                };
+                let left = if R { f._mm512_fnmadd_ps(r, z, one) } else { one };
+                let change = if R {
+                    // The estimate is right to 2⁻¹⁴; what the quotient leaves squares that.
+                    let inverse = f._mm512_rcp14_ps(left);
+                    let quotient = f._mm512_mul_ps(sum, inverse);
+                    f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, quotient, sum), inverse, quotient)
+                } else {
+                    sum
+                };
+                if !WHOLE {
+                    let before_pole = if R { f._mm512_cmp_ps_mask::<GREATER>(left, zero) } else { u16::MAX };
+                    let above = if Q {
+                        let valid = f._mm512_cmp_ps_mask::<GREATER>(steps, zero);
+                        valid & f._mm512_cmp_ps_mask::<GREATER>(f._mm512_add_ps(steps, change), half)
+                    } else {
+                        u16::MAX
+                    };
+                    stays[h] = before_pole & above;
+                }
+                changes[h] = f._mm512_cvtps_epi32(change);
+            }
+            let change = f._mm512_permutexvar_epi64(in_order, bw._mm512_packs_epi32(changes[0], changes[1]));
+            let measured: __m512i = cast(*measured);
+            let mut sum = bw._mm512_add_epi16(measured, change);
+            most = bw._mm512_max_epu16(most, measured);
+            // The bits of a mask are counted beside the vectors.
+            depths += (bw._mm512_test_epi16_mask(measured, measured) & counted).count_ones() as usize;
+            if !WHOLE {
+                sum = bw._mm512_maskz_mov_epi16(u32::from(stays[0]) | u32::from(stays[1]) << HALF, sum);
+                corrected += (bw._mm512_test_epi16_mask(sum, sum) & counted).count_ones() as usize;
+            }
+            *out = cast(sum);
+        }
+        self.most = most;
+        self.depths += depths;
+        self.corrected += corrected;
+    }
+}
+
 #[inline(always)]
-fn block<const WANTED: bool>(table: &[f32], at: usize) -> Option<[[f32; HALF]; 2]> {
-    if WANTED { table.get(at..)?.first_chunk::<BLOCK>().map(|block| cast(*block)) } else { Some([[0.0; HALF]; 2]) }
+fn halves(table: &[f32]) -> &[[[f32; HALF]; 2]] {
+    table.as_chunks().0.as_chunks().0
 }
 
 /// Ordered, signalling no exception on NaN.
