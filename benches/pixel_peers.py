@@ -17,6 +17,7 @@ PAIRS = [
     ("correct_multiplier", "multmap: multiply(u16,f32,dtype=u16)", 0.25),
     ("correct_and_points", "cloud_rays_avx512(u16,2xf32->f32x3)", 1.15),
     ("correct_and_points", "depthTo3d u16->f32x3", 0.33),
+    ("correct_and_points", "librealsense pointcloud", 0.33),
     ("points", "cloud_rays_avx512(u16,2xf32->f32x3)", 1.15),
     ("remap_nearest", "remap_nearest(u16,i32idx->u16)", 1.1),
     ("remap_nearest", "remap_nearest/u16/16SC2", 1.0),

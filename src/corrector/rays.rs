@@ -67,7 +67,7 @@ impl Rays {
         }
         let threads = rayon::current_num_threads();
         // Two bands for each thread, so that one that comes late finds something left; but the first rows of a band have none
-        // to be extrapolated from and cost as much as twenty others.
+        // to be extrapolated from and cost several times as much.
         let bands = if threads == 1 || height < LOW * threads { threads } else { 2 * threads };
         let band = height.div_ceil(bands).max(8);
         let work = |(k, (x, y)): (usize, (&mut [T], &mut [T]))| self.rows(k * band, x, y);
@@ -329,14 +329,15 @@ impl<T: Real> Kernel for Rows<'_, T> {
             let span = reach.fill_outside(first + row, &mut own_x[..width], &mut own_y[..width]);
             let (own_x, own_y) = (&mut own_x[span.clone()], &mut own_y[span.clone()]);
             let start = span.start as f64 + lens.shift[0] - cx - skew * yd;
-            if row < T::ROWS {
+            if row == 0 {
                 for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
                     (*x, *y) = (T::of((u as f64 + start) / fx), T::of(yd));
                 }
             } else {
-                extrapolate(before_x, width, span.start, own_x);
-                extrapolate(before_y, width, span.start, own_y);
-                if complete < T::ROWS {
+                let rows = row.min(T::ROWS);
+                extrapolate(rows, before_x, width, span.start, own_x, T::of(0.0));
+                extrapolate(rows, before_y, width, span.start, own_y, T::of(1.0 / fy));
+                if complete < rows {
                     for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
                         let known = *x <= T::of(f64::INFINITY);
                         *x = if known { *x } else { T::of(start / fx) + T::of(1.0 / fx) * T::count(u) };
@@ -367,18 +368,23 @@ impl<T: Real> Kernel for Rows<'_, T> {
     }
 }
 
-/// Continues two or three rows from column `from` on.
+/// Continues one to three rows from column `from` on; one by `step`.
 #[inline(always)]
-fn extrapolate<T: Real>(before: &[T], width: usize, from: usize, own: &mut [T]) {
+fn extrapolate<T: Real>(rows: usize, before: &[T], width: usize, from: usize, own: &mut [T], step: T) {
     let n = own.len();
     let row = |k: usize| &before[before.len() - k * width + from..][..n];
-    if T::ROWS == 2 {
-        let (a, b) = (row(1), row(2));
+    let a = row(1);
+    if rows == 1 {
+        for i in 0..n {
+            own[i] = a[i] + step;
+        }
+    } else if rows == 2 {
+        let b = row(2);
         for i in 0..n {
             own[i] = a[i] + (a[i] - b[i]);
         }
     } else {
-        let (a, b, c) = (row(1), row(2), row(3));
+        let (b, c) = (row(2), row(3));
         for i in 0..n {
             own[i] = T::of(3.0) * (a[i] - b[i]) + c[i];
         }
