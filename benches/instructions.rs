@@ -17,9 +17,9 @@ const FEW: usize = 2;
 const MORE: usize = 12;
 /// Path and most instructions per pixel: some 5 % above what was counted when this was written.
 const LIMITS: [(&str, f64); 6] = [
-    ("correct_projective", 4.2),
-    ("correct_multiplier", 2.05),
-    ("correct_and_points", 14.5),
+    ("correct_projective", 4.05),
+    ("correct_multiplier", 1.75),
+    ("correct_and_points", 13.8),
     ("remap_nearest", 4.45),
     ("remap_linear", 20.3),
     ("rays", 20.3),

@@ -13,7 +13,8 @@ const TOLERANCE: f64 = 5e-8;
 /// c₀ + c₁ t + c₂ t² + c₃ t³ at the distance t = −7.5 … 7.5 from the middle of sixteen pixels.
 pub(super) type Cubic = [f32; 4];
 
-/// x and y of the rays of sixteen pixels each; NaN where they are no cubics: around the end of a row, and where a pixel has no ray.
+/// x and y of the rays of sixteen pixels each; NaN where they are no cubics: around the end of a row, and where a pixel has
+/// no ray.
 #[derive(Debug, Clone, Default)]
 pub(super) struct RayCubics(Vec<[Cubic; 2]>);
 

@@ -127,17 +127,14 @@ pub(super) fn from_steps<I: Isa, const CORRECT: bool>(isa: I, from: FromSteps<'_
     let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
     let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();
     let (blocks, rest) = out.as_chunks_mut::<{ 3 * LANES }>();
-    let [mut depths, mut points, mut lost] = [[0u32; LANES]; 3];
+    let [mut points, mut lost] = [[0u32; LANES]; 2];
     for (((measured, x), y), out) in measured_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
         let found = block::<I, CORRECT>(isa, map, (measured, unit_mm), [x, y], out);
         for i in 0..LANES {
-            depths[i] += found[0][i];
+            points[i] += found[0][i];
         }
         for i in 0..LANES {
-            points[i] += found[1][i];
-        }
-        for i in 0..LANES {
-            lost[i] |= found[2][i];
+            lost[i] |= found[1][i];
         }
     }
     if !measured_rest.is_empty() {
@@ -148,15 +145,14 @@ pub(super) fn from_steps<I: Isa, const CORRECT: bool>(isa: I, from: FromSteps<'_
         y[..n].copy_from_slice(y_rest);
         let found = block::<I, CORRECT>(isa, map, (&last, unit_mm), [&x, &y], &mut out);
         rest.copy_from_slice(&out[..3 * n]);
-        depths[0] += found[0].iter().sum::<u32>();
-        points[0] += found[1].iter().sum::<u32>();
-        lost[0] |= found[2].iter().fold(0, |any, lost| any | lost);
+        points[0] += found[0].iter().sum::<u32>();
+        lost[0] |= found[1].iter().fold(0, |any, lost| any | lost);
     }
-    let [depths, points] = [depths, points].map(|counts| counts.iter().sum::<u32>() as usize);
+    let (depths, points) = (isa.most_and_count(measured).1, points.iter().sum::<u32>() as usize);
     lost.iter().all(|lost| *lost == 0).then_some(Found { depths, points })
 }
 
-/// [`from_steps`] for some pixels: 1 where there is depth, where a point, and where it is lost.
+/// [`from_steps`] for some pixels: 1 where there is a point, and where it is lost.
 #[inline(always)]
 fn block<I: Isa, const CORRECT: bool>(
     isa: I,
@@ -164,9 +160,9 @@ fn block<I: Isa, const CORRECT: bool>(
     (measured, unit_mm): (&[u16; LANES], f32),
     [rx, ry]: [&[f32; LANES]; 2],
     out: &mut [f32; 3 * LANES],
-) -> [[u32; LANES]; 3] {
+) -> [[u32; LANES]; 2] {
     let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-    let [mut has_depth, mut has_point, mut lost] = [[0; LANES]; 3];
+    let [mut has_point, mut lost] = [[0; LANES]; 2];
     for i in 0..LANES {
         let z = f32::from(measured[i]) * unit_mm;
         let (corrected, usable) = if CORRECT {
@@ -175,11 +171,10 @@ fn block<I: Isa, const CORRECT: bool>(
         } else {
             (z, true)
         };
-        let (valid, has_ray) = (z > 0.0, !rx[i].is_nan());
-        depth[i] = if valid & has_ray { corrected } else { f32::NAN };
-        has_depth[i] = u32::from(valid);
-        has_point[i] = u32::from(valid & has_ray);
-        lost[i] = u32::from(valid & has_ray & !usable);
+        let valid = (z > 0.0) & !rx[i].is_nan();
+        depth[i] = if valid { corrected } else { f32::NAN };
+        has_point[i] = u32::from(valid);
+        lost[i] = u32::from(valid & !usable);
     }
     for i in 0..LANES {
         x[i] = rx[i] * depth[i];
@@ -188,5 +183,5 @@ fn block<I: Isa, const CORRECT: bool>(
         y[i] = ry[i] * depth[i];
     }
     isa.interleave(&x, &y, &depth, out);
-    [has_depth, has_point, lost]
+    [has_point, lost]
 }

@@ -393,3 +393,38 @@ fn all_outputs_agree_and_do_not_depend_on_the_threads() {
     });
     assert!(of_threads[0] == of_threads[1]);
 }
+
+#[test]
+fn points_do_not_depend_on_where_they_are_written_and_pixels_without_a_ray_have_none() {
+    // The image of this lens folds before the corners. The width is no multiple of any block's.
+    let (width, height) = (163, 121);
+    let pieces = vec![block("brown_conrady", &[-0.6, 0.0, 0.0, 0.0, 0.0]), block(PROJECTIVE.0, PROJECTIVE.1)];
+    let corrector = Corrector::new(&Camera::new(width, height, [119.2, 119.2, 80.5, 59.5, 0.0], pieces)).unwrap();
+    let n = width * height;
+    let data = (0..n).map(|i| if i % 13 == 4 { 0 } else { 400 + (i * 37 % 3000) as u16 }).collect();
+    let measured = DepthImage { width, height, data };
+    let context = FrameContext::default();
+    let mut steps = measured.clone();
+    let expected = corrector.correct_u16(&measured, 1.0, &context, &mut steps).unwrap();
+    assert!(expected.not_correctable > 100 && expected.corrected > n / 2, "{expected:?}");
+    let mut buffer = vec![0.0f32; 3 * n + 40];
+    let mut first: Option<[Vec<u32>; 2]> = None;
+    for offset in 0..20 {
+        let place = &mut buffer[offset..offset + 3 * n];
+        let summary =
+            corrector.correct_to_points(&measured, 1.0, &context, PointsMut::Interleaved(&mut *place)).unwrap();
+        assert_eq!(summary, CorrectionSummary { saturated: 0, ..expected });
+        for (point, depth) in place.chunks_exact(3).zip(&steps.data) {
+            if *depth == 0 {
+                assert!(point.iter().all(|c| c.is_nan()));
+            } else {
+                assert!((point[2] - f32::from(*depth)).abs() < 0.502);
+            }
+        }
+        let corrected: Vec<u32> = place.iter().map(|c| c.to_bits()).collect();
+        corrector.points_into(&measured, 1.0, PointsMut::Interleaved(&mut *place)).unwrap();
+        let straight: Vec<u32> = place.iter().map(|c| c.to_bits()).collect();
+        let first = first.get_or_insert_with(|| [corrected.clone(), straight.clone()]);
+        assert!(*first == [corrected, straight], "offset {offset}");
+    }
+}
