@@ -41,6 +41,12 @@ impl FrameInformation {
             judged: reduced(image, depth).unwrap_or_else(nothing),
         }
     }
+
+    /// What it costs where it is judged, up to a constant, at an estimate; infinite where there is none.
+    fn cost(&self, estimate: Option<&DVector<f64>>) -> f64 {
+        let (normal, gradient) = &self.judged;
+        estimate.map_or(f64::INFINITY, |step| gradient.dot(step) + 0.5 * step.dot(&(normal * step)))
+    }
 }
 
 /// Roughness is looked for in this range, in units of a parameter's typical deviation.
@@ -136,21 +142,26 @@ impl<'a> Choice<'a> {
         precision
     }
 
-    /// Cost of the frames left out, up to a constant, for every part; infinite where the others determine nothing.
-    fn left_out_costs(&self, roughness: &[f64]) -> Vec<f64> {
+    /// Estimates from the frames of all other parts, one per part; `None` where they determine nothing.
+    fn estimates(&self, roughness: &[f64]) -> Vec<Option<DVector<f64>>> {
         let prior = self.precision(roughness);
         let pull = &prior * &self.deviation;
-        self.folds
-            .iter()
-            .map(|FrameInformation { fitted, judged: (normal, gradient) }| {
-                let rest = &self.total.0 - &fitted.0 + &prior;
-                let down = -(&self.total.1 - &fitted.1 + &pull);
-                match solve_scaled(rest, &down) {
-                    Some(step) => gradient.dot(&step) + 0.5 * step.dot(&(normal * &step)),
-                    None => f64::INFINITY,
-                }
-            })
-            .collect()
+        let estimate = |FrameInformation { fitted, .. }: &FrameInformation| {
+            let rest = &self.total.0 - &fitted.0 + &prior;
+            solve_scaled(rest, &-(&self.total.1 - &fitted.1 + &pull))
+        };
+        self.folds.iter().map(estimate).collect()
+    }
+
+    /// Cost of the frames left out, up to a constant, for every part.
+    fn left_out_costs(&self, roughness: &[f64]) -> Vec<f64> {
+        self.folds.iter().zip(self.estimates(roughness)).map(|(part, by)| part.cost(by.as_ref())).collect()
+    }
+
+    /// The same for every frame.
+    fn left_out_costs_by_frame(&self, roughness: &[f64]) -> Vec<f64> {
+        let estimates = self.estimates(roughness);
+        self.frames.iter().zip(estimates.iter().cycle()).map(|(frame, by)| frame.cost(by.as_ref())).collect()
     }
 
     /// Effective number of parameters of every field: tr(Σ N) over its nodes, Σ the posterior covariance.
@@ -217,7 +228,7 @@ pub fn choose(camera: &Camera, smoothness: &Smoothness, frames: &[FrameInformati
             }
         }
     }
-    smoothest(&choice, &mut best, &costs);
+    simplest(&choice, &mut best, costs);
     let mut chosen = smoothness.clone();
     let members: Vec<Vec<usize>> = field_members(camera, smoothness);
     let effective = choice.effective(&best, &members);
@@ -231,28 +242,57 @@ pub fn choose(camera: &Camera, smoothness: &Smoothness, frames: &[FrameInformati
     chosen
 }
 
-/// Of all that predict no worse than the best by more than the standard error of the difference, the smoothest
-/// (Breiman, Friedman, Olshen, Stone 1984, section 3.4.3): roughness that the frames do not support is not fitted.
-fn smoothest(choice: &Choice<'_>, best: &mut [f64], costs: &[f64]) {
+/// Standard deviations of the signed-rank statistic by which frames must speak for rough fields. Fewer than eight cannot.
+const CLEAR: f64 = 2.5;
+/// Standard errors of the difference within which the simpler predicts as well.
+const AS_GOOD: f64 = 1.0;
+
+/// Roughness that the frames do not support is not fitted. Fields stay flat unless most frames that were left out speak for
+/// rough ones: a few with errors of their own decide nothing then, as they would over sums of squares. And of all that
+/// predict no worse by more than the standard error of the difference the simplest is taken (Breiman, Friedman, Olshen,
+/// Stone 1984, section 3.4.3): beside D none, or a smaller ridge, and smoother fields.
+fn simplest(choice: &Choice<'_>, best: &mut [f64], mut costs: Vec<f64>) {
     const STEP: f64 = 1.5;
+    let mut flat = best.to_vec();
+    flat[..choice.penalties.len()].fill(RANGE[0]);
+    let [by_frame, flat_by_frame] = [&*best, &flat].map(|r| choice.left_out_costs_by_frame(r));
+    if signed_ranks(&by_frame, &flat_by_frame) <= CLEAR {
+        best.copy_from_slice(&flat);
+        costs = choice.left_out_costs(&flat);
+        let none = vec![RANGE[0]; best.len()];
+        if errors_worse(&costs, &choice.left_out_costs(&none)) <= AS_GOOD {
+            best.copy_from_slice(&none);
+        }
+    }
     for i in 0..best.len() {
         loop {
             let mut tried = best.to_vec();
             tried[i] /= STEP;
-            if tried[i] < RANGE[0] {
-                break;
-            }
-            let worse: Vec<f64> =
-                choice.left_out_costs(&tried).iter().zip(costs).map(|(tried, best)| tried - best).collect();
-            let n = worse.len() as f64;
-            let mean = worse.iter().sum::<f64>() / n;
-            let variance = worse.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0);
-            if !(mean <= (variance / n).sqrt()) {
+            if tried[i] < RANGE[0] || !(errors_worse(&costs, &choice.left_out_costs(&tried)) <= AS_GOOD) {
                 break;
             }
             best[i] = tried[i];
         }
     }
+}
+
+/// By how many standard errors of the difference `tried` is worse than `best`, from their costs part by part.
+fn errors_worse(best: &[f64], tried: &[f64]) -> f64 {
+    let n = best.len() as f64;
+    let worse: Vec<f64> = tried.iter().zip(best).map(|(tried, best)| tried - best).collect();
+    let mean = worse.iter().sum::<f64>() / n;
+    let variance = worse.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    if mean == 0.0 { 0.0 } else { mean / (variance / n).sqrt() }
+}
+
+/// Wilcoxon's signed ranks (1945) of `tried` over `best`, in standard deviations: positive where most are worse.
+fn signed_ranks(best: &[f64], tried: &[f64]) -> f64 {
+    let mut worse: Vec<f64> = tried.iter().zip(best).map(|(tried, best)| tried - best).filter(|w| *w != 0.0).collect();
+    worse.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let ranked = || (1..).map(f64::from).zip(&worse);
+    let sum: f64 = ranked().map(|(rank, w)| rank * w.signum()).sum();
+    let variance: f64 = ranked().map(|(rank, _)| rank * rank).sum();
+    if variance > 0.0 { sum / variance.sqrt() } else { 0.0 }
 }
 
 /// Places of every field's free parameters among all free ones.
@@ -275,4 +315,27 @@ fn field_members(camera: &Camera, smoothness: &Smoothness) -> Vec<Vec<usize>> {
         }
     }
     members
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the sums of ranks over all signs, counted: for n = 5 the chance that all five are worse is 1/32.
+    #[test]
+    fn signed_ranks_have_their_deviation() {
+        let best = [0.0; 5];
+        assert_eq!(signed_ranks(&best, &best), 0.0);
+        let mut values = Vec::new();
+        for signs in 0..32_u32 {
+            let tried: Vec<f64> =
+                (0..5).map(|i| if signs >> i & 1 == 1 { 1.0 } else { -1.0 } * (1.0 + f64::from(i))).collect();
+            values.push(signed_ranks(&best, &tried));
+        }
+        let mean = values.iter().sum::<f64>() / 32.0;
+        let variance = values.iter().map(|v| v * v).sum::<f64>() / 32.0;
+        assert!(mean.abs() < 1e-12 && (variance - 1.0).abs() < 1e-12, "{mean} {variance}");
+        // One frame with a large loss is one frame.
+        assert!(signed_ranks(&best, &[100.0, -1.0, -2.0, -3.0, -4.0]) < 0.0);
+    }
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use depthcal::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::capture::{CaptureOptions, Loaded, load};
+use depthcal::compare::{CompareOptions, compare};
 use depthcal::diagnose::account::verdict;
 use depthcal::diagnose::{DiagnoseOptions, diagnose};
 use depthcal::evaluate::evaluate;
@@ -65,6 +66,38 @@ fn chessboard_is_found_and_fits_as_well_as_opencv() {
         result.reprojection_rms_px
     );
     assert!(result.reprojection_rms_px < 0.26);
+}
+
+/// A regularised map costs nothing where it is not needed: on frames that were left out none is more than 2 % worse than D.
+#[test]
+fn kinect2_maps_are_not_worse_than_d() {
+    let Some(loaded) = measured("kinect2") else { return };
+    let models = [
+        "projective",
+        "bspline",
+        "projective+bspline",
+        "multiplier",
+        "polynomial_map",
+        "disparity_decay",
+        "projective+disparity_decay",
+        "free_map",
+    ];
+    let options = CompareOptions {
+        models: models.map(str::to_owned).to_vec(),
+        thesis: false,
+        learning_sizes: Vec::new(),
+        ..CompareOptions::default()
+    };
+    let comparison = compare(&loaded.capture, &[], &options).unwrap();
+    let dot = |name: &str| {
+        let model = comparison.models.iter().find(|m| m.model == name).unwrap();
+        model.held_out.dot_error_mm.unwrap().mean
+    };
+    let d = dot("projective");
+    for model in models {
+        println!("kinect2, {model}: dot error {:.3} mm, D {d:.3} mm", dot(model));
+        assert!(dot(model) < 1.02 * d, "{model}: {} mm against {d} mm", dot(model));
+    }
 }
 
 #[test]

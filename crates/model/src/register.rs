@@ -14,6 +14,9 @@ use crate::{board, depth, lens, pixel};
 /// Constants of a piece by name, as [`AnyPiece::options`] gives them.
 pub type Options = BTreeMap<String, f64>;
 
+/// Depth pieces that move ρ by an amount of their own at every pixel and cannot scale it.
+const OFFSET_MAPS: [&str; 2] = ["disparity_decay", "free_map"];
+
 type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
 
 /// Why a model could not be made from its name.
@@ -172,16 +175,21 @@ impl Register {
     }
 
     /// A stack of depth pieces from its name: `none`, `projective`, `projective:xw` (only these parameters free),
-    /// `projective+bspline`, …
+    /// `projective+bspline`, … Maps of offsets in ρ get `projective:zw` where the stack says nothing of D: a scale and an
+    /// offset of ρ belong to the camera that they correct (c1 and c0 in eq. 5 of Herrera, Kannala, Heikkilä 2012).
+    /// `none+disparity_decay` is the map and nothing else.
     ///
     /// # Errors
     ///
     /// [`RegisterError`], where a name or a subset is unknown.
     pub fn depth_model(&self, name: &str) -> Result<Vec<Block>, RegisterError> {
-        if name == "none" {
-            return Ok(Vec::new());
-        }
-        name.split('+').map(|part| self.block(part.trim(), Some(HookKind::Depth))).collect()
+        let parts: Vec<&str> = name.split('+').map(str::trim).collect();
+        let names = |part: &&str, piece: &str| part.split([':', '@']).next() == Some(piece);
+        let is_offset = parts.iter().any(|p| OFFSET_MAPS.iter().any(|map| names(p, map)));
+        let is_alone = !parts.iter().any(|p| names(p, "projective") || *p == "none");
+        let own = (is_offset && is_alone).then_some("projective:zw");
+        let pieces = own.into_iter().chain(parts.into_iter().filter(|p| *p != "none"));
+        pieces.map(|part| self.block(part, Some(HookKind::Depth))).collect()
     }
 
     /// One block from `NAME`, `NAME:SUBSET` (only these parameters free) or `NAME@CONSTANT=VALUE` (a constant of the
@@ -253,6 +261,21 @@ mod tests {
         assert_eq!(register.depth_model("none").unwrap().len(), 0);
         let stack = register.depth_model("projective+cyclic_depth@period_mm=250").unwrap();
         assert_eq!(stack[1].piece().unwrap().options()["period_mm"], 250.0);
+    }
+
+    #[test]
+    fn maps_of_offsets_get_scale_and_offset_unless_the_stack_says_otherwise() {
+        let register = Register::builtin();
+        let names = |model: &str| -> Vec<String> {
+            register.depth_model(model).unwrap().iter().map(|b| b.name().to_owned()).collect()
+        };
+        let stack = register.depth_model("disparity_decay@columns=10").unwrap();
+        assert_eq!(stack[0].free, [false, false, true, true]);
+        assert_eq!(stack[1].piece().unwrap().options()["columns"], 10.0);
+        assert_eq!(names("free_map"), ["projective", "free_map"]);
+        assert_eq!(names("projective:xw+disparity_decay"), ["projective", "disparity_decay"]);
+        assert_eq!(names("none+disparity_decay"), ["disparity_decay"]);
+        assert_eq!(names("bspline"), ["bspline"]);
     }
 
     #[test]

@@ -5,7 +5,8 @@ use crate::{Context, Parameter, Piece, Scalar};
 
 /// An offset map whose strength decays exponentially with disparity: ρ_m = ρ + a(u, v) exp(−α (ρ − ρ₀)).
 ///
-/// Disparity is proportional to ρ; ρ₀ = 1/m only makes a the offset at 1 m.
+/// Disparity is proportional to ρ; ρ₀ = 1/m only makes a the offset at 1 m. The scale and the offset that turn corrected
+/// disparity into depth (c1, c0 in Herrera's eq. 5) are D's dw and dz: [`crate::Register::depth_model`] adds them.
 #[derive(Debug, Clone, Copy)]
 pub struct DisparityDecay;
 
