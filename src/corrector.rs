@@ -9,6 +9,7 @@
 //! Invalid depth (0, for f32 also what is negative or not finite) stays invalid (0). Pixels that see no ray, or whose
 //! depth the model cannot invert, become invalid and are counted. Results saturate at the ends of their type.
 
+mod aligned;
 mod bands;
 mod bins;
 mod cubics;
@@ -225,6 +226,25 @@ impl Corrector {
         self.check_size("the output image", (out.width, out.height), out.data.len())?;
         self.check_frame(unit_mm, context)?;
         Ok(self.run(Input::U16(&depth.data), unit_mm, context, Output::U16(&mut out.data)))
+    }
+
+    /// [`Corrector::correct_u16`] between buffers that are nobody's image, such as a driver's: row-major, one value per pixel.
+    /// Fastest where both begin at a multiple of 64 bytes.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectorError::Length`], [`CorrectorError::Size`], [`CorrectorError::Unit`]; `out` is then unchanged.
+    pub fn correct_u16_buffer(
+        &self,
+        depth: &[u16],
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+        out: &mut [u16],
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_length("the depth", depth.len())?;
+        self.check_length("the output", out.len())?;
+        self.check_frame(unit_mm, context)?;
+        Ok(self.run(Input::U16(depth), unit_mm, context, Output::U16(out)))
     }
 
     /// [`Corrector::correct_u16`] in place.

@@ -9,6 +9,7 @@
 
 use rayon::prelude::*;
 
+use super::aligned::Aligned;
 use super::simd::Isa;
 
 /// A 2×2 matrix [A, B, C, D]: z ↦ (A z + B) / (C z + D).
@@ -38,9 +39,9 @@ const NO_INVERSE: [f64; 3] = [-1.0, 0.0, 1e30];
 #[derive(Debug, Clone, Default)]
 pub(super) struct Moebius {
     pub p_everywhere: f32,
-    pub p: Vec<f32>,
-    pub q: Vec<f32>,
-    pub r: Vec<f32>,
+    pub p: Aligned,
+    pub q: Aligned,
+    pub r: Aligned,
     /// (dx, dy, dz) where r = dx x + dy y + dz over the rays: where rays are at hand they give r without its table.
     pub r_from_ray: Option<[f32; 3]>,
 }
@@ -71,8 +72,10 @@ impl Moebius {
         let r = all.iter().filter(usable).any(|c| c[2].abs() > 1e-13);
         let mut map = match (same_p, q, r) {
             (true, false, _) => Self { p_everywhere: p0 as f32, ..Self::from_all(&all, false, false).without_p() },
-            (false, false, true) => Self { q: Vec::new(), ..Self::from_all(&all, true, true) },
-            (false, false, false) => Self { q: Vec::new(), r: Vec::new(), ..Self::from_all(&all, true, true) },
+            (false, false, true) => Self { q: Aligned::default(), ..Self::from_all(&all, true, true) },
+            (false, false, false) => {
+                Self { q: Aligned::default(), r: Aligned::default(), ..Self::from_all(&all, true, true) }
+            }
             _ => Self::from_all(&all, true, true),
         };
         if map.tables() == Tables::Pole {
@@ -82,13 +85,13 @@ impl Moebius {
     }
 
     fn from_all(all: &[[f64; 3]], p: bool, q: bool) -> Self {
-        let plane = |k: usize| all.iter().map(|c| c[k] as f32).collect::<Vec<f32>>();
-        let (p, q) = (if p { plane(0) } else { Vec::new() }, if q { plane(1) } else { Vec::new() });
+        let plane = |k: usize| all.iter().map(|c| c[k] as f32).collect::<Aligned>();
+        let (p, q) = [(p, 0), (q, 1)].map(|(needed, k)| if needed { plane(k) } else { Aligned::default() }).into();
         Self { p, q, r: plane(2), ..Self::default() }
     }
 
     fn without_p(self) -> Self {
-        Self { p: Vec::new(), q: Vec::new(), ..self }
+        Self { p: Aligned::default(), q: Aligned::default(), ..self }
     }
 
     /// Which of its coefficients are tables.

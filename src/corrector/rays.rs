@@ -338,6 +338,8 @@ impl<T: Real> Kernel for Rows<'_, T> {
                 extrapolate(rows, before_x, width, span.start, own_x, T::of(0.0));
                 extrapolate(rows, before_y, width, span.start, own_y, T::of(1.0 / fy));
                 if complete < rows {
+                    continue_along(own_x);
+                    continue_along(own_y);
                     for (u, (x, y)) in own_x.iter_mut().zip(own_y.iter_mut()).enumerate() {
                         let known = *x <= T::of(f64::INFINITY);
                         *x = if known { *x } else { T::of(start / fx) + T::of(1.0 / fx) * T::count(u) };
@@ -387,6 +389,21 @@ fn extrapolate<T: Real>(rows: usize, before: &[T], width: usize, from: usize, ow
         let (b, c) = (row(2), row(3));
         for i in 0..n {
             own[i] = T::of(3.0) * (a[i] - b[i]) + c[i];
+        }
+    }
+}
+
+/// Continues a row towards both ends where the rows before it have nothing, NaN.
+#[inline(always)]
+fn continue_along<T: Real>(row: &mut [T]) {
+    let known = |value: &T| *value <= T::of(f64::INFINITY);
+    let (Some(from), Some(last)) = (row.iter().position(known), row.iter().rposition(known)) else { return };
+    if from < last {
+        for u in (0..from).rev() {
+            row[u] = row[u + 1] + (row[u + 1] - row[u + 2]);
+        }
+        for u in last + 1..row.len() {
+            row[u] = row[u - 1] + (row[u - 1] - row[u - 2]);
         }
     }
 }

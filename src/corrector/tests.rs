@@ -428,3 +428,24 @@ fn points_do_not_depend_on_where_they_are_written_and_pixels_without_a_ray_have_
         assert!(*first == [corrected, straight], "offset {offset}");
     }
 }
+
+/// Wherever buffers begin, and whatever they are part of, they are corrected as images are.
+#[test]
+fn buffers_are_corrected_as_images() {
+    let context = FrameContext::default();
+    for pieces in [&[PROJECTIVE][..], &[PROJECTIVE, CYCLIC]] {
+        let corrector = Corrector::new(&camera(pieces)).unwrap();
+        let measured = image(depths(0.0, 5000.0).map(|z| z as u16).collect());
+        let mut expected = blank();
+        let summary = corrector.correct_u16(&measured, 1.0, &context, &mut expected).unwrap();
+        for shift in [0, 1, 5, 31] {
+            let from: Vec<u16> = std::iter::repeat_n(9, shift).chain(measured.data.iter().copied()).collect();
+            let mut to = vec![7; from.len()];
+            let found = corrector.correct_u16_buffer(&from[shift..], 1.0, &context, &mut to[shift..]).unwrap();
+            assert_eq!((&to[shift..], found), (&expected.data[..], summary), "{shift}");
+            assert!(to[..shift].iter().all(|v| *v == 7));
+        }
+        let short = corrector.correct_u16_buffer(&measured.data[1..], 1.0, &context, &mut expected.data);
+        assert!(matches!(short, Err(CorrectorError::Length { .. })), "{short:?}");
+    }
+}
