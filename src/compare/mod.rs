@@ -333,7 +333,9 @@ fn verdict(models: &[ModelComparison]) -> Vec<String> {
         let names: Vec<String> = equal.iter().map(|m| format!("'{}'", m.model)).collect();
         sentences.push(format!("These frames cannot tell apart: {}.", names.join(", ")));
     }
-    let simplest = equal.iter().min_by(|a, b| a.effective_parameters.total_cmp(&b.effective_parameters));
+    // Effective numbers that differ by less than one parameter say nothing; of those the one that has fewest at all.
+    let least = equal.iter().map(|m| m.effective_parameters).fold(f64::INFINITY, f64::min);
+    let simplest = equal.iter().filter(|m| m.effective_parameters < least + 1.0).min_by_key(|m| m.parameters);
     if let Some(simplest) = simplest {
         sentences.push(format!(
             "The simplest of them is '{}' with {:.1} effective parameters; use it unless another reason speaks for more.",

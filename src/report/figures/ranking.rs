@@ -30,13 +30,14 @@ pub(in crate::report) fn model_ranking(c: &Comparison) -> Figure {
             let each = |f: fn(&depthcal_io::Interval) -> f64| -> Value {
                 errors.iter().map(|e| e.as_ref().map_or(Value::Null, |i| short(f(i)))).collect()
             };
+            let longest = errors.iter().flatten().map(|i| i.high).fold(0.0, f64::max);
             Variant {
                 label: kind.to_owned(),
                 note: format!("{kind}, mm, on data that the fits did not see; whiskers: 95 % intervals."),
                 trace: json!({
                     "x": each(|i| i.mean),
                     "error_x": whiskers(each(|i| i.high - i.mean), each(|i| i.mean - i.low)),
-                    "text": errors.iter().map(|e| e.map_or_else(|| "–".to_owned(), |i| fixed(i.mean, 2))).collect::<Value>(),
+                    "text": errors.iter().map(|e| bar_text(e.as_ref(), longest)).collect::<Value>(),
                 }),
             }
         })
@@ -63,6 +64,12 @@ pub(in crate::report) fn model_ranking(c: &Comparison) -> Figure {
         .aspect(2.6);
     figure.variants = variants;
     figure
+}
+
+/// What a bar says of itself: nothing where it is too short to hold a number.
+fn bar_text(error: Option<&depthcal_io::Interval>, longest: f64) -> String {
+    const SHORTEST: f64 = 0.08;
+    error.map_or_else(|| "–".to_owned(), |i| if i.mean < SHORTEST * longest { String::new() } else { fixed(i.mean, 2) })
 }
 
 /// Reasons of failed fits that a caption has room for; the tables have all.
