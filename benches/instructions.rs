@@ -22,7 +22,7 @@ const LIMITS: [(&str, f64); 6] = [
     ("correct_and_points", 13.8),
     ("remap_nearest", 4.45),
     ("remap_linear", 20.3),
-    ("rays", 20.3),
+    ("rays", 19.0),
 ];
 
 fn camera(model: &str) -> Camera {
