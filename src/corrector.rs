@@ -224,8 +224,7 @@ impl Corrector {
     ) -> Result<CorrectionSummary, CorrectorError> {
         self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
         self.check_size("the output image", (out.width, out.height), out.data.len())?;
-        self.check_frame(unit_mm, context)?;
-        Ok(self.run(Input::U16(&depth.data), unit_mm, context, Output::U16(&mut out.data)))
+        self.correct_u16_buffer(&depth.data, unit_mm, context, &mut out.data)
     }
 
     /// [`Corrector::correct_u16`] between buffers that are nobody's image, such as a driver's: row-major, one value per pixel.

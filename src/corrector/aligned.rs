@@ -3,7 +3,7 @@
 use std::ops::Deref;
 
 /// Bytes of a line.
-const LINE: usize = 64;
+pub(super) const LINE: usize = 64;
 
 /// Values that begin at a multiple of 64 bytes, unless the platform cannot tell.
 #[derive(Debug, Default)]

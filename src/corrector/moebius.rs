@@ -65,18 +65,15 @@ impl Moebius {
         let of_pixel = |i: usize| if rays[i][0].is_nan() { NO_INVERSE } else { coefficients(matrices(i)) };
         let all: Vec<[f64; 3]> = (0..rays.len()).into_par_iter().map(of_pixel).collect();
         let usable = |c: &&[f64; 3]| **c != NO_INVERSE;
-        let Some(&[p0, ..]) = all.iter().find(usable) else { return Self::from_all(&all, true, true) };
+        let Some(&[p0, ..]) = all.iter().find(usable) else { return Self::from_all(&all, [true; 3]) };
         let same_p = all.iter().filter(usable).all(|c| (c[0] - p0).abs() <= 1e-12);
         let q = all.iter().filter(usable).any(|c| c[1].abs() > 1e-9);
         // Below this, a depth of 60 m changes by less than a thousandth of a millimetre.
         let r = all.iter().filter(usable).any(|c| c[2].abs() > 1e-13);
-        let mut map = match (same_p, q, r) {
-            (true, false, _) => Self { p_everywhere: p0 as f32, ..Self::from_all(&all, false, false).without_p() },
-            (false, false, true) => Self { q: Aligned::default(), ..Self::from_all(&all, true, true) },
-            (false, false, false) => {
-                Self { q: Aligned::default(), r: Aligned::default(), ..Self::from_all(&all, true, true) }
-            }
-            _ => Self::from_all(&all, true, true),
+        let mut map = match (same_p, q) {
+            (true, false) => Self { p_everywhere: p0 as f32, ..Self::from_all(&all, [false, false, true]) },
+            (false, false) => Self::from_all(&all, [true, false, r]),
+            _ => Self::from_all(&all, [true; 3]),
         };
         if map.tables() == Tables::Pole {
             map.r_from_ray = affine_in_ray(&all, rays);
@@ -84,14 +81,10 @@ impl Moebius {
         map
     }
 
-    fn from_all(all: &[[f64; 3]], p: bool, q: bool) -> Self {
-        let plane = |k: usize| all.iter().map(|c| c[k] as f32).collect::<Aligned>();
-        let (p, q) = [(p, 0), (q, 1)].map(|(needed, k)| if needed { plane(k) } else { Aligned::default() }).into();
-        Self { p, q, r: plane(2), ..Self::default() }
-    }
-
-    fn without_p(self) -> Self {
-        Self { p: Aligned::default(), q: Aligned::default(), ..self }
+    /// With tables of those of p, q, r that are `needed`.
+    fn from_all(all: &[[f64; 3]], needed: [bool; 3]) -> Self {
+        let table = |k: usize| if needed[k] { all.iter().map(|c| c[k] as f32).collect() } else { Aligned::default() };
+        Self { p: table(0), q: table(1), r: table(2), ..Self::default() }
     }
 
     /// Which of its coefficients are tables.

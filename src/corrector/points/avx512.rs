@@ -6,6 +6,7 @@ use pulp::cast;
 use pulp::x86::V4;
 
 use super::{Found, FromSteps, from_steps};
+use crate::corrector::aligned::LINE;
 use crate::corrector::cubics::{Cubic, PLACES};
 use crate::corrector::moebius::NEAREST_POLE;
 use crate::corrector::simd::{Isa, LANES};
@@ -49,7 +50,7 @@ pub(in crate::corrector) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<
 
     // A pixel has three values, a line of the cache sixteen, and 3 · 11 is 1 beyond two lines: so many pixels from the first on
     // points begin with a line. From there on they are stored as whole lines, of two neighbouring blocks each.
-    let head = (out.as_ptr().align_offset(64) * 11) % LANES;
+    let head = (out.as_ptr().align_offset(LINE) * 11) % LANES;
     let shift = f._mm512_add_epi32(cast(FIRST), f._mm512_set1_epi32(head as i32));
     let (steps_blocks, steps_rest) = measured.as_chunks::<LANES>();
     let (x_blocks, x_rest) = rx.as_chunks::<LANES>();

@@ -6,6 +6,7 @@ use std::arch::x86_64::{__m256i, __m512, __m512i};
 use pulp::cast;
 use pulp::x86::V4;
 
+use super::super::aligned::LINE;
 use super::super::moebius::Slices;
 use super::{Chunk, Seen, in_single};
 
@@ -38,7 +39,7 @@ pub(in crate::corrector) fn steps<const P: bool, const Q: bool, const R: bool, c
     };
     // The first block ends, and the last begins, within another one, so that all stores but theirs are whole lines of the
     // cache. What they share is counted once.
-    let head = chunk.out.as_ptr().align_offset(64) % BLOCK;
+    let head = chunk.out.as_ptr().align_offset(LINE) % BLOCK;
     let whole = (n - head) / BLOCK * BLOCK;
     let rest = n - head - whole;
     let out = &mut *chunk.out;
