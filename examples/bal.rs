@@ -7,8 +7,8 @@ mod support;
 
 use std::error::Error;
 
-use depthcal_io::BalProblem;
-use depthcal_solver::{Batch, Borrowed, Factor, Graph, Lift, Lifted, Noise, Pose, Scalar, Values, Variable};
+use depthcal::io::BalProblem;
+use depthcal::solver::{Batch, Borrowed, Factor, Graph, Lift, Lifted, Noise, Pose, Scalar, Values, Variable};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 use num_dual::{Derivative, DualSVec64};
 

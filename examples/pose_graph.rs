@@ -15,7 +15,7 @@ mod synthetic;
 
 use std::error::Error;
 
-use depthcal_io::G2oGraph;
+use depthcal::io::G2oGraph;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

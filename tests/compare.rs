@@ -2,13 +2,13 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibrate::CalibrateOptions;
-use depthcal::capture::{CaptureOptions, load};
-use depthcal::compare::{CompareOptions, compare, tables};
-use depthcal::observations::Capture;
-use depthcal_io::Comparison;
-use depthcal_model::hook::{Depth, DepthState};
-use depthcal_model::{Context, Parameter, Piece, Register, Scalar};
+use depthcal::calibration::calibrate::CalibrateOptions;
+use depthcal::calibration::compare::{CompareOptions, compare, tables};
+use depthcal::calibration::load::{LoadOptions, load};
+use depthcal::calibration::observe::Capture;
+use depthcal::io::Comparison;
+use depthcal::model::hook::{Depth, DepthState};
+use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
 /// A scale of inverse depth that grows with the distance from the axis: a model that depthcal does not have.
@@ -32,7 +32,7 @@ fn rendered(camera: usize, kind: Kind, effects: &[Effect], frames: usize) -> Cap
         .frames(frames)
         .write_dataset(folder.path().join(kind.to_string()))
         .unwrap();
-    let options = CaptureOptions { cache: None, ..CaptureOptions::default() };
+    let options = LoadOptions { cache: None, ..LoadOptions::default() };
     load(&folder.path().join(kind.to_string()), &options).unwrap().capture
 }
 

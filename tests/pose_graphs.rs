@@ -8,8 +8,8 @@ mod pose_factors;
 #[path = "../examples/support/synthetic.rs"]
 mod synthetic;
 
-use depthcal_io::G2oGraph;
-use depthcal_solver::{Covariance, CovarianceOptions, LinearSolver, Options, Solution, minimize};
+use depthcal::io::G2oGraph;
+use depthcal::solver::{Covariance, CovarianceOptions, LinearSolver, Options, Solution, minimize};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Rotation3, Vector3};
 
 fn read(text: &str) -> G2oGraph {

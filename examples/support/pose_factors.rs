@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::error::Error;
 
-use depthcal_io::{G2oGraph, Se2Edge, Se3Edge};
-use depthcal_solver::{Batch, Factor, Graph, Lifted, Pose, Scalar, Values};
+use depthcal::io::{G2oGraph, Se2Edge, Se3Edge};
+use depthcal::solver::{Batch, Factor, Graph, Lifted, Pose, Scalar, Values};
 use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
 
 /// A relative pose in the plane: x, y, angle. Poses are vectors (x, y, angle).
