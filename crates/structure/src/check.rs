@@ -51,10 +51,11 @@ fn folder(tree: &Tree, file: &str) -> String {
     module.map_or_else(|| file.to_owned(), |name| format!("{name}/"))
 }
 
-/// Everything that is wrong with the workspace in `root`, one text per violation; empty if nothing is.
+/// Everything that is wrong with the workspace in `root`, one text per violation; empty if nothing is. Sources that cannot be
+/// parsed are a violation.
 ///
 /// # Errors
-/// As [`check_crate`] and [`check_layers`].
+/// As [`check_layers`].
 pub fn check_workspace(root: &Path) -> Result<Vec<String>, StructureError> {
     let mut violations = check_layers(root)?;
     for layer in &LAYERS {
@@ -62,7 +63,14 @@ pub fn check_workspace(root: &Path) -> Result<Vec<String>, StructureError> {
         if !folder.join("src").is_dir() {
             continue;
         }
-        let report = check_crate(&Sources::read(&folder)?)?;
+        let report = match Sources::read(&folder).and_then(|sources| check_crate(&sources)) {
+            Ok(report) => report,
+            // The other crates are worth checking all the same.
+            Err(error) => {
+                violations.push(format!("{}: {error}", layer.package));
+                continue;
+            }
+        };
         let tagged = |kind: &str, found: Vec<String>| {
             found.into_iter().map(|v| format!("{}, {kind}: {v}", layer.package)).collect::<Vec<_>>()
         };
