@@ -1,21 +1,17 @@
 //! Measured captures, where they are present.
 
+#[path = "../../../../tests/support/measured.rs"]
+mod data;
+
 use std::path::PathBuf;
 
 use depthcal_io::GrayImage;
 use opencv::core::{MatTraitConst, MatTraitConstManual};
 
-/// Images of a measured dataset by name, or nothing, with a message, where there are none. The folder is given by the
-/// environment variable DEPTHCAL_DATA.
+/// Images of a measured dataset by name; none, said aloud, where the dataset is not there.
 pub fn images(dataset: &str, folder: &str) -> Vec<(String, GrayImage)> {
-    let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let data = std::env::var_os("DEPTHCAL_DATA").map_or_else(|| workspace.join("../shared/data"), PathBuf::from);
-    let path = data.join(dataset).join(folder);
-    let Ok(entries) = std::fs::read_dir(&path) else {
-        eprintln!("SKIPPED: no measured data in {}; set DEPTHCAL_DATA to run this test", path.display());
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+    let Some(path) = data::measured(&format!("{dataset}/{folder}")) else { return Vec::new() };
+    let mut files: Vec<PathBuf> = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path()).collect();
     files.sort();
     files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect()
 }
