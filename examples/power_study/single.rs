@@ -5,8 +5,8 @@ use depthcal::calibration::diagnose::{DiagnoseOptions, evidence};
 use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
-use depthcal::solver::score::noncentrality;
 use depthcal_simulate::{Effect, EffectTruth, PointOptions, Simulation, Truth, catalogue};
+use depthcal_statistics::noncentrality;
 use rayon::prelude::*;
 
 use super::size::{Recovery, recovery};

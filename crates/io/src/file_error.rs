@@ -74,14 +74,4 @@ pub enum FileError {
         /// What is wrong and what is expected.
         problem: String,
     },
-    /// A line of a text file that does not follow its format.
-    #[error("{path}:{line}: {problem}")]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// What is wrong and what is expected.
-        problem: String,
-    },
 }

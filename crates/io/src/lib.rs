@@ -1,12 +1,10 @@
-//! Files of depthcal: datasets, images, calibrations, evaluations, observations, exports, point clouds and the formats
-//! of solver benchmarks.
+//! Files of depthcal: datasets, images, calibrations, evaluations, observations, exports and point clouds.
 //!
 //! What a user can get wrong ends in an error that names the file, the field and the remedy, never in a panic. The
 //! messages are complete in themselves: an operating system's error is part of the text, not a separate source. Every
 //! file is written to a temporary name and renamed ([`write_atomically`]), so that an interrupted run leaves no half
 //! file. This crate reads and writes; it computes nothing about cameras.
 
-pub mod bal;
 pub mod calibration;
 mod camera_hint;
 mod comparison;
@@ -20,13 +18,11 @@ pub mod export;
 mod file_error;
 mod finite;
 pub mod frame_table;
-pub mod g2o;
 pub mod image;
 mod image_error;
 mod jpeg;
 pub mod json;
 mod natural;
-mod numbers;
 pub mod observations;
 mod pgm;
 pub mod ply;
@@ -36,7 +32,6 @@ mod suggest;
 mod toml_section;
 pub mod write;
 
-pub use bal::{BalObservation, BalProblem};
 pub use calibration::{
     Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
     ParameterRecord, PieceRecord,
@@ -57,7 +52,6 @@ pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation
 pub use export::{Export, ExportCamera, ExportError, ExportFormat, ExportWarning};
 pub use file_error::FileError;
 pub use frame_table::FrameMetadata;
-pub use g2o::{G2oGraph, Se2Edge, Se2Vertex, Se3Edge, Se3Vertex};
 pub use image::{DepthImage, GrayImage, RgbImage};
 pub use image_error::ImageError;
 pub use json::{read_json, write_json, write_json_compact};

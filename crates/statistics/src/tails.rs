@@ -12,7 +12,7 @@ pub fn student_quantile(q: f64, degrees: usize) -> f64 {
     StudentsT::new(0.0, 1.0, degrees as f64).map_or(f64::NAN, |d| d.inverse_cdf(q))
 }
 
-/// P(χ²_k > x); 1 for k = 0.
+/// P(χ²_k > x), the upper tail of the χ² distribution with k degrees of freedom; 1 for k = 0.
 pub fn chi_squared_tail(x: f64, k: usize) -> f64 {
     if k == 0 || !(x > 0.0) {
         return 1.0;
@@ -20,7 +20,7 @@ pub fn chi_squared_tail(x: f64, k: usize) -> f64 {
     ChiSquared::new(k as f64).map_or(f64::NAN, |d| d.sf(x))
 }
 
-/// P(F_{a,b} > x); 1 where a degree of freedom is 0.
+/// P(F_{a,b} > x), the upper tail of the F distribution with a and b degrees of freedom; 1 if one of them is 0.
 pub fn f_tail(x: f64, a: usize, b: usize) -> f64 {
     if a == 0 || b == 0 || !(x > 0.0) {
         return 1.0;
@@ -31,8 +31,8 @@ pub fn f_tail(x: f64, a: usize, b: usize) -> f64 {
     FisherSnedecor::new(a as f64, b as f64).map_or(f64::NAN, |d| d.sf(x))
 }
 
-/// P(χ'²_k(λ) > x): the power of a χ² test against noncentrality λ, as a Poisson mixture of central distributions
-/// (Patnaik 1949).
+/// P(χ'²_k(λ) > x), the upper tail of the noncentral χ² distribution with k degrees of freedom and noncentrality λ, as a
+/// Poisson mixture of central distributions (Patnaik 1949); 0 for k = 0. It is the power of a χ² test with threshold x.
 pub fn noncentral_chi_squared_tail(x: f64, k: usize, lambda: f64) -> f64 {
     if k == 0 {
         return 0.0;
@@ -41,7 +41,7 @@ pub fn noncentral_chi_squared_tail(x: f64, k: usize, lambda: f64) -> f64 {
         return chi_squared_tail(x, k);
     }
     let half = lambda / 2.0;
-    // Weights outside ten standard deviations of the Poisson distribution are below rounding.
+    // Weights beyond ten standard deviations of the Poisson distribution are below rounding errors.
     let spread = 10.0 * half.sqrt() + 20.0;
     let (first, last) = ((half - spread).max(0.0) as usize, (half + spread) as usize);
     let mut log_weight = -half + first as f64 * half.ln() - statrs::function::gamma::ln_gamma(first as f64 + 1.0);
@@ -53,19 +53,22 @@ pub fn noncentral_chi_squared_tail(x: f64, k: usize, lambda: f64) -> f64 {
     sum.min(1.0)
 }
 
-/// The noncentrality at which a χ²_k test at level `alpha` rejects with probability `power`.
+/// The x with P(χ²_k > x) = `alpha`, for k > 0.
+pub fn chi_squared_upper_quantile(alpha: f64, k: usize) -> f64 {
+    // By bisection on the upper tail: the inverse of the lower tail at 1 − α loses all digits for small α.
+    ChiSquared::new(k as f64).map_or(f64::NAN, |d| bisect(|x| d.sf(x) - alpha, 0.0, 1e4))
+}
+
+/// The noncentrality λ at which a χ²_k test at level `alpha` rejects with probability `power`; infinite for k = 0.
 pub fn noncentrality(k: usize, alpha: f64, power: f64) -> f64 {
     if k == 0 {
         return f64::INFINITY;
     }
-    let threshold = ChiSquared::new(k as f64).map_or(f64::NAN, |d| {
-        // The upper quantile by bisection on the tail: inverse_cdf of 1 − α loses all digits for small α.
-        bisect(|x| d.sf(x) - alpha, 0.0, 1e4)
-    });
+    let threshold = chi_squared_upper_quantile(alpha, k);
     bisect(|lambda| power - noncentral_chi_squared_tail(threshold, k, lambda), 0.0, 1e4)
 }
 
-/// Root of a decreasing function.
+/// The root of a decreasing function between `low` and `high`, by bisection.
 fn bisect(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..200 {
         let middle = 0.5 * (low + high);

@@ -184,7 +184,7 @@ fn indistinguishable(examination: &Examination, first: usize, stack: &[usize]) -
         .filter(|i| all[*i].along.is_none() && !stack.contains(i) && all[*i].gain() > 0.0)
         .filter(|i| {
             let apart = difference(&all[first].gains, &all[*i].gains);
-            let beside = lin.score_beside(all[first].index, &[all[*i].index]).p_value;
+            let beside = lin.score_adjusted(all[first].index, &[all[*i].index]).p_value;
             t_of(&apart) < TOLD_APART && beside > LEVEL
         })
         .map(|i| all[i].name.clone())

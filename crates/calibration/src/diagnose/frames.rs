@@ -10,7 +10,7 @@ use crate::adjust::frame_rows::FrameRows;
 use crate::calibrate::Calibrated;
 use crate::observe::board_region::{BoardPixel, BoardRegion, board_pixels};
 use crate::observe::{Capture, DetectedFrame, SampledFrame};
-use depthcal_solver::score::chi_squared_tail;
+use depthcal_statistics::chi_squared_tail;
 
 /// A plane of its own exceeds the noise of single pixels by this factor in a bad frame …
 const LEAST_OF_NOISE: f64 = 2.0;

@@ -57,7 +57,7 @@ fn gains(examination: &Examination, members: &[usize]) -> Vec<f64> {
 /// Score statistic and p-value of a candidate beside others.
 pub(super) fn beside(examination: &Examination, candidate: usize, others: &[usize]) -> (f64, f64) {
     let candidate = examination.evidence[candidate].index;
-    let score = examination.linearization.score_beside(candidate, &columns(examination, others));
+    let score = examination.linearization.score_adjusted(candidate, &columns(examination, others));
     (score.statistic, score.p_value)
 }
 
