@@ -121,6 +121,12 @@ mod pose_graphs {
     }
 
     #[test]
+    fn a_file_that_cannot_be_read_is_named() {
+        let message = G2oGraph::read("no/such/graph.g2o").unwrap_err().to_string();
+        assert!(message.contains("no/such/graph.g2o"), "{message}");
+    }
+
+    #[test]
     fn faults_name_the_line() {
         for (text, line, part) in [
             (PLANE.replace("EDGE_SE2 0 1", "EDGE_SE2 0 2"), 6, "vertex 2"),
