@@ -119,7 +119,8 @@ pub(super) struct Told<'a> {
 pub(super) fn tell(d: &Diagnosis, loaded: &Loaded, told: Told<'_>, out: &Path) -> Result<Value, Failure> {
     let mut account = to_file(d, loaded.reference.clone(), told.model);
     // Without the matrix the account is as good; the diagnosis itself has linearised the same model.
-    account.separability = separability(d, &Register::builtin()).ok();
+    let register = Register::builtin();
+    account.separability = separability(d, &register).ok();
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
     say!("fitted to {used} of {all} frames; those left out, and why, are in the account");
     say!("\n{}", text(d));
@@ -139,7 +140,12 @@ pub(super) fn tell(d: &Diagnosis, loaded: &Loaded, told: Told<'_>, out: &Path) -
         command_line: told.command_line,
         calibrated: Some(&d.last),
         evaluations: &shown,
-        diagnosis: Some(ReportDiagnosis { account: &account, first: &d.first, before: &d.before.evaluated }),
+        diagnosis: Some(ReportDiagnosis {
+            account: &account,
+            first: &d.first,
+            before: &d.before.evaluated,
+            register: &register,
+        }),
         story: &told.story,
     };
     let report = write_report(&report, out)?;

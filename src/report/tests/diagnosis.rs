@@ -52,6 +52,7 @@ impl Diagnosed {
                 account,
                 first: &self.diagnosis.first,
                 before: &self.diagnosis.before.evaluated,
+                register: &Register::builtin(),
             }),
             story: &[],
         };
