@@ -134,6 +134,8 @@ struct Trefoil;
 
 impl Piece<Depth, 1> for Trefoil {
     const NAME: &'static str = "trefoil";
+    const SUMMARY: &'static str = "the lens is pressed at three points";
+    const EQUATION: &'static str = "ρ + k (x³ − 3xy²)";
     const SOURCE: &'static str = "a test";
     const PARAMETERS: [Parameter; 1] = [Parameter::new("k", "1/mm", 0.0, 1e-5)];
 

@@ -146,7 +146,12 @@ pub(super) fn tell(
         command_line: told.command_line,
         calibrated: Some(&d.last),
         evaluations: &shown,
-        diagnosis: Some(ReportDiagnosis { account: &account, first: &d.first, before: &d.before.evaluated }),
+        diagnosis: Some(ReportDiagnosis {
+            account: &account,
+            first: &d.first,
+            before: &d.before.evaluated,
+            register: &session.register,
+        }),
         story: &told.story,
     };
     let report = write_report(&report, out)?;

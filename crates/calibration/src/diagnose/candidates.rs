@@ -76,13 +76,7 @@ pub fn block_of(register: &Register, spec: &str) -> Option<Block> {
 
 /// Values of a scanned constant, and whether they may be refined.
 fn scan_values(scan: Scan, sights: &Sights) -> (Vec<f64>, bool) {
-    let range: Option<Range> = match scan.covariate {
-        Covariate::Depth => sights.range(|s, _| 1.0 / s[2]),
-        Covariate::InverseDepth => sights.range(|s, _| s[2]),
-        Covariate::Amplitude => sights.range(|_, c| if c.amplitude > 0.0 { c.amplitude } else { f64::NAN }),
-        Covariate::Time => sights.range(|_, c| c.time_s),
-        Covariate::Temperature => sights.range(|_, c| c.temperature_c),
-    };
+    let range: Option<Range> = sights.range(|state, context| scan.covariate.value(state, context));
     let Some(range) = range.filter(|r| r.span() > 0.0 || scan.kind == ScanKind::Reference) else {
         return (Vec::new(), false);
     };

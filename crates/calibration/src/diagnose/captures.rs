@@ -1,6 +1,6 @@
 //! What to capture next: the frames that would tell apart what these captures cannot.
 
-use depthcal_model::{AnyPiece, Block, Context, Register};
+use depthcal_model::{Context, Covariate, Register, Role};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::Step;
@@ -147,25 +147,31 @@ fn imagine(fit: &Calibrated, pose: &Isometry3<f64>, context: &Context) -> Option
     Some(SampledFrame { posed: PosedFrame { detected, camera_from_board: *pose }, samples })
 }
 
-/// Effects of which these captures can say nothing at all, and why, in words.
+/// Effects of which these captures can say nothing at all, why, and what to record, in words.
 pub fn invisible(register: &Register, fit: &Calibrated) -> Vec<String> {
     let sights = Sights::of(fit);
-    let mut words = Vec::new();
-    let has = |name: &str| {
-        let block: Option<Block> = register.block(name, None).ok();
-        block
-            .as_ref()
-            .and_then(|b| b.piece())
-            .is_some_and(|p: &std::sync::Arc<dyn AnyPiece>| fit.camera.block(p.name()).is_none())
+    let is_unseen = |c: &Covariate| {
+        c.is_recorded()
+            && sights.range(|state, context| c.value(state, context)).is_none_or(|r| r.span() < least_span(*c))
     };
-    if sights.range(|_, c| c.temperature_c).is_none_or(|r| r.span() < 0.5) && has("temperature_drift") {
-        words.push("temperature_drift: the frames have no temperatures that differ; record temperature_c in frames.csv while the camera warms up".to_owned());
+    let lacking =
+        register.names().filter(|name| fit.camera.block(name).is_none()).filter_map(|name| register.find(name));
+    let lacking: Vec<_> = lacking.filter(|piece| piece.role() == Role::Effect).collect();
+    let words = |covariate: &Covariate| {
+        // An effect is named with the first covariate that it lacks.
+        let names = lacking.iter().filter(|p| p.needs().iter().find(|c| is_unseen(c)) == Some(covariate));
+        let names: Vec<&str> = names.map(|piece| piece.name()).collect();
+        let (missing, how) = (covariate.missing(), covariate.how_to_record());
+        (!names.is_empty()).then(|| format!("{}: {missing}; {how}", names.join(", ")))
+    };
+    Covariate::ALL.iter().filter(|c| is_unseen(c)).filter_map(words).collect()
+}
+
+/// Smallest range of a covariate over the depth samples in which an effect of it can show.
+fn least_span(covariate: Covariate) -> f64 {
+    match covariate {
+        Covariate::Temperature => 0.5,
+        Covariate::Time => f64::MIN_POSITIVE,
+        _ => 0.0,
     }
-    if sights.range(|_, c| c.time_s).is_none_or(|r| r.span() <= 0.0) && has("temporal_drift") {
-        words.push("temporal_drift: the frames have no times; record timestamp_s in frames.csv, from the moment when the camera is switched on".to_owned());
-    }
-    if sights.range(|_, c| c.amplitude).is_none() && has("reflectivity_bias") {
-        words.push("reflectivity_bias, signal_mixing: the infrared amplitude is not known".to_owned());
-    }
-    words
 }

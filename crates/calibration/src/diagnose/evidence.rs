@@ -1,7 +1,5 @@
 //! What the residuals of a fit say about every effect that its model lacks, and about free functions beside them.
 
-use std::sync::Arc;
-
 use depthcal_model::{Block, Camera, Register};
 use depthcal_solver::score::{Linearization, Score, ScoreError};
 use nalgebra::DVector;
@@ -118,13 +116,9 @@ pub(super) fn linearize(fit: &Calibrated, entries: &[Entry]) -> Result<Lineariza
         fit.camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
     pieces.extend(own);
     let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole([f64::NAN; 5]));
-    let camera = Camera::from_blocks(fit.camera.width, fit.camera.height, pinhole, pieces);
-    let place = |block: &Block| {
-        let same = |b: &Block| matches!((b.piece(), block.piece()), (Some(a), Some(c)) if std::ptr::addr_eq(Arc::as_ptr(a), Arc::as_ptr(c)));
-        camera.blocks().iter().position(same).unwrap_or(usize::MAX)
-    };
+    let (camera, places) = Camera::assemble(fit.camera.width, fit.camera.height, pinhole, pieces);
     let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
-    adjustment.linearize(entries.iter().map(|e| (e.spec.clone(), place(&e.block), e.smoothness.clone())))
+    adjustment.linearize(entries.iter().zip(places).map(|(e, place)| (e.spec.clone(), place, e.smoothness.clone())))
 }
 
 pub(super) fn effect_entry(register: &Register, name: &str, spec: String) -> Option<Entry> {
@@ -339,4 +333,29 @@ fn minimal_detectable(linearization: &Linearization, sights: &Sights, index: usi
         .collect();
     sizes.sort_by(f64::total_cmp);
     sizes.get(sizes.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
+
+    use super::*;
+    use crate::calibrate::{CalibrateOptions, calibrate};
+    use crate::simulated;
+
+    /// Fields are laid over the image when the camera is assembled, which makes other pieces of them.
+    #[test]
+    fn a_field_is_scored_at_its_own_block() {
+        let map = depthcal_simulate::Effect::new("smooth_map", 6.0).unwrap();
+        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[map], 5).frames(12);
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
+        let register = Register::builtin();
+        let entry = |name: &str| effect_entry(&register, name, name.to_owned()).unwrap();
+        let linearization = linearize(&fit, &[entry("range_offset"), entry("bspline")]).unwrap();
+        let (offset, field) = (linearization.score(0), linearization.score(1));
+        assert_eq!(offset.rank, 1);
+        assert!(field.rank > 20, "{}", field.rank);
+        assert!(field.statistic > 5.0 * field.rank as f64, "{} of rank {}", field.statistic, field.rank);
+    }
 }

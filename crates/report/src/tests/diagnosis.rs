@@ -53,6 +53,7 @@ impl Diagnosed {
                 account,
                 first: &self.diagnosis.first,
                 before: &self.diagnosis.before.evaluated,
+                register: &Register::builtin(),
             }),
             story: &[],
         };
