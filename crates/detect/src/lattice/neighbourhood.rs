@@ -1,22 +1,24 @@
-//! Growing a lattice over dot candidates.
+//! Growing a lattice over candidates.
 //!
-//! A dot and two of its neighbours propose a basis; from there every further dot is predicted from the dots nearby and
-//! accepted when a candidate of similar size lies there. The prediction is local and affine, so perspective and lens do
-//! not matter; a dot's own elliptical shape undoes the tilt when neighbours are chosen.
+//! A candidate and two of its neighbours propose a basis. From there every further node is predicted from the nodes
+//! nearby, and accepted when a candidate of similar size lies there. The prediction is local and affine, so perspective
+//! and lens hardly matter. A dot's elliptical shape gives the metric in which its neighbours are chosen, which undoes
+//! the tilt of the board.
 
 use std::collections::BTreeMap;
 
-use super::blobs::Blob;
+use super::blob::Blob;
 
-/// How far from its predicted place a dot may lie, in steps of the lattice.
+/// Largest distance of a candidate from its predicted position, in steps of the lattice.
 const TOLERANCE: f64 = 0.28;
-/// Ratio of the areas of neighbouring dots, either way.
+/// Largest ratio of the areas of neighbouring candidates.
 const AREA_RATIO: f64 = 2.2;
 
-/// Dots on integer coordinates; the basis is right-handed in the image (x right, y down).
+/// Index of the candidate at every node. Nodes have integer coordinates in a basis that is right-handed in the image
+/// (x right, y down).
 pub(crate) type Lattice = BTreeMap<[i32; 2], usize>;
 
-/// Buckets of blobs, for neighbours without looking at all of them.
+/// Candidates sorted into square buckets, so that neighbours are found without a search of all.
 pub(crate) struct Neighbourhood<'a> {
     blobs: &'a [Blob],
     cell: f64,
@@ -40,7 +42,7 @@ impl<'a> Neighbourhood<'a> {
         (p[1] / self.cell) as i64 * self.columns + (p[0] / self.cell) as i64
     }
 
-    /// Blobs within `radius` of `p`, in a fixed order.
+    /// Candidates within `radius` of `p` (px), in a fixed order.
     fn within(&self, p: [f64; 2], radius: f64) -> Vec<usize> {
         let range = |v: f64| ((((v - radius) / self.cell).floor() as i64).max(0), ((v + radius) / self.cell) as i64);
         let ((x0, x1), (y0, y1)) = (range(p[0]), range(p[1]));
@@ -57,14 +59,14 @@ impl<'a> Neighbourhood<'a> {
         found
     }
 
-    /// The blob nearest to `p` within `radius`.
+    /// The candidate nearest to `p`, if there is one within `radius` (px).
     fn nearest(&self, p: [f64; 2], radius: f64) -> Option<usize> {
         let distance = |i: usize| (self.blobs[i].center[0] - p[0]).hypot(self.blobs[i].center[1] - p[1]);
         self.within(p, radius).into_iter().min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
     }
 
-    /// Pairs of neighbours of `seed` that may be basis vectors, the shortest first. `step_in_radii` is the lattice step
-    /// over the dots' radius as printed.
+    /// Pairs of neighbours of the dot `seed` that may span the basis, the shortest first. `step_in_radii` is the
+    /// printed lattice step over the printed radius.
     pub(crate) fn bases(&self, seed: usize, step_in_radii: f64) -> Vec<[usize; 2]> {
         let blob = &self.blobs[seed];
         let [xx, _, yy] = blob.covariance;
@@ -95,7 +97,8 @@ impl<'a> Neighbourhood<'a> {
         pairs.into_iter().map(|p| p.1).take(8).collect()
     }
 
-    /// Pairs of neighbours of a seed that has no shape, the shortest first.
+    /// Pairs of neighbours of a point without shape that may span the basis, the shortest first.
+    #[cfg(feature = "opencv")]
     pub(crate) fn bases_of_point(&self, seed: usize) -> Vec<[usize; 2]> {
         let center = self.blobs[seed].center;
         let mut radius = 16.0;
@@ -127,7 +130,7 @@ impl<'a> Neighbourhood<'a> {
         pairs.into_iter().map(|p| p.1).take(5).collect()
     }
 
-    /// Grows the lattice of a seed and its two neighbours as far as dots are found.
+    /// Grows the lattice spanned by a seed and its two neighbours as far as candidates are found.
     pub(crate) fn grow(&self, seed: usize, basis: [usize; 2]) -> Lattice {
         let mut lattice = Lattice::from([([0, 0], seed), ([1, 0], basis[0]), ([0, 1], basis[1])]);
         let mut used = vec![false; self.blobs.len()];
@@ -135,7 +138,7 @@ impl<'a> Neighbourhood<'a> {
             used[i] = true;
         }
         loop {
-            // Best supported places first: they are predicted best, and what they add supports the others.
+            // Nodes with most neighbours first: they are predicted best, and once accepted they support the others.
             let mut frontier: BTreeMap<[i32; 2], usize> = BTreeMap::new();
             for cell in lattice.keys() {
                 for step in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
@@ -165,7 +168,7 @@ impl<'a> Neighbourhood<'a> {
         }
     }
 
-    /// Place of a lattice cell by an affine fit to the dots around it, and the length of the shorter step there.
+    /// Position of a node (px) by an affine fit to the nodes around it, and the length of the shorter step there (px).
     fn predict(&self, lattice: &Lattice, place: [i32; 2]) -> Option<([f64; 2], f64)> {
         let mut normal = nalgebra::Matrix3::zeros();
         let mut right = nalgebra::Matrix3x2::zeros();
@@ -179,7 +182,7 @@ impl<'a> Neighbourhood<'a> {
                 right += t * nalgebra::RowVector2::new(center[0], center[1]) * weight;
             }
         }
-        // Dots in one row do not say where the next row is.
+        // Nodes of a single row do not determine where the next row is.
         if normal.determinant() < 1e-6 {
             return None;
         }

@@ -1,15 +1,15 @@
-//! Finding the board in a lattice: which dot is which marker.
+//! The board in a lattice: which node is which marker.
 
 use depthcal_model::target::{Pattern, Target};
 
-use super::lattice::Lattice;
+use super::neighbourhood::Lattice;
 
-/// A board is accepted only when every other place of it in the lattice misses this many dots more.
+/// A placement of the board is accepted only when every other placement lacks at least this many markers more.
 const MARGIN: usize = 3;
-/// Part of the dots that may be missing: hidden by a reflex or a finger.
+/// Largest share of markers that may be missing, for instance hidden by a reflection or a finger.
 const MAX_MISSING: f64 = 0.1;
 
-/// Lattice coordinates of a board's dots in its own order, for a right-handed basis of nearest neighbours.
+/// Lattice coordinates of a board's markers in the board's order, in a right-handed basis of nearest neighbours.
 pub(crate) fn board_cells(target: &Target) -> Vec<[i32; 2]> {
     (0..target.len())
         .map(|index| {
@@ -25,7 +25,7 @@ pub(crate) fn board_cells(target: &Target) -> Vec<[i32; 2]> {
         .collect()
 }
 
-/// A quarter turn, `turns` times.
+/// A cell after `turns` quarter turns about the origin.
 fn turned(mut cell: [i32; 2], turns: usize) -> [i32; 2] {
     for _ in 0..turns {
         cell = [-cell[1], cell[0]];
@@ -33,18 +33,18 @@ fn turned(mut cell: [i32; 2], turns: usize) -> [i32; 2] {
     cell
 }
 
-/// A place of the board in the lattice.
+/// A placement of the board in the lattice, with its markers assigned to cells.
 struct Labelling {
-    /// Number of cells without a dot.
+    /// Number of cells without a candidate.
     missing: usize,
-    /// The cells, sorted: the same for all labellings of one place.
+    /// The cells, sorted: equal for all labellings of one placement.
     set: Vec<[i32; 2]>,
     /// The cells in the order of the markers.
     places: Vec<[i32; 2]>,
 }
 
-/// Lattice cell of every marker, for every labelling of the best covered place. Several are returned when the board
-/// looks the same after a turn; none when the board is not there or its place is in doubt.
+/// Lattice cell of every marker, for every labelling of the placement that lacks fewest markers. There are several when
+/// the board looks the same after a turn, and none when the board is not in the lattice or its placement is ambiguous.
 pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32; 2]>> {
     let allowed = (MAX_MISSING * board.len() as f64) as usize;
     if lattice.len() + allowed < board.len() {
@@ -60,7 +60,7 @@ pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32;
     for turns in 0..4 {
         let cells: Vec<[i32; 2]> = board.iter().map(|&c| turned(c, turns)).collect();
         let (cell_low, cell_high) = bounds(&mut cells.iter().copied());
-        // The board may stick out of the lattice by what may be missing.
+        // Since markers may be missing, the board may extend beyond the lattice.
         let slack = if allowed > 0 { 1 } else { 0 };
         for dy in low[1] - cell_low[1] - slack..=high[1] - cell_high[1] + slack {
             for dx in low[0] - cell_low[0] - slack..=high[0] - cell_high[0] + slack {

@@ -1,29 +1,31 @@
 //! Chessboards by their saddle points, for boards that OpenCV's detector misses: small squares, little or no white
-//! around the outer squares, steep views. Saddle points of the smoothed image are candidates, a lattice is grown over
-//! them, and the board is found in the lattice as with circle grids.
+//! border around the outer squares, steep views. The saddle points of the smoothed image are the candidates over which
+//! a lattice is grown; the board is then found in the lattice, as with circle grids.
 
 use depthcal_model::target::Target;
 
-use crate::circles::blobs::Blob;
-use crate::circles::labelling::{board_cells, labellings};
-use crate::circles::lattice::Neighbourhood;
 use crate::geometry::BoardMap;
+use crate::lattice::blob::Blob;
+use crate::lattice::labelling::{board_cells, labellings};
+use crate::lattice::neighbourhood::Neighbourhood;
 use crate::stretch::Plane;
 
-/// Candidates that are looked at, the strongest first.
+/// Number of candidates, the strongest ones.
 const MAX_SADDLES: usize = 1200;
-/// Candidates from which a lattice is grown.
+/// Number of candidates from which a lattice is grown.
 const MAX_SEEDS: usize = 400;
-/// Weakest saddle, as a part of the strongest tenth's: the response goes with the square of the contrast.
+/// Weakest response relative to that at the strongest tenth. The response is proportional to the square of the
+/// contrast.
 const WEAKEST: f32 = 0.02;
 /// Radius of the ring on which a crossing is checked, px.
 const RING_PX: f64 = 3.0;
-/// Mean difference between opposite points of the ring, over its range.
+/// Largest mean difference between opposite points of the ring, relative to the range of its grey values.
 const MAX_ASYMMETRY: f32 = 0.4;
-/// Smoothing, px; blurred and large squares need the second.
+/// Standard deviations of the smoothing, px; blurred images and large squares need the second.
 const SMOOTHING: [f32; 2] = [1.0, 2.0];
 
-/// Corners in the order of one of the board's labellings, to a fraction of a pixel.
+/// All corners of the board (px, to a fraction of a pixel), in the order of one of its labellings. Hidden corners are
+/// interpolated.
 pub(crate) fn find(plane: &Plane, target: &Target) -> Option<Vec<[f64; 2]>> {
     let board = board_cells(target);
     SMOOTHING.iter().find_map(|&sigma| {
@@ -38,7 +40,7 @@ pub(crate) fn find(plane: &Plane, target: &Target) -> Option<Vec<[f64; 2]>> {
                     .enumerate()
                     .filter_map(|(index, place)| Some((target.point(index), saddles[*lattice.get(place)?].center)))
                     .collect();
-                // Corners that are hidden get the place that the others give them.
+                // A hidden corner takes its position from the others.
                 let map = BoardMap::fit(&seen)?;
                 places
                     .iter()
@@ -53,7 +55,7 @@ pub(crate) fn find(plane: &Plane, target: &Target) -> Option<Vec<[f64; 2]>> {
     })
 }
 
-/// Local maxima of the negative determinant of the Hessian, the strongest first.
+/// Local maxima of minus the determinant of the Hessian that are crossings, the strongest first.
 fn saddles(plane: &Plane) -> Vec<Blob> {
     let (width, height) = (plane.width, plane.height);
     if width < 8 || height < 8 {
@@ -79,7 +81,7 @@ fn saddles(plane: &Plane) -> Vec<Blob> {
             let value = response[y * width + x];
             let rivals = (y - 2..=y + 2).flat_map(|v| (x - 2..=x + 2).map(move |u| v * width + u));
             let own = y * width + x;
-            // Of equal ones the first counts.
+            // Of equal values the first counts.
             if value > 0.0
                 && rivals.filter(|&r| r != own).all(|r| response[r] < value || (response[r] == value && r > own))
             {
@@ -94,7 +96,7 @@ fn saddles(plane: &Plane) -> Vec<Blob> {
         .into_iter()
         .filter(|p| p.0 > weakest && is_crossing(plane, p.1, p.2))
         .map(|(_, x, y)| {
-            // Where the gradient vanishes.
+            // To sub-pixel accuracy: where the gradient vanishes.
             let [xx, xy, yy] = hessian(x, y);
             let (gx, gy) = ((at(x + 1, y) - at(x - 1, y)) / 2.0, (at(x, y + 1) - at(x, y - 1)) / 2.0);
             let determinant = xx * yy - xy * xy;
@@ -105,8 +107,8 @@ fn saddles(plane: &Plane) -> Vec<Blob> {
         .collect()
 }
 
-/// Whether dark and bright alternate twice around a point, alike on opposite sides. The outer corners of a board's
-/// dark squares, which lie on the lattice too, do not do so.
+/// Whether dark and bright alternate twice around a point and opposite sides are alike. This excludes the outer corners
+/// of a board's dark squares, which also lie on the lattice.
 fn is_crossing(plane: &Plane, x: usize, y: usize) -> bool {
     const AROUND: usize = 16;
     let ring: [f32; AROUND] = std::array::from_fn(|i| {
@@ -122,7 +124,7 @@ fn is_crossing(plane: &Plane, x: usize, y: usize) -> bool {
     changes == 4 && asymmetry < MAX_ASYMMETRY * (high - low) * (AROUND / 2) as f32
 }
 
-/// Gaussian smoothing.
+/// The plane smoothed by a Gaussian of standard deviation `sigma` px.
 fn smoothed(plane: &Plane, sigma: f32) -> Plane {
     let radius = (3.0 * sigma).ceil() as isize;
     let kernel: Vec<f32> = (-radius..=radius).map(|i| (-((i * i) as f32) / (2.0 * sigma * sigma)).exp()).collect();

@@ -2,19 +2,26 @@
 
 use opencv::core::{Point2f, ToInputArray, Vector};
 
-use super::Tag;
+use super::image::{to_mat, unscaled};
 use crate::error::DetectError;
-use crate::stretch::{Plane, unscaled};
+use crate::stretch::Plane;
+
+/// A tag that was read: its number and its corners (px), clockwise from the tag's own top left.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tag {
+    pub(crate) id: usize,
+    pub(crate) corners: [[f64; 2]; 4],
+}
 
 /// How tags are read.
 #[cfg_attr(fiducials = "none", allow(dead_code))]
-pub(super) struct Reading {
+pub(crate) struct Reading {
     /// OpenCV's number of the dictionary.
-    pub(super) dictionary: i32,
+    pub(crate) dictionary: i32,
     /// Width of a tag's black border in bits.
-    pub(super) border_bits: i32,
-    /// Enlargement of the image: the bits of small tags are not told apart otherwise.
-    pub(super) scale: usize,
+    pub(crate) border_bits: i32,
+    /// Enlargement of the image; the bits of small tags are resolved only when it is above 1.
+    pub(crate) scale: usize,
 }
 
 #[cfg(fiducials = "contrib")]
@@ -24,13 +31,13 @@ mod implementation {
     use opencv::prelude::*;
 
     use super::*;
-    use crate::error::Context;
+    use crate::open_cv::context::Context;
 
     fn dictionary(number: i32) -> Result<Ptr<aruco::Dictionary>, DetectError> {
         aruco::get_predefined_dictionary_i32(number).context("getPredefinedDictionary")
     }
 
-    pub(in super::super) fn dictionary_size(number: i32) -> Result<usize, DetectError> {
+    pub(crate) fn dictionary_size(number: i32) -> Result<usize, DetectError> {
         Ok(dictionary(number)?.bytes_list().rows().max(0) as usize)
     }
 
@@ -55,13 +62,13 @@ mod implementation {
     use opencv::prelude::*;
 
     use super::*;
-    use crate::error::Context;
+    use crate::open_cv::context::Context;
 
     fn dictionary(number: i32) -> Result<objdetect::Dictionary, DetectError> {
         objdetect::get_predefined_dictionary_i32(number).context("getPredefinedDictionary")
     }
 
-    pub(in super::super) fn dictionary_size(number: i32) -> Result<usize, DetectError> {
+    pub(crate) fn dictionary_size(number: i32) -> Result<usize, DetectError> {
         Ok(dictionary(number)?.bytes_list().rows().max(0) as usize)
     }
 
@@ -87,14 +94,14 @@ mod implementation {
     use super::*;
 
     fn missing() -> DetectError {
-        DetectError::MissingFeature {
-            feature: "the reader of ArUco and AprilTag markers",
+        DetectError::MissingModule {
+            module: "the reader of ArUco and AprilTag markers",
             version: opencv::core::CV_VERSION,
             remedy: "build with an OpenCV that has the contrib module aruco, or with 4.7 or later",
         }
     }
 
-    pub(in super::super) fn dictionary_size(_: i32) -> Result<usize, DetectError> {
+    pub(crate) fn dictionary_size(_: i32) -> Result<usize, DetectError> {
         Err(missing())
     }
 
@@ -108,11 +115,11 @@ mod implementation {
     }
 }
 
-pub(super) use implementation::dictionary_size;
+pub(crate) use implementation::dictionary_size;
 
 /// Reads all tags of a dictionary in an image.
-pub(super) fn read_tags(plane: &Plane, reading: &Reading) -> Result<Vec<Tag>, DetectError> {
-    let mat = plane.to_mat(reading.scale)?;
+pub(crate) fn read_tags(plane: &Plane, reading: &Reading) -> Result<Vec<Tag>, DetectError> {
+    let mat = to_mat(plane, reading.scale)?;
     let mut corners = Vector::<Vector<Point2f>>::new();
     let mut ids = Vector::<i32>::new();
     implementation::detect(&mat, reading, &mut corners, &mut ids)?;
