@@ -1,4 +1,4 @@
-//! `dataset.toml`: what a dataset declares about itself.
+//! `dataset.toml`: the declaration of a dataset.
 
 use std::fs;
 use std::io;
@@ -8,9 +8,11 @@ use depthcal_model::{Pattern, Target};
 use serde::Serialize;
 use toml::de::DeTable;
 
-use crate::suggest::nearest;
-use crate::toml_section::{Field, Section, Source};
-use crate::{CameraHint, DatasetError, FileError, write_atomically};
+use super::camera_hint::CameraHint;
+use super::error::DatasetError;
+use super::section::{Field, Section, Source};
+use super::suggest::nearest;
+use crate::file::{FileError, write_atomically};
 
 /// Name of the file that makes a folder a dataset.
 pub const DATASET_FILE: &str = "dataset.toml";
@@ -22,10 +24,10 @@ pub struct DatasetFile {
     pub board: Target,
     /// Where the frames are.
     pub frames: FramesSection,
-    /// What a depth value means; required where `frames.depth` is given.
+    /// Unit of the depth images; required where `frames.depth` is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthSection>,
-    /// Intrinsics to start from or to hold.
+    /// Intrinsics, as start values or constants.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraHint>,
 }
@@ -39,7 +41,7 @@ pub struct FramesSection {
     /// Glob of the depth images, paired with the images by file stem.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<String>,
-    /// Table with one row per frame (frame,timestamp_s,temperature_c,…).
+    /// Name of a table with one row per frame (frame,timestamp_s,temperature_c,…).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metadata: Option<String>,
 }
@@ -124,7 +126,7 @@ impl DatasetFile {
         Self::parse(path, &text)
     }
 
-    /// Parses the contents of `path`, which is only named in errors.
+    /// Parses the text of a `dataset.toml`; `path` only names its source in errors.
     ///
     /// # Errors
     /// As [`DatasetFile::read`].
@@ -152,12 +154,12 @@ impl DatasetFile {
     /// Writes the file atomically.
     ///
     /// # Errors
-    /// [`FileError::Invalid`] where the contents would not be accepted on reading, [`FileError::Write`].
+    /// [`FileError::Invalid`] when [`DatasetFile::read`] would refuse the contents; [`FileError::Write`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
         let path = path.as_ref();
         let invalid = |problem| FileError::Invalid { path: path.to_owned(), field: ".".into(), problem };
         let text = toml::to_string(self).map_err(|error| invalid(error.to_string()))?;
-        // What depthcal writes, depthcal reads: a file that it would refuse is refused here.
+        // A file that could not be read back is not written.
         Self::parse(path, &text).map_err(|error| invalid(format!("would not be accepted on reading: {error}")))?;
         write_atomically(path, |writer| writer.write_all(text.as_bytes()))
     }
@@ -203,7 +205,7 @@ fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
     }
     let columns = board.count(COLUMNS, smallest(kind)..=1000)?;
     let rows = board.count(ROWS, smallest(kind)..=1000)?;
-    // From microscope slides to painted walls; metres written as millimetres fall outside.
+    // From microscope slides to painted walls. A spacing given in metres falls below.
     let spacing_mm = board.positive(SPACING, 0.1..=10_000.0)?;
     let length_below = |field: Field, limit: f64, what: &str| {
         let length = board.positive(field, 0.01..=10_000.0)?;
@@ -216,7 +218,7 @@ fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
     };
     let (pattern, used): (_, &[&str]) = match kind {
         "asymmetric-circles" => {
-            // The nearest dot lies diagonally, one spacing to the side and one down.
+            // The nearest dot lies one spacing to the side and one down.
             let limit = spacing_mm * std::f64::consts::SQRT_2;
             let circle_diameter_mm = length_below(CIRCLE, limit, "the distance of neighbouring dots")?;
             (Pattern::AsymmetricCircles { circle_diameter_mm }, &["circle_diameter_mm"])
@@ -254,7 +256,7 @@ fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
     Ok(Target { pattern, columns, rows, spacing_mm })
 }
 
-/// Fewest columns and rows of a board whose pose can be told.
+/// Least number of columns and rows of a board that determines a pose.
 fn smallest(kind: &str) -> usize {
     if kind == "aprilgrid" { 1 } else { 2 }
 }
@@ -269,7 +271,7 @@ fn frames_from(frames: &Section<'_>) -> Result<FramesSection, DatasetError> {
 }
 
 fn depth_from(depth: &Section<'_>) -> Result<DepthSection, DatasetError> {
-    // 0.001, metres per millimetre, is the usual slip.
+    // The usual mistake is 0.001, metres per step instead of millimetres.
     Ok(DepthSection { unit_mm: depth.positive(UNIT, 0.002..=50.0)? })
 }
 

@@ -1,9 +1,9 @@
-//! What can be wrong with a dataset, and what to do about it.
+//! Errors of datasets.
 
 use std::io;
 use std::path::PathBuf;
 
-use crate::suggest::listed;
+use super::suggest::listed;
 
 /// Why a dataset cannot be used. Every message names the file, the field and the remedy.
 #[derive(Debug, thiserror::Error)]
@@ -23,7 +23,7 @@ pub enum DatasetError {
     Read {
         /// The file or folder.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         error: io::Error,
     },
     /// `dataset.toml` is not TOML.
@@ -33,10 +33,10 @@ pub enum DatasetError {
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What the parser expected.
+        /// The parser's message.
         message: String,
     },
-    /// A key that means nothing here.
+    /// A key that its section does not have.
     #[error("{path}:{line}: unknown key `{key}`{}", match .suggestion {
         Some(known) => format!(": did you mean `{known}`?"),
         None => format!(": known here are {}; remove or rename it", listed(.known)),
@@ -53,7 +53,7 @@ pub enum DatasetError {
         /// All keys that are known in the section.
         known: &'static [&'static str],
     },
-    /// A kind of board that is not known.
+    /// An unknown kind of board.
     #[error("{path}:{line}: unknown `board.kind` \"{kind}\": {}", match .suggestion {
         Some(known) => format!("did you mean \"{known}\"?"),
         None => format!("use one of {}", listed(.known)),
@@ -77,7 +77,7 @@ pub enum DatasetError {
         path: PathBuf,
         /// The field with its section.
         field: &'static str,
-        /// What to write.
+        /// The remedy: what to write.
         remedy: &'static str,
     },
     /// A field of the wrong type, or out of its range.
@@ -91,9 +91,9 @@ pub enum DatasetError {
         field: &'static str,
         /// The value as written.
         value: String,
-        /// What is wrong with it.
+        /// The problem, as a predicate: `is not a number`.
         problem: String,
-        /// What to write.
+        /// The remedy: what to write.
         remedy: &'static str,
     },
     /// A glob with wrong syntax.
@@ -105,10 +105,10 @@ pub enum DatasetError {
         field: &'static str,
         /// The glob.
         pattern: String,
-        /// What is wrong with it.
+        /// The glob parser's message.
         message: String,
     },
-    /// A glob that finds no file.
+    /// A glob that matches no file.
     #[error(
         "{path}: `{field}` = \"{pattern}\" matches no file: give a glob relative to the folder of dataset.toml, \
          such as \"image/*.png\""
@@ -135,7 +135,7 @@ pub enum DatasetError {
         /// The other file.
         second: PathBuf,
     },
-    /// Images without depth or the reverse.
+    /// Images without a depth image, or depth images without an image.
     #[error(
         "{path}: `frames.image` and `frames.depth` do not pair by file stem:{}{}: give both files of a frame the same \
          stem, or remove what has no partner",
@@ -150,17 +150,17 @@ pub enum DatasetError {
         /// Stems of depth images that have no image.
         depth_without_image: Vec<String>,
     },
-    /// The table of frames cannot be read as CSV, or its head is wrong.
+    /// The table of frames is not valid CSV, or its header is wrong.
     #[error("{path}:{line}: {problem}")]
     Table {
         /// The table.
         path: PathBuf,
         /// Line, from 1.
         line: u64,
-        /// What is wrong and what to do.
+        /// The problem and its remedy.
         problem: String,
     },
-    /// A cell that should hold a number.
+    /// A cell that holds no finite number where one is required.
     #[error(
         "{path}:{line}: column `{column}` holds \"{value}\": write a finite number, or leave the cell empty where it \
          is not known"
@@ -172,10 +172,10 @@ pub enum DatasetError {
         line: u64,
         /// Name of the column.
         column: String,
-        /// What the cell holds.
+        /// Text of the cell.
         value: String,
     },
-    /// Rows of the table and frames do not belong together.
+    /// The rows of the table and the frames do not correspond.
     #[error(
         "{path}: the rows do not fit the frames:{}{}: write one row per frame, named by its file stem",
         unpaired(.rows_without_frame, "rows without a frame"),

@@ -1,14 +1,16 @@
-//! A folder of captures.
+//! A dataset: a folder of captures with its frames.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use depthcal_model::Target;
 
-use crate::dataset_file::DATASET_FILE;
-use crate::{
-    CameraHint, DatasetError, DatasetFile, FileError, FrameMetadata, FramesSection, digest_files, frame_table, natural,
-};
+use super::camera_hint::CameraHint;
+use super::declaration::{DATASET_FILE, DatasetFile, FramesSection};
+use super::error::DatasetError;
+use super::frame_table::{self, FrameMetadata};
+use super::natural;
+use crate::file::{FileError, digest_files};
 
 /// A folder of captures of a board, described by its `dataset.toml`.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +25,7 @@ pub struct Dataset {
     pub frames: Vec<Frame>,
     /// Millimetres per step of the depth images; `None` where there is no depth.
     pub depth_unit_mm: Option<f64>,
-    /// Intrinsics to start from or to hold.
+    /// Declared intrinsics.
     pub camera: Option<CameraHint>,
     /// The table of frames, where one is declared.
     pub metadata: Option<PathBuf>,
@@ -43,7 +45,8 @@ pub struct Frame {
 }
 
 impl Dataset {
-    /// Opens the dataset in the folder `path`, or whose `dataset.toml` is `path`. Images are found, not read.
+    /// Opens the dataset in the folder `path`, or the one whose `dataset.toml` is `path`. Image files are listed, not
+    /// read.
     ///
     /// # Errors
     /// [`DatasetError`] with the file, the field and the remedy.
@@ -83,7 +86,7 @@ impl Dataset {
         self.frames.iter().find(|frame| frame.name == name)
     }
 
-    /// Digest of `dataset.toml`, the table of frames and all images and depth images, see [`digest_files`].
+    /// Digest of `dataset.toml`, the table of frames and all images and depth images; see [`digest_files`].
     ///
     /// # Errors
     /// [`FileError::Read`] names the file that cannot be read.
@@ -95,7 +98,7 @@ impl Dataset {
     }
 }
 
-/// Name of the folder, also where the path is `.` or ends with `..`.
+/// Name of the folder, even when the path is `.` or ends with `..`.
 fn folder_name(root: &Path) -> String {
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     name(root).or_else(|| name(&root.canonicalize().ok()?)).unwrap_or_else(|| "dataset".into())
@@ -152,7 +155,7 @@ fn find_files(
     } else {
         format!("{}/{pattern}", glob::Pattern::escape(folder))
     };
-    // Hidden files are temporary or belong to the operating system; `*` does not descend into folders.
+    // Hidden files are temporary or the operating system's; `*` must not match a `/`.
     let options =
         glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
     let paths = glob::glob_with(&full, options).map_err(|error| glob_error(error.to_string()))?;
@@ -177,7 +180,7 @@ fn find_files(
 fn assign_metadata(table: &Path, frames: &mut [Frame]) -> Result<(), DatasetError> {
     let rows = frame_table::read(table)?;
     let names: BTreeMap<_, _> = frames.iter().enumerate().map(|(i, frame)| (frame.name.clone(), i)).collect();
-    // Some tables name the file, not its stem.
+    // Some tables give the file's name instead of its stem.
     let index_of = |row: &frame_table::Row| {
         names.get(&row.frame).or_else(|| names.get(Path::new(&row.frame).file_stem()?.to_str()?)).copied()
     };

@@ -1,4 +1,4 @@
-//! `frames.csv`: when and how warm the frames were taken.
+//! `frames.csv`: time, temperature and further quantities of every frame.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -7,24 +7,24 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::DatasetError;
+use super::error::DatasetError;
 
-/// What a dataset says about a frame beside its images.
+/// The row of a frame in the dataset's table.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameMetadata {
-    /// Time of the capture, s, from any start that the frames share.
+    /// Time of the capture, s, from an origin common to all frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timestamp_s: Option<f64>,
     /// Temperature of the camera, °C.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub temperature_c: Option<f64>,
-    /// Further columns by name, as written; empty cells are left out.
+    /// The text of further columns by name; empty cells are left out.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub other: BTreeMap<String, String>,
 }
 
 impl FrameMetadata {
-    /// A further column as a finite number, if it is one.
+    /// The value of a further column when it is a finite number.
     pub fn number(&self, column: &str) -> Option<f64> {
         self.other.get(column)?.parse().ok().filter(|number: &f64| number.is_finite())
     }

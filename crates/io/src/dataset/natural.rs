@@ -1,8 +1,8 @@
-//! The order in which people count: frame 9 before frame 10.
+//! Natural order of names: frame 9 before frame 10.
 
 use std::cmp::Ordering;
 
-/// Compares names so that runs of digits count by their value, and by their bytes where that leaves them equal.
+/// Compares names with runs of digits taken as numbers; names that are equal so are compared byte by byte.
 pub(crate) fn compare(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a.as_bytes(), b.as_bytes());
     while let (Some(p), Some(q)) = (x.first(), y.first()) {
@@ -21,7 +21,7 @@ pub(crate) fn compare(a: &str, b: &str) -> Ordering {
     x.len().cmp(&y.len()).then(a.cmp(b))
 }
 
-/// Takes the digits at the front and returns them without leading zeros.
+/// Removes the digits at the front of `text` and returns them without leading zeros.
 fn take_number<'a>(text: &mut &'a [u8]) -> &'a [u8] {
     let end = text.iter().position(|byte| !byte.is_ascii_digit()).unwrap_or(text.len());
     let (digits, rest) = text.split_at(end);

@@ -1,14 +1,14 @@
-//! A section of a TOML file whose faults know their line, field and remedy.
+//! Sections of a TOML file, with errors that have line, field and remedy.
 
 use std::path::Path;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::DatasetError;
-use crate::suggest::nearest;
+use super::error::DatasetError;
+use super::suggest::nearest;
 
-/// A field: its full name, its key, and what to write there.
+/// A field: its name with its section, such as `board.columns`, and what to write there.
 #[derive(Clone, Copy)]
 pub(crate) struct Field {
     pub name: &'static str,
@@ -21,7 +21,7 @@ impl Field {
     }
 }
 
-/// A file in memory.
+/// The text of a file, and the path that names it in errors.
 #[derive(Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub path: &'a Path,
@@ -42,8 +42,9 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Refuses keys of `table` other than `known`. `section` ends with a dot, or is empty for the file itself; the
-    /// suggestion comes from the section first, then from `everywhere`, all known fields with their sections.
+    /// Refuses keys of `table` other than `known`. `section` ends with a dot, or is empty for the file itself. A field
+    /// of the same name in another section (`everywhere` has all fields with their sections) is suggested first, then
+    /// the nearest key of this section.
     pub fn deny_unknown(
         &self,
         table: &DeTable<'_>,
@@ -141,7 +142,7 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// A number of at most `limit` in size.
+    /// A number of at most `limit` in absolute value.
     pub fn bounded(&self, field: Field, limit: f64) -> Result<Option<f64>, DatasetError> {
         self.get(field).map(|value| self.within(value, field, limit)).transpose()
     }
@@ -155,7 +156,7 @@ impl<'a> Section<'a> {
         }
     }
 
-    /// An array of numbers of at most `limit` in size.
+    /// An array of numbers of at most `limit` in absolute value.
     pub fn numbers(&self, field: Field, limit: f64) -> Result<Option<Vec<f64>>, DatasetError> {
         let Some(value) = self.get(field) else { return Ok(None) };
         let Some(array) = value.get_ref().as_array() else {

@@ -1,6 +1,6 @@
-//! The known name that a user probably meant.
+//! Suggestions for misspelt names.
 
-/// The candidate nearest to `name`, if it is near enough to be a slip of the finger or of the memory.
+/// The candidate most similar to `name`, if it is similar enough for `name` to be a misspelling.
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |text: &str| text.to_lowercase().replace(['-', '_', ' '], "");
     let name = plain(name);
@@ -12,7 +12,7 @@ pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
         .map(|(_, candidate)| candidate)
 }
 
-/// Names for a message: the first few, quoted, and how many there are beside.
+/// Names for a message: the first eight, quoted, and the number of the others.
 pub(crate) fn listed<S: AsRef<str>>(names: &[S]) -> String {
     const SHOWN: usize = 8;
     let shown: Vec<_> = names.iter().take(SHOWN).map(|name| format!("\"{}\"", name.as_ref())).collect();

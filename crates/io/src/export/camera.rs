@@ -1,26 +1,12 @@
-//! Calibrations in the formats of other programs.
-//!
-//! All of them share depthcal's conventions: x right, y down, z forward, the centre of the first pixel at (0, 0), and
-//! Brown–Conrady distortion in the order k1 k2 p1 p2 k3. What a format cannot hold comes back as an [`ExportWarning`].
-
-mod kalibr;
-mod mrcal;
-mod opencv;
-mod ros;
-mod text;
-
-use std::str::FromStr;
+//! A camera to be exported.
 
 use depthcal_model::hook::HookKind;
 
-use crate::{Calibration, PieceRecord};
+use super::error::ExportError;
+use super::outcome::ExportWarning;
+use crate::record::{Calibration, PieceRecord};
 
-pub use kalibr::kalibr_camchain;
-pub use mrcal::mrcal_cameramodel;
-pub use opencv::opencv_yaml;
-pub use ros::ros_camera_info;
-
-/// A camera as other programs know it, with what they do not know beside it.
+/// A camera in the terms of other programs (pinhole and Brown–Conrady), and the pieces beyond these terms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExportCamera {
     /// Width of the image in px.
@@ -31,133 +17,26 @@ pub struct ExportCamera {
     pub fx: f64,
     /// Focal length in y, px.
     pub fy: f64,
-    /// Principal point, px.
+    /// Column of the principal point, px.
     pub cx: f64,
-    /// Principal point, px.
+    /// Row of the principal point, px.
     pub cy: f64,
     /// Skew, px.
     pub skew: f64,
     /// Brown–Conrady k1 k2 p1 p2 k3.
     pub distortion: [f64; 5],
-    /// Pieces that say how the depth image deviates: all at the hook `depth`, and at `pixel` beside the pinhole.
+    /// Pieces of the depth image: all at the hook `depth`, and those at the hook `pixel` other than the pinhole.
     pub depth: Vec<PieceRecord>,
-    /// Pieces of the lens beside Brown–Conrady.
+    /// Pieces of the lens other than Brown–Conrady.
     pub lens: Vec<PieceRecord>,
 }
 
-/// A format of another program.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ExportFormat {
-    /// OpenCV's FileStorage, YAML.
-    OpenCv,
-    /// ROS camera_info, YAML.
-    Ros,
-    /// Kalibr's camchain, YAML.
-    Kalibr,
-    /// mrcal's .cameramodel.
-    Mrcal,
-}
-
-/// The text of a file, and what it does not hold.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Export {
-    /// The contents of the file.
-    pub text: String,
-    /// What was lost, to be shown to the user.
-    pub warnings: Vec<ExportWarning>,
-}
-
-/// Something that a format, or the programs that read it, cannot represent.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ExportWarning {
-    /// The skew of the pinhole.
-    #[error("{format} has no skew: {value} px is {}", if *.written { "written but ignored" } else { "left out" })]
-    Skew {
-        /// Name of the format.
-        format: &'static str,
-        /// The skew, px.
-        value: f64,
-        /// Whether the file holds it all the same.
-        written: bool,
-    },
-    /// A coefficient of the lens.
-    #[error(
-        "{format} has no {coefficient}: {value} is left out, and the other coefficients do not make up for it; \
-         calibrate with {coefficient} held at 0 for this format"
-    )]
-    Distortion {
-        /// Name of the format.
-        format: &'static str,
-        /// Name of the coefficient.
-        coefficient: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// Pieces of the lens beside Brown–Conrady.
-    #[error("{format} has no place for the lens pieces {}: pixels will be off where they matter", pieces.join(", "))]
-    Lens {
-        /// Name of the format.
-        format: &'static str,
-        /// Names of the pieces.
-        pieces: Vec<String>,
-    },
-    /// The model of the depth error.
-    #[error("{format} has no depth model: {} left out; correct depth images with calibration.json", pieces.join(", "))]
-    Depth {
-        /// Name of the format.
-        format: &'static str,
-        /// Names of the pieces.
-        pieces: Vec<String>,
-    },
-}
-
-/// Why a camera cannot be exported.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ExportError {
-    /// The calibration has no pinhole, or not all of its parameters.
-    #[error("the calibration has no parameter `pinhole.{parameter}`: export needs a pinhole camera; calibrate anew")]
-    NoPinhole {
-        /// The parameter that is missing.
-        parameter: &'static str,
-    },
-    /// A number that is NaN or infinite, or an image without pixels.
-    #[error("the camera's `{field}` is {value}: export needs finite numbers, and a size and focal lengths above 0")]
-    Value {
-        /// The field.
-        field: String,
-        /// Its value.
-        value: f64,
-    },
-    /// A format that is not known.
-    #[error("unknown format \"{name}\": use opencv, ros, kalibr or mrcal")]
-    UnknownFormat {
-        /// The name that was given.
-        name: String,
-    },
-}
-
-impl FromStr for ExportFormat {
-    type Err = ExportError;
-
-    fn from_str(name: &str) -> Result<Self, ExportError> {
-        match name {
-            "opencv" => Ok(ExportFormat::OpenCv),
-            "ros" => Ok(ExportFormat::Ros),
-            "kalibr" => Ok(ExportFormat::Kalibr),
-            "mrcal" => Ok(ExportFormat::Mrcal),
-            _ => Err(ExportError::UnknownFormat { name: name.to_owned() }),
-        }
-    }
-}
-
 impl ExportCamera {
-    /// The camera of a calibration. Without a piece `brown_conrady` the distortion is 0; pieces of board and pose are
-    /// no part of a camera.
+    /// The camera of a calibration. Without a piece `brown_conrady` the distortion is 0. Pieces of board and pose do
+    /// not belong to the camera and are left out.
     ///
     /// # Errors
-    /// [`ExportError::NoPinhole`] where there is no piece `pinhole` with fx, fy, cx and cy.
+    /// [`ExportError::NoPinhole`] when there is no piece `pinhole` with fx, fy, cx and cy.
     pub fn from_calibration(calibration: &Calibration) -> Result<Self, ExportError> {
         let pinhole = |parameter| calibration.value("pinhole", parameter).ok_or(ExportError::NoPinhole { parameter });
         let lens = |parameter| calibration.value("brown_conrady", parameter).unwrap_or(0.0);
@@ -180,20 +59,8 @@ impl ExportCamera {
         })
     }
 
-    /// Writes the camera in `format`.
-    ///
-    /// # Errors
-    /// [`ExportError::Value`] for numbers that are not finite, and for a size or focal length of 0 or less.
-    pub fn export(&self, format: ExportFormat) -> Result<Export, ExportError> {
-        match format {
-            ExportFormat::OpenCv => opencv_yaml(self),
-            ExportFormat::Ros => ros_camera_info(self),
-            ExportFormat::Kalibr => kalibr_camchain(self),
-            ExportFormat::Mrcal => mrcal_cameramodel(self),
-        }
-    }
-
-    fn check(&self) -> Result<(), ExportError> {
+    /// Checks that all numbers are finite, and size and focal lengths positive.
+    pub(super) fn check(&self) -> Result<(), ExportError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         let of_camera = [
             ("width", self.width as f64, self.width > 0),
@@ -221,8 +88,8 @@ impl ExportCamera {
         Ok(())
     }
 
-    /// Warnings that every format shares whose files hold no skew and no pieces.
-    fn losses(&self, format: &'static str) -> Vec<ExportWarning> {
+    /// The warnings of a format whose files hold neither skew nor pieces.
+    pub(super) fn losses(&self, format: &'static str) -> Vec<ExportWarning> {
         let mut warnings = Vec::new();
         if self.skew != 0.0 {
             warnings.push(ExportWarning::Skew { format, value: self.skew, written: false });
@@ -234,14 +101,13 @@ impl ExportCamera {
         warnings
     }
 
-    fn lens_loss(&self, format: &'static str) -> Option<ExportWarning> {
+    /// The warning about pieces of the lens, where there are any.
+    pub(super) fn lens_loss(&self, format: &'static str) -> Option<ExportWarning> {
         (!self.lens.is_empty()).then(|| ExportWarning::Lens { format, pieces: names(&self.lens) })
     }
 }
 
-fn names(pieces: &[PieceRecord]) -> Vec<String> {
+/// Names of pieces.
+pub(super) fn names(pieces: &[PieceRecord]) -> Vec<String> {
     pieces.iter().map(|piece| piece.name.clone()).collect()
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,16 +1,16 @@
-//! A digest of files, to know whether a cached result still holds.
+//! A digest of files, which tells whether a cached result is still valid.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::FileError;
+use super::error::FileError;
 
 /// Digest (BLAKE3, 64 hexadecimal digits) of the names and contents of `files`.
 ///
-/// Names count relative to `root`, so that a dataset may move. The order of `files`, their dates and duplicates do not
-/// matter.
+/// Names are taken relative to `root`, so that a dataset may be moved. The digest does not depend on the order of
+/// `files`, on duplicates among them, or on dates.
 ///
 /// # Errors
 /// [`FileError::Read`] names the file that cannot be read.
@@ -27,7 +27,7 @@ pub fn digest_files(root: &Path, files: &[PathBuf]) -> Result<String, FileError>
 
     let mut all = blake3::Hasher::new();
     for (name, digest) in &entries {
-        // The length keeps a name and what follows apart.
+        // The length separates a name from what follows it.
         all.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes()).update(digest.as_bytes());
     }
     Ok(all.finalize().to_hex().to_string())
@@ -39,7 +39,7 @@ fn digest_file(path: &Path) -> std::io::Result<blake3::Hash> {
     Ok(hasher.finalize())
 }
 
-/// The path below `root`, with slashes on every system.
+/// The path relative to `root`, with slashes on every system.
 fn relative_name(root: &Path, path: &Path) -> String {
     let relative = path.strip_prefix(root).unwrap_or(path);
     let parts: Vec<_> = relative.components().map(|part| part.as_os_str().to_string_lossy()).collect();

@@ -1,9 +1,9 @@
-//! Errors of the files that depthcal writes and reads back.
+//! Errors of files.
 
 use std::io;
 use std::path::PathBuf;
 
-/// Why a file could not be read, written or believed.
+/// Why a file could not be read or written, or why its contents are refused.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FileError {
@@ -12,7 +12,7 @@ pub enum FileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         error: io::Error,
     },
     /// The file, or its folder, cannot be written.
@@ -20,7 +20,7 @@ pub enum FileError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         error: io::Error,
     },
     /// The text is not the JSON that is expected here.
@@ -30,17 +30,17 @@ pub enum FileError {
         path: PathBuf,
         /// Path of the field, for example `camera.pieces[2].parameters[0].value`.
         field: String,
-        /// What is wrong, with line and column.
+        /// The parser's message, with line and column.
         message: String,
     },
-    /// Another kind of file.
+    /// A file of another kind.
     #[error("{path}: field `format` is {found}, expected \"{expected}\": give a file that depthcal wrote as such")]
     Format {
         /// The file.
         path: PathBuf,
         /// Name of the format that is expected.
         expected: &'static str,
-        /// What the file has, quoted, or `missing`.
+        /// The file's `format`, as JSON, or `missing`.
         found: String,
     },
     /// A version of the format that this program does not know.
@@ -51,12 +51,12 @@ pub enum FileError {
     Version {
         /// The file.
         path: PathBuf,
-        /// Version that is understood.
+        /// Version that this program reads.
         expected: u32,
         /// Version of the file.
         found: u64,
     },
-    /// A number that JSON cannot hold, in what was to be written.
+    /// A NaN or infinity in a result that was to be written; JSON has neither.
     #[error("{path}: field `{field}` is not a finite number, so nothing was written: the result is not usable")]
     NotFinite {
         /// The file that was to be written.
@@ -71,7 +71,7 @@ pub enum FileError {
         path: PathBuf,
         /// Path of the field.
         field: String,
-        /// What is wrong and what is expected.
+        /// The fault, and what is expected.
         problem: String,
     },
     /// A line of a text file that does not follow its format.
@@ -81,7 +81,7 @@ pub enum FileError {
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What is wrong and what is expected.
+        /// The fault, and what is expected.
         problem: String,
     },
 }

@@ -1,7 +1,7 @@
-//! Finds the first number in a value that is not finite.
+//! The first number of a value that is not finite.
 //!
-//! JSON has no NaN and no infinity; serde_json writes `null` for them, in silence. This serialiser writes nothing and
-//! ends with the path of such a number.
+//! JSON has neither NaN nor infinity, and serde_json silently writes `null` for them. The serialiser of this file
+//! writes nothing; it walks through a value and stops at the first such number with its path.
 
 use std::fmt::{self, Display};
 
@@ -12,7 +12,7 @@ pub(crate) fn not_finite<T: Serialize + ?Sized>(value: &T) -> Option<String> {
     let mut walk = Walk { path: Vec::new() };
     match value.serialize(&mut walk) {
         Err(Found::NotFinite) => Some(walk.to_string()),
-        // A failure of a type's own `Serialize` shows again, with its message, when the value is written.
+        // A failure of a type's own `Serialize` occurs again, with its message, when the value is written.
         Ok(()) | Err(Found::Other) => None,
     }
 }
@@ -64,7 +64,7 @@ impl ser::Error for Found {
 }
 
 impl Walk {
-    /// Descends by one step; the step stays on the path where the search ends below it.
+    /// Serialises a part of the value. When the walk stops there, the step to it stays on the path.
     fn enter<T: Serialize + ?Sized>(&mut self, step: Step, value: &T) -> Result<(), Found> {
         self.path.push(step);
         value.serialize(&mut *self)?;

@@ -1,18 +1,19 @@
-//! Output that is either complete or absent.
+//! Atomic writing: an output file is either complete or absent.
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use crate::FileError;
+use super::error::FileError;
 
-/// Writes `path` by `fill`: to a temporary name in the same folder, synchronised to the disk, then renamed.
+/// Writes the file `path` with the bytes that `fill` writes: under a temporary name in the same folder, synchronised to
+/// the disk, then renamed.
 ///
-/// Missing parent folders are made. Where anything fails, or the program is interrupted, `path` keeps what it had.
-/// The temporary name starts with a dot, so that globs such as `*.png` do not see it.
+/// Missing parent folders are created. When anything fails, or the program is interrupted, `path` keeps its former
+/// contents. The temporary name starts with a dot, so that globs such as `*.png` do not match it.
 ///
 /// # Errors
-/// [`FileError::Write`] with the target's path: the folder or the file cannot be made, or `fill` failed.
+/// [`FileError::Write`] with `path`: the folder or the file cannot be created, or `fill` failed.
 pub fn write_atomically<F>(path: impl AsRef<Path>, fill: F) -> Result<(), FileError>
 where
     F: FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -36,7 +37,7 @@ where
     prefix.push(name);
     let mut builder = tempfile::Builder::new();
     builder.prefix(&prefix).suffix(".tmp");
-    // The default is private to the user; results get the permissions that any new file has.
+    // Temporary files are private to the user by default; a result gets the permissions of any new file.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let file = builder.tempfile_in(folder)?;
@@ -46,7 +47,7 @@ where
     let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|failure| failure.error)?;
-    // The rename itself lasts only when the folder is on the disk; not every file system can say so.
+    // The rename survives a crash only once the folder is synchronised, which not every file system supports.
     #[cfg(unix)]
     if let Ok(folder) = fs::File::open(folder) {
         let _ = folder.sync_all();

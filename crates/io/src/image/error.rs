@@ -1,4 +1,4 @@
-//! What can be wrong with an image.
+//! Errors of images.
 
 use std::io;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ pub enum ImageError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         error: io::Error,
     },
     /// The image's data are broken or incomplete.
@@ -22,23 +22,23 @@ pub enum ImageError {
         path: PathBuf,
         /// Name of the format.
         format: &'static str,
-        /// What the decoder said.
+        /// The decoder's message.
         message: String,
     },
-    /// A file of no format that is read here.
-    #[error("{path}: this is no image of a known format: convert it to {expected}")]
+    /// A file of an unknown format.
+    #[error("{path}: this is not an image of a known format: convert it to {expected}")]
     UnknownFormat {
         /// The file.
         path: PathBuf,
         /// Formats that are read.
         expected: &'static str,
     },
-    /// A variant of a known format that is not read, or an image of an unreasonable size.
+    /// A variant of a known format that is not supported, or an image of an implausible size.
     #[error("{path}: {problem}")]
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What it is and what to do.
+        /// The problem and its remedy.
         problem: String,
     },
     /// An image that cannot hold depth.
@@ -46,7 +46,7 @@ pub enum ImageError {
     NotDepth {
         /// The file.
         path: PathBuf,
-        /// What the file holds.
+        /// The contents of the file.
         found: String,
     },
     /// Image and depth of a frame differ in size.

@@ -3,24 +3,24 @@
 use std::fs;
 use std::path::Path;
 
-use crate::{DepthImage, FileError, GrayImage, ImageError, RgbImage, jpeg, pgm, png16};
-
-/// Pixels beyond which an image is taken for damaged, so that a broken header does not ask for all memory.
-const MAX_PIXELS: usize = 1 << 28;
+use super::error::ImageError;
+use super::raster::{DepthImage, GrayImage, RgbImage};
+use super::{jpeg, pgm, png16};
+use crate::file::FileError;
 
 /// Reads an image as grey values: PNG (grey of 1 to 16 bits, RGB, RGBA, palette), JPEG, or binary PGM.
 ///
-/// The format is told by the contents, not by the name. Colour becomes luma 0.299 R + 0.587 G + 0.114 B, transparency
-/// is ignored, values of fewer than 8 bits are stretched to 8.
+/// The format is recognised by the contents, not by the name. Colour becomes luma 0.299 R + 0.587 G + 0.114 B,
+/// transparency is ignored, values of fewer than 8 bits are scaled to 8.
 ///
 /// # Errors
-/// [`ImageError`] with the file: unreadable, damaged or truncated, or of another format.
+/// [`ImageError`] with the file: it cannot be read, is damaged or truncated, or has another format.
 pub fn read_gray(path: impl AsRef<Path>) -> Result<GrayImage, ImageError> {
     let path = path.as_ref();
     decode_gray(path, &read(path)?)
 }
 
-/// Reads a colour image: PNG or JPEG; grey values become equal channels, 16 bits the upper 8.
+/// Reads a colour image, PNG or JPEG. Grey values become three equal channels; of 16 bits the upper 8 are kept.
 ///
 /// # Errors
 /// As [`read_gray`].
@@ -36,10 +36,10 @@ pub fn read_rgb(path: impl AsRef<Path>) -> Result<RgbImage, ImageError> {
     }
 }
 
-/// Reads a depth image.
+/// Reads a depth image: a 16-bit grey PNG.
 ///
 /// # Errors
-/// [`ImageError::NotDepth`] says what the file is where it is no 16-bit grey PNG; else as [`read_gray`].
+/// [`ImageError::NotDepth`] says what the file is when it is not a 16-bit grey PNG; otherwise as [`read_gray`].
 pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthImage, ImageError> {
     let path = path.as_ref();
     decode_depth(path, &read(path)?)
@@ -48,7 +48,7 @@ pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthImage, ImageError> {
 /// Writes a depth image as 16-bit grey PNG, atomically.
 ///
 /// # Errors
-/// [`FileError::Invalid`] where the data do not have width × height values, [`FileError::Write`].
+/// [`FileError::Invalid`] when the data do not have width × height values; [`FileError::Write`].
 pub fn write_depth(path: impl AsRef<Path>, depth: &DepthImage) -> Result<(), FileError> {
     png16::write(path.as_ref(), [depth.width, depth.height], &depth.data, 16)
 }
@@ -56,12 +56,12 @@ pub fn write_depth(path: impl AsRef<Path>, depth: &DepthImage) -> Result<(), Fil
 /// Writes a grey image as PNG with the image's 8 or 16 bits, atomically.
 ///
 /// # Errors
-/// [`FileError::Invalid`] where the data do not have width × height values of that many bits, [`FileError::Write`].
+/// [`FileError::Invalid`] when the data do not have width × height values of that many bits; [`FileError::Write`].
 pub fn write_gray(path: impl AsRef<Path>, image: &GrayImage) -> Result<(), FileError> {
     png16::write(path.as_ref(), [image.width, image.height], &image.data, image.bits)
 }
 
-/// Checks that image and depth of a frame have the same size. The paths are those of the error's message.
+/// Checks that image and depth image of a frame have the same size; the paths are for the error's message.
 ///
 /// # Errors
 /// [`ImageError::SizesDiffer`] names both files and both sizes.
@@ -109,22 +109,6 @@ fn decode_depth(path: &Path, bytes: &[u8]) -> Result<DepthImage, ImageError> {
         "no PNG"
     };
     Err(ImageError::NotDepth { path: path.to_owned(), found: found.into() })
-}
-
-/// Number of pixels, or an error where the size is 0 or not believable.
-pub(crate) fn pixels(path: &Path, width: usize, height: usize) -> Result<usize, ImageError> {
-    match width.checked_mul(height) {
-        Some(pixels) if (1..=MAX_PIXELS).contains(&pixels) => Ok(pixels),
-        _ => Err(ImageError::Unsupported {
-            path: path.to_owned(),
-            problem: format!("the image claims {width}×{height} pixels, which is not believable; is it damaged?"),
-        }),
-    }
-}
-
-/// Luma of a colour, by the weights of ITU-R BT.601.
-pub(crate) fn luma([r, g, b]: [u16; 3]) -> u16 {
-    ((299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b) + 500) / 1000) as u16
 }
 
 #[cfg(test)]

@@ -7,15 +7,16 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::read_image::{luma, pixels};
-use crate::{GrayImage, ImageError, RgbImage};
+use super::error::ImageError;
+use super::pixels::{luma, pixels};
+use super::raster::{GrayImage, RgbImage};
 
 pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\xff\xd8\xff")
 }
 
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
-    // The luma that the file holds is what detection needs; converting to RGB and back would only add rounding.
+    // Detection needs the luma, which the file holds; converting to RGB and back would only add rounding.
     let ([width, height], data) = decode_as(
         path,
         bytes,
@@ -37,7 +38,8 @@ pub(crate) fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, ImageErr
     Ok(RgbImage { width, height, data })
 }
 
-/// Size and pixels, decoded to `colours`; files may nevertheless give one channel or three.
+/// Width and height, and the pixels decoded to `colours`. The decoder may give one channel or three, whichever was
+/// requested.
 fn decode_as<P>(
     path: &Path,
     bytes: &[u8],
@@ -61,12 +63,12 @@ fn decode_as<P>(
         channels => return Err(damaged(format!("it has {channels} channels, which is not supported"))),
     };
     if data.len() != count {
-        return Err(damaged("it has fewer pixels than it says".into()));
+        return Err(damaged("it has fewer pixels than its header says".into()));
     }
     Ok(([width, height], data))
 }
 
-/// Whether the last scan has no end mark. Decoders fill what is missing with grey and say nothing.
+/// Whether the last scan has no end marker. The decoder would silently fill the missing part with grey.
 fn is_cut_off(bytes: &[u8]) -> bool {
     let last = |mark: u8| bytes.windows(2).rposition(|pair| pair == [0xff, mark]);
     match (last(0xda), last(0xd9)) {

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use crate::read_image::pixels;
-use crate::{GrayImage, ImageError};
+use super::error::ImageError;
+use super::pixels::pixels;
+use super::raster::GrayImage;
 
 pub(crate) fn is_pgm(bytes: &[u8]) -> bool {
     bytes.starts_with(b"P5") && bytes.get(2).is_some_and(|byte| byte.is_ascii_whitespace() || *byte == b'#')
@@ -12,13 +13,13 @@ pub(crate) fn is_pgm(bytes: &[u8]) -> bool {
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
     let damaged = |message: String| ImageError::Damaged { path: path.to_owned(), format: "PGM", message };
     let mut rest = bytes.get(2..).unwrap_or_default();
-    let mut number = |what: &str| next_number(&mut rest).ok_or_else(|| damaged(format!("its head has no {what}")));
+    let mut number = |what: &str| next_number(&mut rest).ok_or_else(|| damaged(format!("its header has no {what}")));
     let (width, height, greatest) = (number("width")?, number("height")?, number("greatest value")?);
     if !(1..=65535).contains(&greatest) {
         return Err(damaged(format!("its greatest value is {greatest}, expected 1 … 65535")));
     }
     let count = pixels(path, width, height)?;
-    // One white space ends the head; what follows is data even if it looks like white space.
+    // A single white space ends the header; what follows is data even if it looks like white space.
     let samples = rest.get(1..).unwrap_or_default();
     let size = if greatest < 256 { 1 } else { 2 };
     let Some(samples) = samples.get(..count * size) else {
@@ -32,7 +33,7 @@ pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError>
     Ok(GrayImage { width, height, data, bits: if size == 1 { 8 } else { 16 } })
 }
 
-/// Takes white space, comments and a decimal number from the front.
+/// Removes white space, comments and a decimal number from the front of `rest`, and returns the number.
 fn next_number(rest: &mut &[u8]) -> Option<usize> {
     loop {
         match rest.first()? {

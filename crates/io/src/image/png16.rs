@@ -5,8 +5,10 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Transformations};
 
-use crate::read_image::{luma, pixels};
-use crate::{DepthImage, FileError, GrayImage, ImageError, RgbImage, write_atomically};
+use super::error::ImageError;
+use super::pixels::{luma, pixels};
+use super::raster::{DepthImage, GrayImage, RgbImage};
+use crate::file::{FileError, write_atomically};
 
 pub(crate) fn is_png(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x89PNG\r\n\x1a\n")
@@ -24,7 +26,7 @@ fn damaged(path: &Path, error: impl std::fmt::Display) -> ImageError {
     ImageError::Damaged { path: path.to_owned(), format: "PNG", message: error.to_string() }
 }
 
-/// Decodes with the given expansion; `accept` sees the file's own colour type and depth first.
+/// Decodes with the given expansion, provided that `accept` takes the file's colour type and bit depth.
 fn samples(
     path: &Path,
     bytes: &[u8],
@@ -40,7 +42,7 @@ fn samples(
     let pixels = pixels(path, width, height)?;
     let (color, depth) = (header.color_type, header.bit_depth);
     accept(color, depth)?;
-    // Deflate packs at most 1032 to 1: what the file cannot hold needs no memory.
+    // Deflate compresses at most 1032 to 1: a file too short for its size is refused before memory is allocated.
     if pixels / 8 * color.samples() * depth as usize > 1032 * bytes.len() {
         return Err(damaged(path, format_args!("it is too short for {width}×{height} pixels")));
     }
@@ -49,7 +51,7 @@ fn samples(
     let size = reader.output_buffer_size().ok_or_else(|| damaged(path, "its size exceeds the memory"))?;
     let mut buffer = vec![0; size];
     let info = reader.next_frame(&mut buffer).map_err(|error| damaged(path, error))?;
-    // Reads on to the end mark: a file that was cut after its last pixel is incomplete too.
+    // Read on to the end marker: a file cut after its last pixel is incomplete too.
     reader.finish().map_err(|error| damaged(path, error))?;
     let (bits, values) = match info.bit_depth {
         BitDepth::Sixteen => (16, buffer.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()),

@@ -1,6 +1,6 @@
 //! Images in memory.
 
-/// A grey image, row-major, with the value range that its file had.
+/// A grey image, row-major, with the bits of its file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GrayImage {
     /// Width in px.
@@ -9,11 +9,11 @@ pub struct GrayImage {
     pub height: usize,
     /// `height` × `width` values.
     pub data: Vec<u16>,
-    /// Bits of a value in the file: 8 or 16.
+    /// Bits of a value in the file, 8 or 16; 8-bit values are at most 255.
     pub bits: u8,
 }
 
-/// A depth image, row-major, in steps of the dataset's depth unit; 0 is "no measurement".
+/// A depth image, row-major, in steps of the dataset's depth unit; 0 means no measurement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DepthImage {
     /// Width in px.

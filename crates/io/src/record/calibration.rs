@@ -1,4 +1,4 @@
-//! `calibration.json`: a calibrated depth camera, what it was fitted to, and how certain it is.
+//! `calibration.json`: a calibrated depth camera, its uncertainty, and the data that it was fitted to.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -7,12 +7,13 @@ use depthcal_model::Target;
 use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
-use crate::json::{Fault, Versioned, read_versioned, write_versioned};
-use crate::{FileError, FrameMetadata};
+use super::reference::FileReference;
+use crate::dataset::FrameMetadata;
+use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
 ///
-/// The file carries `"format": "depthcal-calibration"` and `"version": 1` beside these fields.
+/// The file carries `"format": "depthcal-calibration"` and `"version": 1` in addition to these fields.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The camera.
@@ -22,7 +23,7 @@ pub struct Calibration {
     pub covariance: Option<CovarianceRecord>,
     /// Noise of the measurements, estimated from the data.
     pub noise: NoiseRecord,
-    /// How the fit went.
+    /// Quality and course of the fit.
     pub fit: FitRecord,
     /// The frames that were fitted, with their poses.
     pub frames: Vec<FrameRecord>,
@@ -45,14 +46,14 @@ pub struct CameraRecord {
     pub width: usize,
     /// Height of the image in px.
     pub height: usize,
-    /// The pieces in the order in which a point passes them. Names are unique.
+    /// The pieces in the order in which they are applied. Names are unique.
     pub pieces: Vec<PieceRecord>,
 }
 
 /// One piece of the chain.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PieceRecord {
-    /// Where it acts.
+    /// The stage of the chain at which it acts.
     pub hook: HookKind,
     /// Its registered name, such as `brown_conrady` or `projective`.
     pub name: String,
@@ -68,14 +69,14 @@ pub struct PieceRecord {
 pub struct ParameterRecord {
     /// Name within the piece, such as `k1`.
     pub name: String,
-    /// Unit, such as `px` or `1/mm`; `1` for a plain number.
+    /// Unit, such as `px` or `1/mm`; `1` for a dimensionless parameter.
     pub unit: String,
     /// Estimate, in `unit`.
     pub value: f64,
-    /// Standard deviation, in `unit`, where it was estimated and the data determine it.
+    /// Standard deviation, in `unit`; absent where the parameter was not estimated or the data do not determine it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std_dev: Option<f64>,
-    /// Whether the value was held.
+    /// Whether the value was held constant.
     pub fixed: bool,
 }
 
@@ -102,29 +103,29 @@ pub struct NoiseRecord {
     /// b of the depth noise, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inverse_depth_sigma_b: Option<f64>,
-    /// Distance at which the noise of two depth pixels is no longer correlated, px.
+    /// Distance from which the noise of two depth pixels is uncorrelated, px.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation_length_px: Option<f64>,
-    /// Further numbers of the noise model, by name.
+    /// Further parameters of the noise model, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub other: BTreeMap<String, f64>,
 }
 
-/// How the fit went.
+/// Quality and course of the fit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FitRecord {
     /// The estimator: `joint`, `linear`, `irls` or `nonlinear`.
     pub estimator: String,
     /// The depth model, as given to `--model`.
     pub model: String,
-    /// Root mean square of the reprojection error's length over all markers, px.
+    /// Root mean square, over all markers, of the length of the reprojection error, px.
     pub reprojection_rms_px: f64,
     /// Root mean square of the depth residuals, mm; absent without depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<f64>,
     /// Number of frames in the fit.
     pub frames_used: usize,
-    /// Frames that were left out, and why.
+    /// Frames that were left out, with the reason.
     #[serde(default)]
     pub frames_dropped: Vec<DroppedFrame>,
     /// Why the solver stopped.
@@ -140,7 +141,7 @@ pub struct FitRecord {
 pub struct DroppedFrame {
     /// Name of the frame.
     pub name: String,
-    /// Why.
+    /// Reason, in words.
     pub reason: String,
 }
 
@@ -149,27 +150,18 @@ pub struct DroppedFrame {
 pub struct FrameRecord {
     /// Name of the frame: the stem of its files.
     pub name: String,
-    /// Rotation from board to camera, unit quaternion [w, x, y, z].
+    /// Rotation of the pose, board to camera, as a unit quaternion [w, x, y, z].
     pub rotation: [f64; 4],
-    /// Translation from board to camera, mm.
+    /// Translation of the pose, board to camera, mm.
     pub translation_mm: [f64; 3],
-    /// Root mean square of the reprojection error's length in this frame, px.
+    /// Root mean square, over the frame's markers, of the length of the reprojection error, px.
     pub reprojection_rms_px: f64,
     /// Root mean square of the depth residuals in this frame, mm; absent without depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<f64>,
-    /// What the dataset says about the frame.
+    /// The frame's row in the dataset's table.
     #[serde(default)]
     pub metadata: FrameMetadata,
-}
-
-/// A file or folder that a result rests on.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FileReference {
-    /// Path as the user gave it, or relative to the file that refers to it.
-    pub path: String,
-    /// Digest of the contents, see [`crate::digest_files`].
-    pub digest: String,
 }
 
 impl Calibration {
@@ -245,7 +237,7 @@ impl NoiseRecord {
 }
 
 impl CovarianceRecord {
-    /// Covariance of two parameters, each `piece.parameter`.
+    /// Covariance of two parameters, each given as `piece.parameter`.
     pub fn get(&self, row: &str, column: &str) -> Option<f64> {
         let index = |name: &str| self.parameters.iter().position(|parameter| parameter == name);
         Some(*self.matrix.get(index(row)?)?.get(index(column)?)?)
@@ -265,7 +257,7 @@ impl CovarianceRecord {
             }
             for (j, value) in row.iter().enumerate().take(i) {
                 let scale = (row[i] * self.matrix[j][j]).sqrt();
-                // Rounding in the inverse of a badly conditioned matrix is no contradiction.
+                // Tolerates rounding in the inverse of a badly conditioned matrix.
                 if (value - self.matrix[j][i]).abs() > 1e-6 * scale.max(value.abs()) {
                     return Err(Fault::new(
                         format!("covariance.matrix[{i}][{j}]"),

@@ -1,27 +1,29 @@
-//! `comparison.json`: depth models compared on data that their fits did not see.
+//! `comparison.json`: depth models compared on held-out data.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{DatasetEvaluation, FileError, read_json, write_json};
+use super::evaluation::DatasetEvaluation;
+use crate::file::{FileError, read_json, write_json};
 
-/// Models, best first.
+/// Depth models compared on held-out data.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// The dataset that the models were fitted to.
     pub train: String,
-    /// The datasets that they were judged on; without any, frames of `train` that each fit left out.
+    /// The datasets on which they were evaluated; when there is none, they were evaluated on frames of `train` left out
+    /// of each fit.
     pub verify: Vec<String>,
-    /// The models, best first by the dot error on data that they did not see; those that could not be fitted last.
+    /// The models in ascending order of the held-out dot error; those that could not be fitted come last.
     pub models: Vec<ModelComparison>,
-    /// What the ranking says, in sentences.
+    /// The conclusions from the ranking, in sentences.
     #[serde(default)]
     pub verdict: Vec<String>,
     /// Errors against the number of fitted frames.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub learning_curve: Vec<LearningPoint>,
-    /// Subsets of D, with and without lens, and the four estimators.
+    /// Fits of the subsets of D, with and without lens, and of the four estimators.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variants: Vec<ModelComparison>,
     /// D refitted to every dataset.
@@ -29,7 +31,7 @@ pub struct Comparison {
     pub stability: Option<StabilityRecord>,
 }
 
-/// One model.
+/// The errors of one model.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ModelComparison {
     /// Its name, as given to `--models`.
@@ -38,37 +40,37 @@ pub struct ModelComparison {
     pub lens: String,
     /// Estimator.
     pub estimator: String,
-    /// Free parameters of camera, lens and depth model, without poses.
+    /// Number of free parameters of camera, lens and depth model, poses excluded.
     pub parameters: usize,
-    /// What of them the data rather than priors determine.
+    /// Number of parameters determined by the data rather than by priors.
     pub effective_parameters: f64,
     /// Errors on the fitted frames.
     pub fit: Errors<Option<f64>>,
-    /// Errors on data that the fit did not see: mean over the datasets, with 95 % intervals from resampled frames.
+    /// Errors on held-out data: mean over the datasets, with 95 % intervals from resampled frames.
     pub held_out: Errors<Option<Interval>>,
-    /// Held-out dot error minus that of the best model, from the same resampled frames.
+    /// Held-out dot error minus that of the best model, with its interval over the same resampled frames, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worse_than_best_mm: Option<Interval>,
-    /// Whether that difference is real, with the number of models allowed for.
+    /// Whether that difference is significant, corrected for the number of models.
     #[serde(default)]
     pub really_worse: bool,
-    /// Akaike's information criterion less that of the best.
+    /// Akaike's information criterion minus that of the best model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aic: Option<f64>,
-    /// Schwarz' information criterion less that of the best.
+    /// Schwarz' information criterion minus that of the best model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bic: Option<f64>,
-    /// Held-out depth pixels that the model cannot correct, share of all.
+    /// Share of the held-out depth pixels that the model cannot correct.
     #[serde(default)]
     pub not_correctable: f64,
-    /// Every dataset, the fitted one first.
+    /// Errors on every dataset, the fitted one first.
     pub per_dataset: Vec<DatasetEvaluation>,
-    /// Why there is no fit.
+    /// The error of the fit where it failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
 }
 
-/// The three errors.
+/// The three errors of depth.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors<T> {
     /// Mean dot error, mm.
@@ -79,7 +81,7 @@ pub struct Errors<T> {
     pub depth_rms_mm: T,
 }
 
-/// A value and the interval that holds it with 95 % confidence.
+/// A value with its 95 % confidence interval.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Interval {
     /// The value.
@@ -90,36 +92,36 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// Errors of a model that was fitted to some of the frames.
+/// Errors of a model fitted to subsets of the frames.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LearningPoint {
     /// The model.
     pub model: String,
     /// Frames in each fit.
     pub frames: usize,
-    /// Fits, each to other frames.
+    /// Number of fits, each to another subset.
     pub fits: usize,
-    /// Those of them that failed.
+    /// Number of fits that failed.
     pub failed: usize,
-    /// Why they failed: every reason once.
+    /// Errors of the failed fits, each once.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub reasons: Vec<String>,
-    /// Mean errors over the fits on data that they did not see.
+    /// Errors on held-out data, averaged over the fits.
     pub held_out: Errors<Option<f64>>,
 }
 
-/// D refitted to every dataset, with K and lens of the training dataset.
+/// D refitted to every dataset, with K and lens from the training dataset.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct StabilityRecord {
     /// The estimates, dataset by dataset, estimator by estimator.
     pub estimates: Vec<StabilityEstimate>,
-    /// Squared scatter of the joint estimates in units of their covariances.
+    /// χ² of the joint estimates about their weighted mean, with their covariances.
     pub chi_squared: f64,
     /// Its degrees of freedom.
     pub degrees_of_freedom: usize,
-    /// Probability of such a scatter if the camera were the same and the uncertainties right.
+    /// Probability of so large a χ² if all datasets share one D and the covariances are right.
     pub p_value: f64,
-    /// What the test says, and what datasets cannot determine.
+    /// The conclusion of the test, and the parameters that single datasets do not determine, in sentences.
     pub verdict: Vec<String>,
 }
 
@@ -134,7 +136,7 @@ pub struct StabilityEstimate {
     pub estimator: String,
     /// dx, dy, dz (1/mm), dw.
     pub d: [f64; 4],
-    /// Half widths of 95 % intervals; only from the joint adjustment.
+    /// Half widths of the 95 % confidence intervals; only the joint adjustment gives them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_width: Option<[f64; 4]>,
 }

@@ -1,29 +1,31 @@
-//! `diagnosis.json`: what a model lacked, what was added, and the error before and after.
+//! `diagnosis.json`: the effects that a model lacked, those that were added, and the errors before and after.
 
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FileError, FileReference, Interval, read_json, write_json};
+use super::comparison::Interval;
+use super::reference::FileReference;
+use crate::file::{FileError, read_json, write_json};
 
 /// The outcome of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// Nothing was missing that the data can show.
+    /// The data show nothing that the model lacks.
     Adequate,
-    /// Named effects were added, and nothing is left that the data can show.
+    /// Named effects were added, and the data show nothing else.
     Effect,
-    /// Something is left, or only a free map takes it up.
+    /// Something is left that no named effect explains; a free map may correct it.
     Unexplained,
 }
 
-/// Errors of one model on frames that it was not fitted to; one number each, absent where there is no depth.
+/// Errors of one model on held-out frames. Errors of depth are absent when there is no depth.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct HeldOutErrors {
-    /// Mean distance between markers from image and depth and their places on the board, mm.
+    /// Mean dot error, mm; see [`DatasetEvaluation`](super::evaluation::DatasetEvaluation).
     pub dot_error_mm: Option<f64>,
-    /// Mean absolute height of depth pixels over the board, mm.
+    /// Mean plane error, mm.
     pub plane_error_mm: Option<f64>,
     /// Root mean square of depth minus the board's depth, mm.
     pub depth_rms_mm: Option<f64>,
@@ -31,7 +33,7 @@ pub struct HeldOutErrors {
     pub reprojection_px: f64,
 }
 
-/// A difference with its 95 % interval, from resampled frames.
+/// A difference with its 95 % confidence interval from resampled frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GainInterval {
     /// Estimate.
@@ -43,7 +45,7 @@ pub struct GainInterval {
 }
 
 impl GainInterval {
-    /// Whether there is a gain beyond chance: the whole interval is above zero.
+    /// Whether the whole interval is above zero.
     pub fn is_certain(&self) -> bool {
         self.low > 0.0
     }
@@ -52,27 +54,27 @@ impl GainInterval {
 /// An effect that was accepted and added.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisStep {
-    /// Names in the order of their gain: the first is the one that was added.
+    /// Names of effects that explain the residuals jointly, in descending order of gain; the first is the one added.
     pub effects: Vec<String>,
-    /// Effects that these captures cannot tell from it.
+    /// Names of effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
-    /// As given to `calibrate --with`, constants included.
+    /// The effect as given to `calibrate --with`, constants included.
     pub with: String,
-    /// Its parameters.
+    /// Its fitted parameters.
     pub parameters: Vec<DiagnosisParameter>,
-    /// Root mean square size of the effect over the observations, mm.
+    /// Root mean square of the effect over the observations, mm.
     pub size_mm: f64,
-    /// p-value of the score test, corrected for the number of effects that were tested.
+    /// p-value of the score test, corrected for the number of effects tested.
     pub p_value: f64,
-    /// Errors before it was added.
+    /// Held-out errors before it was added.
     pub before: HeldOutErrors,
-    /// Errors after.
+    /// Held-out errors after it was added.
     pub after: HeldOutErrors,
-    /// Root mean square depth error after it was added, with its interval; absent where there is none, and in files of
-    /// earlier versions.
+    /// Held-out root mean square depth error after it was added, with its interval; absent without depth and in files
+    /// of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_after_mm: Option<Interval>,
-    /// Fall of the root mean square depth error, per cent.
+    /// Decrease of the held-out root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
 }
 
@@ -85,34 +87,35 @@ pub struct DiagnosisParameter {
     pub value: f64,
     /// Unit.
     pub unit: String,
-    /// Standard deviation; absent where it is not estimated.
+    /// Standard deviation; absent when the parameter is held or not determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std: Option<f64>,
 }
 
-/// What the last round found about an effect that is not in the model.
+/// The score test of an effect or free function that a round's model does not have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisCandidate {
     /// Its name.
     pub effect: String,
-    /// p-value of the score test, corrected for the constants that were tried.
+    /// p-value of the score test, corrected for the number of values tried for its constant.
     pub p_value: f64,
-    /// Size that the data would give it, mm; absent where these captures say nothing about it.
+    /// Root mean square size at the parameters that the data give it, mm; absent when these captures do not determine
+    /// them.
     pub expected_size_mm: Option<f64>,
-    /// Smallest size that these captures would have shown, mm; absent where they show none.
+    /// Smallest size that these captures reveal with 80 % power at the 1 % level, mm; absent when they reveal none.
     pub minimal_detectable_mm: Option<f64>,
-    /// Fall of the weighted root mean square residual on left-out frames, per cent; negative where the effect does harm.
+    /// Decrease of the weighted root mean square residual on left-out frames, per cent; negative when it rises.
     pub held_out_gain_percent: f64,
 }
 
-/// What one round found beside the model that it started from.
+/// One round of a diagnosis: the tests of everything that its model lacks, and the decision.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisRound {
-    /// Effects, by falling gain.
+    /// Effects, in descending order of gain.
     pub effects: Vec<DiagnosisCandidate>,
-    /// Free functions of a covariate, by falling gain: competitors of the effects, no names.
+    /// Free functions of a covariate, in descending order of gain. They compete with the effects and name nothing.
     pub free: Vec<DiagnosisCandidate>,
-    /// What was decided, in words.
+    /// The decision, in words.
     pub decision: String,
 }
 
@@ -121,34 +124,35 @@ pub struct DiagnosisRound {
 pub struct DiagnosisFrame {
     /// Its name.
     pub name: String,
-    /// Why.
+    /// The reason, in words.
     pub reason: String,
 }
 
-/// How a frame's depth, as a whole, deviates from the pose that its image shows, beside the last model.
+/// The plane by which a frame's depth, corrected by the last model, deviates from the pose that its image gives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisFramePlane {
-    /// The frame.
+    /// Name of the frame.
     pub name: String,
-    /// Offset in the middle of the board, mm.
+    /// Mean over the frame's depth samples, mm.
     pub offset_mm: f64,
     /// Root mean square over the frame's depth samples, mm.
     pub rms_mm: f64,
-    /// p-value of the plane against noise.
+    /// p-value of the hypothesis that the plane is noise.
     pub p_value: f64,
 }
 
-/// How well effects can pass for each other on these captures, beside the declared model.
+/// How similar effects are to each other on these captures, given the declared model.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Separability {
-    /// The effects, those that were added first.
+    /// Names of the effects; those that were added come first.
     pub effects: Vec<String>,
-    /// Row i, column k: cosine of the angle between effect i, at the parameters that the data give it and as far as the
-    /// declared model leaves it, and everything that effect k can do. 1: k can pass for i; 0: nothing in common.
+    /// Row i, column k: cosine of the angle between effect i, at the parameters that the data give it, and the space
+    /// that effect k spans, both projected off the declared model. At 1 effect k can reproduce effect i; at 0 they are
+    /// orthogonal.
     pub mimicry: Vec<Vec<f64>>,
 }
 
-/// First and last model on frames that they were not fitted to.
+/// Held-out errors of the first and the last model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisHeldOut {
     /// The declared model.
@@ -162,35 +166,36 @@ pub struct DiagnosisHeldOut {
 pub struct DiagnosisFile {
     /// The dataset.
     pub dataset: FileReference,
-    /// Depth model that was declared.
+    /// The declared depth model.
     pub model: String,
     /// The outcome.
     pub verdict: Verdict,
-    /// What was accepted and added, in order.
+    /// The effects that were added, in order.
     pub steps: Vec<DiagnosisStep>,
-    /// Every effect that was tested beside the declared model, and the free map, by falling gain.
+    /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order
+    /// of gain.
     pub candidates: Vec<DiagnosisCandidate>,
-    /// The same for every round, with all free functions.
+    /// The tests of every round, with all free functions, and its decision.
     #[serde(default)]
     pub rounds: Vec<DiagnosisRound>,
     /// Frames that were left out.
     pub bad_frames: Vec<DiagnosisFrame>,
-    /// Declarations that look wrong, in words.
+    /// Implausible declarations, in words.
     #[serde(default)]
     pub declarations: Vec<String>,
-    /// What is left, in words.
+    /// Structure left in the residuals that no effect explains, in words.
     #[serde(default)]
     pub left_over: Vec<String>,
-    /// What to capture next, in words.
+    /// Captures that would help, in words.
     #[serde(default)]
     pub capture_next: Vec<String>,
-    /// Every frame's own plane beside the last model.
+    /// The plane of every frame, given the last model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frame_planes: Vec<DiagnosisFramePlane>,
-    /// Which effects these captures can tell apart.
+    /// How similar the effects are to each other on these captures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub separability: Option<Separability>,
-    /// First model against last.
+    /// Held-out errors of the first and the last model.
     pub held_out: DiagnosisHeldOut,
 }
 

@@ -4,16 +4,16 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FileError, read_json, write_json};
+use crate::file::{FileError, read_json, write_json};
 
-/// Errors of one calibration on a number of datasets.
+/// Errors of one calibration on several datasets.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// One entry per dataset, in the order in which they were given.
     pub datasets: Vec<DatasetEvaluation>,
 }
 
-/// Errors on one dataset. The errors of depth are absent where the dataset has no depth.
+/// Errors on one dataset. Those of depth are absent when the dataset has no depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DatasetEvaluation {
     /// Name of the dataset's folder.
@@ -22,16 +22,18 @@ pub struct DatasetEvaluation {
     pub frames: usize,
     /// Reprojection error, px.
     pub reprojection_px: Rms,
-    /// Distance in 3D between a marker from image and depth and its place on the board, mm.
+    /// Distance in 3D between a marker, back-projected with its depth into the board frame, and its position on the
+    /// board, mm (Sjöholm 2017, eq. 5.1–5.3).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dot_error_mm: Option<BeforeAfter<MeanStd>>,
-    /// Mean absolute height over the board of the valid depth pixels inside the outermost markers, mm.
+    /// Mean absolute distance from the board's plane of the valid depth pixels within the outermost markers, mm
+    /// (Sjöholm 2017, eq. 5.4–5.5).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plane_error_mm: Option<BeforeAfter<MeanStd>>,
     /// Root mean square of depth minus the board's depth, over all valid board pixels of all frames, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<BeforeAfter<f64>>,
-    /// The same for every frame.
+    /// The same errors for every frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames_detail: Vec<FrameEvaluation>,
 }
@@ -58,7 +60,7 @@ pub struct FrameEvaluation {
     pub depth_rms_mm: Option<BeforeAfter<f64>>,
 }
 
-/// A quantity of the measured and of the corrected depth.
+/// A quantity computed from the depth as measured and from the corrected depth.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct BeforeAfter<T> {
     /// From the depth as measured.

@@ -1,4 +1,4 @@
-//! `observations.json`: what was measured in every frame, as the cache of a detection and the record of a fit.
+//! `observations.json`: the measurements in every frame, as the cache of a detection and the record of a fit.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,26 +6,28 @@ use std::path::Path;
 use depthcal_model::Target;
 use serde::{Deserialize, Serialize};
 
-use crate::json::{Fault, Versioned, read_versioned, write_versioned};
-use crate::{FileError, FileReference, FrameMetadata};
+use super::reference::FileReference;
+use crate::dataset::FrameMetadata;
+use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// Markers and depth samples of a dataset's frames.
 ///
-/// The file carries `"format": "depthcal-observations"` and `"version": 1` beside these fields, and no white space.
+/// The file carries `"format": "depthcal-observations"` and `"version": 1` in addition to these fields, and no white
+/// space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Observations {
-    /// The dataset, with the digest that tells whether this file still holds.
+    /// The dataset, with the digest that tells whether this file is still valid.
     pub dataset: FileReference,
     /// The board.
     pub target: Target,
-    /// Settings of detection and sampling, by name; other settings make this file stale.
+    /// Settings of detection and sampling, by name; this file is valid for these settings only.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub settings: BTreeMap<String, String>,
     /// The frames, in the dataset's order; a frame whose board was not found has no markers.
     pub frames: Vec<FrameObservations>,
 }
 
-/// What was measured in one frame.
+/// The measurements in one frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameObservations {
     /// Name of the frame: the stem of its files.
@@ -34,13 +36,13 @@ pub struct FrameObservations {
     pub width: usize,
     /// Height of the image in px.
     pub height: usize,
-    /// Markers that were found.
+    /// The detected markers.
     #[serde(default)]
     pub markers: Vec<MarkerObservation>,
-    /// Depth pixels on the board.
+    /// The depth pixels on the board.
     #[serde(default)]
     pub depth: Vec<DepthSample>,
-    /// What the dataset says about the frame.
+    /// The frame's row in the dataset's table.
     #[serde(default)]
     pub metadata: FrameMetadata,
 }
@@ -63,7 +65,7 @@ pub struct DepthSample {
     pub pixel: [f64; 2],
     /// Measured depth (z, not range), mm.
     pub depth_mm: f64,
-    /// Value of the image at this pixel, where images and depth share their pixel grid.
+    /// Grey value of the image at this pixel; absent when image and depth image do not share their pixel grid.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude: Option<f64>,
 }

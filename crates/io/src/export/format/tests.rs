@@ -1,7 +1,11 @@
 use std::collections::BTreeMap;
 
+use depthcal_model::hook::HookKind;
+
+use super::super::camera::names;
+use super::super::outcome::ExportWarning;
 use super::*;
-use crate::ParameterRecord;
+use crate::record::{ParameterRecord, PieceRecord};
 
 fn piece(hook: HookKind, name: &str, parameters: &[(&str, f64)]) -> PieceRecord {
     let parameters = parameters
@@ -179,7 +183,7 @@ fn formats_have_names() {
 
 #[test]
 fn a_calibration_gives_its_camera() {
-    let mut calibration = crate::calibration::example();
+    let mut calibration = crate::record::example();
     calibration.camera.pieces = vec![
         piece(HookKind::Board, "board_bow", &[("a", 1e-5)]),
         piece(HookKind::Lens, "brown_conrady", &[("k1", 0.1), ("k2", 0.2), ("p1", 0.3), ("p2", 0.4), ("k3", 0.5)]),

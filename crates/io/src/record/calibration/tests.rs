@@ -2,7 +2,7 @@ use depthcal_model::Pattern;
 use proptest::prelude::*;
 
 use super::*;
-use crate::json::parse_versioned;
+use crate::file::parse_versioned;
 
 fn parameter(name: &str, unit: &str, value: f64, std_dev: Option<f64>) -> ParameterRecord {
     ParameterRecord { name: name.into(), unit: unit.into(), value, std_dev, fixed: std_dev.is_none() }
@@ -91,7 +91,7 @@ fn the_file_has_the_fields_of_the_contract() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
     example().write(&path).unwrap();
-    let json: serde_json::Value = crate::read_json(&path).unwrap();
+    let json: serde_json::Value = crate::file::read_json(&path).unwrap();
     assert_eq!(json["format"], "depthcal-calibration");
     assert_eq!(json["version"], 1);
     assert_eq!(json["camera"]["pieces"][0]["hook"], "pixel");
