@@ -1,34 +1,10 @@
-//! Effects: what can be wrong with the camera or the board, each rendered where it happens.
-//!
-//! Every effect has one size in a natural unit. Its other properties (a period, a direction, a time constant) have
-//! nominal values and vary from one unit of the camera to the next, see [`crate::Simulation::unit`].
-//!
-//! Depth sizes called *rms* are the root mean square of the effect on depth, before the projective distortion, over the
-//! **reference volume**: frontal surfaces at depths from 400 to 1200 mm, evenly, over all pixels of the image.
-
-mod beyond;
-mod board;
-mod drift;
-mod lens;
-mod light;
-mod range;
-mod registration;
-#[cfg(test)]
-mod size_tests;
-mod sizing;
-mod table;
-mod triangulation;
-
-use std::collections::BTreeMap;
+//! An effect with its size, and effects by name.
 
 use serde::{Deserialize, Serialize};
 
-use crate::board::Board;
-use crate::camera::CameraTruth;
+use super::info::EffectInfo;
+use super::table::{catalogue, uncatalogued};
 use crate::error::SimulateError;
-use crate::instrument::Instrument;
-pub(crate) use sizing::Context;
-pub use table::{catalogue, uncatalogued};
 
 /// An effect and its size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,43 +13,6 @@ pub struct Effect {
     pub name: String,
     /// Its size in the unit of its [`EffectInfo`]; a negative size reverses it.
     pub size: f64,
-}
-
-/// What is known about an effect.
-#[derive(Debug, Clone, Copy)]
-pub struct EffectInfo {
-    /// Its name.
-    pub name: &'static str,
-    /// Where it acts: `board`, `lens`, `pixel` or `depth`.
-    pub hook: &'static str,
-    /// Unit of its size: `mm` or `px`.
-    pub unit: &'static str,
-    /// A size that is clearly visible and still realistic.
-    pub default_size: f64,
-    /// What exactly the size measures.
-    pub size_is: &'static str,
-    /// Its form.
-    pub form: &'static str,
-    install: Install,
-}
-
-/// Puts an effect of a size into the instrument and returns its parameters.
-type Install = fn(&Context, f64, &mut Instrument) -> Result<Parameters, SimulateError>;
-
-/// Parameters of an effect by name.
-pub type Parameters = BTreeMap<String, f64>;
-
-/// An effect as it was rendered.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EffectTruth {
-    /// Its name.
-    pub name: String,
-    /// Its size.
-    pub size: f64,
-    /// Unit of the size.
-    pub unit: String,
-    /// Everything that its form needs.
-    pub parameters: Parameters,
 }
 
 impl Effect {
@@ -98,7 +37,7 @@ impl Effect {
         Ok(Self { name: name.to_owned(), size: info.default_size })
     }
 
-    /// Reads `NAME` or `NAME=SIZE`. The name `none` is no effect.
+    /// Parses `NAME` (the default size) or `NAME=SIZE`; `None` for the name `none`.
     ///
     /// # Errors
     /// [`SimulateError::UnknownEffect`], [`SimulateError::BadEffectSize`].
@@ -120,7 +59,7 @@ impl Effect {
         }
     }
 
-    /// What is known about this effect.
+    /// The description of this effect.
     ///
     /// # Errors
     /// [`SimulateError::UnknownEffect`].
@@ -129,7 +68,7 @@ impl Effect {
     }
 }
 
-fn bad_size(info: &EffectInfo, size: &str) -> SimulateError {
+pub(super) fn bad_size(info: &EffectInfo, size: &str) -> SimulateError {
     SimulateError::BadEffectSize { name: info.name.to_owned(), size: size.to_owned(), unit: info.unit }
 }
 
@@ -142,33 +81,6 @@ fn info(name: &str) -> Result<&'static EffectInfo, SimulateError> {
             beyond: names(uncatalogued()),
         }
     })
-}
-
-/// Camera and board with all of `effects`.
-pub(crate) fn install(
-    camera: &CameraTruth,
-    board: &Board,
-    effects: &[Effect],
-    unit: u64,
-    seed: u64,
-) -> Result<(Instrument, Vec<EffectTruth>), SimulateError> {
-    let mut instrument = Instrument::new(camera, board);
-    let install_one = |effect: &Effect| {
-        let info = effect.info()?;
-        if !effect.size.is_finite() {
-            return Err(bad_size(info, &effect.size.to_string()));
-        }
-        let context = Context::new(camera, board, info.name, unit, seed);
-        let parameters = (info.install)(&context, effect.size, &mut instrument)?;
-        Ok(EffectTruth { name: info.name.to_owned(), size: effect.size, unit: info.unit.to_owned(), parameters })
-    };
-    let truths = effects.iter().map(install_one).collect::<Result<_, _>>()?;
-    Ok((instrument, truths))
-}
-
-/// Parameters from pairs of name and value.
-fn parameters<const N: usize>(pairs: [(&str, f64); N]) -> Parameters {
-    pairs.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 #[cfg(test)]

@@ -1,17 +1,12 @@
-//! The infrared image.
+//! The scene of one exposure as pixels see it.
 
-use rand::RngExt;
-use rand_distr::StandardNormal;
-use rayon::prelude::*;
-
-use super::Renderer;
+use super::renderer::Renderer;
 use super::spread::Spread;
 use crate::defects::Shot;
 use crate::light::Light;
 use crate::scene::{Cut, PlacedBoard};
-use crate::streams::{Purpose, stream};
 
-/// What a pixel's ray meets first.
+/// The scene of one exposure as pixels see it.
 pub(super) struct Look<'a, 'b> {
     pub renderer: &'b Renderer<'a>,
     pub placed: PlacedBoard<'b>,
@@ -35,7 +30,7 @@ impl<'a, 'b> Look<'a, 'b> {
                     Some([u, v]) => {
                         bounds = [bounds[0].min(u), bounds[1].min(v), bounds[2].max(u), bounds[3].max(v)];
                     }
-                    // Part of the card is beyond the lens' field: it may be anywhere.
+                    // Part of the card is outside the lens' field of view: no bounds can be given.
                     None => bounds = [f64::NEG_INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY],
                 }
             }
@@ -46,13 +41,13 @@ impl<'a, 'b> Look<'a, 'b> {
         Self { renderer, light: session.light(shot), placed, spread, bounds }
     }
 
-    /// Whether the card may be visible at this pixel of the image.
+    /// Whether the card may be visible at this pixel of the image; false only if it is not.
     pub fn may_show_board(&self, [u, v]: [f64; 2]) -> bool {
         let [u0, v0, u1, v1] = self.bounds;
         u >= u0 && u <= u1 && v >= v0 && v <= v1
     }
 
-    /// The ray of a pixel of the image and where it meets the board.
+    /// The ray of a pixel of the image and its intersection with the board; `None` when it misses the board.
     pub fn board(&self, pixel: [f64; 2]) -> Option<([f64; 2], Cut)> {
         let optics = &self.renderer.session.instrument.optics;
         let rays = &self.renderer.rays;
@@ -71,7 +66,7 @@ impl<'a, 'b> Look<'a, 'b> {
         found
     }
 
-    /// The ray of a pixel of the image that the board does not hide.
+    /// The ray of a pixel of the image that shows the background.
     pub fn ray_behind(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let optics = &self.renderer.session.instrument.optics;
         let wall = self.renderer.session.simulation.rendering.wall_mm;
@@ -79,14 +74,14 @@ impl<'a, 'b> Look<'a, 'b> {
         self.renderer.rays.at(if optics.breathing_mm == 0.0 { pixel } else { optics.in_focus(pixel, rho) })
     }
 
-    /// Signal around one point of the image, over a part of the pixel that is `side` pixels wide.
+    /// Mean signal over a square of the image, `side` px wide, about a point.
     fn sample(&self, pixel: [f64; 2], side: f64) -> f64 {
         match self.board(pixel) {
             Some((ray, cut)) => {
                 let board = self.placed.board;
                 let surface = board.surface(cut.design);
-                // An edge that crosses this part divides it: samples that are either dark or bright would place the
-                // edges of small dots on a lattice.
+                // An edge through the square mixes dark and bright in proportion. Samples that are either dark or
+                // bright would quantise the positions of the edges of small dots.
                 let width = side * cut.z / self.renderer.session.instrument.optics.focal[0];
                 let beyond = (0.5 - surface.print_edge_mm / width).max(0.0);
                 let other = board.bright + board.dark - surface.albedo;
@@ -102,7 +97,7 @@ impl<'a, 'b> Look<'a, 'b> {
         behind.map_or(0.0, |(ray, hit)| self.light.signal(hit.albedo, hit.cosine, ray, hit.z))
     }
 
-    /// Whether light from beyond an edge of print, card or backdrop may reach the pixel.
+    /// Whether light from beyond an edge of print, card or background may reach the pixel.
     fn has_edge(&self, pixel: [f64; 2], near_board: bool) -> bool {
         let reach = self.spread.reach;
         let around = || {
@@ -125,13 +120,14 @@ impl<'a, 'b> Look<'a, 'b> {
         backdrop.has_edges() && around().any(|p| part(p) != part(pixel))
     }
 
-    /// Length of a pixel's longer side on the board, mm, with some allowance for the lens.
+    /// Length of a pixel's longer side on the board, mm, with a margin of 20 % for the lens.
     pub fn footprint(&self, cut: &Cut) -> f64 {
         let focal = self.renderer.session.instrument.optics.focal;
         1.2 * cut.z / focal[0].min(focal[1]) / cut.cosine.max(0.05)
     }
 
-    fn pixel(&self, pixel: [f64; 2]) -> f64 {
+    /// Infrared signal of a pixel of the image, share of full scale, without noise.
+    pub fn pixel(&self, pixel: [f64; 2]) -> f64 {
         let near_board = self.may_show_board(pixel);
         if self.has_edge(pixel, near_board) {
             let side = self.spread.step;
@@ -143,33 +139,4 @@ impl<'a, 'b> Look<'a, 'b> {
         }
         if near_board { self.sample(pixel, 1.0) } else { self.sample_behind(pixel) }
     }
-}
-
-/// The signal at every pixel without noise, as a share of full scale, blurred by the lens.
-pub(super) fn signal(renderer: &Renderer<'_>, shot: &Shot) -> Vec<f32> {
-    let simulation = renderer.session.simulation;
-    let (width, height) = (simulation.camera.width, simulation.camera.height);
-    let look = Look::new(renderer, shot);
-    let mut signal = vec![0.0f32; width * height];
-    signal.par_chunks_mut(width).enumerate().for_each(|(row, values)| {
-        for (column, value) in values.iter_mut().enumerate() {
-            *value = look.pixel([column as f64, row as f64]) as f32;
-        }
-    });
-    signal
-}
-
-/// The image with noise, in whole steps.
-pub(super) fn expose(renderer: &Renderer<'_>, shot: &Shot, signal: &[f32]) -> Vec<u16> {
-    let simulation = renderer.session.simulation;
-    let noise = simulation.noise;
-    let mut rng = stream(renderer.session.seed(), Purpose::ImageNoise, shot.source);
-    let full = if simulation.rendering.image_bits == 16 { 65535.0 } else { 255.0 };
-    let expose = |&signal: &f32| {
-        let signal = f64::from(signal);
-        let sigma = (noise.image_read * noise.image_read + noise.image_shot * signal).sqrt();
-        let value = signal + sigma * rng.sample::<f64, _>(StandardNormal);
-        (value.clamp(0.0, 1.0) * full).round() as u16
-    };
-    signal.iter().map(expose).collect()
 }
