@@ -11,7 +11,8 @@ use opencv::core::{MatTraitConst, MatTraitConstManual};
 /// Images of a measured dataset by name; none, said aloud, where the dataset is not there.
 pub fn images(dataset: &str, folder: &str) -> Vec<(String, GrayImage)> {
     let Some(path) = data::measured(&format!("{dataset}/{folder}")) else { return Vec::new() };
-    let mut files: Vec<PathBuf> = std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path()).collect();
     files.sort();
     files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect()
 }
