@@ -1,18 +1,19 @@
-//! Work over all pixels in bands, on the threads of the present pool.
+//! Division of a frame into bands of pixels, which run on the threads of the current rayon pool.
 
 use std::ops::Add;
 
-use super::CorrectionSummary;
+use super::summary::CorrectionSummary;
 
-/// Pixels that are taken through all stages while they are in the first-level cache.
-pub(super) const CHUNK: usize = 1024;
-/// Pixels at most that are taken at a time where one loop does all: what goes before and after it then hardly counts.
-pub(super) const STRETCH: usize = 8 * CHUNK;
-/// Fewest pixels that are worth another thread: some ten microseconds of work.
+/// Pixels that are taken through all stages at a time, few enough to stay in the first-level cache.
+pub(crate) const CHUNK: usize = 1024;
+/// Most pixels that are taken at a time where a single loop does all the work: long enough that the cost of entering the loop
+/// is negligible.
+pub(crate) const STRETCH: usize = 8 * CHUNK;
+/// Fewest pixels of a band, some ten microseconds of work: less is not worth another thread.
 const FEWEST: usize = 16 * CHUNK;
 
-/// Output that can be cut in two at a pixel.
-pub(super) trait Split: Sized + Send {
+/// Output that can be split into two parts at a pixel.
+pub(crate) trait Split: Sized + Send {
     /// The first `pixels` pixels, and the others.
     fn split(self, pixels: usize) -> (Self, Self);
 }
@@ -29,9 +30,10 @@ impl<T: Send> Split for &mut [T] {
     }
 }
 
-/// Calls `work` with the first pixel, the number of pixels and the output of bands that cover `pixels` pixels. A band is a
-/// whole number of chunks, but for the last. Allocates nothing; on one thread it is one call.
-pub(super) fn for_bands<O: Split>(
+/// Divides `pixels` pixels into bands and calls `work` for each, with the index of its first pixel, its number of pixels and its
+/// part of the output. All bands but the last are a multiple of [`CHUNK`]. Returns the sum of the summaries. Allocates nothing;
+/// on a single thread there is one band.
+pub(crate) fn for_bands<O: Split>(
     pixels: usize,
     out: O,
     work: &(impl Fn(usize, usize, O) -> CorrectionSummary + Sync),
@@ -40,12 +42,12 @@ pub(super) fn for_bands<O: Split>(
     if threads == 1 {
         return work(0, pixels, out);
     }
-    // Two for each thread, so that one that comes late finds something left.
+    // Two per thread, so that a thread that is free early finds more work.
     let band = pixels.div_ceil(2 * threads).max(FEWEST).next_multiple_of(CHUNK);
-    halves(0, pixels, band, out, work)
+    in_halves(0, pixels, band, out, work)
 }
 
-fn halves<O: Split>(
+fn in_halves<O: Split>(
     first: usize,
     pixels: usize,
     band: usize,
@@ -57,8 +59,10 @@ fn halves<O: Split>(
     }
     let before = pixels.div_ceil(band) / 2 * band;
     let (a, b) = out.split(before);
-    let (a, b) =
-        rayon::join(|| halves(first, before, band, a, work), || halves(first + before, pixels - before, band, b, work));
+    let (a, b) = rayon::join(
+        || in_halves(first, before, band, a, work),
+        || in_halves(first + before, pixels - before, band, b, work),
+    );
     a.add(b)
 }
 

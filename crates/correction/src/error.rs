@@ -1,14 +1,16 @@
-//! Why depth cannot be corrected.
+//! Errors of the correction.
 
 use depthcal_model::CameraError;
 use thiserror::Error;
 
-/// Why depth cannot be corrected.
+/// Reasons for which a camera cannot correct depth, or arguments do not fit the camera.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum CorrectorError {
     /// The camera has no pixels.
-    #[error("the camera's image has {width} × {height} px: give the size of its images")]
+    #[error(
+        "the camera's image size is {width}×{height} px: the calibration must state the width and height of its images"
+    )]
     Empty {
         /// Width of the image, px.
         width: usize,
@@ -16,14 +18,17 @@ pub enum CorrectorError {
         height: usize,
     },
     /// No pixel has a ray.
-    #[error("no pixel of the camera has a ray, so its pinhole or lens is not usable: {source}; calibrate again")]
+    #[error(
+        "the camera's pinhole or lens maps no ray to any pixel (at pixel (0, 0): {source}): its parameters are unusable; \
+         calibrate again"
+    )]
     NoRay {
-        /// What is wrong at the first pixel.
+        /// Why pixel (0, 0) has no ray.
         source: CameraError,
     },
     /// An image has another size than the camera.
     #[error(
-        "{what} has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated resolution",
+        "{what} has {}×{} px, but the calibration is for {}×{} px: use images of the calibrated resolution",
         found.0, found.1, expected.0, expected.1
     )]
     Size {
@@ -34,14 +39,16 @@ pub enum CorrectorError {
         /// Width and height of the camera, px.
         expected: (usize, usize),
     },
-    /// A buffer does not hold one value per pixel.
-    #[error("{what} has {found} values, but the camera has {expected} pixels")]
+    /// A buffer has another length than the camera's number of pixels requires.
+    #[error(
+        "{what} has {found} values, but the calibrated resolution requires {expected}: use a buffer of that length"
+    )]
     Length {
         /// Which buffer.
         what: &'static str,
         /// Its length.
         found: usize,
-        /// The number of pixels.
+        /// The length that is required: one value per pixel, three for interleaved points.
         expected: usize,
     },
     /// The depth unit is not a length.

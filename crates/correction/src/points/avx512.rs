@@ -1,18 +1,17 @@
-//! [`super::from_steps`] by AVX-512's own instructions.
+//! Points from 16-bit depth by AVX-512's own instructions, sixteen pixels at a time.
 
 use std::arch::x86_64::{__m512, _CMP_NGT_UQ, _CMP_UNORD_Q};
 
 use pulp::cast;
 use pulp::x86::V4;
 
-use super::{Found, FromSteps, from_steps};
-use crate::aligned::LINE;
-use crate::cubics::{Cubic, PLACES};
-use crate::moebius::NEAREST_POLE;
-use crate::simd::{Isa, LANES};
+use super::portable::{self, DepthOnRays, PointCounts};
+use crate::plan::NEAREST_POLE;
+use crate::rays::{Cubic, PLACES};
+use crate::simd::{Isa, LANES, LINE};
 
-/// Indices of lanes.
-const FIRST: [u32; LANES] = {
+/// 0, 1, … 15.
+const LANE_INDICES: [u32; LANES] = {
     let mut indices = [0; LANES];
     let mut i = 0;
     while i < LANES {
@@ -22,16 +21,17 @@ const FIRST: [u32; LANES] = {
     indices
 };
 
-/// Points while depth is in registers, corrected or as it is.
+/// [`portable::from_u16`] in AVX-512's own instructions.
 ///
-/// q is 0 here, so that the map is z = (1 + p) z_m / (1 − r z_m): three roundings of depth itself, some 0.001 mm at 5 m.
+/// With q = 0 the map is z = (1 + p) z_m / (1 − r z_m). Computed in this form, depth itself is rounded three times, some 0.001 mm
+/// at 5 m.
 #[inline(always)]
-pub(crate) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option<Found> {
+pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> Option<PointCounts> {
     let f = v4.avx512f;
-    if from.measured.len() < LANES {
-        return from_steps::<_, CORRECT>(v4, from);
+    if pixels.measured.len() < LANES {
+        return portable::from_u16::<_, CORRECT>(v4, pixels);
     }
-    let FromSteps { map, measured, unit_mm, rays: [rx, ry], cubics, out } = from;
+    let DepthOnRays { map, measured, unit_mm, rays: [rx, ry], cubics, out } = pixels;
     let (p, d) = map;
     if CORRECT && p <= -1.0 {
         return None;
@@ -48,10 +48,11 @@ pub(crate) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option
         f._mm512_fmadd_ps(slope, places, c0)
     };
 
-    // A pixel has three values, a line of the cache sixteen, and 3 · 11 is 1 beyond two lines: so many pixels from the first on
-    // points begin with a line. From there on they are stored as whole lines, of two neighbouring blocks each.
+    // Points are stored as whole cache lines. `head` is the number of pixels before the first point that begins at a line: a
+    // point has three values, a line has sixteen, and 3 · 11 = 1 modulo 16. From there on, sixteen points fill three lines;
+    // they come from two neighbouring blocks.
     let head = (out.as_ptr().align_offset(LINE) * 11) % LANES;
-    let shift = f._mm512_add_epi32(cast(FIRST), f._mm512_set1_epi32(head as i32));
+    let shift = f._mm512_add_epi32(cast(LANE_INDICES), f._mm512_set1_epi32(head as i32));
     let (steps_blocks, steps_rest) = measured.as_chunks::<LANES>();
     let (x_blocks, x_rest) = rx.as_chunks::<LANES>();
     let (y_blocks, y_rest) = ry.as_chunks::<LANES>();
@@ -83,10 +84,10 @@ pub(crate) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option
         let steps = f._mm512_cvtepi32_ps(steps);
         let depth = if CORRECT {
             let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
-            // 1 where there is no depth. Of NaN and another number it is the other.
+            // `left` is 1 where there is no depth. The minimum of NaN and a number is the number.
             let left = f._mm512_fnmadd_ps(r, steps, one);
             nearest_pole = f._mm512_min_ps(left, nearest_pole);
-            // The estimate of 1/left is right to 2⁻¹⁴, Newton's step squares that.
+            // The estimate of 1/left has an error of 2⁻¹⁴, which a Newton step squares.
             let inverse = f._mm512_rcp14_ps(left);
             let inverse = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, inverse, one), inverse, inverse);
             f._mm512_mask_mul_ps(nan, valid, f._mm512_mul_ps(steps, scale), inverse)
@@ -112,7 +113,7 @@ pub(crate) fn points<const CORRECT: bool>(v4: V4, from: FromSteps<'_>) -> Option
         return None;
     }
     let rays = [x_rest, y_rest];
-    let of_rest = FromSteps { map, measured: steps_rest, unit_mm, rays, cubics: &[], out: rest };
-    let of_rest = from_steps::<_, CORRECT>(v4, of_rest)?;
-    Some(Found { depths: depths + of_rest.depths, points: depths - without_ray + of_rest.points })
+    let of_rest = DepthOnRays { map, measured: steps_rest, unit_mm, rays, cubics: &[], out: rest };
+    let of_rest = portable::from_u16::<_, CORRECT>(v4, of_rest)?;
+    Some(PointCounts { depths: depths + of_rest.depths, points: depths - without_ray + of_rest.points })
 }

@@ -1,21 +1,22 @@
-//! Means of four source pixels, a segment of output pixels at a time.
+//! Weighted means of four source pixels, for a segment of output pixels at a time.
 
 use crate::simd::{Isa, Kernel, dispatch};
 
-/// Pixels of the window that a segment's sources lie in: an index of 16 bits cannot leave it, so that loops need no bounds.
+/// Pixels of the window that the sources of a segment lie in: a 16-bit index cannot leave it, so that loops need no bounds checks.
 pub const WINDOW: usize = 1 << 16;
 
-/// Where an output pixel lies among four source pixels.
+/// The four source pixels of an output pixel, and its place among them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cell {
-    /// The upper left one, from the segment's base.
+    /// The upper left source pixel, relative to the segment's base.
     pub offset: u16,
-    /// Weights of the right and lower ones, 1/256.
+    /// Weight of the two right ones, 1/256.
     pub right: u8,
+    /// Weight of the two lower ones, 1/256.
     pub lower: u8,
 }
 
-/// The weights of four source pixels, which sum to 65536.
+/// Weights of [upper left, upper right, lower left, lower right], which sum to 65536.
 #[inline(always)]
 pub fn weights(cell: Cell) -> [u32; 4] {
     let (right, lower) = (u32::from(cell.right), u32::from(cell.lower));
@@ -23,12 +24,12 @@ pub fn weights(cell: Cell) -> [u32; 4] {
     [left * upper, right * upper, left * lower, right * lower]
 }
 
-/// What interpolation needs of a value.
+/// A pixel value of which weighted means can be computed.
 pub trait Means: Copy + Default {
     /// The mean of [upper left, upper right, lower left, lower right] with weights that sum to 65536.
     fn mean(four: [Self; 4], weights: [u32; 4]) -> Self;
 
-    /// The same for all pixels of a segment; `windows` are those of the four source pixels.
+    /// [`Means::mean`] for all pixels of a segment; `windows` are those of the four source pixels.
     #[inline(always)]
     fn means(windows: [&[Self; WINDOW]; 4], cells: &[Cell], out: &mut [Self]) {
         for (out, cell) in out.iter_mut().zip(cells) {
@@ -37,7 +38,7 @@ pub trait Means: Copy + Default {
     }
 }
 
-/// At most 65535 · 65536 + 32768, which 32 bits hold.
+/// The rounded mean. The sum is at most 65535 · 65536 + 32768, which 32 bits hold.
 #[inline(always)]
 fn weighted(four: [u32; 4], weights: [u32; 4]) -> u32 {
     ((0..4).map(|k| four[k] * weights[k]).sum::<u32>() + (1 << 15)) >> 16
@@ -68,8 +69,8 @@ impl Means for [u8; 3] {
     }
 }
 
-/// A segment of bytes: fetching them is work for the scalar units, so that is a loop of its own, and what is done to the
-/// four, packed into 32 bits, is vectorised.
+/// A segment of bytes. Fetching them cannot be vectorised, so that is a loop of its own, which packs the four bytes of a pixel into 32
+/// bits; the loop over the packed bytes is vectorised.
 struct Bytes<'a> {
     windows: [&'a [u8; WINDOW]; 4],
     cells: &'a [Cell],
@@ -93,7 +94,7 @@ impl Kernel for Bytes<'_> {
             }
             for i in 0..n {
                 let (right, lower) = (u32::from(cells[i].right), u32::from(cells[i].lower));
-                // Upper and lower pixel in one number of 2 × 16 bits, which hold 255 · 256.
+                // The upper and the lower mean as two numbers of 16 bits, which hold 255 · 256.
                 let columns = (fours[i] & 0x00ff_00ff) * (256 - right) + (fours[i] >> 8 & 0x00ff_00ff) * right;
                 let sum = (columns & 0xffff) * (256 - lower) + (columns >> 16) * lower;
                 out[i] = ((sum + (1 << 15)) >> 16) as u8;
