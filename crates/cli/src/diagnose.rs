@@ -11,7 +11,8 @@ use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
 use depthcal_calibration::calibrate::CalibrateOptions;
-use depthcal_calibration::diagnose::account::{text, to_file};
+use depthcal_calibration::diagnose::account::text;
+use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::evaluate;
@@ -61,6 +62,7 @@ impl From<DiagnoseError> for Failure {
         match error {
             DiagnoseError::Calibrate(error) => error.into(),
             DiagnoseError::Score(error) => Failure::Untrusted(error.to_string()),
+            DiagnoseError::NotFitted { .. } => Failure::Untrusted(error.to_string()),
             DiagnoseError::NoDepth { .. } => Failure::Input(error.to_string()),
         }
     }
