@@ -82,7 +82,8 @@ impl Diagnose {
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
         options.camera =
             declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
-        let options = DiagnoseOptions { calibrate: options, folds: usize::from(self.folds) };
+        let folds = usize::from(self.folds);
+        let options = DiagnoseOptions { calibrate: options, folds, ..DiagnoseOptions::default() };
         let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
         let told = Told {
             title: loaded.capture.name.clone(),
