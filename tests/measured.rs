@@ -151,7 +151,11 @@ fn planted_effects_are_found_on_top_of_the_cameras_own() {
         let d = diagnose(&planted, None, &DiagnoseOptions::default()).unwrap();
         let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
         println!("{name}: {before:.2} → {after:.2} mm; {}", verdict(&d));
-        assert!(d.steps.iter().any(|s| s.effects[0] == name), "{name}: {:?}", d.rounds);
+        assert!(
+            d.steps.iter().any(|s| s.effects[0] == name),
+            "{name}: {:?}",
+            d.rounds.iter().map(ToString::to_string).collect::<Vec<_>>()
+        );
         assert!(after < before, "{name}: {before} → {after} mm");
     }
 }
