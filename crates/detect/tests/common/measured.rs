@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use depthcal_io::GrayImage;
 use opencv::core::{MatTraitConst, MatTraitConstManual};
 
-/// Images of a measured dataset by name; none, said aloud, where the dataset is not there.
+/// Images of a measured dataset by name; none where the dataset is not present, and the test is then reported as skipped.
 pub fn images(dataset: &str, folder: &str) -> Vec<(String, GrayImage)> {
     let Some(path) = data::measured(&format!("{dataset}/{folder}")) else { return Vec::new() };
     let mut files: Vec<PathBuf> =
