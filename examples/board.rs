@@ -12,7 +12,7 @@ mod support;
 
 use std::error::Error;
 
-use depthcal_solver::{EvaluationError, Graph, Key, LANES, Lane, LaneBatch, Lanes, Scalar, Values, VariableId};
+use depthcal::solver::{EvaluationError, Graph, Key, LANES, Lane, LaneBatch, Lanes, Scalar, Values, VariableId};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector3, Vector4};
 use num_dual::{Derivative, DualSVec64};
 

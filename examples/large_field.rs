@@ -5,8 +5,8 @@
 
 use std::time::Instant;
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::simulated;
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::simulated;
 use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Simulation::new(CameraTruth::published(1)?, Kind::Plywood1, &[effect], 1).frames(frames).board(board);
     let observed = simulation.observe_points(&PointOptions { depth_samples: samples, ..PointOptions::default() })?;
     let capture = simulated::capture(&observed);
-    let total: usize = capture.frames.iter().map(|f| f.samples.len()).sum();
+    let total: usize = capture.frames.iter().map(|f| f.depth_pixels().len()).sum();
     let model = format!("projective+multiplier@columns={columns}@rows={rows}@bins={bins}");
     println!("{model}: {frames} frames, {total} depth residuals");
     let start = Instant::now();

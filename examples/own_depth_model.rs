@@ -6,13 +6,13 @@
 
 use std::path::PathBuf;
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::capture::{CaptureOptions, load};
-use depthcal::compare::{CompareOptions, compare, tables};
-use depthcal::diagnose::account::text;
-use depthcal::diagnose::{DiagnoseOptions, diagnose};
-use depthcal_model::hook::{Depth, DepthState};
-use depthcal_model::{Context, Parameter, Piece, Register, Scalar};
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::compare::{CompareOptions, compare, tables};
+use depthcal::calibration::diagnose::account::text;
+use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
+use depthcal::calibration::load::{LoadOptions, load};
+use depthcal::model::hook::{Depth, DepthState};
+use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
 // --8<-- the model
@@ -22,8 +22,11 @@ struct CubicVignette;
 
 impl Piece<Depth, 1> for CubicVignette {
     const NAME: &'static str = "cubic_vignette";
+    const SUMMARY: &'static str = "depth grows wrong towards the corners";
+    const EQUATION: &'static str = "ρ (1 + s r³)";
     const SOURCE: &'static str = "an example";
-    const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1", 0.0, 1e-2)];
+    const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1", 0.0, 1e-2)
+        .meaning("Growth with the third power of the distance from the optical axis.")];
 
     fn map<T: Scalar>(&self, state: DepthState<T>, [s]: [T; 1], _: &Context) -> T {
         let r2 = state.x * state.x + state.y * state.y;
@@ -54,7 +57,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             simulated.clone()
         }
     };
-    let capture = load(&dataset, &CaptureOptions { cache: None, ..CaptureOptions::default() })?.capture;
+    let capture = load(&dataset, &LoadOptions { cache: None, ..LoadOptions::default() })?.capture;
     let options = CalibrateOptions { register: register(), ..CalibrateOptions::default() };
 
     let model = "projective+cubic_vignette".to_owned();

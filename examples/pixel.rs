@@ -9,9 +9,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use depthcal::corrector::{Corrector, FrameContext, PointsMut, Rays, Remap};
-use depthcal_io::DepthImage;
-use depthcal_model::{Camera, Register};
+use depthcal::correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
+use depthcal::io::DepthImage;
+use depthcal::model::{Camera, Register};
 use rayon::prelude::*;
 
 const SIZES: [(usize, usize); 3] = [(640, 480), (1280, 720), (1920, 1080)];

@@ -7,11 +7,11 @@
 use std::error::Error;
 use std::path::Path;
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::capture::{CaptureOptions, load};
-use depthcal::diagnose::account;
-use depthcal::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
-use depthcal::simulated;
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::diagnose::account;
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::calibration::load::{LoadOptions, load};
+use depthcal::calibration::simulated;
 use depthcal_simulate::Effect;
 
 const DEFAULT: &str = "none,cyclic_depth=4,temporal_drift=6,depth_registration=3,range_offset=15,radial_range=8,\
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         [dataset, "--effects", list] => (dataset, list),
         _ => return Err("usage: planted DATASET [--effects NAME=SIZE,…]".into()),
     };
-    let mut capture = load(Path::new(dataset), &CaptureOptions::default())?.capture;
+    let mut capture = load(Path::new(dataset), &LoadOptions::default())?.capture;
     if capture.frames.iter().all(|f| f.time_s == 0.0) {
         capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
     }
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn row(d: &Diagnosis) -> String {
     let names: Vec<&str> = d.steps.iter().map(|s| s.effects[0].as_str()).collect();
     let sizes: Vec<String> = d.steps.iter().map(|s| format!("{:.2}", s.size_mm)).collect();
-    let mm = |h: &depthcal::diagnose::HeldOut| h.errors.depth_rms_mm.unwrap_or(f64::NAN);
+    let mm = |h: &depthcal::calibration::diagnose::HeldOut| h.errors.depth_rms_mm.unwrap_or(f64::NAN);
     let (before, after) = (mm(&d.before), mm(&d.after));
     format!("{} | {} | {:?} | {before:.2} | {after:.2} |", names.join(", "), sizes.join(", "), d.verdict)
 }

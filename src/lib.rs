@@ -1,30 +1,69 @@
-//! depthcal calibrates depth cameras.
+//! depthcal calibrates depth cameras: one joint adjustment of intrinsics, lens, depth distortion and board poses to images
+//! and depth images of a printed board; correction of every pixel; and a search for what the model still lacks.
+//!
+//! # The measurement
+//!
+//! Camera frame as in OpenCV (x right, y down, z forward), millimetres and pixels. Depth is the z coordinate, inverse depth
+//! ρ = 1/z. A board point P is seen at the pixel (u, v) with the measured depth `z_m = 1/ρ_m`:
+//!
+//! ```text
+//! P ──board──▶ P' ──pose──▶ X = R P' + t ──project──▶ (x, y, ρ) = (X/Z, Y/Z, 1/Z)
+//!     (x, y) ──lens──▶ (x', y') ──pinhole──▶ (u, v) = (fx x' + s y' + cx, fy y' + cy)
+//!     (x, y, ρ) ──depth──▶ ρ_m = dx x + dy y + dz + dw ρ        projective (Sjöholm 2017), or any other depth model
+//! ```
+//!
+//! Every arrow is a stack of *pieces*: small smooth maps with a few parameters each ([`model`]). A new depth model is one
+//! more piece.
+//!
+//! # From captures to corrected depth
+//!
+//! ```no_run
+//! use depthcal::{CalibrateOptions, Corrector, FrameContext, LoadOptions, calibrate, evaluate, load};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let loaded = load("captures/".as_ref(), &LoadOptions::default())?;
+//! let fit = calibrate(&loaded.capture, &CalibrateOptions::default())?;
+//! let errors = evaluate(&fit.camera, &fit.capture);
+//! depthcal::calibration_record(&fit, &errors, loaded.reference, None).write("calibration.json")?;
+//! let corrector = Corrector::new(&fit.camera)?;
+//! let depth = depthcal::io::read_depth("depth/0001.png")?;
+//! let mut corrected = depth.clone();
+//! corrector.correct_u16(&depth, 1.0, &FrameContext::default(), &mut corrected)?;
+//! depthcal::io::write_depth("corrected/0001.png", &corrected)?;
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Where things are
+//!
+//! | crate | what it is |
+//! |---|---|
+//! | [`model`] | the camera as pieces, with all Jacobians |
+//! | [`solver`] | nonlinear least squares on factor graphs; knows no cameras |
+//! | [`io`] | datasets, images, result files, exports |
+//! | [`calibration`] | captures to a judged model: calibrate, evaluate, compare, diagnose |
+//! | [`correction`] | every pixel of every frame |
+//! | `report` (feature `cli`) | self-contained HTML pages |
+//! | `cli` (feature `cli`) | the command line, also for programs with pieces of their own |
+//!
+//! Features, both on by default: `cli` (the command line and its reports) and `detect` (boards in images, by OpenCV).
 
-pub mod adjustment;
-pub mod board_region;
-pub mod calibrate;
-pub mod capture;
-mod cells;
-pub mod cli;
-pub mod compare;
-pub mod corrector;
-pub mod cross_validation;
-pub mod depth_sampling;
-#[cfg(feature = "detect")]
-mod detection;
-pub mod diagnose;
-pub mod estimators;
-pub mod evaluate;
-pub mod factors;
-pub mod marker_depth;
-pub mod noise;
-pub mod observations;
-mod progress;
-pub mod record;
-pub mod report;
-#[cfg(feature = "rerun")]
-pub mod rerun;
-pub mod roughness;
-pub mod simulated;
-pub mod smoothness;
-pub mod start;
+pub use depthcal_calibration as calibration;
+#[cfg(feature = "cli")]
+pub use depthcal_cli as cli;
+pub use depthcal_correction as correction;
+pub use depthcal_io as io;
+pub use depthcal_model as model;
+#[cfg(feature = "cli")]
+pub use depthcal_report as report;
+pub use depthcal_solver as solver;
+
+pub use depthcal_calibration::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
+pub use depthcal_calibration::calibration_record::{calibration_record, camera_from_record};
+pub use depthcal_calibration::compare::{CompareOptions, compare};
+pub use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+pub use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+pub use depthcal_calibration::load::{LoadError, LoadOptions, Loaded, load};
+pub use depthcal_calibration::observe::Capture;
+pub use depthcal_correction::{Corrector, FrameContext};
+pub use depthcal_model::{Camera, Register};

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    depthcal::cli::run()
+    depthcal::cli::run(depthcal::model::Register::builtin())
 }

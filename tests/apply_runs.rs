@@ -5,7 +5,7 @@ mod support;
 use std::io::Write;
 use std::process::{Output, Stdio};
 
-use depthcal_io::{DepthImage, read_depth, write_depth};
+use depthcal::io::{DepthImage, read_depth, write_depth};
 use support::{CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, command, stderr, stdout, succeeds};
 
 const PIXELS: usize = WIDTH * HEIGHT;

@@ -3,7 +3,7 @@
 
 mod support;
 
-use depthcal_io::{GrayImage, read_depth, write_depth, write_gray};
+use depthcal::io::{GrayImage, read_depth, write_depth, write_gray};
 use support::{
     BOARD, CALIBRATION, FRAMES, Folder, HEIGHT, UNIT, WIDTH, calibration_with, calibration_with_unit, command, depth,
     fails, gray, succeeds,
@@ -184,7 +184,7 @@ fn depth_to_apply_to() {
     apply(&[&loose, "--unit-mm", "1", "--cloud"], &["depth/2.png", "damaged"]);
     write_gray(folder.path("data/depth/2.png"), &GrayImage { bits: 8, ..gray(100) }).unwrap();
     apply(&[&loose, "--unit-mm", "1"], &["depth/2.png", "16-bit grey PNG"]);
-    let large = depthcal_io::DepthImage { width: 8, height: 4, data: vec![1; 32] };
+    let large = depthcal::io::DepthImage { width: 8, height: 4, data: vec![1; 32] };
     write_depth(folder.path("data/depth/2.png"), &large).unwrap();
     apply(&[&loose, "--unit-mm", "1"], &["depth/2.png", "8×4", "64×48"]);
     write_depth(folder.path("data/depth/2.png"), &depth(5)).unwrap();

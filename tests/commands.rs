@@ -5,7 +5,7 @@ mod support;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{Dataset, DepthImage, GrayImage, read_depth, read_json, write_depth, write_gray};
+use depthcal::io::{Dataset, DepthImage, GrayImage, read_depth, read_json, write_depth, write_gray};
 use depthcal_simulate::Truth;
 use support::{
     BOARD, CALIBRATION, D, FRAMES, Folder, HEIGHT, PINHOLE, WIDTH, calibration_with, calibration_with_unit, depth, run,

@@ -2,13 +2,13 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibrate::CalibrateOptions;
-use depthcal::capture::{CaptureOptions, load};
-use depthcal::compare::{CompareOptions, compare, tables};
-use depthcal::observations::Capture;
-use depthcal_io::Comparison;
-use depthcal_model::hook::{Depth, DepthState};
-use depthcal_model::{Context, Parameter, Piece, Register, Scalar};
+use depthcal::calibration::calibrate::CalibrateOptions;
+use depthcal::calibration::compare::{CompareOptions, compare, tables};
+use depthcal::calibration::load::{LoadOptions, load};
+use depthcal::calibration::observe::Capture;
+use depthcal::io::Comparison;
+use depthcal::model::hook::{Depth, DepthState};
+use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
 /// A scale of inverse depth that grows with the distance from the axis: a model that depthcal does not have.
@@ -17,6 +17,8 @@ struct Outside;
 
 impl Piece<Depth, 1> for Outside {
     const NAME: &'static str = "outside";
+    const SUMMARY: &'static str = "the scale grows with the distance from the axis";
+    const EQUATION: &'static str = "ρ (1 + s r²)";
     const SOURCE: &'static str = "a test";
     const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1", 0.0, 1e-2)];
 
@@ -32,7 +34,7 @@ fn rendered(camera: usize, kind: Kind, effects: &[Effect], frames: usize) -> Cap
         .frames(frames)
         .write_dataset(folder.path().join(kind.to_string()))
         .unwrap();
-    let options = CaptureOptions { cache: None, ..CaptureOptions::default() };
+    let options = LoadOptions { cache: None, ..LoadOptions::default() };
     load(&folder.path().join(kind.to_string()), &options).unwrap().capture
 }
 

@@ -1,12 +1,12 @@
 //! The loop on simulated captures whose faults are known, at the level of points: named where it has a name, left alone where
 //! it has none, and nothing where there is nothing.
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::diagnose::{DiagnoseOptions, Diagnosis, diagnose, evidence, frames};
-use depthcal::simulated;
-use depthcal_io::Verdict;
-use depthcal_model::hook::{Depth, DepthState};
-use depthcal_model::{Context, Parameter, Piece, Register, Scalar};
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose, evidence, frames};
+use depthcal::calibration::simulated;
+use depthcal::io::Verdict;
+use depthcal::model::hook::{Depth, DepthState};
+use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Simulation};
 use rayon::prelude::*;
 
@@ -134,6 +134,8 @@ struct Trefoil;
 
 impl Piece<Depth, 1> for Trefoil {
     const NAME: &'static str = "trefoil";
+    const SUMMARY: &'static str = "the lens is pressed at three points";
+    const EQUATION: &'static str = "ρ + k (x³ − 3xy²)";
     const SOURCE: &'static str = "a test";
     const PARAMETERS: [Parameter; 1] = [Parameter::new("k", "1/mm", 0.0, 1e-5)];
 
@@ -149,7 +151,7 @@ fn an_effect_from_outside_is_named() {
     let observed = simulation(&[], 8).observe_points(&PointOptions::default()).unwrap();
     let mut capture = simulated::capture(&observed);
     let camera = CameraTruth::published(1).unwrap();
-    for sample in capture.frames.iter_mut().flat_map(|f| &mut f.samples) {
+    for sample in capture.frames.iter_mut().flat_map(|f| f.depth_pixels_mut()) {
         let [x, y] = undistorted(&camera, sample.context.pixel);
         sample.depth_mm = 1.0 / (1.0 / sample.depth_mm + K_PER_MM * x * (x * x - 3.0 * y * y));
     }

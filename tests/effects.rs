@@ -1,8 +1,8 @@
 //! Every effect of the catalogue, simulated by code that shares nothing with the pieces: left undeclared it raises the
 //! residuals above the noise, declared it lowers them to the noise.
 
-use depthcal::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal::simulated;
+use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Noise, PointOptions, Simulation, catalogue};
 
 /// The piece with its constants as the simulator has them: constants are not fitted, and searching them is not this test's.

@@ -1,6 +1,6 @@
 //! The estimators of D on exact and on noisy markers.
 
-use depthcal::estimators::{EstimatorError, MarkerPoint, irls, linear, nonlinear};
+use depthcal::calibration::estimators::{EstimatorError, MarkerPoint, irls, linear, nonlinear};
 use nalgebra::{Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

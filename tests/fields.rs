@@ -1,10 +1,10 @@
 //! Fields over the image, fitted to simulated captures whose errors no parametric model has.
 
-use depthcal::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal::record::{to_camera, to_record};
-use depthcal::simulated;
-use depthcal_io::FileReference;
-use depthcal_model::Register;
+use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::calibration_record::{calibration_record, camera_from_record};
+use depthcal::calibration::simulated;
+use depthcal::io::FileReference;
+use depthcal::model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, Noise, PointOptions, Simulation};
 
 fn simulation(effects: &[Effect], frames: usize) -> Simulation {
@@ -85,14 +85,14 @@ fn nodes_without_data_stay_neutral_and_files_keep_fields() {
     for (free, value) in block.free.iter().zip(&block.theta) {
         assert!(*free || *value == 1.0);
     }
-    let evaluated = depthcal::evaluate::evaluate(&result.camera, &result.capture);
-    let record = to_record(&result, &evaluated, FileReference::default(), None);
+    let evaluated = depthcal::calibration::judge::evaluate::evaluate(&result.camera, &result.capture);
+    let record = calibration_record(&result, &evaluated, FileReference::default(), None);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
     record.write(&path).unwrap();
-    let read = depthcal_io::Calibration::read(&path).unwrap();
-    let camera = to_camera(&read.camera, &Register::builtin()).unwrap();
+    let read = depthcal::io::Calibration::read(&path).unwrap();
+    let camera = camera_from_record(&read.camera, &Register::builtin()).unwrap();
     assert_eq!(camera.theta(), result.camera.theta());
-    let options = |c: &depthcal_model::Camera| c.block("multiplier").unwrap().piece().unwrap().options();
+    let options = |c: &depthcal::model::Camera| c.block("multiplier").unwrap().piece().unwrap().options();
     assert_eq!(options(&camera), options(&result.camera));
 }

@@ -5,13 +5,13 @@
 #[path = "support/measured.rs"]
 mod data;
 
-use depthcal::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal::capture::{CaptureOptions, Loaded, load};
-use depthcal::compare::{CompareOptions, compare};
-use depthcal::diagnose::account::verdict;
-use depthcal::diagnose::{DiagnoseOptions, diagnose};
-use depthcal::evaluate::evaluate;
-use depthcal::simulated::planted;
+use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::compare::{CompareOptions, compare};
+use depthcal::calibration::diagnose::account::verdict;
+use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
+use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::load::{LoadOptions, Loaded, load};
+use depthcal::calibration::simulated::planted;
 use depthcal_simulate::Effect;
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
@@ -19,7 +19,7 @@ use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 fn measured(name: &str) -> Option<Loaded> {
     let path = data::measured(&format!("{name}/dataset.toml"))?;
     let folder = path.parent().unwrap();
-    Some(load(folder, &CaptureOptions { cache: None, ..CaptureOptions::default() }).unwrap())
+    Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap())
 }
 
 /// OpenCV's reprojection rms on the same markers with the same model (five lens parameters).

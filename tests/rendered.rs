@@ -2,9 +2,9 @@
 
 #![cfg(feature = "detect")]
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::capture::{CaptureOptions, load};
-use depthcal::evaluate::evaluate;
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::judge::evaluate::evaluate;
+use depthcal::calibration::load::{LoadOptions, load};
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
 /// Narrowest width of a dot of this size, px, from its outline under the true camera.
@@ -34,7 +34,7 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
         let simulation = Simulation::new(camera, Kind::General(1), &[], seed);
         let folder = tempfile::tempdir().unwrap();
         simulation.write_dataset(folder.path().join("capture")).unwrap();
-        let options = CaptureOptions { cache: None, ..CaptureOptions::default() };
+        let options = LoadOptions { cache: None, ..LoadOptions::default() };
         let loaded = load(&folder.path().join("capture"), &options).unwrap();
         let truth = simulation.observe_points(&exact).unwrap();
         for (i, frame) in truth.frames.iter().enumerate() {
@@ -57,7 +57,7 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
         assert!((fx - camera.focal_px[0]).abs() < 0.3, "fx = {fx}");
         assert!((fy - camera.focal_px[1]).abs() < 0.3, "fy = {fy}");
         let errors = evaluate(&result.camera, &loaded.capture).record();
-        println!("{}", depthcal::evaluate::table(std::slice::from_ref(&errors), None));
+        println!("{}", depthcal::calibration::judge::evaluate::table(std::slice::from_ref(&errors), None));
         let rms = errors.depth_rms_mm.unwrap();
         assert!(rms.after < 0.3 * rms.before, "depth rms {:.2} mm to {:.2} mm", rms.before, rms.after);
     }

@@ -1,9 +1,9 @@
 //! Start values: recovered where the captures determine them, refused with a reason where they do not.
 
-use depthcal::observations::{Capture, MarkerObservation};
-use depthcal::simulated;
-use depthcal::start::{FrameMarkers, StartError, estimate_pose, homography, start_values};
-use depthcal_model::{Block, Camera, Register};
+use depthcal::calibration::observe::{Capture, MarkerObservation};
+use depthcal::calibration::simulated;
+use depthcal::calibration::start::{FrameMarkers, StartError, estimate_pose, homography, start_values};
+use depthcal::model::{Block, Camera, Register};
 use depthcal_simulate::{CameraTruth, Kind, PointObservations, PointOptions, Pose, Simulation};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

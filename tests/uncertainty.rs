@@ -1,7 +1,7 @@
 //! The reported standard deviations are right: 100 simulated captures of camera 1 at the point level.
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::simulated;
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 use nalgebra::DVector;
 use rayon::prelude::*;

@@ -1,8 +1,8 @@
 //! Effects that the catalogue does not have: invented ones, and its own taken out of it.
 
-use depthcal::diagnose::{DiagnoseOptions, FREE_MAP, diagnose};
-use depthcal_io::Verdict;
-use depthcal_model::Register;
+use depthcal::calibration::diagnose::{DiagnoseOptions, FREE_MAP, diagnose};
+use depthcal::io::Verdict;
+use depthcal::model::Register;
 use depthcal_simulate::{Effect, catalogue, uncatalogued};
 use rayon::prelude::*;
 

@@ -23,10 +23,10 @@ mod size;
 use std::error::Error;
 use std::time::Instant;
 
-use depthcal::capture::{CaptureOptions, load};
-use depthcal::diagnose::{DiagnoseOptions, Diagnosis, HeldOut, diagnose};
-use depthcal::observations::Capture;
-use depthcal::simulated;
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, HeldOut, diagnose};
+use depthcal::calibration::load::{LoadOptions, load};
+use depthcal::calibration::observe::Capture;
+use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 
 /// Anything that can go wrong in a run: it is said, and the run is left out.
@@ -59,7 +59,7 @@ impl Study {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("capture");
         simulation.write_dataset(&path)?;
-        Ok(load(&path, &CaptureOptions { cache: None, ..CaptureOptions::default() })?.capture)
+        Ok(load(&path, &LoadOptions { cache: None, ..LoadOptions::default() })?.capture)
     }
 
     fn diagnose(&self, simulation: &Simulation) -> Result<Diagnosis, Failure> {

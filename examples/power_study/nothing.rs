@@ -1,6 +1,6 @@
 //! Captures in which no effect may be named.
 
-use depthcal_io::Verdict;
+use depthcal::io::Verdict;
 use depthcal_simulate::{Defects, Noise, Simulation};
 use rayon::prelude::*;
 

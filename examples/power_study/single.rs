@@ -1,12 +1,12 @@
 //! One undeclared effect: is it named, how large is it said to be, and what does the correction leave?
 
-use depthcal::calibrate::{CalibrateOptions, calibrate};
-use depthcal::cross_validation::{cross_validate, errors};
-use depthcal::diagnose::{DiagnoseOptions, evidence};
-use depthcal::simulated;
-use depthcal_io::Verdict;
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::diagnose::{DiagnoseOptions, evidence};
+use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
+use depthcal::calibration::simulated;
+use depthcal::io::Verdict;
 use depthcal_simulate::{Effect, EffectTruth, PointOptions, Simulation, Truth, catalogue};
-use depthcal_solver::score::noncentrality;
+use depthcal_statistics::noncentrality;
 use rayon::prelude::*;
 
 use super::size::{Recovery, recovery};
@@ -76,7 +76,7 @@ impl Study {
         let effects = vec![declared(truth, last_s(&all), full_scale)];
         let told = CalibrateOptions { effects, ..CalibrateOptions::default() };
         let folds = DiagnoseOptions::default().folds;
-        let oracle = cross_validate(&diagnosis.last.capture, folds, &told)?;
+        let oracle = cross_validate(&diagnosis.last.capture.detected(), folds, &told)?;
         let recovery = if diagnosis.last.camera.block(name).is_some() {
             recovery(simulation, &diagnosis.last, truth, full_scale)?
         } else {

@@ -2,10 +2,10 @@
 //! effect (a displacement that the focal length takes up, a bias that D takes up): both are compared in the part that the
 //! others cannot make.
 
-use depthcal::calibrate::Calibrated;
-use depthcal::simulated;
-use depthcal_model::Context;
-use depthcal_model::hook::HookKind;
+use depthcal::calibration::calibrate::Calibrated;
+use depthcal::calibration::simulated;
+use depthcal::model::Context;
+use depthcal::model::hook::HookKind;
 use depthcal_simulate::{
     CameraTruth, DepthNoise, Effect, EffectTruth, Kind, Noise, PointObservations, PointOptions, Simulation,
 };
@@ -107,13 +107,13 @@ fn depth(
     let piece = block.piece().ok_or("no piece")?;
     let bare = fit.camera.filtered(|b| b.name() != name && b.name() != "projective");
     let mut contexts = simulated::capture(with);
-    contexts.frames.iter_mut().flat_map(|f| &mut f.samples).for_each(|s| s.context.amplitude *= full_scale);
+    contexts.frames.iter_mut().flat_map(|f| f.depth_pixels_mut()).for_each(|s| s.context.amplitude *= full_scale);
     let mut states: Vec<[f64; 4]> = Vec::new();
     let mut at: Vec<Context> = Vec::new();
     let mut truth = Vec::new();
     for ((a, b), frame) in with.frames.iter().zip(&without.frames).zip(&contexts.frames) {
         let mut pairs = Vec::new();
-        for (sample, context) in a.depths.iter().zip(&frame.samples) {
+        for (sample, context) in a.depths.iter().zip(frame.depth_pixels()) {
             let Some(twin) = b.depths.iter().find(|d| d.pixel == sample.pixel) else { continue };
             let rho = 1.0 / twin.z_mm;
             let Ok([x, y]) = bare.ray(sample.pixel, rho) else { continue };

@@ -6,7 +6,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use depthcal_io::{DepthImage, GrayImage, write_depth, write_gray};
+use depthcal::io::{DepthImage, GrayImage, write_depth, write_gray};
 
 pub const WIDTH: usize = 64;
 pub const HEIGHT: usize = 48;

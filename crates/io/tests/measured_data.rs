@@ -4,7 +4,7 @@
 mod data;
 
 use data::measured;
-use depthcal_io::{BalProblem, Dataset, check_same_size, read_depth, read_gray};
+use depthcal_io::{Dataset, check_same_size, read_depth, read_gray};
 use depthcal_model::Pattern;
 
 #[test]
@@ -37,12 +37,4 @@ fn chessboard_has_13_jpeg_images() {
         assert_eq!((image.width, image.height, image.bits), (640, 480, 8));
         assert!(image.data.iter().max() > Some(&200));
     }
-}
-
-#[test]
-fn a_bundle_adjustment_problem() {
-    let Some(folder) = measured("bal") else { return };
-    let problem = BalProblem::read(folder.join("problem-16-22106-pre.txt.bz2")).unwrap();
-    assert_eq!((problem.cameras.len(), problem.points.len(), problem.observations.len()), (16, 22106, 83718));
-    assert!(problem.cameras.iter().all(|camera| (100.0..10_000.0).contains(&camera[6])), "focal lengths in px");
 }

@@ -1,4 +1,4 @@
-//! Measured captures, where they are present.
+//! Measured captures, which are not part of the repository.
 
 #[path = "../../../../tests/support/measured.rs"]
 mod data;
@@ -8,13 +8,18 @@ use std::path::PathBuf;
 use depthcal_io::GrayImage;
 use opencv::core::{MatTraitConst, MatTraitConstManual};
 
-/// Images of a measured dataset by name; none where the dataset is not present, and the test is then reported as skipped.
-pub fn images(dataset: &str, folder: &str) -> Vec<(String, GrayImage)> {
-    let Some(path) = data::measured(&format!("{dataset}/{folder}")) else { return Vec::new() };
-    let mut files: Vec<PathBuf> =
-        std::fs::read_dir(path).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+/// Images of a measured dataset with their file names; `None` where the dataset is not present, and the
+/// test is then reported as skipped.
+///
+/// # Panics
+/// When the dataset's folder holds no images.
+pub fn images(dataset: &str, folder: &str) -> Option<Vec<(String, GrayImage)>> {
+    let path = data::measured(&format!("{dataset}/{folder}"))?;
+    let entries = std::fs::read_dir(&path).expect("a folder");
+    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
     files.sort();
-    files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect()
+    assert!(!files.is_empty(), "{} holds no images", path.display());
+    Some(files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect())
 }
 
 fn read(file: &std::path::Path) -> GrayImage {

@@ -1,0 +1,321 @@
+//! The joint adjustment: camera, lens, depth distortion and board poses in one least-squares problem.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use depthcal_model::chain::POSE;
+use depthcal_model::{Camera, Target};
+use depthcal_solver::score::{Candidate, Linearization, ScoreError};
+use depthcal_solver::{
+    BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, LinearSolver, Loss, Options,
+    Report, SolveError, Values, VariableId, minimize,
+};
+use nalgebra::{DMatrix, DVector, Isometry3};
+use rayon::prelude::*;
+
+use super::blocks::{BlockKeys, is_depth_only};
+use super::factors::{DepthBatch, ImageBatch, ImageGroup, SharedBlocks, depth_group};
+use super::field_cells::{cell_chain, cell_groups, node_layout};
+use super::frame_rows::FrameRows;
+use super::smoothness_prior::{Smoothness, SmoothnessBatch};
+use super::smoothness_selection::FrameInformation;
+use crate::observe::noise::NoiseModel;
+use crate::observe::{AdjustableFrame, Capture, DetectedFrame};
+
+/// Residuals beyond this many standard deviations lose influence (Huber's loss): clean data are hardly touched.
+pub const HUBER: f64 = 3.0;
+
+/// A calibration problem on a factor graph: one variable per parameter block of the camera, one pose per frame.
+pub struct Adjustment {
+    graph: Graph,
+    values: Values,
+    camera: Camera,
+    blocks: Vec<BlockKeys>,
+    poses: Vec<Key<Isometry3<f64>>>,
+    image: BatchId,
+    depth: Option<BatchId>,
+}
+
+/// A solved adjustment.
+pub struct Adjusted {
+    /// The camera with its adjusted parameters.
+    pub camera: Camera,
+    /// Camera from board, one per frame.
+    pub poses: Vec<Isometry3<f64>>,
+    /// How the solver went.
+    pub report: Report,
+    /// Residuals of the markers, whitened: u, v per marker, frame after frame.
+    pub image_residuals: Vec<f64>,
+    /// Residuals of the depth samples, whitened, frame after frame.
+    pub depth_residuals: Vec<f64>,
+}
+
+impl Adjustment {
+    /// The problem of all frames of a capture; depth samples take part where `with_depth`.
+    pub fn new<F: AdjustableFrame>(
+        capture: &Capture<F>,
+        camera: &Camera,
+        noise: &NoiseModel,
+        with_depth: bool,
+    ) -> Self {
+        let mut graph = Graph::new();
+        let mut values = Values::new();
+        let blocks: Vec<BlockKeys> = camera
+            .blocks()
+            .iter()
+            .map(|block| {
+                // Without depth its pieces have no residual to hold them.
+                let in_use = with_depth || !is_depth_only(block);
+                let held: Vec<bool> = block.free.iter().map(|free| !(*free && in_use)).collect();
+                let mut insert = |part: Range<usize>, label: String| {
+                    let key = values.insert(DVector::from_column_slice(&block.theta[part.clone()]));
+                    graph.label(key, label);
+                    graph.fix_partly(key, &held[part]);
+                    key
+                };
+                match node_layout(block) {
+                    None => BlockKeys::Whole(insert(0..held.len(), block.name().to_owned())),
+                    Some(layout) => {
+                        let count = layout.grid.columns_and_rows();
+                        let node = |k: usize| k * layout.per_node()..(k + 1) * layout.per_node();
+                        let nodes = (0..count).map(|k| insert(node(k), format!("node {k} of {}", block.name())));
+                        let nodes = nodes.collect();
+                        let rest = count * layout.per_node()..held.len();
+                        let shared = (!rest.is_empty()).then(|| insert(rest, block.name().to_owned()));
+                        BlockKeys::Nodes { layout, nodes, shared }
+                    }
+                }
+            })
+            .collect();
+        let pose_keys: Vec<Key<Isometry3<f64>>> = capture.poses().map(|pose| values.insert(pose)).collect();
+        for (key, frame) in pose_keys.iter().zip(&capture.frames) {
+            graph.label(*key, format!("pose of {}", frame.posed().name));
+        }
+        let by_node = blocks.iter().any(|b| matches!(b, BlockKeys::Nodes { .. }));
+        if !by_node {
+            graph.eliminate(pose_keys.iter().copied());
+        }
+        let image_blocks = camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
+        let whole = blocks.iter().filter_map(|b| if let BlockKeys::Whole(key) = b { Some(*key) } else { None });
+        let chain = Arc::new(if by_node { cell_chain(camera) } else { camera.chain() });
+        let shared = SharedBlocks { chain: chain.clone(), keys: whole.collect(), image_blocks };
+        let frames = || capture.frames.iter().zip(&pose_keys);
+        let with_markers = frames().filter(|(f, _)| !f.posed().markers.is_empty());
+        let groups = with_markers.map(|(f, k)| image_group(&capture.target, f.posed(), *k, noise));
+        let image = graph.add_batch(ImageBatch::new(shared.clone(), groups.collect(), Loss::Huber { delta: HUBER }));
+        let depth = with_depth.then(|| {
+            let frames = frames().filter(|(f, _)| !f.samples().is_empty());
+            let loss = Loss::Huber { delta: HUBER };
+            graph.add_batch(if by_node {
+                let groups = frames.flat_map(|(f, k)| cell_groups(f.samples(), *k, noise, &blocks));
+                DepthBatch::by_cell(chain, groups.collect(), loss)
+            } else {
+                let groups = frames.map(|(f, k)| depth_group(f.samples(), *k, noise));
+                DepthBatch::new(shared, groups.collect(), loss)
+            })
+        });
+        Self { graph, values, camera: camera.clone(), blocks, poses: pose_keys, image, depth }
+    }
+
+    /// Adds the prior of the camera's fields; without it fields that leave freedom to the data are not determined.
+    #[must_use]
+    pub fn with_smoothness(mut self, smoothness: &Smoothness) -> Self {
+        for (block, key) in self.camera.blocks().iter().zip(&self.blocks) {
+            let rows = smoothness.rows(block);
+            match key {
+                _ if rows.is_empty() => {}
+                BlockKeys::Whole(key) => _ = self.graph.add_batch(SmoothnessBatch::new(block, *key, rows)),
+                BlockKeys::Nodes { layout, nodes, shared } => {
+                    let keys: Vec<_> = nodes.iter().chain(shared).copied().collect();
+                    self.graph.add_batch(SmoothnessBatch::by_node(block, layout, &keys, &rows));
+                }
+            }
+        }
+        self
+    }
+
+    /// What every frame says of the camera's free parameters at the present values, priors left out, with residuals weighted
+    /// by their losses. Frames that cannot be evaluated say nothing.
+    pub fn frame_information(&self) -> Vec<FrameInformation> {
+        let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
+        let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
+        let size = POSE + columns.len();
+        self.poses
+            .par_iter()
+            .map(|pose| {
+                // Image and depth apart: poses of frames that are judged come from the image alone.
+                let parts = [Some(self.image), self.depth].map(|batch| {
+                    let (mut normal, mut gradient) = (DMatrix::zeros(size, size), DVector::zeros(size));
+                    if let Some(batch) = batch.and_then(|b| self.graph.batch(b)) {
+                        let own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose.id()));
+                        for group in own {
+                            self.add_information(batch, group, &columns, &mut normal, &mut gradient);
+                        }
+                    }
+                    (normal, gradient)
+                });
+                FrameInformation::new(&parts[0], &parts[1], POSE)
+            })
+            .collect()
+    }
+
+    fn add_information(
+        &self,
+        batch: &dyn FactorBatch,
+        group: usize,
+        columns: &[usize],
+        normal: &mut DMatrix<f64>,
+        gradient: &mut DVector<f64>,
+    ) {
+        let rows = batch.row_count(group);
+        let width: usize = batch.variables(group).iter().map(|id| self.values.dim(*id)).sum();
+        let (mut r, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * width]);
+        if batch.evaluate(group, &self.values, &mut r, Some(&mut jacobian)).is_err() {
+            return;
+        }
+        let dim = batch.residual_dim();
+        // Images see the leading part of the parameters only.
+        let places: Vec<usize> = (0..POSE).chain(columns.iter().copied().filter(|c| *c < width)).collect();
+        let mut part = DMatrix::zeros(rows, places.len());
+        for (k, (residual, rows)) in r.chunks_exact_mut(dim).zip(jacobian.chunks_exact(dim * width)).enumerate() {
+            let size = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
+            let weight = if size > HUBER { (HUBER / size).sqrt() } else { 1.0 };
+            for (i, row) in rows.chunks_exact(width).enumerate() {
+                residual[i] *= weight;
+                for (c, place) in places.iter().enumerate() {
+                    part[(k * dim + i, c)] = weight * row[*place];
+                }
+            }
+        }
+        let n = places.len();
+        normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &part, &part, 1.0);
+        gradient.rows_mut(0, n).gemv_tr(1.0, &part, &DVector::from_vec(r), 1.0);
+    }
+
+    /// Minimises the problem from its start values.
+    ///
+    /// # Errors
+    ///
+    /// [`SolveError`].
+    pub fn solve(&mut self) -> Result<Adjusted, SolveError> {
+        // Poses see all nodes and no order of elimination by blocks is good: a minimum-degree order puts them last.
+        let linear_solver = if self.by_node() { LinearSolver::SparseCholesky } else { LinearSolver::default() };
+        let options = Options { linear_solver, ..Options::default() };
+        let solution = minimize(&self.graph, self.values.clone(), &options)?;
+        self.values = solution.values;
+        let residuals =
+            |batch: Option<BatchId>| batch.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default();
+        let theta: Vec<f64> =
+            self.blocks.iter().flat_map(BlockKeys::keys).flat_map(|k| self.values.get(k).iter().copied()).collect();
+        Ok(Adjusted {
+            camera: self.camera.with_theta(&theta),
+            poses: self.poses.iter().map(|k| *self.values.get(*k)).collect(),
+            report: solution.report,
+            image_residuals: residuals(Some(self.image)),
+            depth_residuals: residuals(self.depth),
+        })
+    }
+
+    /// Whether fields are so large that their nodes are variables of their own. Covariances are then out of reach.
+    pub fn by_node(&self) -> bool {
+        self.blocks.iter().any(|b| matches!(b, BlockKeys::Nodes { .. }))
+    }
+
+    /// Covariance of all variables at the present values.
+    ///
+    /// # Errors
+    ///
+    /// [`CovarianceError`], where the data leave a combination of parameters undetermined.
+    pub fn covariance(&self) -> Result<Covariance, CovarianceError> {
+        Covariance::compute(&self.graph, &self.values, &CovarianceOptions::default())
+    }
+
+    /// Normal equations frame by frame at the present values, with held blocks of the camera as candidates: each with its
+    /// name, its place among [`Camera::blocks`] and a smoothness prior where it needs one.
+    ///
+    /// # Errors
+    ///
+    /// [`ScoreError`].
+    pub fn linearize(
+        &self,
+        candidates: impl Iterator<Item = (String, usize, Option<DMatrix<f64>>)>,
+    ) -> Result<Linearization, ScoreError> {
+        let poses: Vec<VariableId> = self.poses.iter().map(|k| k.id()).collect();
+        let candidates: Vec<Candidate> = candidates
+            .map(|(name, block, smoothness)| {
+                let variables = self.blocks[block].keys().map(|k| k.id()).collect();
+                Candidate { name, variables, smoothness }
+            })
+            .collect();
+        Linearization::new(&self.graph, &self.values, &poses, &candidates)
+    }
+
+    /// Residuals of a frame and their derivatives by its pose, weighted as the solver weights them; `None` where it cannot be
+    /// evaluated.
+    pub(crate) fn frame_rows(&self, frame: usize) -> Option<FrameRows> {
+        let pose = self.poses.get(frame)?.id();
+        let (mut residuals, mut columns, mut depth) = (Vec::new(), Vec::new(), 0);
+        for id in [Some(self.image), self.depth].into_iter().flatten() {
+            let batch = self.graph.batch(id)?;
+            let mut own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose));
+            let Some(group) = own.next() else { continue };
+            // Pixels that are sorted into the cells of a fine field are not in the frame's order.
+            if own.next().is_some() {
+                return None;
+            }
+            let rows = batch.row_count(group);
+            let width: usize = batch.variables(group).iter().map(|v| self.values.dim(*v)).sum();
+            let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * width]);
+            batch.evaluate(group, &self.values, &mut r, Some(&mut j)).ok()?;
+            let dim = batch.residual_dim();
+            for (residual, rows) in r.chunks_exact(dim).zip(j.chunks_exact(dim * width)) {
+                let weight = batch.loss().evaluate(residual.iter().map(|x| x * x).sum())[1].sqrt();
+                residuals.extend(residual.iter().map(|x| x * weight));
+                columns.extend(rows.chunks_exact(width).flat_map(|row| row[..6].iter().map(|d| d * weight)));
+            }
+            depth = if Some(id) == self.depth { rows } else { 0 };
+        }
+        let pose = DMatrix::from_row_slice(residuals.len(), 6, &columns);
+        Some(FrameRows { residuals: DVector::from_vec(residuals), pose, depth })
+    }
+
+    /// Joint covariance of all camera parameters, in the order of [`Camera::theta`]; rows and columns of held
+    /// parameters are zero.
+    pub fn camera_covariance(&self, covariance: &Covariance) -> DMatrix<f64> {
+        let ids: Vec<VariableId> = self.blocks.iter().flat_map(BlockKeys::keys).map(|k| k.id()).collect();
+        covariance.joint(&ids)
+    }
+
+    /// Redundancy (degrees of freedom left) of the marker and of the depth residuals: n − tr(J Σ Jᵀ) (Förstner 1979;
+    /// Koch 1999, section 3.6.1).
+    pub fn redundancies(&self, covariance: &Covariance) -> (f64, f64) {
+        let of = |batch: Option<BatchId>| -> f64 {
+            let Some(batch) = batch.and_then(|b| self.graph.batch(b)) else { return 0.0 };
+            let mut redundancy = 0.0;
+            for group in 0..batch.group_count() {
+                let ids = batch.variables(group);
+                let columns: usize = ids.iter().map(|id| self.values.dim(*id)).sum();
+                let rows = batch.row_count(group);
+                let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * columns]);
+                redundancy += rows as f64;
+                if batch.evaluate(group, &self.values, &mut r, Some(&mut j)).is_err() {
+                    continue;
+                }
+                let sigma = covariance.joint(ids);
+                let j = DMatrix::from_row_slice(rows, columns, &j);
+                redundancy -= (&j * sigma).component_mul(&j).sum();
+            }
+            redundancy
+        };
+        (of(Some(self.image)), of(self.depth))
+    }
+}
+
+fn image_group(target: &Target, frame: &DetectedFrame, pose: Key<Isometry3<f64>>, noise: &NoiseModel) -> ImageGroup {
+    ImageGroup {
+        pose,
+        points: frame.markers.iter().map(|m| target.point(m.index)).collect(),
+        pixels: frame.markers.iter().map(|m| m.pixel).collect(),
+        sigmas: frame.markers.iter().map(|m| m.std_px * noise.pixel_sigma).collect(),
+    }
+}

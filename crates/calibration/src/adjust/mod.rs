@@ -1,0 +1,9 @@
+//! The joint adjustment: factors of markers and depth samples on the solver, fields and their smoothness.
+
+pub mod adjustment;
+pub mod blocks;
+pub mod factors;
+pub(crate) mod field_cells;
+pub mod frame_rows;
+pub mod smoothness_prior;
+pub mod smoothness_selection;

@@ -1,0 +1,285 @@
+//! Smoothness of fields: what is known of a grid of parameters before the data are seen.
+//!
+//! Second differences between neighbouring nodes, (∂²/∂u², √2 ∂²/∂u∂v, ∂²/∂v², and ∂²/∂z²), have the standard deviation
+//! *roughness*, one per field, which is chosen from the data (see [`crate::adjust::smoothness_selection`]). A weak ridge keeps what second
+//! differences do not see near neutral. In a stack such as `projective+bspline` it also decides who has the common part: D
+//! costs nothing, the ridge costs a little, so D has it; there its strength is chosen from the data as well. Nodes that no sample touches are held at their
+//! neutral values.
+
+use std::collections::BTreeMap;
+
+use depthcal_model::field::FieldLayout;
+use depthcal_model::{Block, Camera};
+use depthcal_solver::{EvaluationError, FactorBatch, Key, Values, VariableId};
+use nalgebra::DVector;
+
+use crate::observe::{Capture, SampledFrame};
+
+/// Standard deviation of the ridge in units of a parameter's typical deviation: of fields alone, which have to take up
+/// everything, and beside D, which is to take up what it can.
+const RIDGE: [f64; 2] = [10.0, 3.0];
+/// Roughness to start with, in the same units.
+const FIRST_ROUGHNESS: f64 = 0.3;
+
+/// One field of a piece and how rough it may be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldRoughness {
+    /// The piece.
+    pub piece: &'static str,
+    /// The field: the name of the local parameter.
+    pub field: String,
+    /// Number of the field within its piece.
+    pub index: usize,
+    /// Standard deviation of second differences, in units of the parameter's typical deviation.
+    pub roughness: f64,
+    /// Nodes with data.
+    pub nodes: usize,
+    /// Nodes without, which stay neutral.
+    pub untouched: usize,
+    /// Effective number of parameters: what the data rather than the prior determine; `None` where not computed.
+    pub effective: Option<f64>,
+}
+
+/// The fields of a camera.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Smoothness {
+    /// In the order of the camera's blocks.
+    pub fields: Vec<FieldRoughness>,
+    /// Standard deviation of the ridge, in units of a parameter's typical deviation.
+    pub ridge: f64,
+    /// Whether D is there to take up what it can: then the ridge is chosen from the data too.
+    pub beside_d: bool,
+}
+
+impl Smoothness {
+    /// All fields of a camera at the roughness to start with.
+    pub fn of(camera: &Camera) -> Self {
+        let mut fields = Vec::new();
+        for block in camera.blocks() {
+            let Some((piece, layout)) = block.piece().and_then(|p| Some((p, p.field()?))) else { continue };
+            for index in 0..layout.fields {
+                let own: Vec<bool> = indices(&layout, index).map(|i| block.free[i]).collect();
+                let nodes = own.iter().filter(|free| **free).count();
+                let name = &piece.parameters()[index * layout.grid.bins].name;
+                fields.push(FieldRoughness {
+                    piece: piece.name(),
+                    field: name.split('[').next().unwrap_or_default().to_owned(),
+                    index,
+                    roughness: FIRST_ROUGHNESS,
+                    nodes,
+                    untouched: own.len() - nodes,
+                    effective: None,
+                });
+            }
+        }
+        let beside_d = camera.block("projective").is_some_and(|d| d.free.contains(&true));
+        Self { fields, ridge: RIDGE[usize::from(beside_d)], beside_d }
+    }
+
+    /// Whether no roughness differs by more than a third: errors of the fit hardly depend on it.
+    pub fn close_to(&self, other: &Self) -> bool {
+        let pairs = self.fields.iter().zip(&other.fields);
+        let close = |a: f64, b: f64| (a / b).ln().abs() < 0.3;
+        pairs.into_iter().all(|(a, b)| close(a.roughness, b.roughness)) && close(self.ridge, other.ridge)
+    }
+
+    /// Roughness of a block's fields, in units of their typical deviation.
+    fn roughness(&self, piece: &str, index: usize) -> f64 {
+        self.fields.iter().find(|f| f.piece == piece && f.index == index).map_or(FIRST_ROUGHNESS, |f| f.roughness)
+    }
+
+    /// The prior's rows for a block: smoothness of each field, ridge, and what is known of shared parameters.
+    pub fn rows(&self, block: &Block) -> Vec<PriorRow> {
+        let Some(layout) = block.piece().and_then(|p| p.field()) else { return Vec::new() };
+        let mut rows = differences(&layout, &block.free, |f| self.roughness(block.name(), f));
+        rows.extend(ridge(&layout, &block.free, self.ridge));
+        for row in &mut rows {
+            // Typical deviations are those of the parameters; all entries of a row belong to one field.
+            let scale = block.parameters()[row.entries[0].0].scale;
+            row.entries.iter_mut().for_each(|(_, c)| *c /= scale);
+        }
+        rows
+    }
+}
+
+/// One row of the prior: Σ c (θ − neutral) is a standard normal.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriorRow {
+    /// Parameters of the block, with their coefficients.
+    pub entries: Vec<(usize, f64)>,
+}
+
+/// Parameters of one field: all nodes, all bins.
+pub fn indices(layout: &FieldLayout, field: usize) -> impl Iterator<Item = usize> {
+    let (bins, per_node) = (layout.grid.bins, layout.per_node());
+    (0..layout.grid.columns_and_rows() * bins).map(move |k| (k / bins) * per_node + field * bins + k % bins)
+}
+
+/// Second differences of the fields over the nodes that have data, in units of `roughness(field)`.
+pub(crate) fn differences(layout: &FieldLayout, free: &[bool], roughness: impl Fn(usize) -> f64) -> Vec<PriorRow> {
+    let (grid, bins) = (layout.grid, layout.grid.bins);
+    let (columns, rows) = (grid.columns, grid.rows);
+    let mut all = Vec::new();
+    for field in 0..layout.fields {
+        let weight = 1.0 / roughness(field);
+        let at = |c: usize, r: usize, b: usize| layout.node(c, r) + field * bins + b;
+        let mut add = |entries: &[(usize, f64)]| {
+            if entries.iter().all(|(i, _)| free[*i]) {
+                all.push(PriorRow { entries: entries.iter().map(|(i, c)| (*i, c * weight)).collect() });
+            }
+        };
+        for (r, c, b) in (0..rows).flat_map(|r| (0..columns).flat_map(move |c| (0..bins).map(move |b| (r, c, b)))) {
+            if c + 2 < columns {
+                add(&[(at(c, r, b), 1.0), (at(c + 1, r, b), -2.0), (at(c + 2, r, b), 1.0)]);
+            }
+            if r + 2 < rows {
+                add(&[(at(c, r, b), 1.0), (at(c, r + 1, b), -2.0), (at(c, r + 2, b), 1.0)]);
+            }
+            if b + 2 < bins {
+                add(&[(at(c, r, b), 1.0), (at(c, r, b + 1), -2.0), (at(c, r, b + 2), 1.0)]);
+            }
+            if c + 1 < columns && r + 1 < rows {
+                let s = std::f64::consts::SQRT_2;
+                add(&[(at(c, r, b), s), (at(c + 1, r, b), -s), (at(c, r + 1, b), -s), (at(c + 1, r + 1, b), s)]);
+            }
+        }
+    }
+    all
+}
+
+/// The ridge on all nodes with data, and the prior of shared parameters.
+pub(crate) fn ridge(layout: &FieldLayout, free: &[bool], sigma: f64) -> Vec<PriorRow> {
+    let nodes = layout.parameter_count() - layout.shared;
+    let row = |i: usize| PriorRow { entries: vec![(i, if i < nodes { 1.0 / sigma } else { 1.0 })] };
+    (0..free.len()).filter(|i| free[*i]).map(row).collect()
+}
+
+/// Holds every node that no sample touches at its neutral value.
+pub fn hold_untouched(camera: &Camera, capture: &Capture<SampledFrame>) -> Camera {
+    camera.map_blocks(|mut block| {
+        let Some(layout) = block.piece().and_then(|p| p.field()) else { return block };
+        let mut touched = vec![false; block.theta.len()];
+        let shared = touched.len() - layout.shared;
+        touched[shared..].fill(true);
+        for sample in capture.frames.iter().flat_map(|f| &f.samples) {
+            let (cell, _) = layout.grid.cell(sample.context.pixel);
+            let bins = (0..layout.grid.bins)
+                .filter(|b| layout.grid.bins == 1 || layout.touches_bin(1.0 / sample.depth_mm, *b));
+            for bin in bins {
+                for node in layout.cell_nodes(cell) {
+                    for field in 0..layout.fields {
+                        touched[node + field * layout.grid.bins + bin] = true;
+                    }
+                }
+            }
+        }
+        let neutral: Vec<f64> = block.parameters().iter().map(|p| p.nominal).collect();
+        for i in 0..touched.len() {
+            if !touched[i] {
+                (block.free[i], block.theta[i]) = (false, neutral[i]);
+            }
+        }
+        block
+    })
+}
+
+/// The prior of one block on the factor graph.
+#[derive(Debug, Clone)]
+pub struct SmoothnessBatch {
+    name: String,
+    groups: Vec<PriorGroup>,
+}
+
+/// Rows over the same variables.
+#[derive(Debug, Clone)]
+struct PriorGroup {
+    keys: Vec<Key<DVector<f64>>>,
+    ids: Vec<VariableId>,
+    /// Neutral values of all components.
+    neutral: Vec<f64>,
+    /// Entries number the components of all variables.
+    rows: Vec<PriorRow>,
+}
+
+impl PriorGroup {
+    fn new(keys: Vec<Key<DVector<f64>>>, neutral: Vec<f64>, rows: Vec<PriorRow>) -> Self {
+        Self { ids: keys.iter().map(|k| k.id()).collect(), keys, neutral, rows }
+    }
+}
+
+impl SmoothnessBatch {
+    /// The prior's rows for a block whose parameters are the variable `key`.
+    pub fn new(block: &Block, key: Key<DVector<f64>>, rows: Vec<PriorRow>) -> Self {
+        let neutral = block.parameters().iter().map(|p| p.nominal).collect();
+        let groups = vec![PriorGroup::new(vec![key], neutral, rows)];
+        Self { name: format!("smoothness of {}", block.name()), groups }
+    }
+
+    /// The same for a block with one variable per node, and a last one for shared parameters.
+    pub fn by_node(block: &Block, layout: &FieldLayout, keys: &[Key<DVector<f64>>], rows: &[PriorRow]) -> Self {
+        let (size, nodes) = (layout.per_node(), layout.grid.columns_and_rows());
+        let place = |i: usize| if i < nodes * size { (i / size, i % size) } else { (nodes, i - nodes * size) };
+        let range = |node: usize| node * size..if node < nodes { (node + 1) * size } else { block.theta.len() };
+        let mut sets: BTreeMap<Vec<usize>, Vec<&PriorRow>> = BTreeMap::new();
+        for row in rows {
+            let mut set: Vec<usize> = row.entries.iter().map(|(i, _)| place(*i).0).collect();
+            set.sort_unstable();
+            set.dedup();
+            sets.entry(set).or_default().push(row);
+        }
+        let group = |(set, rows): (Vec<usize>, Vec<&PriorRow>)| {
+            let local = |i: usize| {
+                let (node, component) = place(i);
+                set.iter().take_while(|n| **n != node).map(|n| range(*n).len()).sum::<usize>() + component
+            };
+            let rows = rows
+                .iter()
+                .map(|row| PriorRow { entries: row.entries.iter().map(|(i, c)| (local(*i), *c)).collect() })
+                .collect();
+            let parameters = block.parameters();
+            let neutral = set.iter().flat_map(|n| range(*n)).map(|i| parameters[i].nominal).collect();
+            PriorGroup::new(set.iter().map(|n| keys[*n]).collect(), neutral, rows)
+        };
+        Self { name: format!("smoothness of {}", block.name()), groups: sets.into_iter().map(group).collect() }
+    }
+}
+
+impl FactorBatch for SmoothnessBatch {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn group_count(&self) -> usize {
+        self.groups.len()
+    }
+
+    fn variables(&self, group: usize) -> &[VariableId] {
+        &self.groups[group].ids
+    }
+
+    fn row_count(&self, group: usize) -> usize {
+        self.groups[group].rows.len()
+    }
+
+    fn evaluate(
+        &self,
+        group: usize,
+        values: &Values,
+        residuals: &mut [f64],
+        jacobian: Option<&mut [f64]>,
+    ) -> Result<(), EvaluationError> {
+        let group = &self.groups[group];
+        let theta = group.keys.iter().flat_map(|k| values.get(*k).iter());
+        let deviation: Vec<f64> = theta.zip(&group.neutral).map(|(t, n)| t - n).collect();
+        for (row, r) in group.rows.iter().zip(residuals) {
+            *r = row.entries.iter().map(|(i, c)| c * deviation[*i]).sum();
+        }
+        if let Some(jacobian) = jacobian {
+            jacobian.fill(0.0);
+            for (row, j) in group.rows.iter().zip(jacobian.chunks_exact_mut(deviation.len())) {
+                row.entries.iter().for_each(|(i, c)| j[*i] = *c);
+            }
+        }
+        Ok(())
+    }
+}

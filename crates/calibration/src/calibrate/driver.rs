@@ -1,0 +1,65 @@
+//! The driver: the camera from the images, then depth by the estimator asked for.
+
+use depthcal_model::{Block, RegisterError};
+use tracing::info;
+
+use super::error::CalibrateError;
+use super::fitted::Calibrated;
+use super::image::calibrate_image;
+use super::joint::joint;
+use super::marker_estimators::estimate;
+use super::options::{CalibrateOptions, Estimator};
+use crate::adjust::blocks::is_depth_only;
+use crate::observe::{Capture, PosedFrame};
+
+/// Calibrates a depth camera: markers first, then depth by the estimator asked for.
+///
+/// # Errors
+///
+/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+    depth_blocks(options)?;
+    let from_image = calibrate_image(capture, options)?;
+    info!(
+        "{} frames, {:.3} px rms from the image alone",
+        from_image.capture.frames.len(),
+        from_image.reprojection_rms_px
+    );
+    calibrate_depth(from_image, options)
+}
+
+/// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
+///
+/// # Errors
+///
+/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn calibrate_depth(
+    from_image: Calibrated<PosedFrame>,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let depth_blocks = depth_blocks(options)?;
+    if !from_image.capture.has_depth() {
+        if options.model == "none" && depth_blocks.is_empty() {
+            return Ok(from_image.without_samples());
+        }
+        let (dataset, model) = (from_image.capture.name.clone(), options.model.clone());
+        return Err(CalibrateError::NoDepth { dataset, model });
+    }
+    match options.estimator {
+        Estimator::Joint => joint(from_image, depth_blocks, options),
+        other => Ok(estimate(from_image, depth_blocks, other)?),
+    }
+}
+
+/// Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
+fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
+    let mut blocks = Vec::new();
+    for name in &options.effects {
+        let block = options.register.block(name, None)?;
+        if is_depth_only(&block) {
+            blocks.push(block);
+        }
+    }
+    blocks.extend(options.register.depth_model(&options.model)?);
+    Ok(blocks)
+}

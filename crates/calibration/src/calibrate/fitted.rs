@@ -1,0 +1,85 @@
+//! A calibrated camera with everything that is known about its fit.
+
+use depthcal_model::Camera;
+use nalgebra::DMatrix;
+
+use super::options::Estimator;
+use crate::adjust::smoothness_prior::Smoothness;
+use crate::observe::noise::NoiseModel;
+use crate::observe::{Capture, PosedFrame, SampledFrame};
+
+/// A calibrated camera with everything that is known about the fit. Frames are at the stage that was fitted: sampled, or
+/// only posed where the images alone were adjusted.
+#[derive(Debug, Clone)]
+pub struct Calibrated<F = SampledFrame> {
+    /// The camera.
+    pub camera: Camera,
+    /// What was fitted: frames with their poses and the depth samples that were used. Frames that turned out unusable are
+    /// among its dropped.
+    pub capture: Capture<F>,
+    /// Joint covariance of [`Camera::theta`]; zero for held parameters. `None` from the estimators that give none.
+    pub covariance: Option<DMatrix<f64>>,
+    /// Noise, from the residuals.
+    pub noise: NoiseModel,
+    /// Whether depth took part.
+    pub with_depth: bool,
+    /// Distance at which the noise of depth pixels is uncorrelated, px.
+    pub correlation_length_px: Option<usize>,
+    /// Depth samples that were left out as outliers.
+    pub outliers: usize,
+    /// Fields of the depth model: how rough they may be, what determines them.
+    pub smoothness: Smoothness,
+    /// Reprojection error: root mean square distance, px.
+    pub reprojection_rms_px: f64,
+    /// Root mean square of the depth residuals at the samples, mm.
+    pub depth_rms_mm: Option<f64>,
+    /// Final cost, iterations and the solver's words.
+    pub cost: f64,
+    /// Iterations of the last adjustment.
+    pub iterations: usize,
+    /// Why it stopped.
+    pub termination: String,
+    /// The options' names, for the record.
+    pub estimator: Estimator,
+    /// Depth model as asked for.
+    pub model: String,
+}
+
+impl<F> Calibrated<F> {
+    /// Standard deviation of every parameter in the order of [`Camera::theta`]; `None` for held ones.
+    pub fn std_devs(&self) -> Vec<Option<f64>> {
+        let free = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied());
+        free.enumerate()
+            .map(|(i, free)| {
+                let variance = self.covariance.as_ref().map(|c| c[(i, i)])?;
+                (free && variance > 0.0).then(|| variance.sqrt())
+            })
+            .collect()
+    }
+}
+
+impl Calibrated<PosedFrame> {
+    /// The same fit with frames that have no depth samples.
+    pub(super) fn without_samples(self) -> Calibrated {
+        let sampled = |posed| SampledFrame { posed, samples: Vec::new() };
+        let mut capture = self.capture.with_frames(Vec::new());
+        capture.frames = self.capture.frames.into_iter().map(sampled).collect();
+        Calibrated {
+            capture,
+            camera: self.camera,
+            covariance: self.covariance,
+            noise: self.noise,
+            with_depth: self.with_depth,
+            correlation_length_px: self.correlation_length_px,
+            outliers: self.outliers,
+            smoothness: self.smoothness,
+            reprojection_rms_px: self.reprojection_rms_px,
+            depth_rms_mm: self.depth_rms_mm,
+            cost: self.cost,
+            iterations: self.iterations,
+            termination: self.termination,
+            estimator: self.estimator,
+            model: self.model,
+        }
+    }
+}

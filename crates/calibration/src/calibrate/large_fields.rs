@@ -1,0 +1,64 @@
+//! Fields of very many nodes, whose covariances are out of reach: noise and roughness come from a coarse field on part of
+//! the samples.
+//!
+//! What roughness means does not depend on the number of nodes: the second difference of a given curvature falls with the
+//! square of their distance h and their number grows with its inverse square, so that the same energy of curvature costs
+//! the same where roughness is proportional to h.
+
+use depthcal_model::Camera;
+
+use super::error::CalibrateError;
+use super::fitted::Calibrated;
+use super::options::CalibrateOptions;
+use super::settle::{Freedom, Rules, State, joint_rules, settle};
+use crate::adjust::field_cells;
+use crate::adjust::smoothness_prior::{Smoothness, hold_untouched};
+use crate::observe::SampledFrame;
+
+/// Depth samples of a frame from which the roughness of a large field is chosen.
+const COARSE_SAMPLES: usize = 800;
+/// Relative change of the noise below which a large field is not adjusted again.
+const NOISE_SETTLED: f64 = 0.1;
+
+/// Adjusts a camera with fields of very many nodes. `coarse` is the camera with coarse fields, `factors` says for every
+/// block how much farther apart the nodes of its coarse field are.
+pub(super) fn settle_by_node(
+    start: State<SampledFrame>,
+    coarse: &Camera,
+    factors: &[f64],
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let State { mut capture, camera, noise, .. } = start;
+    let mut thin = capture.clone();
+    for frame in &mut thin.frames {
+        let step = frame.samples.len().div_ceil(COARSE_SAMPLES).max(1);
+        frame.samples = frame.samples.iter().step_by(step).copied().collect();
+    }
+    let coarse = hold_untouched(coarse, &thin);
+    let first = State { smoothness: Smoothness::of(&coarse), capture: thin, camera: coarse, noise };
+    let first = settle(first, &joint_rules(), options)?;
+    let mut smoothness = Smoothness { ridge: first.smoothness.ridge, ..Smoothness::of(&camera) };
+    for (field, coarse) in smoothness.fields.iter_mut().zip(&first.smoothness.fields) {
+        let block = camera.blocks().iter().position(|b| b.name() == field.piece);
+        field.roughness = coarse.roughness / block.map_or(1.0, |i| factors[i]);
+    }
+    let camera = camera.map_blocks(|mut block| {
+        let fitted = first.camera.block(block.name()).filter(|b| b.theta.len() == block.theta.len());
+        if let Some(fitted) = fitted {
+            block.theta.clone_from(&fitted.theta);
+        }
+        block
+    });
+    field_cells::sort_by_cell(&mut capture, &camera);
+    let poses: Vec<_> = first.capture.poses().collect();
+    capture.set_poses(&poses);
+    let nodes = smoothness.fields.iter().map(|f| f.nodes).sum();
+    let rules = Rules {
+        freedom: Freedom::Counted(nodes),
+        last_to_drop: 1,
+        depth_noise_settled: NOISE_SETTLED,
+        chooses_smoothness: false,
+        ..joint_rules()
+    };
+    settle(State { capture, camera, noise: first.noise, smoothness }, &rules, options)
+}

@@ -1,0 +1,20 @@
+//! From detected boards to a calibrated depth camera.
+
+mod domain;
+mod driver;
+mod error;
+mod fitted;
+mod folds;
+mod image;
+mod joint;
+mod large_fields;
+mod marker_estimators;
+mod options;
+mod residuals;
+mod settle;
+
+pub use driver::{calibrate, calibrate_depth};
+pub use error::CalibrateError;
+pub use fitted::Calibrated;
+pub use image::calibrate_image;
+pub use options::{CalibrateOptions, Estimator, OptionError};

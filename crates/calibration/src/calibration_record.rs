@@ -1,0 +1,180 @@
+//! Between calibrations in memory and `calibration.json`.
+
+use std::collections::BTreeMap;
+
+use depthcal_io::{
+    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
+    ParameterRecord, PieceRecord,
+};
+use depthcal_model::{Block, Camera, Register, RegisterError};
+use thiserror::Error;
+
+use crate::calibrate::Calibrated;
+use crate::judge::evaluate::Evaluated;
+
+/// Why a calibration file does not make a camera.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum RecordError {
+    /// A piece is not known here.
+    #[error(transparent)]
+    Register(#[from] RegisterError),
+    /// A piece has other parameters here.
+    #[error(
+        "piece '{piece}' of the calibration has the parameters {found}, but this version expects {expected}: \
+             calibrate again"
+    )]
+    Parameters {
+        /// The piece.
+        piece: String,
+        /// Names in the file.
+        found: String,
+        /// Names expected.
+        expected: String,
+    },
+    /// There is no pinhole.
+    #[error("the calibration has no piece 'pinhole'")]
+    NoPinhole,
+}
+
+/// The file's content for a calibration.
+///
+/// `fitted` is the evaluation of the frames that were fitted; it gives the errors of each frame.
+pub fn calibration_record(
+    result: &Calibrated,
+    fitted: &Evaluated,
+    dataset: FileReference,
+    observations: Option<FileReference>,
+) -> Calibration {
+    let camera = &result.camera;
+    let mut stds = result.std_devs().into_iter();
+    let mut names = Vec::new();
+    let pieces = camera
+        .blocks()
+        .iter()
+        .map(|block| PieceRecord {
+            hook: block.hook(),
+            name: block.name().to_owned(),
+            parameters: block
+                .parameters()
+                .iter()
+                .zip(&block.theta)
+                .zip(&block.free)
+                .map(|((parameter, value), free)| {
+                    names.push((format!("{}.{}", block.name(), parameter.name), *free));
+                    ParameterRecord {
+                        name: parameter.name.to_string(),
+                        unit: parameter.unit.to_owned(),
+                        value: *value,
+                        std_dev: stds.next().flatten(),
+                        fixed: !free,
+                    }
+                })
+                .collect(),
+            options: block.piece().map(|p| p.options()).unwrap_or_default(),
+        })
+        .collect();
+    let covariance = result.covariance.as_ref().map(|c| {
+        let free: Vec<usize> = (0..names.len()).filter(|i| names[*i].1 && c[(*i, *i)] > 0.0).collect();
+        CovarianceRecord {
+            parameters: free.iter().map(|i| names[*i].0.clone()).collect(),
+            matrix: free.iter().map(|i| free.iter().map(|j| c[(*i, *j)]).collect()).collect(),
+        }
+    });
+    let mut other = BTreeMap::new();
+    other.insert("depth_outliers".to_owned(), result.outliers as f64);
+    for field in &result.smoothness.fields {
+        let mut note =
+            |what: &str, value: f64| _ = other.insert(format!("{}.{}.{what}", field.piece, field.field), value);
+        note("roughness", field.roughness);
+        note("untouched_nodes", field.untouched as f64);
+        field.effective.into_iter().for_each(|e| note("effective_parameters", e));
+    }
+    let depth = result.with_depth.then_some(result.noise.depth);
+    Calibration {
+        camera: CameraRecord { width: camera.width, height: camera.height, pieces },
+        covariance,
+        noise: NoiseRecord {
+            pixel_sigma: result.noise.pixel_sigma,
+            inverse_depth_sigma_a: depth.map(|d| d.a_per_mm),
+            inverse_depth_sigma_b: depth.map(|d| d.b_mm),
+            correlation_length_px: result.correlation_length_px.map(|c| c as f64),
+            other,
+        },
+        fit: FitRecord {
+            estimator: result.estimator.name().to_owned(),
+            model: result.model.clone(),
+            reprojection_rms_px: result.reprojection_rms_px,
+            depth_rms_mm: result.depth_rms_mm,
+            frames_used: result.capture.frames.len(),
+            frames_dropped: result
+                .capture
+                .dropped
+                .iter()
+                .map(|d| DroppedFrame { name: d.name.clone(), reason: d.reason.clone() })
+                .collect(),
+            termination: result.termination.clone(),
+            cost: result.cost,
+            iterations: result.iterations,
+        },
+        frames: frame_records(result, fitted),
+        dataset,
+        depth_unit_mm: result.capture.depth_unit_mm,
+        target: result.capture.target.clone(),
+        observations,
+    }
+}
+
+fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {
+    let of = |name: &str| fitted.frames.iter().find(|f| f.name == name).map(|f| f.record());
+    result
+        .capture
+        .frames
+        .iter()
+        .map(|frame| {
+            let pose = &frame.camera_from_board;
+            let q = pose.rotation.quaternion();
+            let t = pose.translation.vector;
+            let errors = of(&frame.name);
+            FrameRecord {
+                name: frame.name.clone(),
+                rotation: [q.w, q.i, q.j, q.k],
+                translation_mm: [t.x, t.y, t.z],
+                reprojection_rms_px: errors.as_ref().map_or(0.0, |e| e.reprojection_px.rms),
+                depth_rms_mm: errors.and_then(|e| e.depth_rms_mm).map(|d| d.after),
+                metadata: frame.metadata.clone(),
+            }
+        })
+        .collect()
+}
+
+/// The camera of a calibration file.
+///
+/// # Errors
+///
+/// [`RecordError`], where a piece is unknown or has other parameters than this register's.
+pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<Camera, RecordError> {
+    let mut pinhole = None;
+    let mut blocks = Vec::new();
+    for piece in &record.pieces {
+        let mut block = if piece.name == "pinhole" {
+            Block::pinhole([0.0; 5])
+        } else {
+            Block::new(register.piece(&piece.name, &piece.options)?)
+        };
+        let found: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
+        let expected: Vec<&str> = block.parameters().iter().map(|p| &*p.name).collect();
+        if found != expected {
+            let (found, expected) = (found.join(", "), expected.join(", "));
+            return Err(RecordError::Parameters { piece: piece.name.clone(), found, expected });
+        }
+        block.theta = piece.parameters.iter().map(|p| p.value).collect();
+        block.free = piece.parameters.iter().map(|p| !p.fixed).collect();
+        if piece.name == "pinhole" {
+            pinhole = Some(block);
+        } else {
+            blocks.push(block);
+        }
+    }
+    let pinhole = pinhole.ok_or(RecordError::NoPinhole)?;
+    Ok(Camera::from_blocks(record.width, record.height, pinhole, blocks))
+}

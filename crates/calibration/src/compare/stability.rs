@@ -1,0 +1,219 @@
+//! Is D a property of the camera? The thesis saw its parameters change from dataset to dataset (section 7.1.2) and could not
+//! say whether they really did.
+//!
+//! K and lens stay those of the training dataset; poses and D are fitted to each dataset anew, by the thesis' three
+//! estimators and by the joint adjustment, whose covariance says how far D may scatter. If the camera is the same, the
+//! weighted squared scatter about the common mean has a χ² distribution.
+
+use depthcal_io::{StabilityEstimate, StabilityRecord};
+use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
+use rayon::prelude::*;
+
+use super::{Prepared, Variant};
+use crate::calibrate::{CalibrateOptions, Calibrated, Estimator};
+use crate::observe::Capture;
+
+/// Effect of one unit of (dx, dy, dz, dw) in mm at 0.8 m, at the image's quarter points: what makes directions comparable.
+const EFFECT_MM: [f64; 4] = [0.35 * 0.64e6, 0.25 * 0.64e6, 0.64e6, 800.0];
+/// A direction that a dataset leaves uncertain by more than this counts as undetermined, mm at 0.8 m.
+const UNDETERMINED_MM: f64 = 2.0;
+
+struct Estimate {
+    dataset: String,
+    d: Vector4<f64>,
+    covariance: Matrix4<f64>,
+}
+
+/// Refits D to every dataset; `None` where not even two of them determine it.
+pub(super) fn stability(
+    train: &Capture,
+    verify: &[Capture],
+    whole: &Prepared,
+    base: &CalibrateOptions,
+) -> Option<StabilityRecord> {
+    let from_image = whole.by_lens.get(&base.lens)?.as_ref().ok()?;
+    let held = from_image.camera.map_blocks(|block| block.hold());
+    let options = CalibrateOptions { camera: Some(held), ..base.clone() };
+    let captures: Vec<&Capture> = std::iter::once(train).chain(verify).collect();
+    let of = |capture: &&Capture| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
+        let prepared = Prepared::new((*capture).clone(), &[base.lens.as_str()], &options);
+        let (mut estimates, mut joint, mut failure) = (Vec::new(), None, None);
+        for model in ["projective", "projective:xw"] {
+            for estimator in [Estimator::Linear, Estimator::Irls, Estimator::Nonlinear, Estimator::Joint] {
+                match prepared.fit(&Variant::new(model, &base.lens, estimator), &options) {
+                    Ok(fitted) => {
+                        let Some((d, covariance)) = d_of(&fitted) else { continue };
+                        estimates.push(StabilityEstimate {
+                            dataset: capture.name.clone(),
+                            model: model.to_owned(),
+                            estimator: estimator.name().to_owned(),
+                            d: d.into(),
+                            half_width: covariance.map(|c| std::array::from_fn(|i| 1.96 * c[(i, i)].sqrt())),
+                        });
+                        if let (Estimator::Joint, "projective", Some(covariance)) = (estimator, model, covariance) {
+                            joint = Some(Estimate { dataset: capture.name.clone(), d, covariance });
+                        }
+                    }
+                    Err(reason) if estimator == Estimator::Joint && model == "projective" => {
+                        failure = Some(format!("'{}' does not determine D: {reason}.", capture.name));
+                    }
+                    Err(_) => {}
+                }
+            }
+        }
+        (estimates, joint, failure)
+    };
+    let all: Vec<_> = captures.par_iter().map(of).collect();
+    let joint: Vec<&Estimate> = all.iter().filter_map(|(_, joint, _)| joint.as_ref()).collect();
+    let mut record = StabilityRecord {
+        estimates: all.iter().flat_map(|(e, ..)| e.iter().cloned()).collect(),
+        verdict: all.iter().filter_map(|(.., failure)| failure.clone()).collect(),
+        ..StabilityRecord::default()
+    };
+    record.verdict.extend(joint.iter().filter_map(|e| undetermined(e)));
+    let (chi_squared, degrees) = scatter(&joint)?;
+    record.chi_squared = chi_squared;
+    record.degrees_of_freedom = degrees;
+    record.p_value = chi_squared_tail(chi_squared, degrees);
+    let ratio = (chi_squared / degrees as f64).sqrt();
+    let words = if record.p_value < 0.01 {
+        "more than they allow: something changes from capture to capture that the model does not have"
+    } else {
+        "no more than they allow: one D explains all datasets"
+    };
+    record.verdict.push(format!(
+        "D scatters between {} datasets by {ratio:.2} times the reported uncertainties (χ² = {chi_squared:.1} with {degrees} \
+         degrees of freedom, p = {:.2e}), {words}.",
+        joint.len(),
+        record.p_value
+    ));
+    Some(record)
+}
+
+/// D and its covariance, where the estimator gives one.
+fn d_of(fitted: &Calibrated) -> Option<(Vector4<f64>, Option<Matrix4<f64>>)> {
+    let d = Vector4::from_column_slice(fitted.camera.block("projective")?.theta.get(..4)?);
+    let offset: usize =
+        fitted.camera.blocks().iter().take_while(|b| b.name() != "projective").map(|b| b.theta.len()).sum();
+    let covariance = (fitted.estimator == Estimator::Joint).then_some(fitted.covariance.as_ref()).flatten();
+    Some((d, covariance.map(|c| c.fixed_view::<4, 4>(offset, offset).into_owned())))
+}
+
+/// Σ (d − d̄)ᵀ Σ⁻¹ (d − d̄) about the weighted mean d̄, and its degrees of freedom.
+fn scatter(estimates: &[&Estimate]) -> Option<(f64, usize)> {
+    if estimates.len() < 2 {
+        return None;
+    }
+    // In units of their effects, so that the matrices are well scaled.
+    let unit = Vector4::from(EFFECT_MM);
+    let scaled = |e: &Estimate| {
+        let covariance = Matrix4::from_fn(|i, j| e.covariance[(i, j)] * unit[i] * unit[j]);
+        Some((e.d.component_mul(&unit), covariance.try_inverse()?))
+    };
+    let all: Vec<(Vector4<f64>, Matrix4<f64>)> = estimates.iter().filter_map(|e| scaled(e)).collect();
+    let (mut weights, mut sum) = (Matrix4::zeros(), Vector4::zeros());
+    for (d, weight) in &all {
+        weights += weight;
+        sum += weight * d;
+    }
+    let mean = weights.try_inverse()? * sum;
+    let total = all.iter().map(|(d, weight)| (d - mean).dot(&(weight * (d - mean)))).sum();
+    Some((total, 4 * all.len().checked_sub(1).filter(|n| *n > 0)?))
+}
+
+/// The combination of D's parameters that a dataset determines worst, where it determines it badly.
+fn undetermined(e: &Estimate) -> Option<String> {
+    let covariance = DMatrix::from_fn(4, 4, |i, j| e.covariance[(i, j)] * EFFECT_MM[i] * EFFECT_MM[j]);
+    let eigen = covariance.symmetric_eigen();
+    let worst = eigen.eigenvalues.imax();
+    let std = eigen.eigenvalues[worst].max(0.0).sqrt();
+    if std < UNDETERMINED_MM {
+        return None;
+    }
+    let direction: DVector<f64> = eigen.eigenvectors.column(worst).into_owned();
+    let largest = direction.amax();
+    let parts: Vec<&str> =
+        (0..4).filter(|i| direction[*i].abs() > 0.3 * largest).map(|i| ["dx", "dy", "dz", "dw"][i]).collect();
+    Some(format!(
+        "'{}' leaves a combination of {} open by {std:.1} mm at 0.8 m: its boards do not vary enough in distance and tilt.",
+        e.dataset,
+        parts.join(", ")
+    ))
+}
+
+/// Probability that χ² with `degrees` degrees of freedom exceeds a value: the regularised upper incomplete gamma function
+/// Q(degrees / 2, value / 2), by series and continued fraction (Abramowitz, Stegun 1964, 6.5.29, 6.5.31).
+fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
+    let (a, x) = (degrees as f64 / 2.0, value / 2.0);
+    if !(x > 0.0) {
+        return 1.0;
+    }
+    let front = (a * x.ln() - x - ln_gamma(a)).exp();
+    if x < a + 1.0 {
+        let (mut term, mut sum, mut n) = (1.0 / a, 1.0 / a, a);
+        while term > 1e-16 * sum {
+            n += 1.0;
+            term *= x / n;
+            sum += term;
+        }
+        return (1.0 - front * sum).clamp(0.0, 1.0);
+    }
+    let mut b = x + 1.0 - a;
+    let (mut c, mut d) = (1e300, 1.0 / b);
+    let mut h = d;
+    for i in 1..500 {
+        let an = -f64::from(i) * (f64::from(i) - a);
+        b += 2.0;
+        d = 1.0 / (an * d + b);
+        c = b + an / c;
+        h *= d * c;
+        if (d * c - 1.0).abs() < 1e-15 {
+            break;
+        }
+    }
+    (front * h).clamp(0.0, 1.0)
+}
+
+/// ln Γ by Stirling's series after a shift to large arguments.
+fn ln_gamma(mut x: f64) -> f64 {
+    let mut shift = 0.0;
+    while x < 12.0 {
+        shift += x.ln();
+        x += 1.0;
+    }
+    let inverse = 1.0 / (x * x);
+    let series = (1.0 / 12.0 - inverse * (1.0 / 360.0 - inverse * (1.0 / 1260.0 - inverse / 1680.0))) / x;
+    (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series - shift
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Quantiles from tables (Abramowitz, Stegun 1964, table 26.8).
+    #[test]
+    fn tails_of_chi_squared() {
+        for (value, degrees, p) in [(3.841_46, 1, 0.05), (9.487_73, 4, 0.05), (26.2170, 12, 0.01), (16.2662, 3, 0.001)]
+        {
+            assert!((chi_squared_tail(value, degrees) / p - 1.0).abs() < 1e-4, "{value} with {degrees}");
+        }
+        assert_eq!(chi_squared_tail(0.0, 4), 1.0);
+    }
+
+    #[test]
+    fn scatter_is_measured_in_standard_deviations() {
+        let covariance = Matrix4::from_diagonal(&Vector4::new(1e-12, 1e-12, 1e-12, 1e-6));
+        let estimate = |shift: f64| Estimate {
+            dataset: "a".to_owned(),
+            d: Vector4::new(1e-4, 0.0, 0.0, 1.0) + Vector4::new(shift * 1e-6, 0.0, 0.0, 0.0),
+            covariance,
+        };
+        let (a, b) = (estimate(0.0), estimate(2.0));
+        let (chi_squared, degrees) = scatter(&[&a, &b]).unwrap();
+        // Two standard deviations apart: each one from their mean.
+        assert!((chi_squared - 2.0).abs() < 1e-9 && degrees == 4);
+        assert!(undetermined(&a).is_none());
+        let open = Estimate { covariance: covariance * 100.0, ..a };
+        assert!(undetermined(&open).unwrap().contains("dw"));
+    }
+}

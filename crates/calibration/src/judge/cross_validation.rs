@@ -1,0 +1,184 @@
+//! Errors on frames that a fit did not see.
+
+use depthcal_io::{GainInterval, HeldOutErrors, Interval};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::calibrate::{CalibrateError, CalibrateOptions, calibrate};
+use crate::judge::evaluate::{Evaluated, EvaluatedFrame, evaluate};
+use crate::observe::Capture;
+use crate::observe::noise::DepthNoise;
+
+/// The frames to fit and those held out: every `every`-th, counted from `first`.
+pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture) {
+    let held = |i: usize| i % every == first;
+    let mut rest = capture.subset(|i, _| held(i));
+    rest.dropped.clear();
+    (capture.subset(|i, _| !held(i)), rest)
+}
+
+/// Every frame of a capture, evaluated by a fit that did not see it: `folds` fits, each without every `folds`-th frame.
+///
+/// # Errors
+///
+/// [`CalibrateError`] of any of the fits.
+pub fn cross_validate(
+    capture: &Capture,
+    folds: usize,
+    options: &CalibrateOptions,
+) -> Result<Evaluated, CalibrateError> {
+    let job = options.progress.steps("cross-validating", folds);
+    let mut all = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
+    for first in 0..folds {
+        let (fitted, held) = split(capture, folds, first);
+        let evaluated = evaluate(&calibrate(&fitted, options)?.camera, &held);
+        all.frames.extend(evaluated.frames);
+        all.dropped.extend(evaluated.dropped);
+        job.advance();
+    }
+    all.frames.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(all)
+}
+
+/// The errors after correction, one number each.
+pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
+    let record = evaluated.record();
+    HeldOutErrors {
+        dot_error_mm: record.dot_error_mm.map(|e| e.after.mean),
+        plane_error_mm: record.plane_error_mm.map(|e| e.after.mean),
+        depth_rms_mm: record.depth_rms_mm.map(|e| e.after),
+        reprojection_px: record.reprojection_px.rms,
+    }
+}
+
+/// Root mean square of the corrected depth's errors in standard deviations of the noise, which counts near pixels as much as
+/// far ones; `None` without depth.
+pub fn weighted_depth_rms(evaluated: &Evaluated, noise: &DepthNoise) -> Option<f64> {
+    let pixels = || evaluated.frames.iter().flat_map(|f| f.pixels.iter());
+    // A depth error e has the size e ρ² in inverse depth.
+    let weighted = pixels().map(|p| {
+        let rho = 1.0 / p.board_depth_mm;
+        (p.after_mm * rho * rho / noise.sigma(rho)).clamp(-MOST_SIGMAS, MOST_SIGMAS)
+    });
+    let (sum, n) = weighted.fold((0.0, 0_usize), |(s, n), e| (s + e * e, n + 1));
+    (n > 0).then(|| (sum / n as f64).sqrt())
+}
+
+/// Pixels count as no worse than this many standard deviations in a weighted mean.
+const MOST_SIGMAS: f64 = 8.0;
+
+/// Resamples for intervals.
+const RESAMPLES: usize = 1000;
+
+/// Fewest frames from which an interval is made.
+const FEWEST_FRAMES: usize = 3;
+
+/// Sum and number of a frame's squared depth errors.
+fn squares(f: &EvaluatedFrame) -> (f64, f64) {
+    (f.pixels.iter().map(|p| p.after_mm * p.after_mm).sum(), f.pixels.len() as f64)
+}
+
+/// Root mean square over some of the frames, each as often as it is listed.
+fn rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (sum, n) = frames.fold((0.0, 0.0), |(sum, n), (squares, count)| (sum + squares, n + count));
+    (sum / n).sqrt()
+}
+
+/// What `of` makes of all frames, and the ends of its 95 % interval: whole frames are drawn with replacement (Efron,
+/// Tibshirani 1993, chapter 13), because pixels of a frame share errors.
+fn resampled(frames: usize, of: impl Fn(&[usize]) -> f64) -> [f64; 3] {
+    let mut drawn: Vec<usize> = (0..frames).collect();
+    let value = of(&drawn);
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut resampled: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            drawn.iter_mut().for_each(|d| *d = rng.random_range(0..frames));
+            of(&drawn)
+        })
+        .collect();
+    resampled.sort_by(f64::total_cmp);
+    let at = |q: f64| resampled[(q * (RESAMPLES - 1) as f64).round() as usize];
+    [value, at(0.025), at(0.975)]
+}
+
+/// The root mean square depth error after correction with its 95 % interval; `None` with less than three frames of depth.
+pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
+    let frames: Vec<(f64, f64)> = evaluated.frames.iter().map(squares).filter(|f| f.1 > 0.0).collect();
+    if frames.len() < FEWEST_FRAMES {
+        return None;
+    }
+    let [mean, low, high] = resampled(frames.len(), |drawn| rms(drawn.iter().map(|i| frames[*i])));
+    Some(Interval { mean, low, high })
+}
+
+/// Fall of the root mean square depth error from one model to another on the same frames, per cent, with its 95 %
+/// interval: frames are resampled in pairs. `None` without depth.
+pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
+    let pairs: Vec<[(f64, f64); 2]> = before
+        .frames
+        .iter()
+        .filter_map(|b| Some([squares(b), squares(after.frames.iter().find(|a| a.name == b.name)?)]))
+        .filter(|[b, a]| b.1 > 0.0 && a.1 > 0.0)
+        .collect();
+    if pairs.is_empty() {
+        return None;
+    }
+    let side = |drawn: &[usize], i: usize| rms(drawn.iter().map(|d| pairs[*d][i]));
+    let [value, low, high] = resampled(pairs.len(), |drawn| 100.0 * (1.0 - side(drawn, 1) / side(drawn, 0)));
+    Some(GainInterval { value, low, high })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn evaluated(errors_mm: &[f64]) -> Evaluated {
+        let frames = errors_mm.iter().enumerate().map(|(i, e)| EvaluatedFrame {
+            name: format!("{i:03}"),
+            camera_from_board: nalgebra::Isometry3::identity(),
+            reprojection: Vec::new(),
+            dots: Vec::new(),
+            pixels: vec![
+                crate::judge::evaluate::PixelError {
+                    context: depthcal_model::Context::default(),
+                    board_depth_mm: 1000.0,
+                    board: [0.0; 2],
+                    cos_incidence: 1.0,
+                    before_mm: *e,
+                    after_mm: *e,
+                    height_before_mm: *e,
+                    height_after_mm: *e,
+                };
+                10
+            ],
+            uncorrectable: 0,
+        });
+        Evaluated { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
+    }
+
+    #[test]
+    fn errors_and_their_intervals() {
+        // Of equal frames every draw is the same; of two kinds the interval lies between them and about the whole.
+        let same = depth_rms_interval(&evaluated(&[2.0; 20])).unwrap();
+        assert!([same.mean, same.low, same.high].iter().all(|v| (v - 2.0).abs() < 1e-12), "{same:?}");
+        let mixed: Vec<f64> = (0..40).map(|i| if i % 2 == 0 { 1.0 } else { 3.0 }).collect();
+        let mixed = depth_rms_interval(&evaluated(&mixed)).unwrap();
+        assert!((mixed.mean - 5.0_f64.sqrt()).abs() < 1e-12, "{mixed:?}");
+        // The mean square, 5 mm², has the standard error 4 / √40 = 0.63 mm².
+        let ends = [mixed.low, mixed.high].map(|v| (v * v - 5.0).abs() / (1.96 * 0.632));
+        assert!(ends.iter().all(|e| (e - 1.0).abs() < 0.25), "{mixed:?}");
+        assert!(depth_rms_interval(&evaluated(&[1.0; 2])).is_none());
+    }
+
+    #[test]
+    fn gains_and_their_intervals() {
+        let before = evaluated(&[2.0; 20]);
+        let half = depth_gain_percent(&before, &evaluated(&[1.0; 20])).unwrap();
+        assert!((half.value - 50.0).abs() < 1e-12 && (half.low - 50.0).abs() < 1e-12, "{half:?}");
+        // One frame of twenty gains everything: the interval reaches to no gain at all.
+        let mut one = [2.0; 20];
+        one[7] = 0.0;
+        let lucky = depth_gain_percent(&before, &evaluated(&one)).unwrap();
+        assert!(lucky.low.abs() < 1e-9 && lucky.high > lucky.value && lucky.value > 0.0, "{lucky:?}");
+    }
+}

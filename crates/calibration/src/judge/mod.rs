@@ -1,0 +1,4 @@
+//! Errors of a fitted camera: on a capture, and on frames that its fit did not see.
+
+pub mod cross_validation;
+pub mod evaluate;

@@ -1,0 +1,32 @@
+//! From captures of a board to a judged model of the depth camera.
+//!
+//! The modules are the stages of the data's way, each depending only on those before it:
+//!
+//! | stage | module |
+//! |---|---|
+//! | what was measured: markers, depth samples, noise, which pixels are board | [`observe`] |
+//! | start values from homographies | [`start`] |
+//! | D from markers' depth alone, as in the thesis | [`estimators`] |
+//! | one joint adjustment on the solver: factors, fields and their smoothness | [`adjust`] |
+//! | the driver: image, depth, noise, outliers, until they settle | [`calibrate`] |
+//! | files of a dataset to detected boards, with dots refined by a fitted camera | [`load`] |
+//! | errors on frames that the fit did not see | [`judge`] |
+//! | depth models on equal terms | [`compare`] |
+//! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
+//! | fits as records for files | [`calibration_record`] |
+//!
+//! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options.
+
+pub mod adjust;
+pub mod calibrate;
+pub mod calibration_record;
+pub mod compare;
+pub mod diagnose;
+pub mod estimators;
+pub mod judge;
+pub mod load;
+pub mod observe;
+pub mod progress;
+#[cfg(any(test, feature = "simulate"))]
+pub mod simulated;
+pub mod start;

@@ -1,0 +1,252 @@
+//! From a dataset on disk to observations: images are read, boards detected (or their cached detections read), depth
+//! images paired.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use depthcal_io::{
+    Dataset, DepthImage, FileReference, FrameObservations, GrayImage, Observations, check_same_size, read_depth,
+    read_gray,
+};
+use depthcal_model::{Block, Camera, Register};
+use rayon::prelude::*;
+use tracing::{debug, info};
+
+use super::error::LoadError;
+use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame};
+use crate::progress::ProgressHandle;
+
+/// Version of detection and refinement: cached detections of another are not used.
+const DETECTION_VERSION: &str = "1";
+
+/// How a dataset is read.
+#[derive(Debug, Clone)]
+pub struct LoadOptions {
+    /// Folder of cached detections; `None` neither reads nor writes any.
+    pub cache: Option<PathBuf>,
+    /// Detects again even where a cached detection holds.
+    pub refresh: bool,
+    /// Pieces that the camera of circle refinement may have.
+    pub register: Register,
+    /// Receives progress.
+    pub progress: ProgressHandle,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self {
+            cache: default_cache(),
+            refresh: false,
+            register: Register::builtin(),
+            progress: ProgressHandle::default(),
+        }
+    }
+}
+
+/// Where detections are cached: `DEPTHCAL_CACHE`, else `depthcal` in the user's cache folder.
+pub fn default_cache() -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    set("DEPTHCAL_CACHE")
+        .or_else(|| set("XDG_CACHE_HOME").map(|c| c.join("depthcal")))
+        .or_else(|| set("HOME").map(|h| h.join(".cache").join("depthcal")))
+}
+
+/// A dataset, read: what it declares and what was observed.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// What `dataset.toml` declares.
+    pub dataset: Dataset,
+    /// Path and digest, for the record.
+    pub reference: FileReference,
+    /// What was observed.
+    pub capture: Capture,
+    /// Whether the markers came from the cache.
+    pub from_cache: bool,
+}
+
+impl Loaded {
+    /// The observations of markers, for `observations.json`.
+    pub fn observations(&self) -> Observations {
+        let frames = self.capture.frames.iter().map(|frame| FrameObservations {
+            name: frame.name.clone(),
+            width: self.capture.width,
+            height: self.capture.height,
+            markers: frame.markers.iter().map(to_file).collect(),
+            depth: Vec::new(),
+            metadata: frame.metadata.clone(),
+        });
+        Observations {
+            dataset: self.reference.clone(),
+            target: self.capture.target.clone(),
+            settings: settings(),
+            frames: frames.collect(),
+        }
+    }
+}
+
+fn to_file(m: &MarkerObservation) -> depthcal_io::MarkerObservation {
+    depthcal_io::MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
+}
+
+fn from_file(m: &depthcal_io::MarkerObservation) -> MarkerObservation {
+    MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
+}
+
+fn settings() -> BTreeMap<String, String> {
+    BTreeMap::from([("detection".to_owned(), DETECTION_VERSION.to_owned())])
+}
+
+/// Reads a dataset: images, depth images, and the board in every image.
+///
+/// # Errors
+///
+/// [`LoadError`], naming the file or field, what is wrong and the remedy.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let dataset = Dataset::open(path)?;
+    if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
+        return Err(LoadError::NoImages { root: dataset.root });
+    }
+    let digest = dataset.digest()?;
+    let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
+    let (frames, (width, height)) = read_frames(&dataset, &options.progress)?;
+    let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));
+    let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached_markers(path, &digest, &dataset));
+    let from_cache = cached.is_some();
+    let markers = match cached {
+        Some(markers) => {
+            debug!("markers of {} come from the cache", dataset.name);
+            markers
+        }
+        None => find_markers(&dataset, &frames, options)?,
+    };
+    let mut dropped = Vec::new();
+    let mut kept = Vec::new();
+    for (raw, markers) in frames.into_iter().zip(markers) {
+        if markers.is_empty() {
+            dropped.push(DroppedFrame { name: raw.name, reason: "the board was not found".to_owned() });
+        } else {
+            kept.push(DetectedFrame { raw, markers });
+        }
+    }
+    if kept.is_empty() {
+        let board = format!("{} × {}", dataset.target.columns, dataset.target.rows);
+        return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len() });
+    }
+    info!("{}: the board was found in {} of {} frames", dataset.name, kept.len(), kept.len() + dropped.len());
+    let capture = Capture {
+        name: dataset.name.clone(),
+        target: dataset.target.clone(),
+        width,
+        height,
+        depth_unit_mm: dataset.depth_unit_mm,
+        frames: kept,
+        dropped,
+    };
+    let loaded = Loaded { dataset, reference, capture, from_cache };
+    if let (Some(path), false) = (cache, from_cache) {
+        let mut observations = loaded.observations();
+        // Frames without a board are part of the answer.
+        observations.frames.extend(loaded.capture.dropped.iter().map(|d| FrameObservations {
+            name: d.name.clone(),
+            width,
+            height,
+            markers: Vec::new(),
+            depth: Vec::new(),
+            metadata: depthcal_io::FrameMetadata::default(),
+        }));
+        if let Err(error) = observations.write(&path) {
+            info!("the detections are not cached: {error}");
+        }
+    }
+    Ok(loaded)
+}
+
+fn cached_markers(path: &Path, digest: &str, dataset: &Dataset) -> Option<Vec<Vec<MarkerObservation>>> {
+    let cached = Observations::read(path).ok()?;
+    let holds = cached.dataset.digest == digest && cached.settings == settings() && cached.target == dataset.target;
+    if !holds {
+        return None;
+    }
+    let of = |name: &str| cached.frame(name).map(|f| f.markers.iter().map(from_file).collect());
+    dataset.frames.iter().map(|f| of(&f.name)).collect()
+}
+
+/// All images and depth images, and their common size.
+fn read_frames(dataset: &Dataset, progress: &ProgressHandle) -> Result<(Vec<RawFrame>, (usize, usize)), LoadError> {
+    let job = progress.steps("reading images", dataset.frames.len());
+    type Read = Result<(RawFrame, PathBuf, (usize, usize)), LoadError>;
+    let read: Vec<Read> = dataset
+        .frames
+        .par_iter()
+        .map(|frame| {
+            let path = frame.image.clone().unwrap_or_default();
+            let image: GrayImage = read_gray(&path)?;
+            let size = (image.width, image.height);
+            let depth: Option<DepthImage> = match &frame.depth {
+                Some(depth_path) => {
+                    let depth = read_depth(depth_path)?;
+                    check_same_size((&path, &image), (depth_path, &depth))?;
+                    Some(depth)
+                }
+                None => None,
+            };
+            job.advance();
+            let frame = RawFrame {
+                name: frame.name.clone(),
+                time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
+                temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
+                metadata: frame.metadata.clone(),
+                depth: depth.map_or(MeasuredDepth::None, |d| MeasuredDepth::Image(Arc::new(d))),
+                image: Some(Arc::new(image)),
+            };
+            Ok((frame, path, size))
+        })
+        .collect();
+    let mut frames = Vec::with_capacity(read.len());
+    let mut expected = None;
+    for item in read {
+        let (frame, path, found) = item?;
+        let expected = *expected.get_or_insert(found);
+        if found != expected {
+            return Err(LoadError::Size { path, found, expected });
+        }
+        frames.push(frame);
+    }
+    // Times since the first frame, so that a drift's start does not depend on the clock.
+    let first = frames.iter().map(|f| f.time_s).fold(f64::INFINITY, f64::min);
+    for frame in &mut frames {
+        frame.time_s -= first;
+    }
+    Ok((frames, expected.unwrap_or_default()))
+}
+
+/// The camera that a dataset declares, to start from or to keep.
+pub fn declared_camera(dataset: &Dataset, width: usize, height: usize, register: &Register) -> Option<Camera> {
+    let hint = dataset.camera?;
+    let mut pinhole = Block::pinhole([hint.fx, hint.fy, hint.cx, hint.cy, hint.skew]);
+    let mut lens = register.block("brown_conrady", None).ok()?;
+    lens.theta.copy_from_slice(&hint.distortion);
+    if hint.fixed {
+        (pinhole, lens) = (pinhole.hold(), lens.hold());
+    }
+    Some(Camera::from_blocks(width, height, pinhole, vec![lens]))
+}
+
+#[cfg(not(feature = "detect"))]
+fn find_markers(
+    dataset: &Dataset,
+    _frames: &[RawFrame],
+    _options: &LoadOptions,
+) -> Result<Vec<Vec<MarkerObservation>>, LoadError> {
+    Err(LoadError::NoDetection { root: dataset.root.clone() })
+}
+
+#[cfg(feature = "detect")]
+fn find_markers(
+    dataset: &Dataset,
+    frames: &[RawFrame],
+    options: &LoadOptions,
+) -> Result<Vec<Vec<MarkerObservation>>, LoadError> {
+    super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)
+}

@@ -1,0 +1,58 @@
+//! Why a dataset gives no observations.
+
+use std::path::PathBuf;
+
+use depthcal_io::{DatasetError, FileError, ImageError};
+use thiserror::Error;
+
+/// Why a dataset gives no observations.
+#[derive(Debug, Error)]
+pub enum LoadError {
+    /// The dataset's description is at fault.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// An image is at fault.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The dataset has no images.
+    #[error("{}: [frames] declares no images: set frames.image to a pattern such as \"image/*.png\"", root.display())]
+    NoImages {
+        /// The dataset's folder.
+        root: PathBuf,
+    },
+    /// Images of a dataset differ in size.
+    #[error("{}: the image is {found:?} px, but the first of the dataset is {expected:?} px: one camera has one size", path.display())]
+    Size {
+        /// The image.
+        path: PathBuf,
+        /// Its width and height.
+        found: (usize, usize),
+        /// Those of the first.
+        expected: (usize, usize),
+    },
+    /// No frame shows the board.
+    #[error("the board ({board}) was not found in any of the {frames} frames of {}: check columns, rows and kind under \
+             [board] in dataset.toml, and that the whole board is visible", root.display())]
+    NoBoard {
+        /// The dataset's folder.
+        root: PathBuf,
+        /// What was looked for.
+        board: String,
+        /// Frames looked at.
+        frames: usize,
+    },
+    /// This program was built without detection.
+    #[error("{}: this program was built without detection (feature 'detect'), and no cached detection of this dataset \
+             exists: run `depthcal detect` with a program that has it, or build with default features", root.display())]
+    NoDetection {
+        /// The dataset's folder.
+        root: PathBuf,
+    },
+    /// Detection failed.
+    #[cfg(feature = "detect")]
+    #[error(transparent)]
+    Detect(#[from] depthcal_detect::DetectError),
+}

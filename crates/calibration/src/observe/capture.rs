@@ -1,0 +1,83 @@
+//! All frames of a dataset at one stage.
+
+use depthcal_model::Target;
+use nalgebra::Isometry3;
+
+use super::stages::{AdjustableFrame, DetectedFrame};
+
+/// A frame that is not used, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DroppedFrame {
+    /// Its name.
+    pub name: String,
+    /// Why it is not used.
+    pub reason: String,
+}
+
+/// The frames of a dataset at one stage; without a type argument, those in which the board was detected.
+#[derive(Debug, Clone)]
+pub struct Capture<F = DetectedFrame> {
+    /// The dataset's name.
+    pub name: String,
+    /// The board.
+    pub target: Target,
+    /// Width of the images, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// Millimetres per step of the depth images, where there are any.
+    pub depth_unit_mm: Option<f64>,
+    /// The frames.
+    pub frames: Vec<F>,
+    /// Frames that are not used.
+    pub dropped: Vec<DroppedFrame>,
+}
+
+impl<F: Clone> Capture<F> {
+    /// The same capture with those frames for which `keep` (given their position) is true.
+    pub fn subset(&self, keep: impl Fn(usize, &F) -> bool) -> Self {
+        let frames = self.frames.iter().enumerate().filter(|(i, f)| keep(*i, f)).map(|(_, f)| f.clone()).collect();
+        self.with_frames(frames)
+    }
+}
+
+impl<F> Capture<F> {
+    /// The same dataset with other frames, for example those of another stage.
+    pub fn with_frames<G>(&self, frames: Vec<G>) -> Capture<G> {
+        Capture {
+            name: self.name.clone(),
+            target: self.target.clone(),
+            width: self.width,
+            height: self.height,
+            depth_unit_mm: self.depth_unit_mm,
+            frames,
+            dropped: self.dropped.clone(),
+        }
+    }
+}
+
+impl<F: AsRef<DetectedFrame>> Capture<F> {
+    /// Whether any frame has depth.
+    pub fn has_depth(&self) -> bool {
+        self.frames.iter().any(|f| f.as_ref().has_depth())
+    }
+
+    /// The frames as they were detected.
+    pub fn detected(&self) -> Capture {
+        self.with_frames(self.frames.iter().map(|f| f.as_ref().clone()).collect())
+    }
+}
+
+impl<F: AdjustableFrame> Capture<F> {
+    /// Sets the pose of every frame.
+    pub fn set_poses(&mut self, poses: &[Isometry3<f64>]) {
+        for (frame, pose) in self.frames.iter_mut().zip(poses) {
+            frame.posed_mut().camera_from_board = *pose;
+        }
+    }
+
+    /// The poses of the frames.
+    pub fn poses(&self) -> impl Iterator<Item = Isometry3<f64>> + '_ {
+        self.frames.iter().map(|f| f.posed().camera_from_board)
+    }
+}

@@ -1,0 +1,157 @@
+//! Which depth pixels enter the joint adjustment: no denser than their noise is correlated.
+
+use std::collections::HashMap;
+
+use depthcal_model::Camera;
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::board_region::{BoardPixel, BoardPlane, BoardRegion, board_pixels};
+use super::capture::Capture;
+use super::noise::clipped_sigma;
+use super::stages::{DepthPixel, DepthSample, MeasuredDepth, PosedFrame, SampledFrame};
+
+/// Correlation is looked for up to this distance, px.
+const LONGEST_PX: usize = 8;
+/// Share of the variance at the longest distance at which pixels count as uncorrelated.
+const SILL: f64 = 0.9;
+/// Sampling grids are no coarser than this, px.
+const COARSEST_PX: usize = 64;
+/// Frames from which the correlation is measured.
+const FRAMES: usize = 8;
+
+/// Samples the depth of every frame: from a depth image, pixels on a grid whose step is the measured correlation length of
+/// the noise, or more where the frame would have more than `most_per_frame`; pixels that were given singly are all taken,
+/// but for those whose ray misses the board's plane. Returns the correlation length, px, where there are depth images.
+pub fn sample_depth(
+    capture: Capture<PosedFrame>,
+    camera: &Camera,
+    most_per_frame: usize,
+) -> (Capture<SampledFrame>, Option<usize>) {
+    let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
+    let region = BoardRegion::new(&capture.target);
+    let on_board =
+        |frame: &PosedFrame, step: usize| board_pixels(frame, unit_mm, camera, &region, &frame.camera_from_board, step);
+    let correlation_length_px = capture.frames.iter().any(|f| f.depth_image().is_some()).then(|| {
+        let stride = capture.frames.len().div_ceil(FRAMES).max(1);
+        let pixels: Vec<Vec<BoardPixel>> = capture.frames.par_iter().step_by(stride).map(|f| on_board(f, 1)).collect();
+        correlation_length(&pixels)
+    });
+    let frames: Vec<Vec<DepthSample>> = capture
+        .frames
+        .par_iter()
+        .map(|frame| match &frame.depth {
+            MeasuredDepth::None => Vec::new(),
+            MeasuredDepth::Pixels(pixels) => seeded(pixels, camera, &frame.camera_from_board),
+            MeasuredDepth::Image(_) => {
+                let pixels = thinned(|step| on_board(frame, step), correlation_length_px.unwrap_or(1), most_per_frame);
+                let sample =
+                    |p: &BoardPixel| DepthSample { context: p.context, depth_mm: p.depth_mm, board_seed: p.board };
+                pixels.iter().map(sample).collect()
+            }
+        })
+        .collect();
+    let mut sampled = capture.with_frames(Vec::new());
+    let posed = capture.frames.into_iter();
+    sampled.frames = posed.zip(frames).map(|(posed, samples)| SampledFrame { posed, samples }).collect();
+    (sampled, correlation_length_px)
+}
+
+/// Pixels on a grid of `step` or, where these are more than `most`, of a larger one.
+fn thinned(pixels_at: impl Fn(usize) -> Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<BoardPixel> {
+    loop {
+        let pixels = pixels_at(step);
+        if pixels.len() <= most || step >= COARSEST_PX {
+            return pixels;
+        }
+        let ratio = (pixels.len() as f64 / most as f64).sqrt();
+        step = (step + 1).max((step as f64 * ratio) as usize);
+    }
+}
+
+/// Pixels that were given singly with the board point that their ray meets; those that meet none go.
+fn seeded(pixels: &[DepthPixel], camera: &Camera, camera_from_board: &Isometry3<f64>) -> Vec<DepthSample> {
+    let plane = BoardPlane::new(camera_from_board);
+    let sample = |pixel: &DepthPixel| {
+        let ray = camera.ray(pixel.context.pixel, 1.0 / pixel.depth_mm).ok()?;
+        let point = plane.to_board(ray, plane.depth(ray)?);
+        Some(DepthSample { context: pixel.context, depth_mm: pixel.depth_mm, board_seed: [point.x, point.y] })
+    };
+    pixels.iter().filter_map(sample).collect()
+}
+
+/// From the structure function ½ E[(e(x + h) − e(x))²] of the deviations e from a plane in every frame: the distance at
+/// which it has reached 0.9 of its value at the longest distance looked at. Slow systematic errors hardly enter
+/// differences of near pixels.
+fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
+    let mut sums = [(0.0_f64, 0_usize); LONGEST_PX + 1];
+    for pixels in frames {
+        let deviations = plane_deviations(pixels);
+        let scale = 6.0 * clipped_sigma(&deviations);
+        let key = |p: &BoardPixel| (p.context.pixel[0] as i64, p.context.pixel[1] as i64);
+        let inliers = || pixels.iter().zip(&deviations).filter(|(_, e)| e.abs() <= scale);
+        let field: HashMap<(i64, i64), f64> = inliers().map(|(p, e)| (key(p), *e / scale)).collect();
+        // In the pixels' order, not the map's: sums must not depend on hashing.
+        for (p, e) in inliers() {
+            let (u, v) = key(p);
+            for (h, sum) in sums.iter_mut().enumerate().skip(1) {
+                for neighbour in [(u + h as i64, v), (u, v + h as i64)] {
+                    if let Some(other) = field.get(&neighbour) {
+                        sum.0 += (e / scale - other).powi(2);
+                        sum.1 += 1;
+                    }
+                }
+            }
+        }
+    }
+    let value = |h: usize| if sums[h].1 > 0 { sums[h].0 / sums[h].1 as f64 } else { f64::NAN };
+    let sill = SILL * value(LONGEST_PX);
+    (1..=LONGEST_PX).find(|h| !(value(*h) < sill)).unwrap_or(LONGEST_PX)
+}
+
+/// Inverse depth minus its best affine function of the ray, 1/mm.
+pub(crate) fn plane_deviations(pixels: &[BoardPixel]) -> Vec<f64> {
+    let (mut normal, mut rhs) = (Matrix3::zeros(), Vector3::zeros());
+    for p in pixels {
+        let row = Vector3::new(p.ray[0], p.ray[1], 1.0);
+        normal += row * row.transpose();
+        rhs += row / p.depth_mm;
+    }
+    let plane = normal.cholesky().map_or_else(Vector3::zeros, |c| c.solve(&rhs));
+    pixels.iter().map(|p| 1.0 / p.depth_mm - plane.dot(&Vector3::new(p.ray[0], p.ray[1], 1.0))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use depthcal_model::Context;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Normal};
+
+    /// White noise is uncorrelated at one pixel; noise averaged over a 3×3 window at three.
+    #[test]
+    fn correlation_of_white_and_of_averaged_noise() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let unit = Normal::new(0.0, 2e-6).unwrap();
+        let n = 80;
+        let white: Vec<f64> = (0..n * n).map(|_| unit.sample(&mut rng)).collect();
+        let averaged = |u: usize, v: usize| {
+            (0..3).flat_map(|i| (0..3).map(move |j| (i, j))).map(|(i, j)| white[(v + i) * n + u + j]).sum::<f64>() / 3.0
+        };
+        let field = |value: &dyn Fn(usize, usize) -> f64| -> Vec<BoardPixel> {
+            let pixels = (0..n - 3).flat_map(|v| (0..n - 3).map(move |u| (u, v)));
+            pixels
+                .map(|(u, v)| BoardPixel {
+                    context: Context { pixel: [u as f64, v as f64], ..Context::default() },
+                    depth_mm: 1.0 / (1e-3 + 1e-7 * u as f64 + value(u, v)),
+                    board_depth_mm: 1000.0,
+                    board: [0.0; 2],
+                    ray: [u as f64 / 500.0, v as f64 / 500.0],
+                    cos_incidence: 1.0,
+                })
+                .collect()
+        };
+        assert_eq!(correlation_length(&[field(&|u, v| white[v * n + u])]), 1);
+        assert_eq!(correlation_length(&[field(&averaged)]), 3);
+    }
+}

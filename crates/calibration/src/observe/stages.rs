@@ -1,0 +1,221 @@
+//! A frame at each stage of its way: raw, detected, posed, sampled. Each stage holds the one before it and dereferences to
+//! it, so that a sampled frame has a pose, markers and images, and a function's argument says what it needs.
+
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+
+use depthcal_io::{DepthImage, FrameMetadata, GrayImage};
+use depthcal_model::Context;
+use nalgebra::Isometry3;
+
+use super::neighbourhood::Neighbourhood;
+
+/// A marker found in an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarkerObservation {
+    /// Its number on the board, see [`Target::point`].
+    pub index: usize,
+    /// Where it was found, px.
+    pub pixel: [f64; 2],
+    /// Standard deviation of each coordinate, px, up to a factor common to all markers; 1 where nothing is known.
+    pub std_px: f64,
+}
+
+/// A measured depth pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthPixel {
+    /// The pixel and what is known of it.
+    pub context: Context,
+    /// Measured depth, mm.
+    pub depth_mm: f64,
+}
+
+/// A depth pixel on the board that takes part in the adjustment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthSample {
+    /// The pixel and what is known of it.
+    pub context: Context,
+    /// Measured depth, mm.
+    pub depth_mm: f64,
+    /// The board point that the pixel sees under the start values, mm: where Newton's method begins.
+    pub board_seed: [f64; 2],
+}
+
+/// What was measured of a frame's depth.
+#[derive(Debug, Clone, Default)]
+pub enum MeasuredDepth {
+    /// Nothing.
+    #[default]
+    None,
+    /// A depth image on the pixel grid of the image.
+    Image(Arc<DepthImage>),
+    /// Single pixels, as a simulation at the level of points gives them.
+    Pixels(Vec<DepthPixel>),
+}
+
+/// A frame as it was read.
+#[derive(Debug, Clone, Default)]
+pub struct RawFrame {
+    /// Its name in the dataset.
+    pub name: String,
+    /// Time since the first frame, s; 0 where unknown.
+    pub time_s: f64,
+    /// Temperature, °C; NaN where unknown.
+    pub temperature_c: f64,
+    /// What the dataset says about the frame, as it says it.
+    pub metadata: FrameMetadata,
+    /// The image (the infrared amplitude), where there is one.
+    pub image: Option<Arc<GrayImage>>,
+    /// The depth.
+    pub depth: MeasuredDepth,
+}
+
+impl RawFrame {
+    /// What is known of the observation at a pixel of the depth image.
+    pub fn context(&self, pixel: [f64; 2]) -> Context {
+        let neighbourhood = self.image.as_ref().and_then(|image| Neighbourhood::at(image, pixel));
+        let unknown = Neighbourhood { amplitude: f64::NAN, surround: f64::NAN, slope: [f64::NAN; 2] };
+        let Neighbourhood { amplitude, surround, slope } = neighbourhood.unwrap_or(unknown);
+        Context { pixel, amplitude, surround, slope, time_s: self.time_s, temperature_c: self.temperature_c }
+    }
+
+    /// The depth image, where there is one.
+    pub fn depth_image(&self) -> Option<&Arc<DepthImage>> {
+        match &self.depth {
+            MeasuredDepth::Image(image) => Some(image),
+            MeasuredDepth::None | MeasuredDepth::Pixels(_) => None,
+        }
+    }
+
+    /// The single depth pixels that were given; none where there is a depth image.
+    pub fn depth_pixels(&self) -> &[DepthPixel] {
+        match &self.depth {
+            MeasuredDepth::Pixels(pixels) => pixels,
+            MeasuredDepth::None | MeasuredDepth::Image(_) => &[],
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn depth_pixels_mut(&mut self) -> &mut [DepthPixel] {
+        match &mut self.depth {
+            MeasuredDepth::Pixels(pixels) => pixels,
+            MeasuredDepth::None | MeasuredDepth::Image(_) => &mut [],
+        }
+    }
+
+    /// Whether any depth was measured.
+    pub fn has_depth(&self) -> bool {
+        match &self.depth {
+            MeasuredDepth::None => false,
+            MeasuredDepth::Image(_) => true,
+            MeasuredDepth::Pixels(pixels) => !pixels.is_empty(),
+        }
+    }
+}
+
+/// A frame in which the board was found.
+#[derive(Debug, Clone, Default)]
+pub struct DetectedFrame {
+    /// The frame as it was read.
+    pub raw: RawFrame,
+    /// The markers in its image.
+    pub markers: Vec<MarkerObservation>,
+}
+
+/// A frame whose board has a pose.
+#[derive(Debug, Clone)]
+pub struct PosedFrame {
+    /// The frame with its markers.
+    pub detected: DetectedFrame,
+    /// Pose of the board: maps board coordinates to camera coordinates, mm.
+    pub camera_from_board: Isometry3<f64>,
+}
+
+/// A frame with the depth pixels that take part in the adjustment; none where it has no depth on the board, or where the
+/// images alone were adjusted.
+#[derive(Debug, Clone)]
+pub struct SampledFrame {
+    /// The frame with its pose.
+    pub posed: PosedFrame,
+    /// Its depth samples.
+    pub samples: Vec<DepthSample>,
+}
+
+macro_rules! holds {
+    ($later:ty, $field:ident: $earlier:ty) => {
+        impl Deref for $later {
+            type Target = $earlier;
+            fn deref(&self) -> &$earlier {
+                &self.$field
+            }
+        }
+
+        impl DerefMut for $later {
+            fn deref_mut(&mut self) -> &mut $earlier {
+                &mut self.$field
+            }
+        }
+    };
+}
+
+holds!(DetectedFrame, raw: RawFrame);
+holds!(PosedFrame, detected: DetectedFrame);
+holds!(SampledFrame, posed: PosedFrame);
+
+impl AsRef<DetectedFrame> for DetectedFrame {
+    fn as_ref(&self) -> &DetectedFrame {
+        self
+    }
+}
+
+impl AsRef<DetectedFrame> for PosedFrame {
+    fn as_ref(&self) -> &DetectedFrame {
+        self
+    }
+}
+
+impl AsRef<DetectedFrame> for SampledFrame {
+    fn as_ref(&self) -> &DetectedFrame {
+        self
+    }
+}
+
+/// A frame that can be adjusted: it has markers and a pose, and may have depth samples.
+pub trait AdjustableFrame: AsRef<DetectedFrame> + Deref + Clone + Send + Sync {
+    /// The frame with its pose.
+    fn posed(&self) -> &PosedFrame;
+    /// The same, to be changed.
+    fn posed_mut(&mut self) -> &mut PosedFrame;
+    /// Its depth samples; none before the frame is sampled.
+    fn samples(&self) -> &[DepthSample];
+    /// Keeps the samples for which `keep` is true.
+    fn retain_samples(&mut self, keep: impl FnMut(&DepthSample) -> bool);
+}
+
+impl AdjustableFrame for PosedFrame {
+    fn posed(&self) -> &PosedFrame {
+        self
+    }
+    fn posed_mut(&mut self) -> &mut PosedFrame {
+        self
+    }
+    fn samples(&self) -> &[DepthSample] {
+        &[]
+    }
+    fn retain_samples(&mut self, _: impl FnMut(&DepthSample) -> bool) {}
+}
+
+impl AdjustableFrame for SampledFrame {
+    fn posed(&self) -> &PosedFrame {
+        &self.posed
+    }
+    fn posed_mut(&mut self) -> &mut PosedFrame {
+        &mut self.posed
+    }
+    fn samples(&self) -> &[DepthSample] {
+        &self.samples
+    }
+    fn retain_samples(&mut self, keep: impl FnMut(&DepthSample) -> bool) {
+        self.samples.retain(keep);
+    }
+}

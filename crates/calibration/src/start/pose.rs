@@ -1,0 +1,130 @@
+//! Poses of a board from its image.
+
+use depthcal_model::chain::{POSE, Workspace};
+use depthcal_model::{Camera, Target};
+use nalgebra::{Isometry3, Matrix3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+
+use super::error::StartError;
+use super::frame_markers::FrameMarkers;
+use super::homography::homography;
+use crate::observe::MarkerObservation;
+
+/// A pose and how well it fits.
+#[derive(Debug, Clone)]
+pub struct PoseFit {
+    /// Board to camera frame.
+    pub camera_from_board: Isometry3<f64>,
+    /// Reprojection error: root mean square distance, px.
+    pub rms_px: f64,
+}
+
+/// The pose that minimises the reprojection error under a given camera.
+///
+/// Started from the homography of the undistorted markers and from its mirror image about the line of sight, the other
+/// local minimum of a plane's pose (Schweighofer, Pinz 2006); the better one is kept.
+///
+/// # Errors
+///
+/// [`StartError`], where the markers are too few, collinear, outside the lens model, or no pose lies before the camera.
+pub fn estimate_pose(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -> Result<PoseFit, StartError> {
+    let no_pose = || StartError::NoPose { frame: frame.name.to_owned() };
+    let undistorted: Vec<MarkerObservation> = frame
+        .markers
+        .iter()
+        .filter_map(|m| camera.ray(m.pixel, 1e-3).ok().map(|ray| MarkerObservation { pixel: ray, ..*m }))
+        .collect();
+    let h = homography(target, &FrameMarkers { name: frame.name, markers: &undistorted })?;
+    let first = from_homography(&h).ok_or_else(no_pose)?;
+    let mirrored = mirror(&first, target);
+    let fits = [Some(first), mirrored].into_iter().flatten();
+    let fits = fits.filter_map(|pose| refine_pose(camera, target, frame.markers, &pose));
+    fits.min_by(|a, b| a.rms_px.total_cmp(&b.rms_px)).ok_or_else(no_pose)
+}
+
+/// K⁻¹H = λ (r₁ r₂ t), with the nearest rotation to (r₁, r₂, r₁ × r₂).
+fn from_homography(h: &Matrix3<f64>) -> Option<Isometry3<f64>> {
+    let scale = 2.0 / (h.column(0).norm() + h.column(1).norm());
+    let sign = if h.m33 < 0.0 { -scale } else { scale };
+    let (r1, r2, t) = (h.column(0) * sign, h.column(1) * sign, h.column(2) * sign);
+    let svd = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]).svd(true, true);
+    let rotation = svd.u? * svd.v_t?;
+    if !(t.z > 0.0) || rotation.determinant() < 0.0 {
+        return None;
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    Some(Isometry3::from_parts(Translation3::from(t), rotation))
+}
+
+/// The pose whose plane is mirrored about the line of sight to the board's middle.
+fn mirror(pose: &Isometry3<f64>, target: &Target) -> Option<Isometry3<f64>> {
+    let points = target.points();
+    let n = points.len() as f64;
+    let centre = points.iter().fold(Vector3::zeros(), |c, p| c + Vector3::new(p[0], p[1], 0.0) / n);
+    let middle = pose * nalgebra::Point3::from(centre);
+    let sight = middle.coords.normalize();
+    let normal = pose.rotation * Vector3::z();
+    let mirrored = sight * (2.0 * sight.dot(&normal)) - normal;
+    let turn = UnitQuaternion::rotation_between(&normal, &mirrored)?;
+    let rotation = turn * pose.rotation;
+    Some(Isometry3::from_parts(Translation3::from(middle.coords - rotation * centre), rotation))
+}
+
+/// Minimises the reprojection error over the pose alone, by Levenberg–Marquardt from `start`. `None` where the board
+/// leaves the camera's view.
+pub fn refine_pose(
+    camera: &Camera,
+    target: &Target,
+    markers: &[MarkerObservation],
+    start: &Isometry3<f64>,
+) -> Option<PoseFit> {
+    let (chain, theta) = (camera.chain(), camera.theta());
+    let points: Vec<[f64; 2]> = markers.iter().map(|m| target.point(m.index)).collect();
+    let columns = POSE + chain.image_parameter_count();
+    let mut work = Workspace::default();
+    let mut pixels = vec![[0.0; 2]; points.len()];
+    let mut jacobian = vec![0.0; 2 * points.len() * columns];
+    let cost = |pixels: &[[f64; 2]]| -> f64 {
+        let squares =
+            pixels.iter().zip(markers).map(|(p, m)| (p[0] - m.pixel[0]).powi(2) + (p[1] - m.pixel[1]).powi(2));
+        squares.sum()
+    };
+    let mut pose = *start;
+    let mut lambda = 1e-4;
+    chain.image(&mut work, &theta, &pose, &points, &mut pixels, Some(&mut jacobian)).ok()?;
+    let mut best = cost(&pixels);
+    for _ in 0..50 {
+        let (mut normal, mut rhs) = (SMatrix::<f64, 6, 6>::zeros(), SVector::<f64, 6>::zeros());
+        for (k, marker) in markers.iter().enumerate() {
+            for r in 0..2 {
+                let row = SVector::<f64, 6>::from_column_slice(&jacobian[(2 * k + r) * columns..][..POSE]);
+                normal += row * row.transpose();
+                rhs += row * (marker.pixel[r] - pixels[k][r]);
+            }
+        }
+        let mut improved = false;
+        while lambda < 1e12 {
+            let mut damped = normal;
+            for i in 0..6 {
+                damped[(i, i)] *= 1.0 + lambda;
+            }
+            let step = damped.cholesky()?.solve(&rhs);
+            let moved = Isometry3::from_parts(
+                Translation3::from(pose.translation.vector + step.fixed_rows::<3>(3)),
+                pose.rotation * UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned()),
+            );
+            let valid = chain.image(&mut work, &theta, &moved, &points, &mut pixels, Some(&mut jacobian)).is_ok();
+            let trial = if valid { cost(&pixels) } else { f64::INFINITY };
+            if trial <= best {
+                improved = best - trial > 1e-14 * best;
+                (pose, best) = (moved, trial);
+                lambda = (lambda * 0.1).max(1e-12);
+                break;
+            }
+            lambda *= 10.0;
+        }
+        if !improved {
+            break;
+        }
+    }
+    best.is_finite().then(|| PoseFit { camera_from_board: pose, rms_px: (best / markers.len() as f64).sqrt() })
+}

@@ -1,0 +1,417 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use depthcal_io::{
+    Cloud, DATASET_FILE, Dataset, DepthImage, GrayImage, PlyFormat, RgbImage, check_same_size, read_depth, read_gray,
+    read_rgb, write_depth, write_ply,
+};
+use depthcal_model::Camera;
+use rayon::prelude::*;
+
+use super::apply_resume::Resume;
+use super::apply_stream::{StreamArgs, StreamContext};
+use serde_json::{Value, json};
+
+use super::common::{Failure, input, read_calibration};
+use super::session::Session;
+use super::voice::{complaint, is_json, say};
+use crate::progress::Progress;
+use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut};
+
+/// Corrects depth images with a calibration.
+///
+/// Corrected images have the names, the size and the unit of their originals. All input is read once before anything is
+/// written, so that a damaged image among many shows at once.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal apply result/calibration.json depth/ --out corrected/
+  depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
+  depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times from dataset.toml
+  depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/")]
+pub(super) struct Apply {
+    /// A calibration.json.
+    calibration: PathBuf,
+    /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, which then gives the depth unit, the
+    /// images and the times and temperatures of the frames.
+    /// `-` alone reads raw frames from standard input and writes them, corrected, to standard output.
+    #[arg(required = true)]
+    depth: Vec<PathBuf>,
+    /// Folder for the results; it is made where it does not exist. A run that was interrupted goes on where it ended.
+    #[arg(long, value_name = "DIR", required_unless_present = "stream_output")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    stream: StreamArgs,
+    /// Writes a point cloud per frame too: binary PLY in mm, with the image's values where there is an image.
+    #[arg(long)]
+    cloud: bool,
+    /// Millimetres per step of the depth images that belong to no dataset; by default those of the dataset that the
+    /// calibration was fitted to.
+    #[arg(long, value_name = "X")]
+    unit_mm: Option<f64>,
+    /// Infrared image, or a folder of them, for the depth image of the same file stem; may be given several times.
+    #[arg(long, value_name = "PATH")]
+    image: Vec<PathBuf>,
+    /// Colour image on the pixel grid of the depth image, or a folder of them, for the depth image of the same file stem:
+    /// its colours go into the clouds; may be given several times.
+    #[arg(long, value_name = "PATH", requires = "cloud")]
+    color: Vec<PathBuf>,
+}
+
+/// A depth image to be corrected, and what is known about it.
+struct Job {
+    depth: PathBuf,
+    image: Option<PathBuf>,
+    color: Option<PathBuf>,
+    unit_mm: f64,
+    time_s: Option<f64>,
+    temperature_c: Option<f64>,
+}
+
+impl Job {
+    /// All that its results depend on beside the calibration and the contents of its files.
+    fn key(&self, cloud: bool) -> String {
+        let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
+    }
+
+    fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
+        let depth = read_depth(&self.depth).map_err(input)?;
+        if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
+            return Err(Failure::Input(format!(
+                "{}: the depth image has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated \
+                 camera at its full resolution",
+                self.depth.display(),
+                depth.width,
+                depth.height,
+                corrector.width(),
+                corrector.height()
+            )));
+        }
+        if let Some(color) = &self.color {
+            read_color(color, &depth)?;
+        }
+        let Some(path) = &self.image else { return Ok((depth, None)) };
+        let image = read_gray(path).map_err(input)?;
+        check_same_size((path, &image), (&self.depth, &depth)).map_err(input)?;
+        Ok((depth, Some(image)))
+    }
+}
+
+impl Apply {
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        if let Some(unit) = self.unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
+            return Err(Failure::Input(format!(
+                "--unit-mm is {unit}: give the millimetres per step, such as 1 or 0.25"
+            )));
+        }
+        let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
+        if self.depth.iter().any(|path| path.as_os_str() == "-") {
+            self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm))?;
+            return Ok(Value::Null);
+        }
+        let jobs = self.jobs(calibration.depth_unit_mm)?;
+        self.check_names(&jobs)?;
+        let corrector = Corrector::new(&camera)
+            .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
+        warn_of_missing(&corrector, &jobs);
+
+        let keys: Vec<String> = jobs.iter().map(|job| job.key(self.cloud)).collect();
+        let resume = Resume::open(self.folder(), &self.calibration, jobs.iter().map(|j| stem(&j.depth)).zip(keys))?;
+        let all = jobs.len();
+        let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
+        if jobs.len() < all {
+            say!("{} of {all} frames were complete already", all - jobs.len());
+        }
+
+        let progress = Progress::new("checking images", jobs.len());
+        jobs.par_iter().try_for_each(|job| -> Result<(), Failure> {
+            job.read(&corrector)?;
+            progress.advance();
+            Ok(())
+        })?;
+        drop(progress);
+        resume.begin()?;
+        let progress = Progress::new("correcting", jobs.len());
+        let summary = jobs
+            .par_iter()
+            .map(|job| -> Result<_, Failure> {
+                let summary = self.correct(job, &corrector)?;
+                progress.advance();
+                Ok(summary)
+            })
+            .try_reduce(CorrectionSummary::default, |a, b| Ok(a + b))?;
+        drop(progress);
+        resume.end();
+        self.print(jobs.len(), summary);
+        let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
+        let pixels = json!({
+            "corrected": corrected, "saturated": saturated, "without_depth": invalid, "not_correctable": not_correctable,
+        });
+        Ok(
+            json!({ "frames": jobs.len(), "complete_before": all - jobs.len(), "pixels": pixels, "written": [self.folder()] }),
+        )
+    }
+
+    /// Raw frames from standard input to standard output.
+    fn run_stream(&self, camera: &Camera, unit_mm: Option<f64>) -> Result<(), Failure> {
+        if is_json() {
+            return Err(Failure::Input("--json and `-` both want standard output: leave --json out".into()));
+        }
+        if self.depth.len() > 1 || self.out.is_some() || self.cloud || !self.image.is_empty() {
+            return Err(Failure::Input(
+                "`-` reads raw frames and writes raw frames to standard output: give it as the only DEPTH, without \
+                 --out, --cloud and --image"
+                    .into(),
+            ));
+        }
+        let corrector = Corrector::new(camera)
+            .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
+        self.stream.run(StreamContext { corrector: &corrector, unit_mm, calibration: &self.calibration })
+    }
+
+    fn folder(&self) -> &Path {
+        self.out.as_deref().unwrap_or(Path::new("."))
+    }
+
+    /// The files that a frame ends in.
+    fn outputs(&self, job: &Job) -> Vec<PathBuf> {
+        let image = self.target(&job.depth);
+        let cloud = self.cloud.then(|| image.with_extension("ply"));
+        std::iter::once(image).chain(cloud).collect()
+    }
+
+    fn correct(&self, job: &Job, corrector: &Corrector) -> Result<CorrectionSummary, Failure> {
+        let of_job = |error| Failure::Input(format!("{}: {error}", job.depth.display()));
+        let (depth, image) = job.read(corrector)?;
+        let context = FrameContext {
+            time_s: job.time_s.unwrap_or(0.0),
+            temperature_c: job.temperature_c.unwrap_or(f64::NAN),
+            amplitude: image.as_ref(),
+        };
+        if self.cloud {
+            // Not from the corrected image, whose values are rounded to its unit.
+            let mut points = vec![[f32::NAN; 3]; depth.data.len()];
+            let out = PointsMut::Interleaved(points.as_flattened_mut());
+            corrector.correct_to_points(&depth, job.unit_mm, &context, out).map_err(of_job)?;
+            let path = self.target(&job.depth).with_extension("ply");
+            let color = job.color.as_ref().map(|path| read_color(path, &depth)).transpose()?;
+            write_ply(path, &cloud(&points, image.as_ref(), color.as_ref()), PlyFormat::Binary).map_err(input)?;
+        }
+        let mut corrected = depth.clone();
+        let summary = corrector.correct_u16(&depth, job.unit_mm, &context, &mut corrected).map_err(of_job)?;
+        write_depth(self.target(&job.depth), &corrected).map_err(input)?;
+        Ok(summary)
+    }
+
+    fn print(&self, frames: usize, summary: CorrectionSummary) {
+        let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
+        say!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+        if not_correctable > 0 {
+            say!("{not_correctable} pixels are not correctable (no ray, or the model has no inverse there) and are 0");
+        }
+        if saturated > 0 {
+            say!("{saturated} corrected depths lie beyond the range of 16 bits and were set to its end");
+        }
+        say!("written: {}", self.folder().display());
+    }
+
+    /// Where the corrected image of `depth` goes.
+    fn target(&self, depth: &Path) -> PathBuf {
+        depth.file_name().map_or_else(|| self.folder().to_owned(), |name| self.folder().join(name))
+    }
+
+    fn jobs(&self, calibrated_unit: Option<f64>) -> Result<Vec<Job>, Failure> {
+        let (images, colors) = (by_stem(&self.image)?, by_stem(&self.color)?);
+        let mut jobs = Vec::new();
+        for path in &self.depth {
+            if path.ends_with(DATASET_FILE) || path.join(DATASET_FILE).is_file() {
+                jobs.extend(self.dataset_jobs(path)?);
+                continue;
+            }
+            let found = if path.is_dir() { images_in(path, &["png"])? } else { vec![path.clone()] };
+            if let Some(first) = found.first().filter(|p| !p.is_file()) {
+                return Err(Failure::Input(format!(
+                    "{}: there is no such file or folder: check DEPTH",
+                    first.display()
+                )));
+            }
+            let unit_mm = self.unit_mm.or(calibrated_unit).ok_or_else(|| {
+                Failure::Input(format!(
+                    "{}: the depth unit is unknown: {} does not record it; give --unit-mm, the millimetres per step of \
+                     these images",
+                    path.display(),
+                    self.calibration.display()
+                ))
+            })?;
+            for depth in found {
+                let image = images.get(&stem(&depth)).cloned();
+                if image.is_none() && !self.image.is_empty() {
+                    return Err(Failure::Input(format!(
+                        "{}: --image has no image of the stem \"{}\": give one for every depth image, or none at all",
+                        depth.display(),
+                        stem(&depth)
+                    )));
+                }
+                jobs.push(Job { depth, image, color: None, unit_mm, time_s: None, temperature_c: None });
+            }
+        }
+        for job in jobs.iter_mut().filter(|_| !colors.is_empty()) {
+            job.color = colors.get(&stem(&job.depth)).cloned();
+            if job.color.is_none() {
+                return Err(Failure::Input(format!(
+                    "{}: --color has no image of the stem \"{}\": give one for every depth image, or none at all",
+                    job.depth.display(),
+                    stem(&job.depth)
+                )));
+            }
+        }
+        Ok(jobs)
+    }
+
+    fn dataset_jobs(&self, path: &Path) -> Result<Vec<Job>, Failure> {
+        let dataset = Dataset::open(path).map_err(input)?;
+        let file = dataset.root.join(DATASET_FILE);
+        let Some(unit_mm) = dataset.depth_unit_mm.filter(|_| dataset.frames.iter().any(|f| f.depth.is_some())) else {
+            return Err(Failure::Input(format!(
+                "{}: `frames.depth` is missing, so there is nothing to correct: declare it, such as depth = \
+                 \"depth/*.png\", and unit_mm under [depth]",
+                file.display()
+            )));
+        };
+        if let Some(given) = self.unit_mm.filter(|given| *given != unit_mm) {
+            return Err(Failure::Input(format!(
+                "{}: `depth.unit_mm` is {unit_mm}, but --unit-mm is {given}: leave --unit-mm out, or correct the file",
+                file.display()
+            )));
+        }
+        // Times count from the first frame, as they did when the calibration was fitted.
+        let first = dataset.frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
+        let jobs = dataset.frames.into_iter().filter_map(|frame| {
+            Some(Job {
+                depth: frame.depth?,
+                image: frame.image,
+                color: None,
+                unit_mm,
+                time_s: frame.metadata.timestamp_s.map(|t| t - first),
+                temperature_c: frame.metadata.temperature_c,
+            })
+        });
+        Ok(jobs.collect())
+    }
+
+    /// Corrected images must neither replace each other nor their originals.
+    fn check_names(&self, jobs: &[Job]) -> Result<(), Failure> {
+        let out = self.folder().canonicalize().ok();
+        let mut names = BTreeSet::new();
+        for Job { depth, .. } in jobs {
+            let folder = depth.canonicalize().ok().and_then(|path| path.parent().map(Path::to_owned));
+            if out.is_some() && folder == out {
+                return Err(Failure::Input(format!(
+                    "{}: the corrected image would replace this one: give --out another folder",
+                    depth.display()
+                )));
+            }
+            // By stem, because the cloud has the same name but for its extension.
+            if !names.insert(stem(depth)) {
+                return Err(Failure::Input(format!(
+                    "{}: another depth image has the stem \"{}\" too, and --out has one place for both: apply to one \
+                     folder at a time",
+                    depth.display(),
+                    stem(depth)
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Says which effects of the calibration stay without effect because the frames do not tell what they depend on.
+fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
+    let needs = corrector.needs();
+    let cases = [
+        (needs.time, jobs.iter().any(|j| j.time_s.is_none()), "time", "timestamp_s in the dataset's table of frames"),
+        (
+            needs.temperature,
+            jobs.iter().any(|j| j.temperature_c.is_none()),
+            "temperature",
+            "temperature_c in the dataset's table of frames",
+        ),
+        (needs.amplitude, jobs.iter().any(|j| j.image.is_none()), "infrared amplitude", "the images with --image"),
+    ];
+    for (needed, missing, what, remedy) in cases {
+        if needed && missing {
+            complaint(
+                "warning",
+                0,
+                format_args!(
+                    "the calibration has an effect that depends on the {what}, which not every frame has: it is not \
+                     corrected there; give {remedy}"
+                ),
+            );
+        }
+    }
+}
+
+/// A colour image of the size of a depth image.
+fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Failure> {
+    let image = read_rgb(path).map_err(input)?;
+    if (image.width, image.height) != (depth.width, depth.height) {
+        return Err(Failure::Input(format!(
+            "{}: the colour image has {}×{} px, the depth {}×{}: register the colour to the depth first",
+            path.display(),
+            image.width,
+            image.height,
+            depth.width,
+            depth.height
+        )));
+    }
+    Ok(image)
+}
+
+/// Images and folders of images by the stems of their names.
+fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Failure> {
+    let mut images = BTreeMap::new();
+    for path in paths {
+        let found = if path.is_dir() { images_in(path, &["png", "jpg", "jpeg", "pgm"])? } else { vec![path.clone()] };
+        images.extend(found.into_iter().map(|path| (stem(&path), path)));
+    }
+    Ok(images)
+}
+
+fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>, color: Option<&RgbImage>) -> Cloud {
+    let seen = || (0..points.len()).filter(|i| !points[*i][2].is_nan());
+    Cloud {
+        points: seen().map(|i| points[i]).collect(),
+        intensity: image.map(|image| seen().map(|i| f32::from(image.data[i])).collect()),
+        color: color.map(|color| seen().map(|i| color.data[i]).collect()),
+    }
+}
+
+/// The images of a folder in the order of their names. Hidden files are temporary or the operating system's.
+fn images_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
+    let unreadable = |error| Failure::Input(format!("{}: cannot read the folder: {error}", folder.display()));
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        let hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+        let known = path.extension().is_some_and(|e| extensions.iter().any(|known| e.eq_ignore_ascii_case(known)));
+        if known && !hidden && path.is_file() {
+            found.push(path);
+        }
+    }
+    if found.is_empty() {
+        let kinds = extensions.join(", ");
+        return Err(Failure::Input(format!(
+            "{}: the folder holds no images ({kinds}); check the path",
+            folder.display()
+        )));
+    }
+    found.sort();
+    Ok(found)
+}
+
+pub(super) fn stem(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
+}

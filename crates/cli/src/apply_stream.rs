@@ -1,0 +1,310 @@
+//! `apply -`: raw frames from standard input to standard output.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::Path;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+
+use clap::{Args, ValueEnum};
+use depthcal_io::{DepthImage, GrayImage};
+
+use super::common::Failure;
+use crate::progress::Progress;
+use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
+
+/// A raw frame's values: little-endian, row by row, nothing between frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Raw {
+    /// 16-bit steps of --unit-mm; 0 is no depth.
+    U16,
+    /// 32-bit floating-point mm; 0, negative and NaN are no depth.
+    F32,
+}
+
+/// What is written of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Written {
+    /// Corrected depth in 16-bit steps of --unit-mm.
+    U16,
+    /// Corrected depth in 32-bit floating-point mm.
+    F32,
+    /// Points: x y z of every pixel, 32-bit floating-point mm; NaN where there is no depth.
+    Xyz,
+}
+
+/// Options of a stream.
+#[derive(Debug, Args)]
+pub(super) struct StreamArgs {
+    /// Values of the frames on standard input.
+    #[arg(long, value_name = "TYPE", value_enum, default_value = "u16", requires = "stream_output")]
+    stream_input: Raw,
+    /// Values to write to standard output, for DEPTH `-`.
+    #[arg(long, value_name = "TYPE", value_enum)]
+    stream_output: Option<Written>,
+    /// Width and height of the frames, as a check: they are those of the calibration.
+    #[arg(long, value_name = "WxH", requires = "stream_output")]
+    stream_size: Option<String>,
+    /// Each frame is followed by its infrared amplitude, 16-bit values of the same size.
+    #[arg(long, requires = "stream_output")]
+    stream_amplitude: bool,
+    /// Frames per second, for effects that depend on time; the first frame is at 0 s.
+    #[arg(long, value_name = "FPS", requires = "stream_output")]
+    stream_fps: Option<f64>,
+    /// Temperature in °C, for effects that depend on it.
+    #[arg(long, value_name = "CELSIUS", requires = "stream_output")]
+    stream_temperature: Option<f64>,
+}
+
+/// What a stream is corrected with.
+pub(super) struct StreamContext<'a> {
+    pub(super) corrector: &'a Corrector,
+    pub(super) unit_mm: Option<f64>,
+    pub(super) calibration: &'a Path,
+}
+
+/// Frames under way between reading, correcting and writing: enough for each to work while the others do.
+const UNDER_WAY: usize = 3;
+
+impl StreamArgs {
+    pub(super) fn run(&self, context: StreamContext<'_>) -> Result<(), Failure> {
+        let (width, height) = (context.corrector.width(), context.corrector.height());
+        let written = self.stream_output.unwrap_or(Written::U16);
+        self.check(&context, written, (width, height))?;
+        let pixels = width * height;
+        let depth_bytes = pixels * if self.stream_input == Raw::U16 { 2 } else { 4 };
+        let frame_bytes = depth_bytes + if self.stream_amplitude { 2 * pixels } else { 0 };
+
+        let (full, to_correct) = sync_channel::<Vec<u8>>(UNDER_WAY);
+        let (emptied, to_fill) = sync_channel::<Vec<u8>>(UNDER_WAY);
+        let (corrected, to_write) = sync_channel::<Vec<u8>>(UNDER_WAY);
+        let (flushed, to_reuse) = sync_channel::<Vec<u8>>(UNDER_WAY);
+        for _ in 0..UNDER_WAY {
+            // The channels have place for as many.
+            let _ = (emptied.send(vec![0; frame_bytes]), flushed.send(Vec::new()));
+        }
+        let progress = Progress::endless("correcting");
+        thread::scope(|scope| {
+            let reader = scope.spawn(move || read_frames(io::stdin().lock(), &to_fill, &full));
+            let writer = scope.spawn(move || write_frames(io::stdout().lock(), &to_write, &flushed));
+            let mut job = Job::new(self, &context, written);
+            let mut summary = CorrectionSummary::default();
+            let mut frames = 0;
+            let mut result = Ok(());
+            while let Ok(frame) = to_correct.recv() {
+                let Ok(mut out) = to_reuse.recv() else { break };
+                match job.correct(frames, frame.split_at(depth_bytes), &mut out) {
+                    Ok(of_frame) => summary += of_frame,
+                    Err(error) => {
+                        result = Err(Failure::Input(error.to_string()));
+                        break;
+                    }
+                }
+                frames += 1;
+                progress.advance();
+                let _ = emptied.send(frame);
+                if corrected.send(out).is_err() {
+                    break;
+                }
+            }
+            drop((corrected, to_reuse, to_correct, emptied));
+            let written = writer.join().unwrap_or_else(|_| Err(io::Error::other("the writing thread failed")));
+            if let Err(error) = &written {
+                // Whoever reads may have had enough, which is no fault; the reader is left waiting for its input.
+                if error.kind() == ErrorKind::BrokenPipe {
+                    std::process::exit(0);
+                }
+                return Err(Failure::Input(format!("standard output: cannot write frame {frames}: {error}")));
+            }
+            let read = reader.join().unwrap_or_else(|_| Err(io::Error::other("the reading thread failed")));
+            drop(progress);
+            report(frames, summary);
+            result.and(read.map_err(|error| {
+                Failure::Input(format!(
+                    "standard input: {error} after {frames} frames of {width}×{height} ({frame_bytes} bytes each): check \
+                     --stream-input, and that the frames have the calibrated size"
+                ))
+            }))
+        })
+    }
+
+    fn check(
+        &self,
+        context: &StreamContext<'_>,
+        written: Written,
+        (width, height): (usize, usize),
+    ) -> Result<(), Failure> {
+        if let Some(size) = self.stream_size.as_ref().filter(|size| **size != format!("{width}x{height}")) {
+            return Err(Failure::Input(format!(
+                "--stream-size is {size}, but the calibration is for {width}x{height}: give frames of the calibrated \
+                 camera at its full resolution"
+            )));
+        }
+        let needs_unit = self.stream_input == Raw::U16 || written == Written::U16;
+        if needs_unit && context.unit_mm.is_none() {
+            return Err(Failure::Input(format!(
+                "the depth unit is unknown: {} does not record it; give --unit-mm, the millimetres per step of the frames",
+                context.calibration.display()
+            )));
+        }
+        if let Some(fps) = self.stream_fps.filter(|fps| !(*fps > 0.0 && fps.is_finite())) {
+            return Err(Failure::Input(format!("--stream-fps is {fps}: give the frames per second, such as 30")));
+        }
+        let needs = context.corrector.needs();
+        let missing = [
+            (needs.time && self.stream_fps.is_none(), "time", "--stream-fps"),
+            (needs.temperature && self.stream_temperature.is_none(), "temperature", "--stream-temperature"),
+            (needs.amplitude && !self.stream_amplitude, "infrared amplitude", "--stream-amplitude"),
+        ];
+        for (_, what, remedy) in missing.iter().filter(|(missing, ..)| *missing) {
+            eprintln!(
+                "warning: the calibration has an effect that depends on the {what}: it is not corrected; give {remedy}"
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Buffers of the frame under work.
+struct Job<'a> {
+    args: &'a StreamArgs,
+    corrector: &'a Corrector,
+    unit_mm: f64,
+    written: Written,
+    steps: DepthImage,
+    out_steps: DepthImage,
+    millimetres: Vec<f32>,
+    points: Vec<f32>,
+    amplitude: GrayImage,
+}
+
+impl<'a> Job<'a> {
+    fn new(args: &'a StreamArgs, context: &StreamContext<'a>, written: Written) -> Self {
+        let (width, height) = (context.corrector.width(), context.corrector.height());
+        let n = width * height;
+        let steps = DepthImage { width, height, data: vec![0; n] };
+        Self {
+            args,
+            corrector: context.corrector,
+            unit_mm: context.unit_mm.unwrap_or(1.0),
+            written,
+            out_steps: steps.clone(),
+            steps,
+            millimetres: vec![0.0; n],
+            points: vec![0.0; if written == Written::Xyz { 3 * n } else { 0 }],
+            amplitude: GrayImage { width, height, data: vec![0; n], bits: 16 },
+        }
+    }
+
+    /// Corrects frame number `index` from its bytes into those of the result.
+    fn correct(
+        &mut self,
+        index: usize,
+        (depth, amplitude): (&[u8], &[u8]),
+        out: &mut Vec<u8>,
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        let Self { args, corrector, unit_mm, written, steps, out_steps, millimetres, points, .. } = self;
+        if args.stream_amplitude {
+            u16_from_bytes(amplitude, &mut self.amplitude.data);
+        }
+        let context = FrameContext {
+            time_s: args.stream_fps.map_or(0.0, |fps| index as f64 / fps),
+            temperature_c: args.stream_temperature.unwrap_or(f64::NAN),
+            amplitude: args.stream_amplitude.then_some(&self.amplitude),
+        };
+        let unit_mm = *unit_mm;
+        if args.stream_input == Raw::F32 {
+            f32_from_bytes(depth, millimetres);
+            let summary = corrector.correct_f32_in_place(millimetres, &context)?;
+            match written {
+                Written::F32 => bytes_of(millimetres.iter().map(|z| z.to_le_bytes()), out),
+                Written::U16 => {
+                    let in_steps = |z: &f32| {
+                        let steps = (f64::from(*z) / unit_mm).round().clamp(1.0, f64::from(u16::MAX)) as u16;
+                        if *z > 0.0 { steps } else { 0 }
+                    };
+                    bytes_of(millimetres.iter().map(|z| in_steps(z).to_le_bytes()), out);
+                }
+                Written::Xyz => {
+                    corrector.points_f32_into(millimetres, PointsMut::Interleaved(points))?;
+                    bytes_of(points.iter().map(|c| c.to_le_bytes()), out);
+                }
+            }
+            return Ok(summary);
+        }
+        u16_from_bytes(depth, &mut steps.data);
+        match written {
+            Written::U16 => {
+                let summary = corrector.correct_u16(steps, unit_mm, &context, out_steps)?;
+                bytes_of(out_steps.data.iter().map(|z| z.to_le_bytes()), out);
+                Ok(summary)
+            }
+            Written::F32 => {
+                let summary = corrector.correct_u16_to_f32(steps, unit_mm, &context, millimetres)?;
+                bytes_of(millimetres.iter().map(|z| z.to_le_bytes()), out);
+                Ok(summary)
+            }
+            Written::Xyz => {
+                let summary = corrector.correct_to_points(steps, unit_mm, &context, PointsMut::Interleaved(points))?;
+                bytes_of(points.iter().map(|c| c.to_le_bytes()), out);
+                Ok(summary)
+            }
+        }
+    }
+}
+
+fn u16_from_bytes(bytes: &[u8], values: &mut [u16]) {
+    for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
+        *value = u16::from_le_bytes(*bytes);
+    }
+}
+
+fn f32_from_bytes(bytes: &[u8], values: &mut [f32]) {
+    for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
+        *value = f32::from_le_bytes(*bytes);
+    }
+}
+
+fn bytes_of<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>, out: &mut Vec<u8>) {
+    out.resize(N * values.len(), 0);
+    for (bytes, value) in out.as_chunks_mut().0.iter_mut().zip(values) {
+        *bytes = value;
+    }
+}
+
+/// Reads whole frames until the stream ends.
+fn read_frames(mut stream: impl Read, empty: &Receiver<Vec<u8>>, full: &SyncSender<Vec<u8>>) -> io::Result<()> {
+    while let Ok(mut frame) = empty.recv() {
+        let mut filled = 0;
+        while filled < frame.len() {
+            match stream.read(&mut frame[filled..]) {
+                Ok(0) if filled == 0 => return Ok(()),
+                Ok(0) => return Err(io::Error::other(format!("the last frame ends after {filled} bytes"))),
+                Ok(n) => filled += n,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        if full.send(frame).is_err() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+fn write_frames(mut stream: impl Write, full: &Receiver<Vec<u8>>, empty: &SyncSender<Vec<u8>>) -> io::Result<()> {
+    while let Ok(frame) = full.recv() {
+        stream.write_all(&frame)?;
+        stream.flush()?;
+        let _ = empty.send(frame);
+    }
+    Ok(())
+}
+
+/// On standard error, because the frames are on standard output.
+fn report(frames: usize, summary: CorrectionSummary) {
+    let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
+    eprintln!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+    if not_correctable > 0 || saturated > 0 {
+        eprintln!("{not_correctable} pixels are not correctable, {saturated} were beyond the range of their type");
+    }
+}

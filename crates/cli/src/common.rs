@@ -1,0 +1,150 @@
+//! What the commands share.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use depthcal_io::{Calibration, DatasetEvaluation, Evaluation, FileReference, write_atomically};
+use depthcal_model::{Camera, Register};
+
+use crate::progress::Progress;
+use depthcal_calibration::calibrate::{CalibrateError, Calibrated};
+use depthcal_calibration::calibration_record::{calibration_record, camera_from_record};
+use depthcal_calibration::judge::evaluate::Evaluated;
+use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
+use depthcal_calibration::observe::DroppedFrame;
+use depthcal_report::{ReportInput, render};
+use serde_json::{Value, json};
+
+use super::session::Session;
+use super::voice::say;
+
+/// Why a command ends with another exit code than 0.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// Exit code 1.
+    Input(String),
+    /// Exit code 2.
+    Untrusted(String),
+}
+
+/// Frames that were used and those that were not, with reasons.
+pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Value {
+    let dropped: Vec<Value> = dropped.iter().map(|d| json!({ "name": d.name, "reason": d.reason })).collect();
+    json!({ "dataset": name, "used": used, "dropped": dropped })
+}
+
+/// Says which frames of an evaluation could not be judged that the capture itself had.
+pub(super) fn say_not_judged(evaluated: &Evaluated, known: &[DroppedFrame]) {
+    for frame in evaluated.dropped.iter().filter(|f| known.iter().all(|k| k.name != f.name)) {
+        say!("  not judged: {} ({})", frame.name, frame.reason);
+    }
+}
+
+/// A result file as a value for `--json`.
+pub(super) fn value_of(record: &impl serde::Serialize) -> Result<Value, Failure> {
+    serde_json::to_value(record).map_err(input)
+}
+
+/// Any error of input or output.
+pub(super) fn input(error: impl Display) -> Failure {
+    Failure::Input(error.to_string())
+}
+
+impl From<CalibrateError> for Failure {
+    fn from(error: CalibrateError) -> Self {
+        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
+    }
+}
+
+/// Where results go.
+#[derive(Debug, Args)]
+pub(super) struct Output {
+    /// Folder for the results; it is made where it does not exist.
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+}
+
+impl Output {
+    /// A file in the folder.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.out.join(name)
+    }
+}
+
+/// How datasets are read.
+#[derive(Debug, Args)]
+pub(super) struct Reading {
+    /// Looks for the board again, even where an earlier detection of the same images is cached.
+    #[arg(long)]
+    pub(super) refresh: bool,
+    /// Neither reads nor writes cached detections.
+    #[arg(long)]
+    pub(super) no_cache: bool,
+}
+
+impl Reading {
+    fn options(&self, session: &Session) -> LoadOptions {
+        let cache = if self.no_cache { None } else { default_cache() };
+        LoadOptions {
+            cache,
+            refresh: self.refresh,
+            register: session.register.clone(),
+            progress: session.progress.clone(),
+        }
+    }
+
+    /// Reads a dataset and says what was found.
+    pub(super) fn load(&self, path: &Path, session: &Session) -> Result<Loaded, Failure> {
+        let busy = Progress::busy("reading");
+        let loaded = load(path, &self.options(session)).map_err(input)?;
+        drop(busy);
+        let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len());
+        let cached = if loaded.from_cache { " (cached)" } else { "" };
+        say!("{}: the board was found in {found} of {} frames{cached}", loaded.dataset.name, found + dropped);
+        for frame in &loaded.capture.dropped {
+            say!("  not used: {} ({})", frame.name, frame.reason);
+        }
+        Ok(loaded)
+    }
+}
+
+/// Writes `observations.json`, `calibration.json` and `evaluation.json` of a calibration into a folder; returns the path
+/// of the calibration. `fitted` is the evaluation of the fitted frames, `datasets` what the evaluation file lists.
+pub(super) fn write_calibration(
+    result: &Calibrated,
+    fitted: &Evaluated,
+    loaded: &Loaded,
+    datasets: Vec<DatasetEvaluation>,
+    out: &Path,
+) -> Result<PathBuf, Failure> {
+    const OBSERVATIONS: &str = "observations.json";
+    loaded.observations().write(out.join(OBSERVATIONS)).map_err(input)?;
+    let observations = FileReference { path: OBSERVATIONS.to_owned(), digest: loaded.reference.digest.clone() };
+    let path = out.join("calibration.json");
+    calibration_record(result, fitted, loaded.reference.clone(), Some(observations)).write(&path).map_err(input)?;
+    Evaluation { datasets }.write(out.join("evaluation.json")).map_err(input)?;
+    Ok(path)
+}
+
+/// Writes `report.html` into a folder; returns its path.
+pub(super) fn write_report(report: &ReportInput<'_>, out: &Path) -> Result<PathBuf, Failure> {
+    let html = render(report).map_err(input)?;
+    let path = out.join("report.html");
+    write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;
+    Ok(path)
+}
+
+/// The command as it was given, for the record.
+pub(super) fn command_line() -> String {
+    let words = std::env::args().skip(1);
+    std::iter::once("depthcal".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// Reads a calibration and its camera.
+pub(super) fn read_calibration(path: &Path, register: &Register) -> Result<(Calibration, Camera), Failure> {
+    let calibration = Calibration::read(path).map_err(input)?;
+    let camera = camera_from_record(&calibration.camera, register)
+        .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
+    Ok((calibration, camera))
+}

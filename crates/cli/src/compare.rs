@@ -1,0 +1,130 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use depthcal_io::write_atomically;
+
+use serde_json::{Value, json};
+
+use super::common::{Failure, Output, Reading, command_line, frames_of, input, value_of};
+use super::session::Session;
+use super::voice::say;
+use crate::progress::Progress;
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::compare::tables::tables;
+use depthcal_calibration::compare::{CompareOptions, compare};
+use depthcal_calibration::load::declared_camera;
+use depthcal_report::render_comparison;
+
+/// Compares depth models on data that their fits did not see.
+///
+/// Each model is fitted to TRAIN and judged on the datasets of --verify, or, without any, on frames of TRAIN that several
+/// fits leave out in turn. Prints the ranking with intervals from resampled frames, says which differences are real, and
+/// prints the tables of Sjöholm 2017 for all subsets of D. Writes comparison.json and report.html.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal compare captures/ --out compared/                       frames left out in turn judge
+  depthcal compare captures/ --verify other/ third/ --out compared/
+  depthcal compare captures/ --models none,projective,projective+bspline --no-thesis --out compared/
+  depthcal compare captures/ --json --out compared/ | jq '.comparison.models[].model'")]
+pub(super) struct Compare {
+    /// Folder with a dataset.toml: what the models are fitted to.
+    train: PathBuf,
+    /// Datasets that the models are judged on.
+    #[arg(long, num_args = 1.., value_name = "DATASET")]
+    verify: Vec<PathBuf>,
+    /// Depth models: none, projective, projective:xw, bspline, projective+bspline, multiplier@columns=16@rows=12, …
+    #[arg(
+        long,
+        value_delimiter = ',',
+        value_name = "MODEL,…",
+        default_value = "none,projective:xw,projective,bspline,multiplier,disparity_decay,polynomial_map,projective+bspline"
+    )]
+    models: Vec<String>,
+    /// Further effects that every model is given.
+    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
+    with: Vec<String>,
+    /// Lens model.
+    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    lens: String,
+    /// Parts into which the frames of TRAIN are divided where there is no --verify.
+    #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
+    folds: u16,
+    /// Leaves out the thesis' tables: subsets of D, lens or none, four estimators, stability of D.
+    #[arg(long)]
+    no_thesis: bool,
+    /// Fits per number of frames in the learning curve; 0 for no learning curve.
+    #[arg(long, default_value = "3", value_name = "N")]
+    learning: u16,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Compare {
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let mut base =
+            CalibrateOptions { effects: self.with.clone(), lens: self.lens.clone(), ..session.calibrate_options() };
+        for model in &self.models {
+            base.register.depth_model(model).map_err(|e| Failure::Input(format!("--models {model}: {e}")))?;
+        }
+        for name in &self.with {
+            base.register.block(name, None).map_err(|e| Failure::Input(format!("--with {name}: {e}")))?;
+        }
+        let train = self.reading.load(&self.train, session)?;
+        let verify = self.verify.iter().map(|path| self.reading.load(path, session)).collect::<Result<Vec<_>, _>>()?;
+        for loaded in std::iter::once(&train).chain(&verify) {
+            if !loaded.capture.has_depth() {
+                let name = &loaded.capture.name;
+                return Err(Failure::Input(format!("the dataset '{name}' has no depth images: nothing to compare")));
+            }
+        }
+        if verify.is_empty() && train.capture.frames.len() < usize::from(self.folds) {
+            return Err(Failure::Input(format!(
+                "--folds {} needs as many frames, but the board was found in {}: give fewer folds or --verify",
+                self.folds,
+                train.capture.frames.len()
+            )));
+        }
+        let (width, height) = (train.capture.width, train.capture.height);
+        base.camera = declared_camera(&train.dataset, width, height, &base.register);
+        let options = CompareOptions {
+            models: self.models.clone(),
+            calibrate: base,
+            folds: usize::from(self.folds),
+            thesis: !self.no_thesis,
+            learning_fits: usize::from(self.learning),
+            ..CompareOptions::default()
+        };
+        let captures: Vec<_> = verify.into_iter().map(|v| v.capture).collect();
+        let busy = Progress::busy("comparing models");
+        let comparison = compare(&train.capture, &captures, &options).map_err(input)?;
+        // Its map is a figure of the report; the comparison itself keeps no cameras.
+        let best = comparison.models.first().filter(|m| m.failed.is_none()).and_then(|best| {
+            let options = CalibrateOptions { model: best.model.clone(), ..options.calibrate.clone() };
+            calibrate(&train.capture, &options).ok()
+        });
+        drop(busy);
+        let tables = tables(&comparison);
+        for table in &tables {
+            say!("\n{}\n{}", table.title, table.text);
+        }
+        for sentence in &comparison.verdict {
+            say!("{sentence}");
+        }
+        let path = self.output.file("comparison.json");
+        comparison.write(&path).map_err(input)?;
+        let html = render_comparison(&comparison, &tables, best.as_ref(), &command_line()).map_err(input)?;
+        let report = self.output.file("report.html");
+        write_atomically(&report, |file| file.write_all(html.as_bytes())).map_err(input)?;
+        say!("written: {} and {}", path.display(), report.display());
+        if comparison.models.iter().all(|m| m.failed.is_some()) {
+            return Err(Failure::Untrusted(comparison.verdict.join(" ")));
+        }
+        let frames: Vec<Value> = std::iter::once(&train.capture)
+            .chain(&captures)
+            .map(|c| frames_of(&c.name, c.frames.len(), &c.dropped))
+            .collect();
+        Ok(json!({ "frames": frames, "comparison": value_of(&comparison)?, "written": [path, report] }))
+    }
+}

@@ -1,0 +1,88 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
+
+use serde_json::Value;
+
+use super::common::{Failure, Reading, input};
+use super::diagnose::{Told, tell};
+use super::session::Session;
+use super::voice::say;
+use crate::progress::Progress;
+use depthcal_calibration::diagnose::{DiagnoseOptions, diagnose};
+
+/// What the demo's camera has and its model does not declare.
+const EFFECT: &str = "cyclic_depth";
+/// Its size, mm: the amplitude of a time-of-flight camera's wave, some of which D takes up.
+const SIZE_MM: f64 = 6.0;
+const SEED: u64 = 1;
+/// Tells captures that an earlier demo made, which may be replaced, from everything else.
+const MARK: &str = ".made-by-depthcal-demo";
+
+/// Simulates captures of a camera with an error that nobody declares, finds the error, and reports.
+///
+/// Two captures are rendered: one to fit, one that only judges the result. The camera is camera 1 of the thesis, with depth
+/// that waves over distance on top, which the usual model does not have: `diagnose` has to find that from the captures.
+#[derive(Debug, Args)]
+pub(super) struct Demo {
+    /// Folder for captures and results.
+    #[arg(long, value_name = "DIR", default_value = "demo")]
+    out: PathBuf,
+}
+
+impl Demo {
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let captures = self.out.join("captures");
+        clear(&captures)?;
+        let (fitted, other) = (captures.join("general1"), captures.join("general2"));
+        say!("rendering two captures of a camera with {EFFECT}, which the model will not declare");
+        render(&fitted, Kind::General(1))?;
+        render(&other, Kind::General(2))?;
+
+        let reading = Reading { refresh: false, no_cache: true };
+        let (loaded, judge) = (reading.load(&fitted, session)?, reading.load(&other, session)?);
+        let options = DiagnoseOptions { calibrate: session.calibrate_options(), ..DiagnoseOptions::default() };
+        let d = diagnose(&loaded.capture, Some(&judge.capture), &options)?;
+        let title = "Demo: a depth camera with an error that nobody declared".to_owned();
+        let told = Told {
+            title,
+            command_line: "depthcal demo".to_owned(),
+            model: "projective",
+            verified: true,
+            story: story(),
+        };
+        tell(&d, &loaded, told, session, &self.out)
+    }
+}
+
+fn story() -> Vec<String> {
+    vec![format!(
+        "The captures were simulated: camera 1 of Sjöholm 2017 with its published lens and depth distortion, and the effect \
+         '{EFFECT}' on top of it. Neither the dataset nor the model that was declared ('projective') says so. One capture \
+         (general1) was fitted; the other (general2) was seen by nothing but the evaluation."
+    )]
+}
+
+fn render(folder: &Path, kind: Kind) -> Result<(), Failure> {
+    let camera = CameraTruth::published(1).map_err(input)?;
+    let effect = Effect::new(EFFECT, SIZE_MM).map_err(input)?;
+    let _busy = Progress::busy("rendering");
+    Simulation::new(camera, kind, &[effect], SEED).write_dataset(folder).map_err(input)?;
+    Ok(())
+}
+
+/// Makes room for new captures; nothing that is not an earlier demo's goes.
+fn clear(captures: &Path) -> Result<(), Failure> {
+    let unwritable = |e: std::io::Error| Failure::Input(format!("{}: cannot write here: {e}", captures.display()));
+    if captures.exists() {
+        if !captures.join(MARK).exists() {
+            let shown = captures.display();
+            return Err(Failure::Input(format!("{shown} exists and is not an earlier demo's: give another --out")));
+        }
+        fs::remove_dir_all(captures).map_err(unwritable)?;
+    }
+    fs::create_dir_all(captures).map_err(unwritable)?;
+    fs::write(captures.join(MARK), "").map_err(unwritable)
+}

@@ -1,0 +1,39 @@
+use std::path::PathBuf;
+
+use clap::Args;
+
+use serde_json::{Value, json};
+
+use super::common::{Failure, Reading, frames_of, input};
+use super::session::Session;
+use super::voice::say;
+
+/// Finds the board in every image of a dataset and caches what was found.
+///
+/// Says of every image in which the board was not found why; the other commands do this themselves.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal detect captures/
+  depthcal detect captures/ --refresh --out found/    look again, and write observations.json")]
+pub(super) struct Detect {
+    /// Folder with a dataset.toml.
+    dataset: PathBuf,
+    /// Folder that receives observations.json.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+impl Detect {
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let loaded = self.reading.load(&self.dataset, session)?;
+        let markers: usize = loaded.capture.frames.iter().map(|f| f.markers.len()).sum();
+        say!("{markers} markers");
+        if let Some(out) = &self.out {
+            loaded.observations().write(out.join("observations.json")).map_err(input)?;
+        }
+        let capture = &loaded.capture;
+        Ok(json!({ "frames": frames_of(&capture.name, capture.frames.len(), &capture.dropped), "markers": markers }))
+    }
+}

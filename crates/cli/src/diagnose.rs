@@ -1,0 +1,163 @@
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use serde_json::{Value, json};
+
+use super::common::{
+    Failure, Output, Reading, command_line, frames_of, input, value_of, write_calibration, write_report,
+};
+use super::recording::Recording;
+use super::session::Session;
+use super::voice::say;
+use depthcal_calibration::calibrate::CalibrateOptions;
+use depthcal_calibration::diagnose::account::{text, to_file};
+use depthcal_calibration::diagnose::separability::separability;
+use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
+use depthcal_calibration::judge::evaluate::evaluate;
+use depthcal_calibration::load::{Loaded, declared_camera};
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role};
+
+/// Finds what a camera's model lacks: fits it, looks at what is left, traces that to an effect, adds it, fits again and
+/// reports the error before and after on frames that the fit did not see.
+///
+/// Nothing to find is a verdict too, given with the smallest effects that the captures would have shown. Writes
+/// diagnosis.json (the account), calibration.json (the last model), evaluation.json, observations.json and report.html.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal diagnose captures/ --out result/                  start from K, lens and projective D
+  depthcal diagnose captures/ --verify other/ --out result/  errors on another capture of the same camera
+  depthcal diagnose captures/ --with reflectivity_bias --out result/
+  depthcal diagnose captures/ --json --out result/ | jq .diagnosis.verdict")]
+pub(super) struct Diagnose {
+    /// Folder with a dataset.toml.
+    dataset: PathBuf,
+    /// Another dataset of the same camera, on which the errors are reported; without it every frame is judged by a fit
+    /// that did not see it.
+    #[arg(long, value_name = "DATASET")]
+    verify: Option<PathBuf>,
+    /// Depth model to start from: none, projective, projective:xw, or a stack such as projective+cyclic_depth.
+    #[arg(long, default_value = "projective")]
+    model: String,
+    /// Effects that the model is to have from the start.
+    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
+    with: Vec<String>,
+    /// Lens model.
+    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    lens: String,
+    /// Fits per cross-validation where --verify is not given.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
+    folds: u16,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    recording: Recording,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl From<DiagnoseError> for Failure {
+    fn from(error: DiagnoseError) -> Self {
+        match error {
+            DiagnoseError::Calibrate(error) => error.into(),
+            DiagnoseError::Score(error) => Failure::Untrusted(error.to_string()),
+            DiagnoseError::NoDepth { .. } => Failure::Input(error.to_string()),
+        }
+    }
+}
+
+impl Diagnose {
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let mut options = CalibrateOptions {
+            model: self.model.clone(),
+            effects: self.with.clone(),
+            lens: self.lens.clone(),
+            ..session.calibrate_options()
+        };
+        options.check_names().map_err(input)?;
+        self.recording.check()?;
+        let loaded = self.reading.load(&self.dataset, session)?;
+        let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
+        options.camera =
+            declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
+        let options = DiagnoseOptions { calibrate: options, folds: usize::from(self.folds) };
+        let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
+        let told = Told {
+            title: loaded.capture.name.clone(),
+            command_line: command_line(),
+            model: &self.model,
+            verified: verify.is_some(),
+            story: Vec::new(),
+        };
+        let mut result = tell(&d, &loaded, told, session, &self.output.out)?;
+        let fitted = evaluate(&d.last.camera, &d.last.capture);
+        let detected = d.last.capture.detected();
+        let mut recorded = vec![(&detected, &fitted)];
+        // Left-out frames of the dataset itself were judged by cameras of their own.
+        recorded.extend(verify.as_ref().map(|v| (&v.capture, &d.after.evaluated)));
+        if let (Some(path), Some(written)) =
+            (self.recording.write(&d.last.camera, &recorded)?, result["written"].as_array_mut())
+        {
+            written.push(json!(path));
+        }
+        Ok(result)
+    }
+}
+
+/// What the results say beside the diagnosis itself.
+pub(super) struct Told<'a> {
+    pub(super) title: String,
+    pub(super) command_line: String,
+    /// The declared model.
+    pub(super) model: &'a str,
+    /// Whether another dataset judged.
+    pub(super) verified: bool,
+    /// Sentences that introduce the report.
+    pub(super) story: Vec<String>,
+}
+
+/// Says and writes what a diagnosis found: the account, the last model's calibration, its errors, the report.
+pub(super) fn tell(
+    d: &Diagnosis,
+    loaded: &Loaded,
+    told: Told<'_>,
+    session: &Session,
+    out: &Path,
+) -> Result<Value, Failure> {
+    let mut account = to_file(d, loaded.reference.clone(), told.model);
+    // Without the matrix the account is as good; the diagnosis itself has linearised the same model.
+    account.separability = separability(d, &session.register).ok();
+    let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
+    say!("fitted to {used} of {all} frames; those left out, and why, are in the account");
+    say!("\n{}", text(d));
+    let file = out.join("diagnosis.json");
+    account.write(&file).map_err(input)?;
+    let fitted = evaluate(&d.last.camera, &d.last.capture);
+    let mut held_out = d.after.evaluated.record();
+    held_out.name = format!("{} (held out)", held_out.name);
+    let calibration = write_calibration(&d.last, &fitted, loaded, vec![fitted.record(), held_out], out)?;
+    let role = if told.verified { Role::Other } else { Role::HeldOut };
+    let shown = [
+        ReportDataset { evaluated: &fitted, role: Role::Fitted },
+        ReportDataset { evaluated: &d.after.evaluated, role },
+    ];
+    let report = ReportInput {
+        title: told.title,
+        command_line: told.command_line,
+        calibrated: Some(&d.last),
+        evaluations: &shown,
+        diagnosis: Some(ReportDiagnosis {
+            account: &account,
+            first: &d.first,
+            before: &d.before.evaluated,
+            register: &session.register,
+        }),
+        story: &told.story,
+    };
+    let report = write_report(&report, out)?;
+    say!("written: {} and {}", file.display(), report.display());
+    let capture = &d.last.capture;
+    let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
+    frames["left_out"] = value_of(&account.bad_frames)?;
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&account)?, "written": [file, calibration, report] }))
+}

@@ -1,0 +1,101 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use depthcal_io::Evaluation;
+
+use serde_json::{Value, json};
+
+use super::common::{
+    Failure, Output, Reading, command_line, frames_of, input, read_calibration, say_not_judged, value_of, write_report,
+};
+use super::recording::Recording;
+use super::session::Session;
+use super::voice::say;
+use crate::progress::Progress;
+use depthcal_calibration::judge::evaluate::{evaluate, table};
+use depthcal_report::{ReportDataset, ReportInput, Role};
+
+/// Measures a calibration's errors on datasets, before and after correction.
+///
+/// Poses come from the images alone, with the calibration's camera and lens held. Writes evaluation.json and report.html.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal evaluate result/calibration.json other-captures/ --out check/
+  depthcal evaluate result/calibration.json monday/ tuesday/ --out check/
+  depthcal evaluate result/calibration.json other/ --json --out check/ | jq '.datasets[].depth_rms_mm'")]
+pub(super) struct Evaluate {
+    /// A calibration.json.
+    calibration: PathBuf,
+    /// Folders with a dataset.toml each.
+    #[arg(required = true)]
+    datasets: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    recording: Recording,
+    #[command(flatten)]
+    output: Output,
+}
+
+impl Evaluate {
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        self.recording.check()?;
+        let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
+        let (mut datasets, mut all) = (Vec::new(), Vec::new());
+        let (mut fitted, mut frames) = (None, Vec::new());
+        for path in &self.datasets {
+            let loaded = self.reading.load(path, session)?;
+            let size = (loaded.capture.width, loaded.capture.height);
+            if size != (camera.width, camera.height) {
+                return Err(Failure::Input(format!(
+                    "{}: its images are {} × {} px, but the calibration is for {} × {} px",
+                    path.display(),
+                    size.0,
+                    size.1,
+                    camera.width,
+                    camera.height
+                )));
+            }
+            let role = if loaded.reference.digest == calibration.dataset.digest {
+                fitted = Some(loaded.capture.name.clone());
+                Role::Fitted
+            } else {
+                Role::Other
+            };
+            let busy = Progress::busy("measuring");
+            let evaluated = evaluate(&camera, &loaded.capture);
+            drop(busy);
+            say_not_judged(&evaluated, &loaded.capture.dropped);
+            frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
+            let uncorrectable: usize = evaluated.frames.iter().map(|f| f.uncorrectable).sum();
+            if uncorrectable > 0 {
+                say!("  {uncorrectable} depth pixels cannot be corrected by this model and are left out");
+            }
+            datasets.push(evaluated.record());
+            all.push((evaluated, role, loaded.capture));
+        }
+        say!("\n{}", table(&datasets, fitted.as_deref()));
+        if fitted.is_some() {
+            say!("* the dataset that the calibration was fitted to");
+        }
+        let path = self.output.file("evaluation.json");
+        let values = value_of(&datasets)?;
+        Evaluation { datasets }.write(&path).map_err(input)?;
+        let shown: Vec<ReportDataset<'_>> =
+            all.iter().map(|(evaluated, role, _)| ReportDataset { evaluated, role: *role }).collect();
+        let report = ReportInput {
+            title: format!("Evaluation of {}", self.calibration.display()),
+            command_line: command_line(),
+            calibrated: None,
+            evaluations: &shown,
+            diagnosis: None,
+            story: &[],
+        };
+        let report = write_report(&report, &self.output.out)?;
+        say!("written: {} and {}", path.display(), report.display());
+        let recorded: Vec<_> = all.iter().map(|(evaluated, _, capture)| (capture, evaluated)).collect();
+        let recording = self.recording.write(&camera, &recorded)?;
+        let written: Vec<_> = [path, report].into_iter().chain(recording).collect();
+        Ok(json!({ "frames": frames, "datasets": values, "written": written }))
+    }
+}

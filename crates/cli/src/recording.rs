@@ -1,0 +1,58 @@
+//! `--rrd`: a recording for the rerun viewer, where depthcal was built with it.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use depthcal_model::Camera;
+
+use super::common::Failure;
+use depthcal_calibration::judge::evaluate::Evaluated;
+use depthcal_calibration::observe::Capture;
+
+/// Where a recording goes.
+#[derive(Debug, Args)]
+pub(super) struct Recording {
+    /// Writes a recording for the rerun viewer: boards, camera, images, depth, and clouds before and after correction,
+    /// frame by frame. Needs a depthcal that was built with `--features rerun`.
+    #[arg(long, value_name = "FILE")]
+    rrd: Option<PathBuf>,
+}
+
+impl Recording {
+    /// Refuses what this depthcal cannot write, before any work is done.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        match &self.rrd {
+            Some(path) if !cfg!(feature = "rerun") => Err(Failure::Input(format!(
+                "--rrd {}: this depthcal was built without the feature 'rerun'; build one that has it with \
+                 `cargo install --path . --features rerun`, or leave --rrd out",
+                path.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes the recording where one is asked for; gives its path.
+    #[cfg(feature = "rerun")]
+    pub(super) fn write(
+        &self,
+        camera: &Camera,
+        captures: &[(&Capture, &Evaluated)],
+    ) -> Result<Option<PathBuf>, Failure> {
+        let Some(path) = &self.rrd else { return Ok(None) };
+        let busy = crate::progress::Progress::busy("recording");
+        let captures: Vec<depthcal_report::rerun::RecordedCapture<'_>> = captures
+            .iter()
+            .map(|(capture, evaluated)| depthcal_report::rerun::RecordedCapture { capture, evaluated })
+            .collect();
+        depthcal_report::rerun::write(path, camera, &captures).map_err(super::common::input)?;
+        drop(busy);
+        super::voice::say!("written: {} (open it with `rerun {0}`)", path.display());
+        Ok(Some(path.clone()))
+    }
+
+    /// Nothing: [`Recording::check`] has refused what could be asked for.
+    #[cfg(not(feature = "rerun"))]
+    pub(super) fn write(&self, _: &Camera, _: &[(&Capture, &Evaluated)]) -> Result<Option<PathBuf>, Failure> {
+        Ok(None)
+    }
+}

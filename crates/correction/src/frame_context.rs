@@ -1,0 +1,37 @@
+//! Quantities of a frame, besides its depth, that a correction may depend on.
+
+use depthcal_io::GrayImage;
+use depthcal_model::Context;
+
+/// Quantities of a frame, besides its depth, that a correction may depend on ([`Corrector::needs`] tells which). An effect of a
+/// quantity that is unknown is not corrected.
+///
+/// [`Corrector::needs`]: crate::Corrector::needs
+#[derive(Debug, Clone, Copy)]
+pub struct FrameContext<'a> {
+    /// Time since the first frame of the recording, s; 0 where unknown.
+    pub time_s: f64,
+    /// Temperature, °C; NaN where unknown.
+    pub temperature_c: f64,
+    /// Infrared amplitude on the pixel grid of the depth image.
+    pub amplitude: Option<&'a GrayImage>,
+}
+
+impl Default for FrameContext<'_> {
+    fn default() -> Self {
+        Self { time_s: 0.0, temperature_c: f64::NAN, amplitude: None }
+    }
+}
+
+impl FrameContext<'_> {
+    /// The model's context at a pixel, given by its coordinates and its row-major index.
+    pub(crate) fn at(&self, pixel: [f64; 2], index: usize) -> Context {
+        let amplitude = self.amplitude.map_or(f64::NAN, |image| f64::from(image.data[index]));
+        Context { pixel, amplitude, ..self.of_frame() }
+    }
+
+    /// The part of the model's context that is the same at all pixels.
+    pub(crate) fn of_frame(&self) -> Context {
+        Context { time_s: self.time_s, temperature_c: self.temperature_c, ..Context::default() }
+    }
+}

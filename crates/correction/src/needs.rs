@@ -1,0 +1,15 @@
+//! Quantities that a correction depends on besides depth and pixel.
+
+/// Quantities that a correction depends on besides depth and pixel. Those that a frame must bring are given in
+/// [`FrameContext`](crate::FrameContext).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// The time of the frame.
+    pub time: bool,
+    /// The temperature of the frame.
+    pub temperature: bool,
+    /// The infrared amplitude of the pixel.
+    pub amplitude: bool,
+    /// The angle of incidence at the pixel. It is computed from the depth around the pixel; the frame need not bring it.
+    pub incidence: bool,
+}

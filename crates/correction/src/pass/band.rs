@@ -1,0 +1,180 @@
+//! Correction of a band of pixels.
+
+use super::buffers::{Input, Output};
+use super::current_frame::CurrentFrame;
+use super::formats::{ROUND, load, store_f32, store_u16};
+use super::store_points::store_points;
+use crate::bands::{CHUNK, STRETCH};
+use crate::depth_u16::{self, Chunk, MOST_ERROR};
+use crate::plan::F32_ROUNDING;
+use crate::points::{DepthOnRays, PointsMut, from_u16};
+use crate::simd::{Isa, Kernel, count_f32};
+use crate::summary::CorrectionSummary;
+
+/// A copy of at most [`CHUNK`] values, filled up with zeros.
+fn copied<T: Copy + Default>(values: &[T]) -> [T; CHUNK] {
+    let mut copy = [T::default(); CHUNK];
+    copy[..values.len()].copy_from_slice(values);
+    copy
+}
+
+/// A band of consecutive pixels to be corrected.
+pub(crate) struct Band<'a> {
+    pub frame: CurrentFrame<'a>,
+    /// Depth of the whole frame.
+    pub input: Input<'a>,
+    /// Results of the band.
+    pub output: Output<'a>,
+    /// The first pixel.
+    pub first: usize,
+    /// The number of pixels.
+    pub count: usize,
+}
+
+impl Kernel for Band<'_> {
+    type Output = CorrectionSummary;
+
+    #[inline(always)]
+    fn run<I: Isa>(mut self, isa: I) -> CorrectionSummary {
+        let mut summary = CorrectionSummary::default();
+        // Pixels before `by_chunks` are corrected chunk by chunk.
+        let (mut offset, mut by_chunks) = (0, 0);
+        while offset < self.count {
+            let most = if offset < by_chunks { CHUNK } else { STRETCH };
+            let count = most.min(self.count - offset);
+            if self.part(isa, offset, count, &mut summary) {
+                offset += count;
+            } else {
+                by_chunks = offset + count;
+            }
+        }
+        summary
+    }
+}
+
+impl Band<'_> {
+    /// Corrects `count` pixels from `offset` on and adds to the summary. Returns false, without results, where the pixels must be
+    /// taken in parts of at most [`CHUNK`]: where there are several stages, or f64 is needed.
+    #[inline(always)]
+    fn part<I: Isa>(&mut self, isa: I, offset: usize, count: usize, summary: &mut CorrectionSummary) -> bool {
+        let Self { frame, input, output, .. } = self;
+        let (first, own) = (self.first + offset, offset..offset + count);
+        let pixels = first..first + count;
+        let prepared = frame.prepared;
+        if count > CHUNK && matches!(input, Input::Output) {
+            return false;
+        }
+        // Depth that the results overwrite is copied.
+        let (steps, millimetres): ([u16; CHUNK], [f32; CHUNK]);
+        let input = match (&*input, &*output) {
+            (Input::Output, Output::U16(out)) => {
+                steps = copied(&out[own.clone()]);
+                Input::U16(&steps[..count])
+            }
+            (Input::Output, Output::F32(out)) => {
+                millimetres = copied(&out[own.clone()]);
+                Input::F32(&millimetres[..count])
+            }
+            (Input::U16(all), _) => Input::U16(&all[pixels.clone()]),
+            (Input::F32(all), _) => Input::F32(&all[pixels.clone()]),
+            (Input::Output, Output::Points(_)) => return true,
+        };
+
+        let map = frame.plan.and_then(|(plan, _)| plan.only_moebius()).zip(prepared.bounds.as_ref());
+        if let (Input::U16(measured), Output::U16(out), Some(map)) = (input, &mut *output, map) {
+            let (c, unit_mm) = (map.0.coefficients(first, count), frame.unit_mm);
+            let chunk = Chunk { c, unit_mm, measured, out: &mut out[own.clone()] };
+            if let Some(done) = depth_u16::correct(isa, map, first, chunk, &|i, raw| frame.exact_steps(i, raw)) {
+                summary.corrected += done.corrected;
+                summary.saturated += done.saturated;
+                summary.invalid += count - done.depths;
+                summary.not_correctable += done.depths - done.corrected;
+                return true;
+            }
+        }
+
+        let rays = [0, 1].map(|k| &prepared.ray_planes[k][pixels.clone()]);
+        let map = frame.plan.and_then(|(plan, _)| plan.map_on_rays());
+        if let (Input::U16(measured), Output::Points(PointsMut::Interleaved(out)), Some(map)) =
+            (input, &mut *output, map)
+        {
+            let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], frame.unit_mm as f32);
+            let cubics = prepared.ray_cubics.part(first, count);
+            let pixels = DepthOnRays { map, measured, unit_mm, rays, cubics, out };
+            if let Some(found) = from_u16::<I, true>(isa, pixels) {
+                summary.corrected += found.points;
+                summary.invalid += count - found.depths;
+                summary.not_correctable += found.depths - found.points;
+                return true;
+            }
+        }
+        if count > CHUNK {
+            return false;
+        }
+
+        let mut z = [0.0f32; CHUNK];
+        let z = &mut z[..count];
+        match input {
+            Input::U16(measured) => load(measured, frame.unit_mm as f32, z),
+            Input::F32(measured) => load(measured, 1.0, z),
+            Input::Output => {}
+        }
+        let (depths, _) = count_f32(z);
+        match (frame.plan, &*output) {
+            (Some((plan, inputs)), Output::Points(_)) => plan.correct_on_rays(isa, inputs, first, rays, z),
+            (Some((plan, inputs)), _) => plan.correct(isa, inputs, first, z),
+            (None, _) => z.iter_mut().for_each(|z| *z = if *z > 0.0 { f32::NAN } else { *z }),
+        }
+        let (mut corrected, nans) = count_f32(z);
+        if nans > 0 {
+            let measured_mm = |i: usize| match input {
+                Input::U16(measured) => f64::from(measured[i]) * frame.unit_mm,
+                Input::F32(measured) => f64::from(measured[i]),
+                Input::Output => f64::NAN,
+            };
+            frame.fill_in(first, measured_mm, z);
+            corrected = count_f32(z).0;
+        }
+        summary.corrected += corrected;
+        summary.invalid += count - depths;
+        summary.not_correctable += depths - corrected;
+        summary.saturated += match output {
+            Output::U16(out) => {
+                let per_mm = (1.0 / frame.unit_mm) as f32;
+                let out = &mut out[own];
+                let beyond = store_u16(z, per_mm, out);
+                let mut distances = [0.0f32; CHUNK];
+                if let Input::U16(measured) = input
+                    && near_half(measured, z, per_mm, frame.error_steps(), &mut distances[..count])
+                {
+                    frame.round_again(first, measured, z, &distances[..count], out);
+                }
+                beyond
+            }
+            Output::F32(out) => store_f32(z, &mut out[own]),
+            Output::Points(out) => {
+                store_points(isa, prepared, first, z, out.part(offset, count));
+                0
+            }
+        };
+        true
+    }
+}
+
+/// Writes into `distances` how far each depth is from the middle between two steps, less its possible error, in steps. Returns
+/// whether any distance is 0 or below, so that the depth may have been rounded to the wrong step. Errors below [`MOST_ERROR`]
+/// are tolerated; the distance is 1 then.
+#[inline(always)]
+fn near_half(measured: &[u16], z: &[f32], per_mm: f32, error_steps: f32, distances: &mut [f32]) -> bool {
+    let mut undecided = 0u32;
+    for ((raw, z), distance) in measured.iter().zip(z).zip(distances) {
+        let steps = *z * per_mm;
+        let missing = (steps - ((steps + ROUND) - ROUND)).abs();
+        // The change of depth has an error in proportion to its own size, also where the result is small.
+        let change = (steps - f32::from(*raw)).abs();
+        let error = error_steps + steps * F32_ROUNDING + change * (2.0 * F32_ROUNDING);
+        *distance = if error > MOST_ERROR { (0.5 - missing) - error } else { 1.0 };
+        undecided += u32::from(*distance <= 0.0);
+    }
+    undecided > 0
+}

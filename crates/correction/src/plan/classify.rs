@@ -1,0 +1,190 @@
+//! Classification of a camera's pieces: what each depends on, and how it depends on depth.
+//!
+//! Users add pieces of their own, so no list of names can be complete. A piece is evaluated instead: a quantity that changes no
+//! bit of its value at sampled pixels and depths is one that it does not depend on.
+
+use depthcal_model::{Camera, Context};
+
+use crate::conventions::{TYPICAL_RHO, pixel};
+use crate::needs::Needs;
+
+/// Depths at which pieces are evaluated, mm; no two differ by a multiple of a round period.
+const DEPTHS_MM: [f64; 4] = [413.0, 907.0, 1733.0, 3109.0];
+/// Sampled pixels along each side of the image.
+const GRID: usize = 5;
+
+/// The context that others are compared with.
+fn reference() -> Context {
+    Context { amplitude: 1711.0, surround: 1500.0, slope: [0.01, -0.02], temperature_c: 21.3, ..Context::default() }
+}
+
+/// Sampled pixels, on a regular grid over the image.
+fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
+    let at = |i: usize, size: usize| (i * (size - 1)) as f64 / (GRID - 1) as f64;
+    let (width, height) = (camera.width, camera.height);
+    (0..GRID * GRID).map(move |i| [at(i % GRID, width).round(), at(i / GRID, height).round()])
+}
+
+/// Two contexts that differ from [`reference`] in a single quantity, which `change` multiplies by a factor.
+fn changed(change: impl Fn(&mut Context, f64)) -> [Context; 2] {
+    [0.37, 2.9].map(|factor| {
+        let mut context = reference();
+        change(&mut context, factor);
+        context
+    })
+}
+
+fn times() -> [Context; 2] {
+    changed(|c, factor| c.time_s = 1000.0 * factor)
+}
+
+fn temperatures() -> [Context; 2] {
+    changed(|c, factor| c.temperature_c *= factor)
+}
+
+fn amplitudes() -> [Context; 2] {
+    changed(|c, factor| c.amplitude *= factor)
+}
+
+/// Whether the true ray of a pixel is the same at every depth and in every frame.
+pub(crate) fn rays_are_fixed(camera: &Camera) -> bool {
+    pixels(camera).all(|pixel| {
+        let ray = |context: &Context, rho: f64| {
+            let ray = camera.ray(camera.image_pixel(&Context { pixel, ..*context }), rho);
+            // Equal bits, so that a lens with a small dependence on depth is not taken for one without.
+            ray.map(|r| r.map(f64::to_bits)).ok()
+        };
+        let usual = ray(&reference(), TYPICAL_RHO);
+        let other_depths = DEPTHS_MM.iter().all(|z| ray(&reference(), 1.0 / z) == usual);
+        let others = [times(), temperatures(), amplitudes(), [Context::default(); 2]];
+        other_depths && others.iter().flatten().all(|context| ray(context, TYPICAL_RHO) == usual)
+    })
+}
+
+/// Quantities that the camera's depth pieces depend on besides depth and pixel.
+pub(crate) fn needs(camera: &Camera) -> Needs {
+    let measured = |context: &Context, cosine: f64| -> Vec<u64> {
+        let sampled = pixels(camera).flat_map(|pixel| DEPTHS_MM.map(|z| (pixel, 1.0 / z)));
+        sampled
+            .filter_map(|(pixel, rho)| {
+                let context = Context { pixel, ..*context };
+                let ray = camera.ray(camera.image_pixel(&context), rho).ok()?;
+                Some(camera.measured_inverse_depth(&context, ray, cosine, rho).to_bits())
+            })
+            .collect()
+    };
+    let usual = measured(&reference(), 1.0);
+    let depends = |contexts: [Context; 2]| contexts.iter().any(|context| measured(context, 1.0) != usual);
+    Needs {
+        time: depends(times()),
+        temperature: depends(temperatures()),
+        amplitude: depends(amplitudes()),
+        incidence: [0.4, 0.8].iter().any(|cosine| measured(&reference(), *cosine) != usual),
+    }
+}
+
+/// The form of a depth piece as a function of depth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Shape {
+    /// ρ_m = a + b ρ.
+    AffineInInverse,
+    /// z_m = m z + c.
+    AffineInDepth,
+    /// Any other function.
+    Other,
+}
+
+/// The quantities that a depth piece depends on besides depth, and its form as a function of depth.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PieceClass {
+    /// Whether it depends on the pixel or its ray.
+    pub pixel: bool,
+    /// Whether it depends on the time or the temperature of the frame.
+    pub frame: bool,
+    /// Whether it depends on the infrared amplitude of the pixel.
+    pub amplitude: bool,
+    /// Whether it depends on the angle of incidence.
+    pub incidence: bool,
+    pub shape: Shape,
+}
+
+impl PieceClass {
+    /// Whether it is the same in every frame, whatever the frame shows.
+    pub fn is_static(&self) -> bool {
+        !(self.frame || self.amplitude || self.incidence)
+    }
+}
+
+/// a (1/mm) and b of ρ_m = a + b ρ.
+pub(crate) fn affine_in_inverse(measured: impl Fn(f64) -> f64) -> [f64; 2] {
+    let a = measured(0.0);
+    [a, (measured(TYPICAL_RHO) - a) / TYPICAL_RHO]
+}
+
+/// m and c (mm) of z_m = m z + c.
+pub(crate) fn affine_in_depth(measured: impl Fn(f64) -> f64) -> [f64; 2] {
+    let [near, far] = [DEPTHS_MM[0], DEPTHS_MM[3]];
+    let [near_m, far_m] = [near, far].map(|z| 1.0 / measured(1.0 / z));
+    let m = (far_m - near_m) / (far - near);
+    [m, near_m - m * near]
+}
+
+/// Indices of at most 529 pixels that have a ray, on a regular grid over the image.
+pub(crate) fn samples(camera: &Camera, rays: &[[f64; 2]]) -> Vec<usize> {
+    const ALONG: usize = 23;
+    let at = |i: usize, size: usize| i * (size - 1) / (ALONG - 1);
+    let all = (0..ALONG * ALONG).map(|i| at(i / ALONG, camera.height) * camera.width + at(i % ALONG, camera.width));
+    all.filter(|index| !rays[*index][0].is_nan()).collect()
+}
+
+/// Classifies a depth piece. `measured` maps context, ray (x, y), cosine of the angle of incidence and true inverse depth (1/mm) to
+/// measured inverse depth (1/mm); `rays` has the ray of every pixel.
+pub(crate) fn piece(
+    camera: &Camera,
+    rays: &[[f64; 2]],
+    measured: impl Fn(&Context, [f64; 2], f64, f64) -> f64,
+) -> PieceClass {
+    let places: Vec<([f64; 2], [f64; 2])> =
+        samples(camera, rays).into_iter().map(|i| (pixel(i, camera.width), rays[i])).collect();
+    let values = |(pixel, ray): ([f64; 2], [f64; 2]), context: &Context, cosine: f64| {
+        let context = Context { pixel, ..*context };
+        DEPTHS_MM.map(|z| measured(&context, ray, cosine, 1.0 / z).to_bits())
+    };
+    let few = || places.iter().step_by(1 + places.len() / (GRID * GRID)).copied();
+    let differs = |context: &Context, cosine: f64| {
+        few().any(|place| values(place, context, cosine) != values(place, &reference(), 1.0))
+    };
+    let depends = |contexts: [Context; 2]| contexts.iter().any(|context| differs(context, 1.0));
+    let first = few().next().unwrap_or_default();
+    let pixel = places.iter().any(|place| values(*place, &reference(), 1.0) != values(first, &reference(), 1.0));
+
+    let cases = || {
+        let contexts = [&[reference()][..], &times(), &temperatures(), &amplitudes()].concat();
+        contexts.into_iter().flat_map(|context| [(context, 1.0), (context, 0.5)])
+    };
+    let fits = |shape: Shape| {
+        places.iter().all(|(pixel, ray)| {
+            cases().all(|(context, cosine)| {
+                let context = Context { pixel: *pixel, ..context };
+                let at = |rho: f64| measured(&context, *ray, cosine, rho);
+                let coefficients = match shape {
+                    Shape::AffineInInverse => affine_in_inverse(at),
+                    _ => affine_in_depth(at),
+                };
+                [150.0, 413.0, 907.0, 1733.0, 3109.0, 9000.0].into_iter().all(|z| {
+                    let (found, [k0, k1]) = (at(1.0 / z), coefficients);
+                    let expected = if shape == Shape::AffineInInverse { k0 + k1 / z } else { 1.0 / (k0 * z + k1) };
+                    (found - expected).abs() <= 1e-10 * expected.abs()
+                })
+            })
+        })
+    };
+    let shape = [Shape::AffineInInverse, Shape::AffineInDepth].into_iter().find(|shape| fits(*shape));
+    PieceClass {
+        pixel,
+        frame: depends(times()) || depends(temperatures()),
+        amplitude: depends(amplitudes()),
+        incidence: [0.4, 0.8].iter().any(|cosine| differs(&reference(), *cosine)),
+        shape: shape.unwrap_or(Shape::Other),
+    }
+}

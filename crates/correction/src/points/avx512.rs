@@ -1,0 +1,119 @@
+//! Points from 16-bit depth by AVX-512's own instructions, sixteen pixels at a time.
+
+use std::arch::x86_64::{__m512, _CMP_NGT_UQ, _CMP_UNORD_Q};
+
+use pulp::cast;
+use pulp::x86::V4;
+
+use super::portable::{self, DepthOnRays, PointCounts};
+use crate::plan::NEAREST_POLE;
+use crate::rays::{Cubic, PLACES};
+use crate::simd::{Isa, LANES, LINE};
+
+/// 0, 1, … 15.
+const LANE_INDICES: [u32; LANES] = {
+    let mut indices = [0; LANES];
+    let mut i = 0;
+    while i < LANES {
+        indices[i] = i as u32;
+        i += 1;
+    }
+    indices
+};
+
+/// [`portable::from_u16`] in AVX-512's own instructions.
+///
+/// With q = 0 the map is z = (1 + p) z_m / (1 − r z_m). Computed in this form, depth itself is rounded three times, some 0.001 mm
+/// at 5 m.
+#[inline(always)]
+pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> Option<PointCounts> {
+    let f = v4.avx512f;
+    if pixels.measured.len() < LANES {
+        return portable::from_u16::<_, CORRECT>(v4, pixels);
+    }
+    let DepthOnRays { map, measured, unit_mm, rays: [rx, ry], cubics, out } = pixels;
+    let (p, d) = map;
+    if CORRECT && p <= -1.0 {
+        return None;
+    }
+    let splat = |value: f32| f._mm512_set1_ps(value);
+    let scale = splat(if CORRECT { (1.0 + p) * unit_mm } else { unit_mm });
+    let d = d.map(|d| splat(d * unit_mm));
+    let (nan, one) = (splat(f32::NAN), splat(1.0));
+
+    let places: __m512 = cast(PLACES);
+    let cubic = |c: &Cubic| {
+        let [c0, c1, c2, c3] = c.map(splat);
+        let slope = f._mm512_fmadd_ps(f._mm512_fmadd_ps(c3, places, c2), places, c1);
+        f._mm512_fmadd_ps(slope, places, c0)
+    };
+
+    // Points are stored as whole cache lines. `head` is the number of pixels before the first point that begins at a line: a
+    // point has three values, a line has sixteen, and 3 · 11 = 1 modulo 16. From there on, sixteen points fill three lines;
+    // they come from two neighbouring blocks.
+    let head = (out.as_ptr().align_offset(LINE) * 11) % LANES;
+    let shift = f._mm512_add_epi32(cast(LANE_INDICES), f._mm512_set1_epi32(head as i32));
+    let (steps_blocks, steps_rest) = measured.as_chunks::<LANES>();
+    let (x_blocks, x_rest) = rx.as_chunks::<LANES>();
+    let (y_blocks, y_rest) = ry.as_chunks::<LANES>();
+    let blocks = steps_blocks.len();
+    let (x_blocks, y_blocks, block_cubics) = (&x_blocks[..blocks], &y_blocks[..blocks], &cubics[..blocks]);
+
+    let mut nearest_pole = one;
+    let (mut depths, mut without_ray) = (0, 0);
+    let mut before = [nan; 3];
+    let (first, out) = out.split_at_mut(3 * head);
+    let (whole, out) = out.split_at_mut(3 * LANES * (blocks - 1));
+    let (last, rest) = out.split_at_mut(3 * (LANES - head));
+    let mut lines = whole.as_chunks_mut::<{ 3 * LANES }>().0.iter_mut();
+    let mut one_block = [0.0; 3 * LANES];
+    for b in 0..blocks {
+        let steps = f._mm512_cvtepu16_epi32(cast(steps_blocks[b]));
+        let mut valid = f._mm512_test_epi32_mask(steps, steps);
+        depths += valid.count_ones() as usize;
+        let [of_x, of_y] = &block_cubics[b];
+        let (rx, ry): (__m512, __m512) = if of_x[0].is_nan() {
+            let (rx, ry) = (cast(x_blocks[b]), cast(y_blocks[b]));
+            let lost = f._mm512_cmp_ps_mask::<_CMP_UNORD_Q>(rx, rx);
+            without_ray += (valid & lost).count_ones() as usize;
+            valid &= !lost;
+            (rx, ry)
+        } else {
+            (cubic(of_x), cubic(of_y))
+        };
+        let steps = f._mm512_cvtepi32_ps(steps);
+        let depth = if CORRECT {
+            let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
+            // `left` is 1 where there is no depth. The minimum of NaN and a number is the number.
+            let left = f._mm512_fnmadd_ps(r, steps, one);
+            nearest_pole = f._mm512_min_ps(left, nearest_pole);
+            // The estimate of 1/left has an error of 2⁻¹⁴, which a Newton step squares.
+            let inverse = f._mm512_rcp14_ps(left);
+            let inverse = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, inverse, one), inverse, inverse);
+            f._mm512_mask_mul_ps(nan, valid, f._mm512_mul_ps(steps, scale), inverse)
+        } else {
+            f._mm512_mask_mul_ps(nan, valid, steps, scale)
+        };
+        let point = [f._mm512_mul_ps(rx, depth), f._mm512_mul_ps(ry, depth), depth];
+        if b == 0 {
+            v4.interleave(&cast(point[0]), &cast(point[1]), &cast(point[2]), &mut one_block);
+            first.copy_from_slice(&one_block[..3 * head]);
+        } else if let Some(line) = lines.next() {
+            let x = f._mm512_permutex2var_ps(before[0], shift, point[0]);
+            let y = f._mm512_permutex2var_ps(before[1], shift, point[1]);
+            let depth = f._mm512_permutex2var_ps(before[2], shift, point[2]);
+            v4.interleave(&cast(x), &cast(y), &cast(depth), line);
+        }
+        before = point;
+    }
+    v4.interleave(&cast(before[0]), &cast(before[1]), &cast(before[2]), &mut one_block);
+    last.copy_from_slice(&one_block[3 * head..]);
+    let usable = !CORRECT || f._mm512_cmp_ps_mask::<_CMP_NGT_UQ>(nearest_pole, splat(NEAREST_POLE)) == 0;
+    if !usable {
+        return None;
+    }
+    let rays = [x_rest, y_rest];
+    let of_rest = DepthOnRays { map, measured: steps_rest, unit_mm, rays, cubics: &[], out: rest };
+    let of_rest = portable::from_u16::<_, CORRECT>(v4, of_rest)?;
+    Some(PointCounts { depths: depths + of_rest.depths, points: depths - without_ray + of_rest.points })
+}

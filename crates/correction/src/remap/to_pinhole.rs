@@ -1,0 +1,262 @@
+//! The map from a camera's images to those of an ideal pinhole camera.
+
+use depthcal_model::{Camera, Context};
+use rayon::prelude::*;
+
+use super::means::{Cell, Means, WINDOW, weights};
+use super::nearest::{Nearest, Run, runs};
+use super::segments::{BORDER, SEGMENT, Segment, segments, windows};
+use crate::conventions::{TYPICAL_RHO, pixel};
+use crate::error::CorrectorError;
+use crate::simd::dispatch;
+
+/// Maps a camera's images to those of an ideal pinhole camera, without lens distortion, in the same place. Pixels whose source lies
+/// outside the image become 0. All images are row-major, with one value per pixel of the calibrated resolution.
+#[derive(Debug, Clone)]
+pub struct Remap {
+    width: usize,
+    height: usize,
+    /// Nearest source pixels; those of a row are the runs from `rows[row]` to `rows[row + 1]`.
+    runs: Vec<Run>,
+    rows: Vec<u32>,
+    /// Four source pixels for interpolation: segments of [`SEGMENT`] pixels, and a cell per pixel.
+    segments: Vec<Segment>,
+    cells: Vec<Cell>,
+}
+
+/// A pixel value that can be interpolated: u8, u16 or [u8; 3].
+pub trait Texel: Copy + Default + Send + Sync + Means {}
+
+impl Texel for u8 {}
+impl Texel for u16 {}
+impl Texel for [u8; 3] {}
+
+/// Share by which the depths of four neighbouring pixels on the same surface may differ.
+const SAME_SURFACE: f32 = 0.03;
+
+impl Remap {
+    /// The map to a pinhole camera with the size, focal lengths and principal point of the camera itself.
+    pub fn undistort(camera: &Camera) -> Self {
+        Self::to_pinhole(camera, camera.pinhole())
+    }
+
+    /// The map to a pinhole camera of the same size, given fx, fy, cx, cy, skew in px.
+    pub fn to_pinhole(camera: &Camera, pinhole: [f64; 5]) -> Self {
+        let (width, height) = (camera.width, camera.height);
+        let source = |index: usize| source(camera, pinhole, pixel(index, width));
+        let sources: Vec<[f64; 2]> = (0..width * height).into_par_iter().map(source).collect();
+        let (runs, rows) = runs(&sources, width, height);
+        let (segments, cells) = segments(&sources, width, height);
+        Self { width, height, runs, rows, segments, cells }
+    }
+
+    /// Takes the nearest source pixel: for depth, labels and masks.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectorError::Length`] where an image does not have one value per pixel of the camera.
+    pub fn nearest<T: Copy + Default + Send + Sync>(&self, image: &[T], out: &mut [T]) -> Result<(), CorrectorError> {
+        self.check(image, out)?;
+        self.for_rows(out, |row, out| self.nearest_row(row, image, out));
+        Ok(())
+    }
+
+    /// Interpolates linearly between four source pixels, with weights that are multiples of 1/256: for images. The nearest pixel at
+    /// the border of the image, where the four are not complete.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectorError::Length`] where an image does not have one value per pixel of the camera.
+    pub fn linear<T: Texel>(&self, image: &[T], out: &mut [T]) -> Result<(), CorrectorError> {
+        self.check(image, out)?;
+        self.for_segments(image, out, T::means, |four, weights, _| T::mean(four, weights));
+        Ok(())
+    }
+
+    /// Interpolates depth between four source pixels on the same surface: all four valid, and less than 3 % apart. The mean is that
+    /// of inverse depth, which is affine over the image of a plane. Elsewhere, takes the nearest pixel.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectorError::Length`] where an image does not have one value per pixel of the camera.
+    pub fn depth(&self, depth: &[u16], out: &mut [u16]) -> Result<(), CorrectorError> {
+        self.check(depth, out)?;
+        // Maps [upper left, upper right, lower left, lower right], their weights and the nearest pixel to the result.
+        let mean = |four: [u16; 4], weights: [u32; 4], nearest: u16| {
+            let [a, b, c, d] = four.map(f32::from);
+            let least = a.min(b).min(c.min(d));
+            let most = a.max(b).max(c.max(d));
+            // 65536 / Σ (w / z), with a common denominator.
+            let w = weights.map(|w| w as f32);
+            let (ab, cd) = (a * b, c * d);
+            let mean = 65536.0 * ab * cd / ((w[0] * b + w[1] * a) * cd + (w[2] * d + w[3] * c) * ab);
+            let one_surface = (least > 0.0) & (most - least < SAME_SURFACE * least);
+            if one_surface { (mean + 0.5) as u16 } else { nearest }
+        };
+        let means = |windows: [&[u16; WINDOW]; 4], cells: &[Cell], out: &mut [u16]| {
+            for (out, cell) in out.iter_mut().zip(cells) {
+                let four = windows.map(|window| window[usize::from(cell.offset)]);
+                let nearest = four[usize::from(cell.right >= 128) + 2 * usize::from(cell.lower >= 128)];
+                *out = mean(four, weights(*cell), nearest);
+            }
+        };
+        self.for_segments(depth, out, means, mean);
+        Ok(())
+    }
+
+    fn check<T>(&self, image: &[T], out: &[T]) -> Result<(), CorrectorError> {
+        let expected = self.width * self.height;
+        let wrong = [("the image", image.len()), ("the output", out.len())].into_iter().find(|(_, n)| *n != expected);
+        wrong.map_or(Ok(()), |(what, found)| Err(CorrectorError::Length { what, found, expected }))
+    }
+
+    /// Calls `work` for every row of the output, in bands on the threads of the current rayon pool.
+    fn for_rows<T: Send>(&self, out: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
+        let threads = rayon::current_num_threads();
+        let rows = |first: usize, out: &mut [T]| {
+            out.chunks_exact_mut(self.width).enumerate().for_each(|(row, out)| work(first + row, out));
+        };
+        if threads == 1 {
+            return rows(0, out);
+        }
+        let band = self.height.div_ceil(2 * threads).max(16);
+        out.par_chunks_mut(band * self.width).enumerate().for_each(|(k, out)| rows(k * band, out));
+    }
+
+    fn nearest_row<T: Copy + Default>(&self, row: usize, image: &[T], out: &mut [T]) {
+        let runs = &self.runs[self.rows[row] as usize..self.rows[row + 1] as usize];
+        dispatch(Nearest { runs, image, out });
+    }
+
+    /// Interpolates an image. Segments that are whole are computed by `means`, from their windows and cells. In other segments,
+    /// pixels with four source pixels are computed by `mean`, from these, their weights and the nearest pixel; the others become the
+    /// nearest pixel.
+    fn for_segments<T: Copy + Default + Send + Sync>(
+        &self,
+        image: &[T],
+        out: &mut [T],
+        means: impl Fn([&[T; WINDOW]; 4], &[Cell], &mut [T]) + Sync,
+        mean: impl Fn([T; 4], [u32; 4], T) -> T + Sync,
+    ) {
+        let per_row = self.width.div_ceil(SEGMENT);
+        self.for_rows(out, |row, out| {
+            let cells = &self.cells[row * self.width..(row + 1) * self.width];
+            let segments = &self.segments[row * per_row..(row + 1) * per_row];
+            if segments.iter().any(|segment| !segment.whole) {
+                self.nearest_row(row, image, out);
+            }
+            for ((segment, cells), out) in segments.iter().zip(cells.chunks(SEGMENT)).zip(out.chunks_mut(SEGMENT)) {
+                let base = segment.base as usize;
+                if let Some(windows) = segment.whole.then(|| windows(image, base, self.width)).flatten() {
+                    means(windows, cells, out);
+                    continue;
+                }
+                for (out, cell) in out.iter_mut().zip(cells).filter(|(_, cell)| **cell != BORDER) {
+                    let first = base + usize::from(cell.offset);
+                    let corners = [first, first + 1, first + self.width, first + self.width + 1];
+                    *out = mean(corners.map(|i| image[i]), weights(*cell), *out);
+                }
+            }
+        });
+    }
+}
+
+/// The pixel of the camera's depth image that shows what the given pinhole camera shows at a pixel; NaN where there is none.
+fn source(camera: &Camera, [fx, fy, cx, cy, skew]: [f64; 5], [u, v]: [f64; 2]) -> [f64; 2] {
+    let y = (v - cy) / fy;
+    let x = (u - cx - skew * y) / fx;
+    let z = 1.0 / TYPICAL_RHO;
+    let Some(image) = camera.project(&[x * z, y * z, z].into()) else { return [f64::NAN; 2] };
+    // Pieces at the hook `pixel` map image to depth image. The camera offers only their inverse, so this is a fixed-point
+    // iteration.
+    let mut pixel = image;
+    for _ in 0..4 {
+        let seen = camera.image_pixel(&Context { pixel, ..Context::default() });
+        pixel = [pixel[0] + image[0] - seen[0], pixel[1] + image[1] - seen[1]];
+    }
+    pixel
+}
+
+#[cfg(test)]
+mod tests {
+    use depthcal_model::Register;
+
+    use super::*;
+
+    fn camera(width: usize, height: usize) -> Camera {
+        let mut lens = Register::builtin().block("brown_conrady", None).unwrap();
+        lens.theta = vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756];
+        let f = 0.745 * width as f64;
+        Camera::new(width, height, [f, f, 0.49 * width as f64, 0.5 * height as f64, 0.0], vec![lens])
+    }
+
+    /// A large image has windows, a small one goes pixel by pixel; a longer focal length sees less, a shorter one beyond.
+    fn cases() -> impl Iterator<Item = (Camera, Remap, [f64; 5])> {
+        [(640, 480), (100, 70)].into_iter().flat_map(|(w, h)| {
+            let camera = camera(w, h);
+            [1.0, 0.7].map(|zoom| {
+                let [fx, fy, cx, cy, skew] = camera.pinhole();
+                let pinhole = [fx * zoom, fy * zoom, cx, cy, skew];
+                (camera.clone(), Remap::to_pinhole(&camera, pinhole), pinhole)
+            })
+        })
+    }
+
+    #[test]
+    fn nearest_is_the_source_rounded() {
+        for (camera, remap, pinhole) in cases() {
+            let (w, n) = (camera.width, camera.width * camera.height);
+            let image: Vec<u32> = (0..n as u32).map(|i| i + 1).collect();
+            let mut out = vec![7; n];
+            remap.nearest(&image, &mut out).unwrap();
+            for (i, found) in out.iter().enumerate() {
+                let [u, v] = source(&camera, pinhole, pixel(i, w)).map(f64::round);
+                let inside = u >= 0.0 && v >= 0.0 && u < w as f64 && v < camera.height as f64;
+                let expected = if inside { (v as usize * w + u as usize) as u32 + 1 } else { 0 };
+                assert_eq!(*found, expected, "pixel {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn linear_reproduces_what_is_affine_in_the_pixels() {
+        for (camera, remap, pinhole) in cases() {
+            let (w, h) = (camera.width, camera.height);
+            let image: Vec<u16> = (0..w * h).map(|i| (1000 + 40 * (i % w) + 30 * (i / w)) as u16).collect();
+            let (mut between, mut depth) = (vec![0; w * h], vec![0; w * h]);
+            remap.linear(&image, &mut between).unwrap();
+            remap.depth(&image, &mut depth).unwrap();
+            for i in 0..w * h {
+                let [u, v] = source(&camera, pinhole, pixel(i, w));
+                if u >= 0.0 && v >= 0.0 && u <= w as f64 - 1.0 && v <= h as f64 - 1.0 {
+                    let expected = 1000.0 + 40.0 * u + 30.0 * v;
+                    // Half a step of rounding and half a 256th of a pixel in the weights, a whole one at the last pixel.
+                    assert!((f64::from(between[i]) - expected).abs() < 0.5 + 70.0 / 256.0, "pixel {i}");
+                    // The mean of inverse depth lies lower by the square of the difference over eight depths.
+                    assert!((f64::from(depth[i]) - expected).abs() < 0.5 + 70.0 / 256.0 + 1.0 || expected < 2400.0);
+                }
+            }
+            let rgb: Vec<[u8; 3]> = image.iter().map(|v| [(v >> 8) as u8, 9, 255]).collect();
+            let mut out = vec![[0; 3]; w * h];
+            remap.linear(&rgb, &mut out).unwrap();
+            assert!(out.iter().all(|c| *c == [0; 3] || (c[1] == 9 && c[2] == 255)));
+        }
+    }
+
+    #[test]
+    fn depth_is_not_mixed_across_an_edge_or_with_nothing() {
+        let camera = camera(640, 480);
+        let remap = Remap::undistort(&camera);
+        let value = |i: usize| [1000, 2000, 0][(i % 640 / 16 + i / 640 / 16) % 3];
+        let image: Vec<u16> = (0..640 * 480).map(value).collect();
+        let mut out = vec![7; 640 * 480];
+        remap.depth(&image, &mut out).unwrap();
+        assert!(out.iter().all(|z| [0, 1000, 2000].contains(z)));
+        let mut nearest = vec![7; 640 * 480];
+        remap.nearest(&image, &mut nearest).unwrap();
+        let same = out.iter().zip(&nearest).filter(|(a, b)| a == b).count();
+        // Weights of 1/256 may round to the other neighbour in the very middle.
+        assert!(same > 640 * 480 * 98 / 100, "{same}");
+        assert!(remap.nearest(&image[1..], &mut out).is_err() && remap.depth(&image, &mut out[1..]).is_err());
+    }
+}

@@ -1,0 +1,156 @@
+//! The page of a comparison of depth models.
+
+use std::fmt::Write;
+
+use depthcal_io::{Comparison, Interval};
+
+use super::html::{escape, fixed, number};
+use super::sections::Content;
+use super::{ReportError, figures, page};
+use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::compare::tables::Table;
+
+/// Renders a comparison as one self-contained HTML file. `best` is the best model fitted to all training frames, whose map
+/// is shown.
+///
+/// # Errors
+///
+/// [`ReportError::Nothing`] where no model was compared.
+pub fn render_comparison(
+    c: &Comparison,
+    tables: &[Table],
+    best: Option<&Calibrated>,
+    command: &str,
+) -> Result<String, ReportError> {
+    if c.models.is_empty() {
+        return Err(ReportError::Nothing);
+    }
+    let mut content = Content::default();
+    first_screen(&mut content, c);
+    ranked(&mut content, c);
+    if !c.learning_curve.is_empty() {
+        let intro = "Fits to some of the frames, judged on the others or on the other datasets: where the lines are level, \
+                     more captures of this kind bring nothing.";
+        content.open("learning", ["Captures needed", "How many captures does a model need?"], intro);
+        content.grid(&[figures::learning_curve(c)], "one");
+        content.close();
+    }
+    let maps = best.map(figures::correction_maps).unwrap_or_default();
+    if !maps.is_empty() {
+        content.open("map", ["The winner's map", "What the best model does to depth"], "");
+        content.picker("map-picker", "Distance", &maps, 1);
+        content.grid(&maps, "two");
+        content.close();
+    }
+    thesis(&mut content, c, tables);
+    page::shell(&format!("Depth models on {}", c.train), command, &content.navigation, &content.body, &content.figures)
+}
+
+fn first_screen(content: &mut Content, c: &Comparison) {
+    content.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
+    let mut sentences = c.verdict.iter();
+    let first = sentences.next().map_or("", String::as_str);
+    let rest: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
+    let judged = if c.verify.is_empty() {
+        format!("Judged on frames of {} that each fit left out.", escape(&c.train))
+    } else {
+        format!("Judged on {}.", escape(&c.verify.join(", ")))
+    };
+    let _ = writeln!(
+        content.body,
+        "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
+         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<div class=\"story\">{rest}<p>{judged}</p></div>",
+        escape(first)
+    );
+    let list = [figures::model_ranking(c)];
+    content.picker("error-picker", "Error", &list, 0);
+    content.grid(&list, "one");
+    content.close();
+}
+
+fn ranked(content: &mut Content, c: &Comparison) {
+    let intro = "Means on data that the fits did not see, with 95 % intervals from resampled frames, best first. Effective \
+                 parameters are those that the data rather than priors determine. The criteria take pixels for independent, \
+                 which they are not, and so favour large models.";
+    content.open("models", ["All numbers", "Which model"], intro);
+    let show = |value: Option<Interval>| {
+        value.map_or_else(
+            || "<td>–</td>".to_owned(),
+            |i| {
+                let (mean, low, high) = (fixed(i.mean, 2), fixed(i.low, 2), fixed(i.high, 2));
+                format!("<td><b>{mean}</b> <span class=\"interval\">{low} to {high}</span></td>")
+            },
+        )
+    };
+    let mut rows = String::new();
+    for m in &c.models {
+        let name = escape(&m.model);
+        if let Some(reason) = &m.failed {
+            let _ = writeln!(
+                rows,
+                "<tr><th scope=\"row\"><code>{name}</code></th><td colspan=\"7\" class=\"text bad\">no fit: {}</td></tr>",
+                escape(reason)
+            );
+            continue;
+        }
+        let worse = if m.really_worse { "<span class=\"hint\">really worse</span>" } else { "" };
+        let criterion = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), |v| fixed(v, 0));
+        let held = &m.held_out;
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\"><code>{name}</code>{worse}</th><td>{} <span class=\"interval\">of {}</span></td>\
+             {}{}{}{}<td>{}</td><td>{}</td></tr>",
+            fixed(m.effective_parameters, 1),
+            m.parameters,
+            show(held.dot_error_mm),
+            show(held.plane_error_mm),
+            show(held.depth_rms_mm),
+            show(m.worse_than_best_mm),
+            criterion(m.aic),
+            criterion(m.bic),
+        );
+    }
+    let _ = writeln!(
+        content.body,
+        "<div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th scope=\"col\">model</th><th scope=\"col\">effective \
+         parameters</th><th scope=\"col\">dot error / mm</th><th scope=\"col\">plane error / mm</th><th scope=\"col\">depth, \
+         rms / mm</th><th scope=\"col\">dot error less the best's / mm</th><th scope=\"col\">ΔAIC</th><th \
+         scope=\"col\">ΔBIC</th></tr></thead><tbody>{rows}</tbody></table></div>"
+    );
+    let refused: Vec<String> = c
+        .models
+        .iter()
+        .filter(|m| m.not_correctable > 0.0)
+        .map(|m| format!("{} ({} %)", m.model, number(100.0 * m.not_correctable)))
+        .collect();
+    if !refused.is_empty() {
+        let _ = writeln!(
+            content.body,
+            "<p class=\"note\">Pixels that a model cannot correct are left out of its errors: {}.</p>",
+            escape(&refused.join(", "))
+        );
+    }
+    content.close();
+}
+
+/// The thesis' tables and the stability of D.
+fn thesis(content: &mut Content, c: &Comparison, tables: &[Table]) {
+    // The first table is the ranking, and the learning curve is a figure.
+    let rest: Vec<&Table> = tables.iter().skip(1).collect();
+    if rest.is_empty() {
+        return;
+    }
+    content.open("tables", ["Tables", "The tables of Sjöholm 2017, and more"], "");
+    if let Some(stability) = &c.stability {
+        let items: String = stability.verdict.iter().map(|s| format!("<li>{}</li>\n", escape(s))).collect();
+        let _ = writeln!(content.body, "<ul>{items}</ul>");
+    }
+    for table in rest {
+        let (title, text) = (escape(&table.title), escape(&table.text));
+        let _ = writeln!(
+            content.body,
+            "<details><summary>{title}</summary><div class=\"scroll\" tabindex=\"0\"><pre>{text}</pre></div></details>"
+        );
+    }
+    content.close();
+}

@@ -1,0 +1,146 @@
+//! Depth errors against what they may depend on.
+
+use serde_json::{Value, json};
+
+use super::{AFTER, BEFORE, Figure, rounded, short};
+use crate::ReportInput;
+use crate::binned::{Axis, Binned, Cell};
+use crate::covariates::{BINS, Covariate, Image};
+use crate::html::{escape, number};
+use crate::leftover::{judged, noise_mm};
+use crate::statistics::quantile;
+use depthcal_calibration::judge::evaluate::PixelError;
+
+/// Single pixels that are drawn behind the bins, per side.
+const POINTS: usize = 700;
+
+/// Bins as points with intervals.
+pub(super) fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: &str, symbol: &str) -> Value {
+    // A thin line for depth as measured: it is the background of what corrected depth shows.
+    let width = if colour == AFTER { 2.5 } else { 1.0 };
+    let used: Vec<(usize, &Cell)> = cells.iter().enumerate().filter(|(_, c)| c.value.is_finite()).collect();
+    json!({
+        "type": "scatter", "mode": "lines+markers", "name": name,
+        "x": used.iter().map(|(i, _)| short(axis.middle(*i) + shift * axis.width())).collect::<Value>(),
+        "y": used.iter().map(|(_, c)| short(c.value)).collect::<Value>(),
+        "error_y": {"type": "data", "array": used.iter().map(|(_, c)| short(c.half)).collect::<Value>(),
+                    "thickness": 1.5, "width": 3, "color": colour},
+        "line": {"color": colour, "width": width}, "marker": {"color": colour, "size": 7, "symbol": symbol},
+        "customdata": used.iter().map(|(_, c)| c.frames).collect::<Value>(),
+        "hovertemplate": "%{x:.4~g}: %{y:+.3~g} mm, %{customdata} frames<extra>%{fullData.name}</extra>",
+    })
+}
+
+/// Errors against one covariate; `None` where it is unknown or does not vary.
+pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Figure> {
+    let pool = judged(input);
+    let axis = Axis::over(pool.pixels().map(&covariate.value), BINS)?;
+    let cells = |value: &dyn Fn(&PixelError) -> f64| {
+        Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), value, noise_mm(input)).cells()
+    };
+    let (before, after) = (cells(&|p| p.before_mm), cells(&|p| p.after_mm));
+    let n = pool.pixels().count();
+    let step = n.div_ceil(POINTS).max(1);
+    let cloud = |value: &dyn Fn(&PixelError) -> f64, colour: &str| {
+        // A stride that shares factors with the pixels' rows would draw stripes.
+        let chosen: Vec<&PixelError> = pool
+            .pixels()
+            .enumerate()
+            .filter(|(i, _)| i.wrapping_mul(2_654_435_761) % step == 0)
+            .map(|(_, p)| p)
+            .collect();
+        json!({
+            "type": "scatter", "mode": "markers", "hoverinfo": "skip", "showlegend": false,
+            "x": chosen.iter().map(|p| short((covariate.value)(p))).collect::<Value>(),
+            "y": chosen.iter().map(|p| rounded(value(p), 2)).collect::<Value>(),
+            "marker": {"color": colour, "size": 3, "opacity": 0.28},
+        })
+    };
+    let reach = |value: &dyn Fn(&PixelError) -> f64, q: f64| quantile(pool.pixels().map(value), q);
+    let low = reach(&|p| p.before_mm, 0.01).min(reach(&|p| p.after_mm, 0.01));
+    let high = reach(&|p| p.before_mm, 0.99).max(reach(&|p| p.after_mm, 0.99));
+    let pad = 0.08 * (high - low).max(1e-6);
+    let data = vec![
+        cloud(&|p| p.before_mm, BEFORE),
+        cloud(&|p| p.after_mm, AFTER),
+        bins(&before, &axis, -0.08, "as measured", BEFORE, "circle-open"),
+        bins(&after, &axis, 0.08, "corrected", AFTER, "circle"),
+    ];
+    let layout = json!({
+        "xaxis": {"title": {"text": format!("{} / {}", covariate.name, covariate.unit)}},
+        "yaxis": {"title": {"text": "depth error / mm"}, "range": [low - pad, high + pad], "zeroline": true},
+    });
+    let spread = |cells: &[Cell]| {
+        let at =
+            |f: fn(f64, f64) -> f64, from: f64| cells.iter().map(|c| c.value).filter(|v| v.is_finite()).fold(from, f);
+        format!("{} to {}", number(at(f64::min, f64::INFINITY)), number(at(f64::max, f64::NEG_INFINITY)))
+    };
+    let told = format!("Bins run from {} mm as measured and {} mm corrected", spread(&before), spread(&after));
+    Some(
+        Figure::new(format!("against-{}", covariate.id), format!("Against the {}", covariate.name), data, layout)
+            .caption(format!("{} {told}.", escape(covariate.hint)))
+            .alt(format!("Depth error against the {}. {told}.", covariate.name))
+            .aspect(1.45),
+    )
+}
+
+/// Reprojection errors along the radius against the radius: what lens distortion leaves.
+pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
+    let pool = crate::pool::Pool::of(input, |_| true);
+    let radial = |e: &[f64; 4]| {
+        let (x, y) = (e[0] - image.centre[0], e[1] - image.centre[1]);
+        let r = x.hypot(y);
+        (r, (x * e[2] + y * e[3]) / r.max(1e-9))
+    };
+    let all: Vec<(f64, f64)> = pool
+        .frames
+        .iter()
+        .flat_map(|f| f.frame.reprojection.iter().map(radial))
+        .filter(|(r, e)| r.is_finite() && e.is_finite())
+        .collect();
+    let axis = Axis::over(all.iter().map(|p| p.0), BINS)?;
+    let mut sums = vec![(0.0, 0.0, 0_usize); BINS];
+    for (r, e) in &all {
+        if let Some(b) = axis.bin(*r) {
+            sums[b] = (sums[b].0 + e, sums[b].1 + e * e, sums[b].2 + 1);
+        }
+    }
+    let means: Vec<(f64, f64, f64)> = sums
+        .iter()
+        .enumerate()
+        .filter(|(_, s)| s.2 > 3)
+        .map(|(i, (s, q, n))| {
+            let n = *n as f64;
+            (axis.middle(i), s / n, 1.96 * ((q / n - (s / n).powi(2)).max(0.0) / n).sqrt())
+        })
+        .collect();
+    let step = all.len().div_ceil(POINTS).max(1);
+    let cloud = json!({
+        "type": "scatter", "mode": "markers", "hoverinfo": "skip", "showlegend": false,
+        "x": all.iter().step_by(step).map(|p| short(p.0)).collect::<Value>(),
+        "y": all.iter().step_by(step).map(|p| short(p.1)).collect::<Value>(),
+        "marker": {"color": super::NEUTRAL, "size": 3, "opacity": 0.4},
+    });
+    let line = json!({
+        "type": "scatter", "mode": "lines+markers", "name": "mean of a bin", "showlegend": false,
+        "x": means.iter().map(|m| short(m.0)).collect::<Value>(),
+        "y": means.iter().map(|m| short(m.1)).collect::<Value>(),
+        "error_y": {"type": "data", "array": means.iter().map(|m| short(m.2)).collect::<Value>(), "thickness": 1.5,
+                    "width": 3},
+        "line": {"color": AFTER}, "marker": {"color": AFTER, "size": 7},
+        "hovertemplate": "%{x:.0f} px: %{y:+.3~g} px<extra></extra>",
+    });
+    let layout = json!({
+        "xaxis": {"title": {"text": "radius in the image / px"}},
+        "yaxis": {"title": {"text": "radial error / px"}, "zeroline": true},
+    });
+    Some(
+        Figure::new("reprojection-radius", "Reprojection error against the radius", vec![cloud, line], layout)
+            .caption(
+                "The part of each error that points away from the principal point. A bend is lens distortion that \
+                      the model does not describe.",
+            )
+            .alt("Radial reprojection error against the radius in the image.")
+            .aspect(1.45),
+    )
+}

@@ -1,0 +1,113 @@
+//! Reprojection errors as a vector field over the image.
+
+use serde_json::{Value, json};
+
+use super::{AFTER, Figure, NEUTRAL, image_axes, rounded};
+use crate::covariates::Image;
+use crate::html::{number, significant};
+use crate::pool::Pool;
+use crate::statistics::quantile;
+use crate::{ReportInput, Role};
+
+/// Most single arrows.
+const ARROWS: usize = 1500;
+/// Length that a typical arrow gets, as a share of the image's width.
+const LENGTH: f64 = 0.025;
+/// Fewest markers that a mean arrow is made of.
+const FEWEST: usize = 4;
+
+/// Lines from a to b, separated by gaps.
+fn lines(arrows: impl Iterator<Item = [[f64; 2]; 2]>) -> (Value, Value) {
+    let (mut x, mut y) = (Vec::new(), Vec::new());
+    for [from, to] in arrows {
+        x.extend([rounded(from[0], 1), rounded(to[0], 1), Value::Null]);
+        y.extend([rounded(from[1], 1), rounded(to[1], 1), Value::Null]);
+    }
+    (Value::Array(x), Value::Array(y))
+}
+
+/// The field; `None` without any reprojection error.
+pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
+    let pool = Pool::of(input, |_| true);
+    let errors: Vec<[f64; 4]> = pool
+        .frames
+        .iter()
+        .flat_map(|f| f.frame.reprojection.iter().copied())
+        .filter(|e| e.iter().all(|v| v.is_finite()))
+        .collect();
+    if errors.is_empty() {
+        return None;
+    }
+    let typical = quantile(errors.iter().map(|e| e[2].hypot(e[3])), 0.75).max(1e-6);
+    // A factor that people can remember: 1, 2 or 5 times a power of ten.
+    let wanted = LENGTH * image.width / typical;
+    let decade = 10_f64.powf(wanted.log10().floor());
+    let factor = [5.0, 2.0, 1.0].into_iter().map(|m| m * decade).find(|f| *f <= wanted).unwrap_or(decade);
+    let arrow = |at: [f64; 2], d: [f64; 2], k: f64| [at, [at[0] + k * d[0], at[1] + k * d[1]]];
+
+    let step = errors.len().div_ceil(ARROWS);
+    let (x, y) = lines(errors.iter().step_by(step).map(|e| arrow([e[0], e[1]], [e[2], e[3]], factor)));
+    let single = json!({
+        "type": "scatter", "mode": "lines", "name": "markers", "x": x, "y": y, "hoverinfo": "skip",
+        "line": {"color": NEUTRAL, "width": 1}, "opacity": 0.55,
+    });
+
+    let grid = image.grid(12);
+    let mut sums = vec![([0.0; 2], [0.0; 2], 0_usize); grid[0] * grid[1]];
+    for e in &errors {
+        if let Some(c) = image.cell(grid, [e[0], e[1]]) {
+            let (at, d, n) = &mut sums[c];
+            *at = [at[0] + e[0], at[1] + e[1]];
+            *d = [d[0] + e[2], d[1] + e[3]];
+            *n += 1;
+        }
+    }
+    let means: Vec<([f64; 2], [f64; 2], usize)> = sums
+        .into_iter()
+        .filter(|s| s.2 >= FEWEST)
+        .map(|(at, d, n)| (at.map(|v| v / n as f64), d.map(|v| v / n as f64), n))
+        .collect();
+    // Means are shorter than single errors by the root of their number: drawn longer, or they would not be seen.
+    let emphasis = 3.0;
+    let (x, y) = lines(means.iter().map(|(at, d, _)| arrow(*at, *d, emphasis * factor)));
+    let shafts = json!({
+        "type": "scatter", "mode": "lines", "x": x, "y": y, "hoverinfo": "skip", "showlegend": false,
+        "line": {"color": AFTER, "width": 2.5},
+    });
+    let tip =
+        |i: usize| -> Value { means.iter().map(|(at, d, _)| rounded(at[i] + emphasis * factor * d[i], 1)).collect() };
+    let heads = json!({
+        "type": "scatter", "mode": "markers", "name": format!("mean of a cell, {emphasis} × longer"),
+        "x": tip(0), "y": tip(1),
+        "marker": {"symbol": "triangle-up", "size": 9, "color": AFTER,
+                   "angle": means.iter().map(|(_, d, _)| rounded(d[0].atan2(-d[1]).to_degrees(),
+                    0)).collect::<Value>()},
+        "text": means.iter().map(|(_, d, n)| format!("({}, {}) px, mean of {n}", number(d[0]), number(d[1])))
+            .collect::<Value>(),
+        "hovertemplate": "%{text}<extra></extra>",
+    });
+    let rms = pool.reprojection().map_or(f64::NAN, |e| e.0.value);
+    let unseen = Pool::of(input, |r| r != Role::Fitted).reprojection();
+    let unseen =
+        unseen.map_or(String::new(), |e| format!(", {} px on frames that the fit did not see", number(e.0.value)));
+    let shown = if step > 1 { format!("; one marker in {step} is drawn") } else { String::new() };
+    Some(
+        Figure::new(
+            "reprojection-field",
+            "Reprojection errors over the image",
+            vec![single, shafts, heads],
+            image_axes(image),
+        )
+        .caption(format!(
+            "Found minus projected position, exaggerated {} × (means of cells {} ×){shown}. Rms {} px over {} \
+             markers{unseen}. Blue arrows that point the same way over a region are a lens or focal error that the \
+             model lacks; arrows at random are noise.",
+            significant(factor, 1),
+            significant(emphasis * factor, 1),
+            number(rms),
+            errors.len()
+        ))
+        .alt(format!("Vector field of {} reprojection errors, {} px rms.", errors.len(), number(rms)))
+        .aspect(image.width / image.height * 1.02),
+    )
+}

@@ -1,0 +1,234 @@
+//! Depth errors as maps over the image and over the board.
+
+use serde_json::{Value, json};
+
+use super::{Figure, colour_bar, diverging, image_axes, short};
+use crate::ReportInput;
+use crate::binned::{Binned, Cell};
+use crate::covariates::Image;
+use crate::diagnosis::{ReportDiagnosis, last};
+use crate::html::number;
+use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, judged, noise_mm};
+use crate::pool::Pool;
+use crate::statistics::quantile;
+use depthcal_calibration::judge::evaluate::PixelError;
+
+/// A map of cells, row by row.
+fn heat(cells: &[Cell], columns: usize, x: &Value, y: &Value, limit: f64) -> Value {
+    let rows = |f: &dyn Fn(&Cell) -> Value| -> Value {
+        cells.chunks(columns).map(|row| row.iter().map(f).collect::<Value>()).collect()
+    };
+    let note = |c: &Cell| {
+        let half = if c.half.is_finite() { format!("± {} mm", number(c.half)) } else { "interval unknown".to_owned() };
+        json!(format!("{half}, {} frames", c.frames))
+    };
+    json!({
+        "type": "heatmap", "x": x, "y": y, "z": rows(&|c| short(c.value)), "text": rows(&note),
+        "zmin": -limit, "zmax": limit, "colorscale": diverging(), "colorbar": colour_bar("mm"), "hoverongaps": false,
+        "hovertemplate": "(%{x:.0f}, %{y:.0f}): %{z:+.3~g} mm %{text}<extra></extra>",
+    })
+}
+
+/// Marks cells that differ from zero beyond their interval.
+fn marks(cells: &[Cell], at: impl Fn(usize) -> [f64; 2]) -> Value {
+    let sure: Vec<[f64; 2]> = cells.iter().enumerate().filter(|(_, c)| c.stands_out()).map(|(i, _)| at(i)).collect();
+    json!({
+        "type": "scatter", "mode": "markers", "hoverinfo": "skip", "showlegend": false,
+        "x": sure.iter().map(|p| short(p[0])).collect::<Value>(),
+        "y": sure.iter().map(|p| short(p[1])).collect::<Value>(),
+        "marker": {"symbol": "circle", "size": 4, "color": "#111111", "opacity": 0.65},
+    })
+}
+
+fn limit(cells: &[Cell]) -> f64 {
+    quantile(cells.iter().filter(|c| c.pixels > 0).map(|c| c.value.abs()), 0.98).max(1e-3)
+}
+
+/// Typical half width of a cell's interval, mm.
+fn noise_level(cells: &[Cell]) -> f64 {
+    quantile(cells.iter().map(|c| c.half), 0.5)
+}
+
+/// Maps over the image: as measured, corrected on the same scale, and corrected on a scale of its own.
+pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> {
+    let pool = judged(input);
+    if !pool.has_depth() {
+        return Vec::new();
+    }
+    let grid = image.grid(MAP_COLUMNS);
+    let n = grid[0] * grid[1];
+    let bins = |value: &dyn Fn(&PixelError) -> f64| {
+        Binned::new(&pool, n, |p| image.cell(grid, p.context.pixel), value, noise_mm(input)).cells()
+    };
+    let (before, after) = (bins(&|p| p.before_mm), bins(&|p| p.after_mm));
+    let x: Value = (0..grid[0]).map(|c| short(image.middle(grid, c)[0])).collect();
+    let y: Value = (0..grid[1]).map(|r| short(image.middle(grid, r * grid[0])[1])).collect();
+    let shared = limit(&before).max(limit(&after));
+    let own = limit(&after);
+    let layout = image_axes(image);
+    let aspect = image.width / image.height * 1.02;
+    let range = |cells: &[Cell]| {
+        let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
+        format!("from {} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+    };
+    let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool| {
+        let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
+        if marked {
+            data.push(marks(cells, |i| image.middle(grid, i)));
+        }
+        Figure::new(id, title, data, layout.clone()).alt(format!("{title}: {}.", range(cells))).aspect(aspect)
+    };
+    let frames = pool.frames.len();
+    vec![
+        figure("map-before", "Depth error as measured", &before, shared, false).caption(format!(
+            "Mean over {frames} frames of each frame's median error in the cell, measured minus true depth: orange is \
+             too far, blue too near. {}.",
+            capital(&range(&before))
+        )),
+        figure("map-after", "After correction, same colours", &after, shared, false)
+            .caption(format!("{}. What is white here is gone.", capital(&range(&after)))),
+        figure("map-left", "What is left, on a scale of its own", &after, own, true).caption(format!(
+            "The same map, stretched. Dots mark cells that differ from zero beyond their 95 % interval, which is \
+             typically ± {} mm wide; by chance alone, one cell in twenty would carry a dot.",
+            number(noise_level(&after))
+        )),
+    ]
+}
+
+/// What is left over the board: a bent board or a bad print would show here.
+pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
+    let pool: Pool<'_> = judged(input);
+    let [ax, ay] = board_axes(&pool)?;
+    let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
+    let cells = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells();
+    let x: Value = (0..BOARD_GRID[0]).map(|i| short(ax.middle(i))).collect();
+    let y: Value = (0..BOARD_GRID[1]).map(|i| short(ay.middle(i))).collect();
+    let layout = json!({
+        "xaxis": {"title": {"text": "board x / mm"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "board y / mm"}, "autorange": "reversed", "scaleanchor": "x",
+                  "constrain": "domain", "showgrid": false},
+    });
+    let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
+    let data = vec![heat(&cells, BOARD_GRID[0], &x, &y, limit(&cells)), marks(&cells, at)];
+    Some(
+        Figure::new("map-board", "What is left, over the board", data, layout)
+            .caption(format!(
+                "Corrected depth error where it was seen on the board. A bent board shows as a bowl or a saddle. Cells \
+                 are known to ± {} mm.",
+                number(noise_level(&cells))
+            ))
+            .alt("Map of the corrected depth error over the board.")
+            .aspect(1.3),
+    )
+}
+
+/// Maps over the image: as measured, and under the declared and the last model on one scale.
+pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, image: &Image) -> Vec<Figure> {
+    let (declared, now) = (d.declared(), last(input));
+    if !now.has_depth() {
+        return Vec::new();
+    }
+    let grid = image.grid(MAP_COLUMNS);
+    let bins = |pool: &Pool<'_>, value: &dyn Fn(&PixelError) -> f64| {
+        Binned::new(pool, grid[0] * grid[1], |p| image.cell(grid, p.context.pixel), value, noise_mm(input)).cells()
+    };
+    let raw = bins(&now, &|p| p.before_mm);
+    let (before, after) = (bins(&declared, &|p| p.after_mm), bins(&now, &|p| p.after_mm));
+    let x: Value = (0..grid[0]).map(|c| short(image.middle(grid, c)[0])).collect();
+    let y: Value = (0..grid[1]).map(|r| short(image.middle(grid, r * grid[0])[1])).collect();
+    let shared = limit(&before).max(limit(&after));
+    let range = |cells: &[Cell]| {
+        let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
+        format!("From {} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+    };
+    let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool, caption: String| {
+        let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
+        if marked {
+            data.push(marks(cells, |i| image.middle(grid, i)));
+        }
+        Figure::new(id, title, data, image_axes(image))
+            .caption(caption)
+            .alt(format!("{title}: {}.", range(cells)))
+            .aspect(image.width / image.height * 1.02)
+    };
+    vec![
+        figure(
+            "map-before",
+            "As measured",
+            &raw,
+            limit(&raw),
+            false,
+            format!(
+                "Mean over {} frames of each frame's median depth error in the cell: orange is too far, blue too near. {}.",
+                now.frames.len(),
+                range(&raw)
+            ),
+        ),
+        figure(
+            "map-declared",
+            "Left by the declared model",
+            &before,
+            shared,
+            true,
+            format!("{}. Dots: beyond the cell's 95 % interval.", range(&before)),
+        ),
+        figure(
+            "map-after",
+            "Left by the last model, same colours",
+            &after,
+            shared,
+            true,
+            format!("{}. By chance alone one cell in twenty would carry a dot.", range(&after)),
+        ),
+    ]
+}
+
+/// What the declared and the last model leave over the board, on one scale; empty without depth.
+pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
+    let (declared, now) = (d.declared(), last(input));
+    let Some([ax, ay]) = board_axes(&now) else { return Vec::new() };
+    let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
+    let bins = |pool: &Pool<'_>| {
+        Binned::new(pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells()
+    };
+    let (before, after) = (bins(&declared), bins(&now));
+    let shared = limit(&before).max(limit(&after));
+    let x: Value = (0..BOARD_GRID[0]).map(|i| short(ax.middle(i))).collect();
+    let y: Value = (0..BOARD_GRID[1]).map(|i| short(ay.middle(i))).collect();
+    let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
+    let layout = json!({
+        "xaxis": {"title": {"text": "board x / mm"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "board y / mm"}, "autorange": "reversed", "scaleanchor": "x",
+                  "constrain": "domain", "showgrid": false},
+    });
+    let figure = |id: &str, title: &str, cells: &[Cell], caption: String| {
+        let data = vec![heat(cells, BOARD_GRID[0], &x, &y, shared), marks(cells, at)];
+        Figure::new(id, title, data, layout.clone()).caption(caption).alt(format!("{title}: a map.")).aspect(1.3)
+    };
+    let rms = |cells: &[Cell]| {
+        let used: Vec<f64> = cells.iter().map(|c| c.value).filter(|v| v.is_finite()).collect();
+        number((used.iter().map(|v| v * v).sum::<f64>() / used.len().max(1) as f64).sqrt())
+    };
+    vec![
+        figure(
+            "map-board-declared",
+            "Over the board, declared model",
+            &before,
+            format!(
+                "{} mm rms over the cells. What follows the print is the pattern's; a bowl or a saddle is a bent board.",
+                rms(&before)
+            ),
+        ),
+        figure(
+            "map-board",
+            "Over the board, last model, same colours",
+            &after,
+            format!("{} mm rms over the cells, each known to ± {} mm.", rms(&after), number(noise_level(&after))),
+        ),
+    ]
+}
+
+fn capital(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
+}

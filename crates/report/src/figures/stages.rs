@@ -1,0 +1,130 @@
+//! The way of the depth error from what was measured to the last model, and what each step brought.
+
+use serde_json::{Value, json};
+
+use super::{AFTER, BEFORE, Figure, NEUTRAL, plain, short, whiskers};
+use crate::ReportInput;
+use crate::diagnosis::{ReportDiagnosis, last};
+use crate::html::{fixed, number};
+
+/// One bar.
+struct Stage {
+    label: String,
+    value: f64,
+    /// 95 % interval.
+    interval: Option<[f64; 2]>,
+    colour: &'static str,
+}
+
+fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
+    let (declared, now) = (d.declared().depth_rms()?, last(input).depth_rms()?);
+    let interval = |e: &crate::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
+    let mut list = vec![
+        Stage {
+            label: "as<br>measured".to_owned(),
+            value: now.before.value,
+            interval: interval(&now.before),
+            colour: BEFORE,
+        },
+        Stage {
+            label: format!("model:<br>{}", plain(&d.account.model)),
+            value: declared.after.value,
+            interval: interval(&declared.after),
+            colour: NEUTRAL,
+        },
+    ];
+    let steps = &d.account.steps;
+    for (i, step) in steps.iter().enumerate() {
+        let is_last = i + 1 == steps.len();
+        let (value, ends) = match (is_last, step.depth_rms_after_mm) {
+            (true, _) => (Some(now.after.value), interval(&now.after)),
+            (false, Some(after)) => (Some(after.mean), Some([after.low, after.high])),
+            (false, None) => (step.after.depth_rms_mm, None),
+        };
+        let name = step.effects.first().map_or("", String::as_str);
+        list.push(Stage {
+            label: format!("+ {}", plain(name).replace('_', "_<br>")),
+            value: value?,
+            interval: ends,
+            colour: AFTER,
+        });
+    }
+    Some(list)
+}
+
+/// Depth error as measured, under the declared model, and after every step.
+pub(crate) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
+    let list = stages(input, d)?;
+    let label = |s: &Stage| format!("{}<br><b>{} mm</b>", s.label, number(s.value));
+    let bars = json!({
+        "type": "bar",
+        "x": list.iter().map(label).collect::<Value>(),
+        "y": list.iter().map(|s| short(s.value)).collect::<Value>(),
+        "marker": {"color": list.iter().map(|s| s.colour).collect::<Value>()},
+        "hovertemplate": "%{y:.3~g} mm<extra></extra>",
+    });
+    // A trace of their own: a bar without interval would get a whisker of no length.
+    let known: Vec<(&Stage, [f64; 2])> = list.iter().filter_map(|s| Some((s, s.interval?))).collect();
+    let intervals = json!({
+        "type": "scatter", "mode": "markers", "hoverinfo": "skip", "marker": {"size": 1, "opacity": 0},
+        "x": known.iter().map(|s| label(s.0)).collect::<Value>(),
+        "y": known.iter().map(|s| short(s.0.value)).collect::<Value>(),
+        "error_y": whiskers(
+            known.iter().map(|s| short(s.1[1] - s.0.value)).collect(),
+            known.iter().map(|s| short(s.0.value - s.1[0])).collect(),
+        ),
+    });
+    let data = vec![bars, intervals];
+    // Five labels have to stand side by side on a phone.
+    let size = if list.len() > 4 { 10 } else { 12 };
+    let layout = json!({
+        "xaxis": {"type": "category", "tickangle": 0, "tickfont": {"size": size}}, "bargap": 0.25, "showlegend": false,
+        "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
+    });
+    let told: Vec<String> =
+        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), fixed(s.value, 2))).collect();
+    Some(
+        Figure::new("stages", "Depth error on frames that the fit did not see", data, layout)
+            .caption("Each bar is a model fitted anew. Whiskers: 95 % intervals from resampling whole frames.")
+            .alt(format!("Bars of the depth error: {}.", told.join("; ")))
+            .aspect(1.35),
+    )
+}
+
+/// What each step took off the depth error, per cent, with intervals; `None` without steps.
+pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
+    let list: Vec<_> =
+        d.account.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
+    if list.is_empty() {
+        return None;
+    }
+    let data = json!({
+        "type": "bar", "orientation": "h",
+        "y": list.iter().map(|s| s.0.clone()).collect::<Value>(),
+        "x": list.iter().map(|s| short(s.1.value)).collect::<Value>(),
+        "error_x": whiskers(
+            list.iter().map(|s| short(s.1.high - s.1.value)).collect(),
+            list.iter().map(|s| short(s.1.value - s.1.low)).collect(),
+        ),
+        "marker": {"color": list.iter().map(|s| if s.1.is_certain() { AFTER } else { NEUTRAL }).collect::<Value>()},
+        "hovertemplate": "%{y}: %{x:.1f} %<extra></extra>",
+    });
+    let layout = json!({
+        "yaxis": {"type": "category", "autorange": "reversed"}, "showlegend": false,
+        "xaxis": {"title": {"text": "fall of the depth error / %"}, "zeroline": true},
+    });
+    let told: Vec<String> = list
+        .iter()
+        .map(|(n, g)| format!("{n} {} % ({} to {})", fixed(g.value, 1), fixed(g.low, 1), fixed(g.high, 1)))
+        .collect();
+    Some(
+        Figure::new("step-gains", "What each step brought", vec![data], layout)
+            .caption(format!(
+                "Fall of the depth error from one model to the next, with 95 % intervals from resampling frames in pairs: \
+                 {}. Grey: the interval holds zero.",
+                told.join("; ")
+            ))
+            .alt(format!("Bars of what each step brought: {}.", told.join("; ")))
+            .aspect(2.4),
+    )
+}

@@ -1,0 +1,101 @@
+//! Uncertainty of corrected depth.
+
+use serde_json::{Value, json};
+
+use super::{AFTER, Figure, NEUTRAL, Variant, colour_bar, sequential, shorts};
+use crate::html::number;
+use crate::statistics::quantile;
+use crate::uncertainty::Uncertainty;
+use depthcal_calibration::calibrate::Calibrated;
+
+/// Standard deviation against the distance, at three places of the image, beside the noise of one pixel.
+pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
+    let places = [("middle of the image", "solid"), ("half way out", "dash"), ("corner", "dot")];
+    let mut data: Vec<Value> = places
+        .iter()
+        .zip(&u.curves)
+        .map(|((name, dash), curve)| {
+            json!({
+                "type": "scatter", "mode": "lines", "name": name, "x": shorts(u.curve_at.iter().copied()),
+                "y": shorts(curve.iter().copied()), "line": {"color": AFTER, "dash": dash, "width": 2},
+                "hovertemplate": "%{x:.0f} mm: %{y:.2~g} mm<extra>%{fullData.name}</extra>",
+            })
+        })
+        .collect();
+    let noise = |z: &f64| c.noise.depth.sigma(1.0 / z) * z * z;
+    data.push(json!({
+        "type": "scatter", "mode": "lines", "name": "noise of one pixel", "x": shorts(u.curve_at.iter().copied()),
+        "y": shorts(u.curve_at.iter().map(noise)), "line": {"color": NEUTRAL, "width": 1.5, "dash": "dashdot"},
+        "hovertemplate": "%{x:.0f} mm: %{y:.2~g} mm<extra>noise of one pixel</extra>",
+    }));
+    let [near, far] = u.covered;
+    let outside = |from: f64, to: f64| {
+        json!({"type": "rect", "xref": "x", "yref": "paper", "x0": from, "x1": to, "y0": 0, "y1": 1, "line":
+        {"width": 0},
+               "fillcolor": NEUTRAL, "opacity": 0.13, "layer": "below"})
+    };
+    let ends = [u.curve_at.first().copied().unwrap_or(near), u.curve_at.last().copied().unwrap_or(far)];
+    let layout = json!({
+        "xaxis": {"title": {"text": "distance / mm"}, "range": [ends[0], ends[1]]},
+        "yaxis": {"title": {"text": "standard deviation / mm"}, "type": "log", "dtick": "D2"},
+        "shapes": [outside(ends[0], near), outside(far, ends[1])],
+    });
+    let at = |curve: &[f64]| {
+        let i = u.curve_at.iter().position(|z| *z >= u.distances[1]).unwrap_or(0);
+        number(curve.get(i).copied().unwrap_or(f64::NAN))
+    };
+    let told = format!(
+        "At {} mm: {} mm in the middle of the image, {} mm in its corner",
+        number(u.distances[1]),
+        at(&u.curves[0]),
+        at(&u.curves[2])
+    );
+    Figure::new("uncertainty-curves", "How sure is corrected depth?", data, layout)
+        .caption(format!(
+            "One standard deviation of the correction itself (the same for every pixel of a shot, so averaging does \
+             not remove it), beside the noise of a single pixel, on a logarithmic scale. {told}. Grey: outside the \
+             distances of the fitted boards."
+        ))
+        .alt(format!("Standard deviation of corrected depth against distance. {told}."))
+        .aspect(1.45)
+}
+
+/// Standard deviation over the image at three distances, with a picker.
+pub(crate) fn uncertainty_map(c: &Calibrated, u: &Uncertainty) -> Figure {
+    let (w, h) = (c.camera.width as f64 - 1.0, c.camera.height as f64 - 1.0);
+    let [columns, rows] = u.grid;
+    let variants: Vec<Variant> = u
+        .maps
+        .iter()
+        .zip(&u.distances)
+        .map(|(map, z)| {
+            let rows: Value = map.chunks(columns).map(|r| shorts(r.iter().copied())).collect();
+            let (low, high) = (quantile(map.iter().copied(), 0.0), quantile(map.iter().copied(), 1.0));
+            Variant {
+                label: format!("{} mm", number(*z)),
+                note: format!("Between {} and {} mm over the image.", number(low), number(high)),
+                trace: json!({"z": rows}),
+            }
+        })
+        .collect();
+    let data = json!({
+        "type": "heatmap", "x": shorts((0..columns).map(|i| w * i as f64 / (columns - 1) as f64)),
+        "y": shorts((0..rows).map(|i| h * i as f64 / (rows - 1) as f64)), "zmin": 0,
+        "colorscale": sequential(), "colorbar": colour_bar("mm"), "hoverongaps": false,
+        "hovertemplate": "(%{x:.0f}, %{y:.0f}): %{z:.2~g} mm<extra></extra>",
+    });
+    let layout = json!({
+        "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x", "constrain": "domain",
+                  "showgrid": false},
+    });
+    let mut figure = Figure::new("uncertainty-map", "The same over the image", vec![data], layout)
+        .caption(
+            "One standard deviation of corrected depth for a flat wall at the chosen distance: near, middle and far \
+                  of the fitted boards.",
+        )
+        .alt("Map of the standard deviation of corrected depth over the image.")
+        .aspect(1.3);
+    figure.variants = variants;
+    figure
+}

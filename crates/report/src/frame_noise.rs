@@ -1,0 +1,158 @@
+//! Whether whole frames are off by more than noise allows: the noise of pixels, of the pose from the image, and of the
+//! calibration itself.
+
+use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
+
+use super::binned::Structure;
+use super::html::{number, signed};
+use super::leftover::{Finding, WHOLE_FRAMES};
+use super::pool::{Pool, Pooled, usable};
+use super::statistics::{median, quantile};
+use super::uncertainty::standard_deviations;
+use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_calibration::observe::board_region::BoardPlane;
+
+/// Fewest pixels of a frame that is looked at.
+const FEWEST: usize = 20;
+/// Rays on which the depth of a pose is compared.
+const RAYS: usize = 25;
+/// Frames must be off by this many times what noise allows: the allowance is an estimate itself.
+const CLEARLY: f64 = 1.5;
+
+/// A frame's error and the standard deviation that noise gives it.
+struct Offset<'a> {
+    frame: &'a Pooled<'a>,
+    depth_mm: f64,
+    value: f64,
+    allowed: f64,
+}
+
+/// The finding, not yet judged; `None` where the calibration has no depth or too few frames can be looked at.
+pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<Finding> {
+    if !c.with_depth {
+        return None;
+    }
+    // The fit's own marker noise may have taken up what the depth model lacks; with poses free it has not.
+    let rms = |f: &Pooled<'_>| f.frame.record().reprojection_px.rms;
+    let sigma_px = quantile(pool.frames.iter().map(rms).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
+    let seen: Vec<(&Pooled<'_>, Vec<&PixelError>)> = pool
+        .frames
+        .iter()
+        .map(|f| (f, f.frame.pixels.iter().filter(|p| usable(p)).collect::<Vec<_>>()))
+        .filter(|(_, p)| p.len() >= FEWEST)
+        .collect();
+    let centres: Vec<_> = seen.iter().map(|(_, p)| (p[p.len() / 2].context, p[p.len() / 2].board_depth_mm)).collect();
+    let fit = match &c.covariance {
+        Some(covariance) => standard_deviations(c, covariance, &centres),
+        None => vec![0.0; seen.len()],
+    };
+    let apart = c.correlation_length_px.unwrap_or(1) as f64;
+    let mut list: Vec<Offset<'_>> = Vec::new();
+    for ((frame, pixels), fit) in seen.iter().zip(fit) {
+        let Some(pose) = pose_std(c, &frame.frame.camera_from_board, pixels, frame.frame.reprojection.len()) else {
+            continue;
+        };
+        let depth_mm = pixels.iter().map(|p| p.board_depth_mm).sum::<f64>() / pixels.len() as f64;
+        let noise = c.noise.depth.sigma(1.0 / depth_mm) * depth_mm.powi(2);
+        let mean = noise * (apart * apart / pixels.len() as f64).sqrt().min(1.0);
+        let value = median(&mut pixels.iter().map(|p| p.after_mm).collect::<Vec<_>>());
+        let allowed = (mean.powi(2) + (sigma_px * pose).powi(2) + fit.powi(2)).sqrt();
+        if allowed.is_finite() && allowed > 0.0 {
+            list.push(Offset { frame, depth_mm, value, allowed });
+        }
+    }
+    if list.len() < fewest {
+        return None;
+    }
+    let n = list.len() as f64;
+    let ratio = list.iter().map(|o| (o.value / o.allowed).powi(2)).sum::<f64>() / n / CLEARLY.powi(2);
+    let allowed = (list.iter().map(|o| o.allowed.powi(2)).sum::<f64>() / n).sqrt();
+    let off = (list.iter().map(|o| o.value.powi(2)).sum::<f64>() / n).sqrt();
+    let worst = list.iter().max_by(|a, b| (a.value / a.allowed).abs().total_cmp(&(b.value / b.allowed).abs()))?;
+    Some(Finding {
+        over: WHOLE_FRAMES.to_owned(),
+        structure: Structure {
+            p_value: chi_square_tail(ratio, n),
+            size_mm: (off.powi(2) - allowed.powi(2)).max(0.0).sqrt(),
+            hidden_mm: CLEARLY * allowed,
+        },
+        worst: format!(
+            "in frame {} at {} mm: {} mm, where noise, pose and fit allow ± {} mm",
+            worst.frame.frame.name,
+            number(worst.depth_mm),
+            signed(worst.value),
+            number(worst.allowed)
+        ),
+        found: false,
+    })
+}
+
+/// Standard deviation of the board's mean depth over some pixels, in mm per pixel of marker noise, when the pose comes
+/// from the markers.
+fn pose_std(c: &Calibrated, pose: &Isometry3<f64>, pixels: &[&PixelError], markers: usize) -> Option<f64> {
+    let points = c.capture.target.points();
+    let step = pixels.len().div_ceil(RAYS);
+    let rays: Vec<[f64; 2]> = pixels
+        .iter()
+        .step_by(step)
+        .filter_map(|p| c.camera.ray(c.camera.image_pixel(&p.context), 1.0 / p.board_depth_mm).ok())
+        .collect();
+    let moved = |i: usize, by: f64| {
+        let d = |k: usize| if i == k { by } else { 0.0 };
+        pose * Isometry3::new(Vector3::new(d(0), d(1), d(2)), Vector3::new(d(3), d(4), d(5)))
+    };
+    let depth = |pose: &Isometry3<f64>| {
+        let plane = BoardPlane::new(pose);
+        rays.iter().map(|r| plane.depth(*r)).sum::<Option<f64>>().map(|s| s / rays.len() as f64)
+    };
+    let at =
+        |pose: &Isometry3<f64>, p: &[f64; 2]| c.camera.project(&(pose * nalgebra::Point3::new(p[0], p[1], 0.0)).coords);
+    // Small against the distances and angles of boards, large against rounding.
+    let steps = [1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6];
+    let mut gradient = SVector::<f64, 6>::zeros();
+    let poses: Vec<[Isometry3<f64>; 2]> = (0..6).map(|i| [moved(i, steps[i]), moved(i, -steps[i])]).collect();
+    for i in 0..6 {
+        gradient[i] = (depth(&poses[i][0])? - depth(&poses[i][1])?) / (2.0 * steps[i]);
+    }
+    let mut normal = SMatrix::<f64, 6, 6>::zeros();
+    for p in &points {
+        let mut rows = SMatrix::<f64, 2, 6>::zeros();
+        for i in 0..6 {
+            let (a, b) = (at(&poses[i][0], p)?, at(&poses[i][1], p)?);
+            (0..2).for_each(|r| rows[(r, i)] = (a[r] - b[r]) / (2.0 * steps[i]));
+        }
+        normal += rows.tr_mul(&rows);
+    }
+    // Markers that were not found do not help.
+    let share = points.len() as f64 / markers.max(1) as f64;
+    let variance = (gradient.transpose() * normal.try_inverse()? * gradient).x * share;
+    (variance > 0.0).then(|| variance.sqrt())
+}
+
+/// Probability that a mean of `n` squared standard normal numbers exceeds `ratio` (Wilson and Hilferty 1931).
+fn chi_square_tail(ratio: f64, n: f64) -> f64 {
+    let v = 2.0 / (9.0 * n);
+    normal_tail((ratio.cbrt() - (1.0 - v)) / v.sqrt())
+}
+
+/// Probability that a standard normal number exceeds `z`, to 10⁻⁷ (Abramowitz and Stegun 1964, 26.2.17).
+fn normal_tail(z: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
+    let series = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let sum = series.iter().rev().fold(0.0, |s, b| (s + b) * t);
+    let tail = (-z * z / 2.0).exp() / std::f64::consts::TAU.sqrt() * sum;
+    if z < 0.0 { 1.0 - tail } else { tail }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tails_agree_with_tables() {
+        assert!((normal_tail(1.96) - 0.025).abs() < 1e-4 && (normal_tail(-1.96) - 0.975).abs() < 1e-4);
+        // The 95 % point of chi-square with 20 degrees of freedom is 31.41.
+        assert!((chi_square_tail(31.41 / 20.0, 20.0) - 0.05).abs() < 1e-3);
+    }
+}

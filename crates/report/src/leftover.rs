@@ -1,0 +1,209 @@
+//! What is left after correction, and whether noise explains it.
+//!
+//! A simple test, not a diagnosis: errors are binned over everything that is known of a pixel, and a bin in which the
+//! frames agree on an error that is not zero shows something that the model does not describe.
+
+use super::binned::{Axis, Binned, Structure, smooth, smooth_over};
+use super::covariates::{BINS, Image, all};
+use super::frame_noise::offsets;
+use super::html::{count, number, signed};
+use super::pool::Pool;
+use super::{ReportInput, Role};
+use depthcal_calibration::judge::evaluate::PixelError;
+
+/// Columns of the map over the image.
+pub(super) const MAP_COLUMNS: usize = 20;
+/// Columns and rows of the map over the board.
+pub(super) const BOARD_GRID: [usize; 2] = [12, 12];
+/// Fewest frames for which a test is made: with less, too few patterns of signs exist.
+const FEWEST_FRAMES: usize = 8;
+/// Held-out frames are enough for the test from here on; else all frames take part.
+const ENOUGH_HELD_OUT: usize = 12;
+/// Order of the smooth patterns over one quantity, and over image and board.
+const ORDER: usize = 6;
+const ORDER_OVER: usize = 4;
+/// What the test of whole frames is over.
+pub(super) const WHOLE_FRAMES: &str = "whole frames";
+/// Probability of a false alarm over all tests together.
+const FALSE_ALARM: f64 = 0.05;
+/// A structure is worth words when it is this share of the total error.
+const WORTH: f64 = 0.1;
+/// A test that finds nothing says little when it would miss this share of the total error.
+const HIDDEN: f64 = 0.8;
+
+/// Structure over one quantity.
+#[derive(Debug, Clone)]
+pub(super) struct Finding {
+    /// `the position in the image`, `the distance`.
+    pub over: String,
+    pub structure: Structure,
+    /// Where it is largest, in words, with the value there.
+    pub worst: String,
+    /// Whether noise fails to explain it.
+    pub found: bool,
+}
+
+/// All findings, the largest first.
+#[derive(Debug, Clone)]
+pub(super) struct Leftover {
+    pub findings: Vec<Finding>,
+    /// Frames that were looked at, and whether fitted ones are among them.
+    pub frames: usize,
+    pub with_fitted: bool,
+    /// Root mean square of all corrected errors, mm.
+    total_mm: f64,
+}
+
+/// Noise of a depth pixel in mm, from the calibration's noise law; 1 where there is none.
+pub(super) fn noise_mm(input: &ReportInput<'_>) -> impl Fn(&PixelError) -> f64 + Copy {
+    let noise = input.calibrated.filter(|c| c.with_depth).map(|c| c.noise.depth);
+    move |p| noise.map_or(1.0, |n| n.sigma(1.0 / p.board_depth_mm) * p.board_depth_mm.powi(2))
+}
+
+/// The frames that maps of what is left are made from.
+pub(super) fn judged<'a>(input: &ReportInput<'a>) -> Pool<'a> {
+    let unseen = Pool::of(input, |r| r != Role::Fitted);
+    if unseen.frames.len() >= ENOUGH_HELD_OUT { unseen } else { Pool::of(input, |_| true) }
+}
+
+impl Leftover {
+    /// Looks for structure; `None` without depth, or with too few frames for an answer.
+    pub(super) fn of(input: &ReportInput<'_>, image: &Image) -> Option<Self> {
+        let pool = judged(input);
+        let frames = pool.frames.iter().filter(|f| !f.frame.pixels.is_empty()).count();
+        if frames < FEWEST_FRAMES {
+            return None;
+        }
+        let total = pool.depth_rms()?.after.value;
+        let sigma = noise_mm(input);
+        let after = |p: &PixelError| p.after_mm;
+        let mut findings = Vec::new();
+
+        let grid = image.grid(MAP_COLUMNS);
+        let map = Binned::new(&pool, grid[0] * grid[1], |p| image.cell(grid, p.context.pixel), after, sigma);
+        let basis = smooth_over(grid, ORDER_OVER);
+        findings.push(finding("the position in the image", &map, &basis, |c| image.place(image.middle(grid, c))));
+
+        if let Some([x, y]) = board_axes(&pool) {
+            let cell = |p: &PixelError| Some(y.bin(p.board[1])? * BOARD_GRID[0] + x.bin(p.board[0])?);
+            let board = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, after, sigma);
+            let place = |c: usize| {
+                let at = [x.middle(c % BOARD_GRID[0]), y.middle(c / BOARD_GRID[0])];
+                format!("on the board around ({:.0}, {:.0}) mm", at[0], at[1])
+            };
+            let basis = smooth_over(BOARD_GRID, ORDER_OVER);
+            findings.push(finding("the position on the board", &board, &basis, place));
+        }
+        for covariate in all(image) {
+            let Some(axis) = Axis::over(pool.pixels().map(&covariate.value), BINS) else { continue };
+            let binned = Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), after, sigma);
+            let place = |c: usize| format!("around {} {}", number(axis.middle(c)), covariate.unit);
+            let basis = smooth(BINS, ORDER);
+            findings.push(finding(&format!("the {}", covariate.name), &binned, &basis, place));
+        }
+        findings.extend(input.calibrated.and_then(|c| offsets(c, &pool, FEWEST_FRAMES)));
+        let level = FALSE_ALARM / findings.len() as f64;
+        for f in &mut findings {
+            f.found = f.structure.p_value < level && f.structure.size_mm > WORTH * total;
+        }
+        findings.sort_by(|a, b| {
+            (b.found, b.structure.size_mm)
+                .partial_cmp(&(a.found, a.structure.size_mm))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        });
+        let with_fitted = pool.frames.iter().any(|f| f.role == Role::Fitted);
+        Some(Self { findings, frames, with_fitted, total_mm: total })
+    }
+
+    /// The findings that noise does not explain.
+    pub(super) fn found(&self) -> impl Iterator<Item = &Finding> {
+        self.findings.iter().filter(|f| f.found)
+    }
+
+    /// The largest pattern that chance hides, mm rms.
+    fn hidden_mm(&self) -> f64 {
+        self.findings.iter().map(|f| f.structure.hidden_mm).fold(0.0, f64::max)
+    }
+
+    /// Whether the silence of the tests says little: what they would miss is most of the error.
+    pub(super) fn could_hide_much(&self) -> bool {
+        self.hidden_mm() > HIDDEN * self.total_mm
+    }
+
+    /// The answer in a sentence or two.
+    pub(super) fn sentence(&self) -> String {
+        let frames = count(self.frames, "frame");
+        let found: Vec<&Finding> = self.found().collect();
+        let Some(first) = found.first() else {
+            let hidden = number(self.hidden_mm());
+            return if self.could_hide_much() {
+                format!(
+                    "Nothing was found beyond noise, but these {frames} would hide a pattern of {hidden} mm rms: too \
+                     few to tell."
+                )
+            } else {
+                format!(
+                    "Nothing is left that the noise of these {frames} does not explain; a pattern of less than \
+                     {hidden} mm rms could hide in it."
+                )
+            };
+        };
+        // A pattern says more than the bare fact that frames are off.
+        let first = found.iter().find(|f| f.over != WHOLE_FRAMES).unwrap_or(first);
+        let size = number(first.structure.size_mm);
+        if first.over == WHOLE_FRAMES {
+            let patterns = self.findings.iter().filter(|f| f.over != WHOLE_FRAMES);
+            let likely = patterns.min_by(|a, b| a.structure.p_value.total_cmp(&b.structure.p_value));
+            let follows = match likely.filter(|f| f.structure.p_value < FALSE_ALARM) {
+                Some(f) => format!("It follows {} most, but not beyond doubt.", f.over),
+                None => "These frames do not single out what it depends on.".to_owned(),
+            };
+            return format!(
+                "Something is left that this model does not describe: whole frames are off by {size} mm rms beyond \
+                 what noise explains, worst {}. {follows}",
+                first.worst
+            );
+        }
+        let mut text = format!(
+            "Something is left that this model does not describe: a pattern of {size} mm rms over {}, worst {}.",
+            first.over, first.worst
+        );
+        let others = || found.iter().filter(|f| f.over != first.over && f.over != WHOLE_FRAMES);
+        if others().next().is_some() {
+            let others: Vec<String> =
+                others().map(|f| format!("{} ({} mm rms)", f.over, number(f.structure.size_mm))).collect();
+            text += &format!(" It also shows over {}.", join(&others));
+        }
+        text
+    }
+}
+
+/// Axes of the board, from the pixels on it.
+pub(super) fn board_axes(pool: &Pool<'_>) -> Option<[Axis; 2]> {
+    let axis = |i: usize| Axis::over(pool.pixels().map(move |p| p.board[i]), BOARD_GRID[i]);
+    Some([axis(0)?, axis(1)?])
+}
+
+fn finding(over: &str, binned: &Binned, basis: &[Vec<f64>], place: impl Fn(usize) -> String) -> Finding {
+    let cells = binned.cells();
+    let sure = cells.iter().enumerate().filter(|(_, c)| c.stands_out());
+    let worst = sure.max_by(|a, b| a.1.value.abs().total_cmp(&b.1.value.abs())).map(|(i, c)| {
+        let side = if c.value > 0.0 { "too far" } else { "too near" };
+        format!("{}: {} ± {} mm, {side}", place(i), signed(c.value), number(c.half))
+    });
+    Finding {
+        over: over.to_owned(),
+        structure: binned.structure(basis),
+        worst: worst.unwrap_or_else(|| "nowhere in particular".to_owned()),
+        found: false,
+    }
+}
+
+/// `a`, `a and b`, `a, b and c`.
+pub(super) fn join(words: &[String]) -> String {
+    match words {
+        [] => String::new(),
+        [one] => one.clone(),
+        [rest @ .., last] => format!("{} and {last}", rest.join(", ")),
+    }
+}

@@ -1,0 +1,93 @@
+//! The frames of all datasets, and the choice of those that a statement is made on.
+
+use super::statistics::{Change, Estimate, Kind, Total, change, estimate};
+use super::{ReportDataset, ReportInput, Role};
+use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+
+/// A frame and where it comes from.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pooled<'a> {
+    pub frame: &'a EvaluatedFrame,
+    pub dataset: &'a str,
+    pub role: Role,
+}
+
+/// A set of frames.
+#[derive(Debug, Clone)]
+pub(super) struct Pool<'a> {
+    pub frames: Vec<Pooled<'a>>,
+}
+
+/// Whether a pixel may be counted: depth that is infinite or missing must not spoil sums.
+pub(super) fn usable(p: &PixelError) -> bool {
+    p.before_mm.is_finite() && p.after_mm.is_finite() && p.board_depth_mm.is_finite()
+}
+
+fn of_dataset<'a>(d: &ReportDataset<'a>) -> impl Iterator<Item = Pooled<'a>> {
+    let (dataset, role) = (d.evaluated.name.as_str(), d.role);
+    d.evaluated.frames.iter().map(move |frame| Pooled { frame, dataset, role })
+}
+
+impl<'a> Pool<'a> {
+    /// Frames of the datasets that `keep` accepts.
+    pub(super) fn of(input: &ReportInput<'a>, keep: impl Fn(Role) -> bool) -> Self {
+        Self { frames: input.evaluations.iter().filter(|d| keep(d.role)).flat_map(of_dataset).collect() }
+    }
+
+    /// Frames of one dataset.
+    pub(super) fn one(dataset: &ReportDataset<'a>) -> Self {
+        Self { frames: of_dataset(dataset).collect() }
+    }
+
+    /// The frames that the headline speaks of, and what they were to the fit: held-out ones, else other captures, else
+    /// the fitted ones.
+    pub(super) fn headline(input: &ReportInput<'a>) -> (Self, Role) {
+        for role in [Role::HeldOut, Role::Other] {
+            let pool = Self::of(input, |r| r == role);
+            if !pool.frames.is_empty() {
+                return (pool, role);
+            }
+        }
+        (Self::of(input, |_| true), Role::Fitted)
+    }
+
+    /// Whether any frame has a depth error.
+    pub(super) fn has_depth(&self) -> bool {
+        self.pixels().next().is_some()
+    }
+
+    /// All usable pixels.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = &'a PixelError> + '_ {
+        self.frames.iter().flat_map(|f| f.frame.pixels.iter()).filter(|p| usable(p))
+    }
+
+    fn totals(&self, of: impl Fn(&EvaluatedFrame) -> Total) -> Vec<Total> {
+        self.frames.iter().map(|f| of(f.frame)).collect()
+    }
+
+    /// Mean dot error.
+    pub(super) fn dot_error(&self) -> Option<Change> {
+        let side = |i: usize| self.totals(|f| Total::of(f.dots.iter().map(|d| d[i])));
+        change(&side(0), &side(1), Kind::Mean)
+    }
+
+    /// Mean plane error.
+    pub(super) fn plane_error(&self) -> Option<Change> {
+        let before = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.height_before_mm.abs())));
+        let after = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.height_after_mm.abs())));
+        change(&before, &after, Kind::Mean)
+    }
+
+    /// Root mean square of the depth error.
+    pub(super) fn depth_rms(&self) -> Option<Change> {
+        let before = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.before_mm.powi(2))));
+        let after = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.after_mm.powi(2))));
+        change(&before, &after, Kind::Rms)
+    }
+
+    /// Root mean square of the reprojection error.
+    pub(super) fn reprojection(&self) -> Option<(Estimate, usize)> {
+        let squares = |f: &EvaluatedFrame| Total::of(f.reprojection.iter().map(|e| e[2].powi(2) + e[3].powi(2)));
+        estimate(&self.totals(squares), Kind::Rms)
+    }
+}

@@ -1,0 +1,263 @@
+//! Tables: errors, parameters, noise, dropped frames.
+
+use std::fmt::Write;
+
+use super::headline::{Direction, direction};
+use super::html::{count, escape, measured, number, significant};
+use super::pool::Pool;
+use super::statistics::{Change, Estimate, quantile};
+use super::uncertainty::{distances, typical};
+use super::{ReportInput, Role};
+use depthcal_calibration::calibrate::Calibrated;
+use depthcal_model::hook::HookKind;
+
+fn cell(e: &Estimate) -> String {
+    let interval = if e.has_interval() {
+        format!(" <span class=\"interval\">{}–{}</span>", number(e.low), number(e.high))
+    } else {
+        String::new()
+    };
+    format!("<td><b>{}</b>{interval}</td>", number(e.value))
+}
+
+fn row(name: &str, hint: &str, unit: &str, change: Option<Change>) -> String {
+    let Some(c) = change else { return String::new() };
+    let percent = 100.0 * (c.after.value / c.before.value - 1.0);
+    let (class, text) = match direction(&c) {
+        Direction::Fell => ("good", format!("{} %", super::html::fixed(percent, 0))),
+        Direction::Rose => ("bad", format!("+{} %", super::html::fixed(percent, 0))),
+        Direction::Same if c.after.has_interval() => ("same", "no clear change".to_owned()),
+        Direction::Same => ("same", "too few frames".to_owned()),
+    };
+    format!(
+        "<tr><th scope=\"row\">{name} <span class=\"unit\">{unit}</span><span class=\"hint\">{hint}</span></th>{}{}\
+         <td class=\"change {class}\">{text}</td></tr>\n",
+        cell(&c.before),
+        cell(&c.after)
+    )
+}
+
+/// The headline's numbers.
+pub(super) fn headline(input: &ReportInput<'_>) -> String {
+    let (pool, role) = Pool::headline(input);
+    if pool.frames.is_empty() {
+        return String::new();
+    }
+    let mut rows = String::new();
+    rows += &row("Depth, rms", "over all board pixels", "mm", pool.depth_rms());
+    rows += &row("Plane error, mean", "height of pixels over the board", "mm", pool.plane_error());
+    rows += &row("Dot error, mean", "markers in space", "mm", pool.dot_error());
+    if let Some((e, _)) = pool.reprojection() {
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">Reprojection, rms <span class=\"unit\">px</span><span class=\"hint\">markers in the \
+             image</span></th><td>–</td>{}<td class=\"change same\">image only</td></tr>",
+            cell(&e)
+        );
+    }
+    let whose = match role {
+        Role::HeldOut => "held-out frames, which the fit did not see",
+        Role::Other => "captures that the fit did not see",
+        Role::Fitted => "the frames that the camera was fitted to",
+    };
+    format!(
+        "<table class=\"numbers\"><caption>On {} ({whose}); small: 95 % interval</caption><thead><tr><td></td>\
+         <th scope=\"col\">as measured</th><th scope=\"col\">corrected</th><th scope=\"col\">change</th></tr></thead>\n\
+         <tbody>{rows}</tbody></table>\n",
+        count(pool.frames.len(), "frame")
+    )
+}
+
+/// The thesis' table of every dataset.
+pub(super) fn datasets(input: &ReportInput<'_>) -> String {
+    let mut rows = String::new();
+    for d in input.evaluations {
+        let r = d.evaluated.record();
+        for after in [false, true] {
+            let pick = |b: Option<depthcal_io::BeforeAfter<depthcal_io::MeanStd>>| {
+                b.map_or("<td>–</td><td>–</td>".to_owned(), |b| {
+                    let m = if after { b.after } else { b.before };
+                    format!("<td>{}</td><td>{}</td>", number(m.mean), number(m.std))
+                })
+            };
+            let rms = r.depth_rms_mm.map_or(f64::NAN, |b| if after { b.after } else { b.before });
+            let head = if after {
+                String::new()
+            } else {
+                format!(
+                    "<th scope=\"rowgroup\" rowspan=\"2\">{}<span class=\"hint\">{}</span></th><td \
+                     rowspan=\"2\">{}</td>\
+                     <td rowspan=\"2\">{}</td>",
+                    escape(&r.name),
+                    d.role.name(),
+                    r.frames,
+                    number(r.reprojection_px.rms)
+                )
+            };
+            let _ = writeln!(
+                rows,
+                "<tr>{head}<td class=\"text\">{}</td>{}{}<td>{}</td></tr>",
+                if after { "corrected" } else { "as measured" },
+                pick(r.dot_error_mm),
+                pick(r.plane_error_mm),
+                number(rms)
+            );
+        }
+    }
+    format!(
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors of every dataset, mm (reprojection: px)</caption>\
+         <thead><tr><th scope=\"col\">dataset</th>\
+         <th scope=\"col\">frames</th><th scope=\"col\">reprojection</th><th scope=\"col\" class=\"text\">depth</th>\
+         <th scope=\"col\">dot, mean</th><th scope=\"col\">std</th><th scope=\"col\">plane, mean</th>\
+         <th scope=\"col\">std</th><th scope=\"col\">depth, rms</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+    )
+}
+
+/// Parameters with standard deviations, units, and what they mean.
+pub(super) fn parameters(c: &Calibrated) -> String {
+    let mut stds = c.std_devs().into_iter();
+    let theta = c.camera.theta();
+    let mut index = 0;
+    let mut rows = String::new();
+    for block in c.camera.blocks() {
+        let source = block.piece().map_or("", |p| p.source());
+        let constants = block.constants_in_words();
+        let constants =
+            if constants.is_empty() { String::new() } else { format!(" · {}", escape(&constants.join(", "))) };
+        let _ = writeln!(
+            rows,
+            "<tr class=\"piece\"><th colspan=\"5\" scope=\"rowgroup\">{} <span \
+             class=\"hint\">{}{constants}</span></th></tr>",
+            escape(&block.title()),
+            escape(source)
+        );
+        for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
+            let std = stds.next().flatten();
+            let held = if *free { "" } else { " <span class=\"hint\">held</span>" };
+            let unit = if parameter.unit == "1" { "" } else { parameter.unit };
+            let effect = (block.hook() == HookKind::Depth && *free)
+                .then(|| shift(c, &theta, index, parameter.nominal))
+                .flatten()
+                .map_or("–".to_owned(), |mm| format!("{} mm", number(mm)));
+            let _ = writeln!(
+                rows,
+                "<tr><th scope=\"row\"><code>{}</code></th><td>{}{held}</td><td class=\"text\">{}</td><td>{effect}</td>\
+                 <td class=\"text\">{}</td></tr>",
+                escape(&parameter.name),
+                measured(*value, std),
+                escape(unit),
+                if parameter.meaning.is_empty() { "–".to_owned() } else { escape(parameter.meaning) }
+            );
+            index += 1;
+        }
+    }
+    let z = number(quantile(distances(c).into_iter(), 0.5));
+    format!(
+        "<div class=\"scroll\" tabindex=\"0\"><table class=\"parameters\"><caption>Values ± one standard deviation. \
+         Moves depth by: the largest change over the image at {z} mm that this parameter makes.</caption><thead><tr>\
+         <th scope=\"col\">name</th><th scope=\"col\">value</th><th scope=\"col\">unit</th>\
+         <th scope=\"col\">moves depth by</th><th \
+         scope=\"col\">meaning</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+    )
+}
+
+/// The largest change of depth over the image, at the middle of the fitted distances, that a parameter makes against
+/// its
+/// nominal value, mm.
+fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f64> {
+    let z = quantile(distances(c).into_iter(), 0.5);
+    let mut without = theta.to_vec();
+    *without.get_mut(index)? = nominal;
+    let without = c.camera.with_theta(&without);
+    let (w, h) = (c.camera.width as f64 - 1.0, c.camera.height as f64 - 1.0);
+    let base = typical(c, [0.0; 2]);
+    let mut largest: Option<f64> = None;
+    for i in 0..25 {
+        let pixel = [w * f64::from(i % 5) / 4.0, h * f64::from(i / 5) / 4.0];
+        let context = depthcal_model::Context { pixel, ..base };
+        let depth = |camera: &depthcal_model::Camera| camera.correct(&context, 1.0, 1.0 / z).ok().map(|r| 1.0 / r.1);
+        if let (Some(a), Some(b)) = (depth(&c.camera), depth(&without)) {
+            let d = (a - b).abs();
+            if d.is_finite() {
+                largest = Some(largest.map_or(d, |l| l.max(d)));
+            }
+        }
+    }
+    largest
+}
+
+/// How the fit went and what noise it found.
+pub(super) fn fit(c: &Calibrated) -> String {
+    let mut items: Vec<(String, String)> = vec![
+        ("Model".into(), escape(&c.model)),
+        ("Estimator".into(), c.estimator.name().to_owned()),
+        ("Frames".into(), c.capture.frames.len().to_string()),
+        ("Markers".into(), c.capture.frames.iter().map(|f| f.markers.len()).sum::<usize>().to_string()),
+        ("Reprojection".into(), format!("{} px rms", number(c.reprojection_rms_px))),
+        ("Noise of a marker".into(), format!("{} px per coordinate", number(c.noise.pixel_sigma))),
+    ];
+    if c.with_depth {
+        let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
+        let apart = c.correlation_length_px.map_or(String::new(), |n| format!(", at least {n} px apart"));
+        items.push(("Depth samples".into(), format!("{samples}{apart}, {} outliers left out", c.outliers)));
+        if let Some(rms) = c.depth_rms_mm {
+            items.push(("Depth at the samples".into(), format!("{} mm rms", number(rms))));
+        }
+        let d = c.noise.depth;
+        items.push((
+            "Noise of inverse depth".into(),
+            format!("σ² = ({} / mm)² + ({} mm · ρ²)²", significant(d.a_per_mm, 3), significant(d.b_mm, 3)),
+        ));
+    }
+    items.push((
+        "End of the fit".into(),
+        format!("{} after {}", escape(&c.termination), count(c.iterations, "iteration")),
+    ));
+    let items: String = items.iter().map(|(k, v)| format!("<div><dt>{k}</dt><dd>{v}</dd></div>\n")).collect();
+    format!("<dl class=\"facts\">{items}</dl>\n")
+}
+
+/// Frames that were not used: dataset, name, reason.
+pub(super) fn dropped(input: &ReportInput<'_>) -> Vec<[String; 3]> {
+    let mut list: Vec<[String; 3]> = Vec::new();
+    let mut add = |dataset: &str, name: &str, reason: &str| {
+        let row = [dataset.to_owned(), name.to_owned(), reason.to_owned()];
+        // The calibration's frames come back in the evaluation of the same dataset.
+        if !list.contains(&row) {
+            list.push(row);
+        }
+    };
+    if let Some(c) = input.calibrated {
+        c.capture.dropped.iter().for_each(|d| add(&c.capture.name, &d.name, &d.reason));
+    }
+    for d in input.evaluations {
+        d.evaluated.dropped.iter().for_each(|f| add(&d.evaluated.name, &f.name, &f.reason));
+    }
+    list
+}
+
+/// The same as a table.
+pub(super) fn dropped_table(input: &ReportInput<'_>) -> String {
+    let list = dropped(input);
+    if list.is_empty() {
+        return "<p>None: every frame was used.</p>\n".to_owned();
+    }
+    let rows: String = list
+        .iter()
+        .map(|[dataset, name, reason]| {
+            format!(
+                "<tr><td class=\"text\">{}</td><th scope=\"row\">{}</th><td class=\"text\">{}</td></tr>\n",
+                escape(dataset),
+                escape(name),
+                escape(reason)
+            )
+        })
+        .collect();
+    format!(
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} not used</caption><thead><tr><th \
+         scope=\"col\">dataset</th>\
+         <th scope=\"col\" class=\"text\">frame</th><th scope=\"col\" \
+         class=\"text\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
+        count(list.len(), "frame")
+    )
+}

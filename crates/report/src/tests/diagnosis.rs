@@ -1,0 +1,220 @@
+//! The report of a diagnosis: the questions that it answers, and the figures behind the answers.
+
+use std::sync::OnceLock;
+
+use depthcal_io::{DiagnosisFile, DiagnosisFrame, FileReference, Verdict};
+use depthcal_model::Register;
+use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+use serde_json::Value;
+
+use super::super::{ReportDataset, ReportDiagnosis, ReportInput, Role, render};
+use super::{figure_ids, own_part};
+use depthcal_calibration::diagnose::account::to_file;
+use depthcal_calibration::diagnose::separability::separability;
+use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+
+/// A capture whose depth waves over distance by 3 mm, which the declared model does not say, diagnosed.
+pub(super) struct Diagnosed {
+    pub diagnosis: Diagnosis,
+    pub account: DiagnosisFile,
+    fitted: Evaluated,
+}
+
+pub(super) fn diagnosed() -> &'static Diagnosed {
+    static ONCE: OnceLock<Diagnosed> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        let camera = CameraTruth::published(1).unwrap();
+        let effects = [Effect::new("cyclic_depth", 3.0).unwrap()];
+        let simulation = Simulation::new(camera, Kind::General(1), &effects, 2);
+        let capture =
+            depthcal_calibration::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        let diagnosis = diagnose(&capture, None, &DiagnoseOptions::default()).unwrap();
+        let dataset = FileReference { path: "captures".to_owned(), digest: "00".to_owned() };
+        let mut account = to_file(&diagnosis, dataset, "projective");
+        account.separability = Some(separability(&diagnosis, &Register::builtin()).unwrap());
+        let fitted = evaluate(&diagnosis.last.camera, &diagnosis.last.capture);
+        Diagnosed { diagnosis, account, fitted }
+    })
+}
+
+impl Diagnosed {
+    pub(super) fn render(&self, account: &DiagnosisFile) -> String {
+        let datasets = [
+            ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
+            ReportDataset { evaluated: &self.diagnosis.after.evaluated, role: Role::HeldOut },
+        ];
+        let input = ReportInput {
+            title: "Camera 1".to_owned(),
+            command_line: "depthcal diagnose captures --out result".to_owned(),
+            calibrated: Some(&self.diagnosis.last),
+            evaluations: &datasets,
+            diagnosis: Some(ReportDiagnosis {
+                account,
+                first: &self.diagnosis.first,
+                before: &self.diagnosis.before.evaluated,
+                register: &Register::builtin(),
+            }),
+            story: &[],
+        };
+        render(&input).unwrap()
+    }
+}
+
+fn figures(html: &str) -> Vec<Value> {
+    let (_, rest) = html.split_once("id=\"figure-data\">").unwrap();
+    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn every_question_is_answered_on_the_first_screen() {
+    let d = diagnosed();
+    let html = d.render(&d.account);
+    let (first, _) = html.split_once("id=\"steps\"").unwrap();
+    for question in [
+        "How wrong was the depth?",
+        "Where?",
+        "Why?",
+        "What was added?",
+        "How wrong is it now?",
+        "How sure is that?",
+        "What to capture next?",
+    ] {
+        assert!(first.contains(question), "{question}");
+    }
+    assert!(first.contains("with cyclic_depth it is"), "the headline names the effect");
+    assert!(first.contains("depth waves over distance"), "in plain words");
+    assert!(first.contains("Effect: what was missing is found and added"));
+    let ids = figure_ids(&html);
+    for id in [
+        "stages",
+        "step-gains",
+        "map-before",
+        "map-declared",
+        "map-after",
+        "map-board-declared",
+        "map-board",
+        "reprojection-field",
+        "against-depth",
+        "difference-before",
+        "difference-declared",
+        "difference-after",
+        "frames-by-model",
+        "candidates-gain",
+        "candidates-size",
+        "separability",
+        "uncertainty-map",
+        "poses",
+    ] {
+        assert!(ids.contains(&id), "{id} is missing among {ids:?}");
+    }
+    let mut unique = ids.clone();
+    unique.sort_unstable();
+    unique.dedup();
+    assert_eq!(unique.len(), ids.len(), "every figure has an id of its own");
+    assert!(html.len() < 6_000_000, "{} bytes", html.len());
+    for link in html.split("href=\"#").skip(1).filter_map(|s| s.split('"').next()) {
+        assert!(html.contains(&format!("id=\"{link}\"")), "#{link} leads nowhere");
+    }
+}
+
+/// Every bar has a whisker: those between the first and the last model as well, from the account.
+#[test]
+fn all_stages_have_intervals() {
+    let d = diagnosed();
+    let mut account = d.account.clone();
+    let first = account.steps[0].clone();
+    let after = first.depth_rms_after_mm.unwrap();
+    assert!(after.low < after.mean && after.mean < after.high, "{after:?}");
+    assert!((after.mean - first.after.depth_rms_mm.unwrap()).abs() < 1e-9);
+    account.steps.push(first);
+    let stages =
+        |account: &DiagnosisFile| figures(&d.render(account)).into_iter().find(|f| f["id"] == "stages").unwrap();
+    let bars = |figure: &Value, trace: usize| figure["data"][trace]["x"].as_array().unwrap().len();
+    let all = stages(&account);
+    assert_eq!((bars(&all, 0), bars(&all, 1)), (4, 4));
+    // An account of an earlier version does not have the one in the middle.
+    account.steps[0].depth_rms_after_mm = None;
+    let earlier = stages(&account);
+    assert_eq!((bars(&earlier, 0), bars(&earlier, 1)), (4, 3));
+}
+
+/// The line that is drawn through what the declared model leaves is the fitted effect: it follows the bins, which are
+/// measured, within their intervals.
+#[test]
+fn the_fitted_effect_runs_through_what_the_declared_model_leaves() {
+    let d = diagnosed();
+    let all = figures(&d.render(&d.account));
+    let figure = all.iter().find(|f| f["id"] == "against-depth").unwrap();
+    let numbers = |trace: &Value, key: &str| -> Vec<f64> {
+        trace[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
+    };
+    let (left, line) = (&figure["data"][0], &figure["data"][2]);
+    let (at, values, half) = (numbers(left, "x"), numbers(left, "y"), numbers(&left["error_y"], "array"));
+    let (line_at, line) = (numbers(line, "x"), numbers(line, "y"));
+    let nearest = |x: f64| {
+        let by = |a: &&usize, b: &&usize| (line_at[**a] - x).abs().total_cmp(&(line_at[**b] - x).abs());
+        line[*(0..line.len()).collect::<Vec<_>>().iter().min_by(by).unwrap()]
+    };
+    let used: Vec<usize> = (0..at.len()).filter(|i| half[*i].is_finite()).collect();
+    let off = used.iter().map(|i| (values[*i] - nearest(at[*i])).powi(2)).sum::<f64>();
+    let all: f64 = used.iter().map(|i| values[*i].powi(2)).sum();
+    assert!(used.len() > 5 && off < 0.1 * all, "{off} of {all} mm² is not the effect's: {values:?} {line:?}");
+}
+
+#[test]
+fn the_separability_matrix_has_cosines_and_knows_the_added_effect() {
+    let s = diagnosed().account.separability.as_ref().unwrap();
+    assert_eq!(s.effects[0], "cyclic_depth");
+    assert!(s.effects.len() > 10, "{:?}", s.effects);
+    for (i, row) in s.mimicry.iter().enumerate() {
+        assert_eq!((row.len(), row[i]), (s.effects.len(), 1.0));
+        assert!(row.iter().all(|c| (0.0..=1.0).contains(c)), "{row:?}");
+    }
+    // A bent board moves board points, which a ripple of the depth cannot.
+    let place = |name: &str| s.effects.iter().position(|e| e == name).unwrap();
+    assert!(s.mimicry[place("board_bow")][place("cyclic_depth")] < 0.3);
+}
+
+#[test]
+fn other_verdicts_have_words_of_their_own() {
+    let d = diagnosed();
+    let mut account = d.account.clone();
+    account.verdict = Verdict::Adequate;
+    account.steps.clear();
+    account.separability = None;
+    let html = d.render(&account);
+    assert!(html.contains("Adequate: nothing is missing") && html.contains("No effect was added."));
+    assert!(html.contains("these captures show nothing that is missing"));
+    assert!(!figure_ids(&html).contains(&"separability") && !figure_ids(&html).contains(&"step-gains"));
+
+    account.verdict = Verdict::Unexplained;
+    account.left_over = vec!["a free function of depth takes up 2 mm".to_owned()];
+    account.bad_frames =
+        vec![DiagnosisFrame { name: "0007".to_owned(), reason: "its image is that of 0006".to_owned() }];
+    let html = d.render(&account);
+    assert!(html.contains("something is left that no known effect explains"));
+    assert!(html.contains("1 frame left out") && html.contains("its image is that of 0006"));
+    assert!(html.contains("a free function of depth takes up"));
+
+    account.declarations = vec!["depth is 20 % of what the board's declared size says".to_owned()];
+    assert!(d.render(&account).contains("Check the declarations"));
+}
+
+#[test]
+fn what_an_account_says_cannot_become_markup() {
+    let d = diagnosed();
+    let evil = "</script><script>alert('x')</script>".to_owned();
+    let mut account = d.account.clone();
+    account.model = evil.clone();
+    account.left_over = vec![evil.clone()];
+    account.capture_next = vec![evil.clone()];
+    account.rounds[0].decision = evil.clone();
+    account.rounds[0].effects[0].effect = evil.clone();
+    account.steps[0].effects[0] = evil.clone();
+    account.steps[0].with = evil.clone();
+    account.bad_frames = vec![DiagnosisFrame { name: evil.clone(), reason: evil.clone() }];
+    account.separability.as_mut().unwrap().effects[0] = evil;
+    let html = d.render(&account);
+    assert!(!own_part(&html).contains("<script>alert"));
+}

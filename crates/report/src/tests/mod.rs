@@ -1,0 +1,235 @@
+//! The report of simulated captures: what it must contain, and what must not break it.
+
+mod browser;
+mod comparison;
+mod diagnosis;
+mod fixture;
+
+use super::*;
+use fixture::{Fixture, evaluated, image_only};
+
+fn report(fixture: &Fixture) -> String {
+    fixture.render(&["A true camera was simulated.".to_owned()])
+}
+
+/// The page without the embedded library, in which anything may occur.
+fn own_part(html: &str) -> String {
+    let (before, rest) = html.split_once("<script type=\"application/json\"").unwrap();
+    let (figures, rest) = rest.split_once("</script>").unwrap();
+    let (_, rest) = rest.split_once("</script>").unwrap();
+    format!("{before}{figures}{rest}")
+}
+
+fn figure_ids(html: &str) -> Vec<&str> {
+    html.split("class=\"plot\" id=\"").skip(1).filter_map(|s| s.split('"').next()).collect()
+}
+
+#[test]
+fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
+    let fixture = Fixture::simulated(&[]);
+    let html = report(&fixture);
+    let ids = figure_ids(&html);
+    for id in [
+        "errors",
+        "map-before",
+        "map-after",
+        "map-left",
+        "map-board",
+        "reprojection-field",
+        "difference-before",
+        "difference-after",
+        "against-depth",
+        "against-incidence",
+        "against-radius",
+        "against-amplitude",
+        "against-time",
+        "reprojection-radius",
+        "frames-0",
+        "frames-1",
+        "poses",
+        "coverage",
+        "distance-tilt",
+        "uncertainty-curves",
+        "uncertainty-map",
+        "noise",
+        "correlation",
+    ] {
+        assert!(ids.contains(&id), "{id} is missing among {ids:?}");
+    }
+    assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[])));
+    assert!(html.contains("95\u{a0}% interval") && html.contains("over 9 frames"));
+    assert!(html.contains("the board was not found"), "dropped frames have reasons");
+    assert!(html.contains("A true camera was simulated."));
+    assert!(html.contains("A board cannot tell apart"));
+    assert!(html.len() < 6_000_000, "{} bytes", html.len());
+    assert_eq!(html, report(&fixture), "same input, same bytes");
+}
+
+/// 51 frames of up to 3000 pixels: the size of a large capture. Printed with `--nocapture`.
+#[test]
+fn a_large_capture_gives_a_small_file_in_a_short_time() {
+    let fixture = Fixture::large();
+    let pixels: usize = [&fixture.fitted, &fixture.held].iter().flat_map(|d| &d.frames).map(|f| f.pixels.len()).sum();
+    assert!(pixels > 120_000, "{pixels}");
+    let start = std::time::Instant::now();
+    let html = fixture.render(&[]);
+    eprintln!("51 frames, {pixels} pixels: {} bytes in {:?}", html.len(), start.elapsed());
+    assert!(html.len() < 6_000_000, "{} bytes", html.len());
+    assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+}
+
+#[test]
+fn nothing_is_loaded_from_anywhere() {
+    let own = own_part(&report(&Fixture::simulated(&[])));
+    for forbidden in ["src=", "http://", "https://", "url(", "@import", "<link", "<iframe"] {
+        assert!(!own.contains(forbidden), "{forbidden} in the page");
+    }
+    assert!(own.contains("default-src 'none'"), "the page forbids itself to load anything");
+}
+
+#[test]
+fn every_figure_has_data_a_caption_and_a_text_for_those_who_cannot_see_it() {
+    let html = report(&Fixture::simulated(&[]));
+    let (_, rest) = html.split_once("id=\"figure-data\">").unwrap();
+    let (json, _) = rest.split_once("</script>").unwrap();
+    let figures: Vec<serde_json::Value> = serde_json::from_str(json).unwrap();
+    let drawn: Vec<&str> = figures.iter().map(|f| f["id"].as_str().unwrap()).collect();
+    assert_eq!(drawn, figure_ids(&html));
+    assert!(!html.contains("aria-label=\"\"") && !html.contains("<figcaption></figcaption>"));
+    for figure in &figures {
+        assert!(!figure["data"].as_array().unwrap().is_empty(), "{}", figure["id"]);
+    }
+}
+
+#[test]
+fn what_users_write_cannot_become_markup() {
+    let mut fixture = Fixture::simulated(&[]);
+    let evil = "</script><script>alert('x')</script>{{body}}";
+    fixture.title = evil.to_owned();
+    fixture.held.name = evil.to_owned();
+    fixture.held.frames[0].name = evil.to_owned();
+    fixture.held.dropped[0].reason = evil.to_owned();
+    let html = fixture.render(&[evil.to_owned()]);
+    assert!(!html.contains("<script>alert"));
+    assert_eq!(html.matches("id=\"verdict-sentence\"").count(), 1, "placeholders in content are text");
+}
+
+/// A pattern of 6 mm that the model does not have is found and located; without it nothing is found.
+#[test]
+fn what_is_left_is_found_and_what_is_not_there_is_not() {
+    let mut fixture = Fixture::simulated(&[]);
+    let image = covariates::Image::of(&fixture.input(&[]));
+    let clean = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
+    assert_eq!(clean.found().count(), 0, "{}", clean.sentence());
+    assert!(clean.sentence().starts_with("Nothing is left"));
+
+    for frame in fixture.fitted.frames.iter_mut().chain(&mut fixture.held.frames) {
+        for p in &mut frame.pixels {
+            let t = (p.context.pixel[0] / 640.0).clamp(0.0, 1.0);
+            p.after_mm += 12.0 * t.powi(3) - 3.0;
+        }
+    }
+    let dirty = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
+    assert!(dirty.found().any(|f| f.over == "the position in the image"), "{}", dirty.sentence());
+    assert!(dirty.sentence().starts_with("Something is left that this model does not describe"));
+    assert!(fixture.render(&[]).contains("right part of the image") || !dirty.sentence().contains("image, around"));
+}
+
+/// Twenty captures in which nothing is wrong: with a false alarm in twenty, more than four come in one of 400 such
+/// tests. Twenty whose depth waves by 6 mm, ten times what noise gives a frame: nearly all are found.
+#[test]
+fn false_alarms_are_rare_and_real_effects_are_seen() {
+    let found = |effects: &[depthcal_simulate::Effect]| {
+        let alarm = |seed: &u64| {
+            let fixture = Fixture::seeded(effects, *seed);
+            let input = fixture.input(&[]);
+            let left = leftover::Leftover::of(&input, &covariates::Image::of(&input)).unwrap();
+            eprintln!("seed {seed}: {}", left.sentence());
+            left.found().next().is_some()
+        };
+        (100..120).filter(alarm).count()
+    };
+    let false_alarms = found(&[]);
+    let waves = found(&[depthcal_simulate::Effect::new("cyclic_depth", 6.0).unwrap()]);
+    assert!(false_alarms <= 4, "{false_alarms} of 20");
+    assert!(waves >= 18, "{waves} of 20");
+}
+
+#[test]
+fn a_correction_that_does_harm_is_called_so() {
+    let mut fixture = Fixture::simulated(&[]);
+    for p in fixture.held.frames.iter_mut().flat_map(|f| &mut f.pixels) {
+        std::mem::swap(&mut p.before_mm, &mut p.after_mm);
+    }
+    let html = fixture.render(&[]);
+    assert!(html.contains("rose from") && html.contains("Do not use it as it is"));
+}
+
+#[test]
+fn numbers_that_are_not_spoil_nothing() {
+    let mut fixture = Fixture::simulated(&[]);
+    for (i, frame) in fixture.held.frames.iter_mut().enumerate() {
+        frame.pixels[i].before_mm = f64::NAN;
+        frame.pixels[i].height_after_mm = f64::INFINITY;
+        frame.pixels[i].board_depth_mm = f64::NAN;
+        frame.reprojection[0] = [f64::NAN; 4];
+        frame.dots.push([f64::NAN; 2]);
+    }
+    fixture.held.frames[0].pixels.clear();
+    fixture.held.frames[1].reprojection.clear();
+    fixture.held.frames[2].dots.clear();
+    let html = fixture.render(&[]);
+    assert!(html.contains("Held-out depth error fell from"));
+    let own = own_part(&html);
+    for word in ["NaN", ">inf", "Infinity"] {
+        assert!(!own.replace("Number.isNaN", "").contains(word), "{word} is shown");
+    }
+}
+
+#[test]
+fn without_calibration_the_errors_are_still_told() {
+    let fixture = Fixture::simulated(&[]);
+    let evaluations = [ReportDataset { evaluated: &fixture.held, role: Role::Other }];
+    let input = ReportInput { title: "other".to_owned(), evaluations: &evaluations, ..ReportInput::default() };
+    let html = render(&input).unwrap();
+    let ids = figure_ids(&html);
+    assert!(ids.contains(&"map-before") && ids.contains(&"difference-after") && ids.contains(&"poses"));
+    assert!(!ids.contains(&"uncertainty-map") && !html.contains("id=\"parameters\""));
+    assert!(html.contains("On captures that the fit did not see"));
+}
+
+#[test]
+fn an_image_only_calibration_speaks_of_pixels() {
+    let (calibrated, evaluated) = image_only();
+    let evaluations = [ReportDataset { evaluated: &evaluated, role: Role::Fitted }];
+    let input = ReportInput { calibrated: Some(&calibrated), evaluations: &evaluations, ..ReportInput::default() };
+    let html = render(&input).unwrap();
+    let ids = figure_ids(&html);
+    assert!(html.contains("reprojection error is") && html.contains("Calibration report"));
+    assert!(ids.contains(&"reprojection-field") && ids.contains(&"coverage") && !ids.contains(&"map-before"));
+    assert!(html.contains("brown") || html.contains("Brown"));
+
+    let alone = ReportInput { calibrated: Some(&calibrated), ..ReportInput::default() };
+    assert!(render(&alone).unwrap().contains("not evaluated on any frame"));
+}
+
+#[test]
+fn frames_that_were_all_dropped_are_listed_and_nothing_at_all_is_an_error() {
+    let mut empty = evaluated("empty", &[]);
+    let nothing = [ReportDataset { evaluated: &empty, role: Role::Other }];
+    let input = ReportInput { evaluations: &nothing, ..ReportInput::default() };
+    assert_eq!(render(&input), Err(ReportError::Nothing));
+    empty.dropped.push(depthcal_calibration::observe::DroppedFrame { name: "f1".into(), reason: "blurred".into() });
+    let dropped = [ReportDataset { evaluated: &empty, role: Role::Other }];
+    let html = render(&ReportInput { evaluations: &dropped, ..ReportInput::default() }).unwrap();
+    assert!(html.contains("No frame could be evaluated.") && html.contains("blurred"));
+}
+
+#[test]
+fn one_frame_and_two_frames_make_no_claims() {
+    let mut fixture = Fixture::simulated(&[]);
+    fixture.held.frames.truncate(2);
+    assert!(fixture.render(&[]).contains("too few frames to say how sure"));
+    fixture.held.frames.truncate(1);
+    assert!(fixture.render(&[]).contains("too few frames to say how sure"));
+}
