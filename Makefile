@@ -2,7 +2,7 @@
 
 CARGO ?= cargo
 DEMO ?= demo
-# Tests that lack their measured data append themselves to this file.
+# Tests that lack their measured data, or a program, append themselves to this file.
 SKIPPED := $(CURDIR)/target/skipped-tests
 
 .PHONY: help setup test demo check recordings bench
@@ -16,7 +16,7 @@ setup: ## install what is missing on this machine (OpenCV, libclang)
 test: setup ## install what is missing and run all tests
 	@mkdir -p $(dir $(SKIPPED)) && : > $(SKIPPED)
 	@status=0; DEPTHCAL_SKIPPED=$(SKIPPED) $(CARGO) test --workspace || status=$$?; \
-		sort $(SKIPPED); echo "$$(wc -l < $(SKIPPED)) tests SKIPPED for lack of measured data"; exit $$status
+		sort $(SKIPPED); echo "$$(wc -l < $(SKIPPED)) tests SKIPPED"; exit $$status
 
 demo: setup ## install what is missing and calibrate simulated captures; ends in demo/report.html
 	$(CARGO) run --release -- demo --out $(DEMO)
@@ -27,10 +27,11 @@ check: setup ## formatting, clippy and rustdoc without warnings, and the build w
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 	$(CARGO) check --no-default-features
+	$(CARGO) check --no-default-features --features cli
 
 recordings: setup ## clippy and tests of --rrd, which brings some 230 more crates
-	$(CARGO) clippy --all-targets --features rerun -- -D warnings
-	$(CARGO) test --features rerun --lib rerun::
+	$(CARGO) clippy -p depthcal-report --all-targets --features rerun -- -D warnings
+	$(CARGO) test -p depthcal-report --features rerun --lib rerun::
 
 bench: setup ## run the benchmarks
 	$(CARGO) bench --workspace

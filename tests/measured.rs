@@ -15,7 +15,7 @@ use depthcal::calibration::simulated::planted;
 use depthcal_simulate::Effect;
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
-/// The dataset of that name, or `None`, said aloud, where it is not there.
+/// The dataset of that name, or `None` where it is not present; the test is then reported as skipped.
 fn measured(name: &str) -> Option<Loaded> {
     let path = data::measured(&format!("{name}/dataset.toml"))?;
     let folder = path.parent().unwrap();

@@ -1,11 +1,12 @@
-//! Measured data, which are not part of the repository. A test that lacks its data passes, but says so: it prints a line
-//! that begins with SKIPPED, which `make test` counts.
+//! Measured data, which are not part of the repository. A test that lacks its data passes, but prints a line that begins with
+//! SKIPPED, and `make test` counts these tests.
+#![allow(dead_code, reason = "not every test uses all of it")]
 
 use std::io::Write;
 use std::path::PathBuf;
 
-/// A file or folder of the measured data, or `None`, said aloud, where there is none. The data are in the folder
-/// `DEPTHCAL_DATA`, by default `../shared/data` next to the workspace.
+/// A file or folder of the measured data. Where it does not exist the test is reported as [`skipped`]. The data are in the folder
+/// `DEPTHCAL_DATA`, by default `../shared/data` relative to the workspace.
 pub fn measured(name: &str) -> Option<PathBuf> {
     let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     let workspace = workspace.ancestors().find(|folder| folder.join("Cargo.lock").exists()).unwrap_or(&workspace);
@@ -18,9 +19,9 @@ pub fn measured(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Says that the present test was not run. It writes to the process' own standard error, since `cargo test` hides what a
-/// passing test prints, and appends to the file that `DEPTHCAL_SKIPPED` names.
-fn skipped(reason: &str) {
+/// Reports that the present test was not run, with the reason. It writes to the standard error of the process, since `cargo test`
+/// hides what a passing test prints, and appends to the file that `DEPTHCAL_SKIPPED` names.
+pub fn skipped(reason: &str) {
     let thread = std::thread::current();
     let line = format!("SKIPPED {} of {}: {reason}\n", thread.name().unwrap_or("a test"), env!("CARGO_PKG_NAME"));
     // The line feed before it ends a line that the test harness may have begun.

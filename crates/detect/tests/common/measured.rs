@@ -8,7 +8,8 @@ use std::path::PathBuf;
 use depthcal_io::GrayImage;
 use opencv::core::{MatTraitConst, MatTraitConstManual};
 
-/// Images of a measured dataset with their file names; `None`, said aloud, where the dataset is absent.
+/// Images of a measured dataset with their file names; `None` where the dataset is not present, and the
+/// test is then reported as skipped.
 ///
 /// # Panics
 /// When the dataset's folder holds no images.
