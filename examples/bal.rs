@@ -3,14 +3,18 @@
 //! `cargo run --release --example bal -- FILE --threads N` reads a problem of <https://grail.cs.washington.edu/projects/bal/>,
 //! plain or compressed by bzip2, and prints one line of JSON.
 
+#[path = "support/bal.rs"]
+mod problem;
 mod support;
+#[path = "support/words.rs"]
+mod words;
 
 use std::error::Error;
 
-use depthcal::io::BalProblem;
-use depthcal::solver::{Batch, Borrowed, Factor, Graph, Lift, Lifted, Noise, Pose, Scalar, Values, Variable};
+use depthcal::solver::{AutoDiffVariable, Batch, Borrowed, Factor, Graph, Noise, Over, Pose, Scalar, Values, Variable};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 use num_dual::{Derivative, DualSVec64};
+use problem::BalProblem;
 
 /// Pose, focal length in px, and radial distortion k1, k2.
 #[derive(Clone, Debug)]
@@ -34,17 +38,17 @@ impl Variable for Camera {
     }
 }
 
-impl Lift for Camera {
+impl AutoDiffVariable for Camera {
     const DIM: usize = 9;
-    type Lifted<T: Scalar> = (Pose<T>, Vector3<T>);
+    type Over<T: Scalar> = (Pose<T>, Vector3<T>);
 
     #[inline(always)]
-    fn lift<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> (Pose<T>, Vector3<T>) {
-        (self.pose.lift(&delta), self.intrinsics.lift(|i| delta(i + 6)))
+    fn retract_over<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> (Pose<T>, Vector3<T>) {
+        (self.pose.retract_over(&delta), self.intrinsics.retract_over(|i| delta(i + 6)))
     }
 }
 
-/// A point seen at (u, v), px from the centre.
+/// A point observed at (u, v), in px from the centre.
 struct Observation {
     pixel: Vector2<f64>,
 }
@@ -63,12 +67,13 @@ impl Factor<2> for Observation {
     type Variables = (Camera, Vector3<f64>);
 
     #[inline(always)]
-    fn residual<T: Scalar>(&self, ((pose, intrinsics), point): Lifted<Self::Variables, T>) -> SVector<T, 2> {
+    fn residual<T: Scalar>(&self, ((pose, intrinsics), point): Over<Self::Variables, T>) -> SVector<T, 2> {
         let [u, v] = project(pose.transform(&point).into(), intrinsics.into());
         SVector::<T, 2>::new(u - self.pixel.x, v - self.pixel.y)
     }
 
-    /// The projection by dual numbers, the rigid motion by ∂x/∂ω = −R [X]×, ∂x/∂t = I, ∂x/∂X = R.
+    /// The projection is differentiated by dual numbers, the rigid motion by ∂x/∂ω = −R [X]×, ∂x/∂t = I, ∂x/∂X = R. `jacobian` is
+    /// row-major 2 × 12: pose, intrinsics, point.
     #[inline(always)]
     fn linearize(&self, (camera, point): &Borrowed<'_, Self::Variables>, jacobian: &mut [f64]) -> SVector<f64, 2> {
         let r = camera.pose.rotation.to_rotation_matrix().into_inner();
@@ -112,7 +117,7 @@ fn build(problem: BalProblem) -> Result<(Graph, Values), Box<dyn Error>> {
         .collect();
     let points: Vec<_> = problem.points.iter().map(|p| values.insert(Vector3::from(*p))).collect();
     let mut observations = problem.observations;
-    // Observations of a point one after the other: its share of the normal equations stays in the cache.
+    // Observations of a point are consecutive, so that its blocks of the normal equations stay in the cache.
     observations.sort_by_key(|o| (o.point, o.camera));
     let mut batch = Batch::new("observations").with_noise(Noise::unit());
     for o in &observations {

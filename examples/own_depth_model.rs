@@ -22,8 +22,11 @@ struct CubicVignette;
 
 impl Piece<Depth, 1> for CubicVignette {
     const NAME: &'static str = "cubic_vignette";
+    const SUMMARY: &'static str = "depth grows wrong towards the corners";
+    const EQUATION: &'static str = "ρ (1 + s r³)";
     const SOURCE: &'static str = "an example";
-    const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1", 0.0, 1e-2)];
+    const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1", 0.0, 1e-2)
+        .meaning("Growth with the third power of the distance from the optical axis.")];
 
     fn map<T: Scalar>(&self, state: DepthState<T>, [s]: [T; 1], _: &Context) -> T {
         let r2 = state.x * state.x + state.y * state.y;

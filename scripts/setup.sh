@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what depthcal needs beside the Rust toolchain: OpenCV with its headers, libclang and clang (the opencv crate
+# Installs what depthcal needs in addition to the Rust toolchain: OpenCV with its headers, libclang and clang (the opencv crate
 # generates its bindings with them), pkg-config and a C++ compiler. Quiet and fast when everything is there already.
 set -euo pipefail
 

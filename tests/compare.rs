@@ -17,6 +17,8 @@ struct Outside;
 
 impl Piece<Depth, 1> for Outside {
     const NAME: &'static str = "outside";
+    const SUMMARY: &'static str = "the scale grows with the distance from the axis";
+    const EQUATION: &'static str = "ρ (1 + s r²)";
     const SOURCE: &'static str = "a test";
     const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1", 0.0, 1e-2)];
 

@@ -1,5 +1,5 @@
 //! Every effect of the catalogue, simulated by code that shares nothing with the pieces: left undeclared it raises the
-//! residuals, declared it is taken up down to the noise.
+//! residuals above the noise, declared it lowers them to the noise.
 
 use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::simulated;
@@ -28,35 +28,44 @@ fn fit(simulation: &Simulation, effects: Vec<String>) -> Calibrated {
     calibrate(&simulated::capture(&observed), &options).unwrap()
 }
 
-/// Worst ratio of estimated to true noise, of markers and of depth at 0.4 to 1.2 m.
-fn excess(result: &Calibrated, noise: &Noise) -> f64 {
-    let depths = [400.0, 800.0, 1200.0].map(|z: f64| {
-        let rho = 1.0 / z;
-        result.noise.depth.sigma(rho) / noise.depth.sigma_rho(rho)
-    });
-    let pixels = result.noise.pixel_sigma / PointOptions::default().sigma_px;
-    depths.into_iter().chain([pixels]).fold(0.0, f64::max)
+/// Largest deviation from 1 of the ratio of estimated to true noise, with the effect declared. The standard deviation of
+/// noise from 40 frames × 44 markers × 2 coordinates has a sampling error of 1/√(2·3520) = 1.2 %; this is three times that. Depth
+/// noise comes from more samples.
+const SAMPLING: f64 = 0.036;
+
+/// Smallest ratio of the noise that is estimated without the effect to that with it. Both fits have the same noise, so that
+/// chance hardly enters; three times the sampling error of two independent estimates would be 5 %.
+const CLEAR: f64 = 1.05;
+
+/// Multiples of the default size for effects that the lens of five parameters takes up almost entirely at the default size: the
+/// noise is then raised by 0.4 % (`rational_distortion`) and 3.6 % (`thin_prism`). Larger sizes of the former fold the lens.
+const ENLARGED: [(&str, f64); 2] = [("rational_distortion", 5.0), ("thin_prism", 2.0)];
+
+/// Ratios of estimated to true noise: of markers, and of depth at 0.4, 0.8 and 1.2 m. Residuals that are not noise raise one of
+/// them, and it need not be that of the effect's own image: the joint adjustment weighs both.
+fn ratios(result: &Calibrated, noise: &Noise) -> [f64; 4] {
+    let depth = |z: f64| result.noise.depth.sigma(1.0 / z) / noise.depth.sigma_rho(1.0 / z);
+    [result.noise.pixel_sigma / PointOptions::default().sigma_px, depth(400.0), depth(800.0), depth(1200.0)]
 }
 
 #[test]
-fn declared_effects_are_taken_up_down_to_the_noise() {
+fn an_effect_shows_undeclared_and_is_taken_up_declared() {
     let noise = Noise::default();
     let mut failures = Vec::new();
     for EffectInfo { name, default_size, .. } in catalogue() {
-        let effect = Effect::new(name, *default_size).unwrap();
+        let enlarged = ENLARGED.iter().find(|(n, _)| n == name).map_or(1.0, |(_, factor)| *factor);
+        let effect = Effect::new(name, enlarged * *default_size).unwrap();
         let camera = CameraTruth::published(1).unwrap();
         let simulation = Simulation::new(camera, Kind::General(1), &[effect], 21).frames(40);
-        let without = excess(&fit(&simulation, Vec::new()), &noise);
-        let with = excess(&fit(&simulation, vec![piece(&simulation, name)]), &noise);
-        println!("{name:22} undeclared {without:6.2}, declared {with:5.3} times the true noise");
-        // 2 % is three times the sampling error of a standard deviation from 3500 marker coordinates; the law of depth
-        // noise over distance is known to some per cent.
-        if with > 1.05 {
-            failures.push(format!("{name}: {with:.3} times the noise is left"));
+        let without = ratios(&fit(&simulation, Vec::new()), &noise);
+        let with = ratios(&fit(&simulation, vec![piece(&simulation, name)]), &noise);
+        println!("{name:22} times the true noise: undeclared {without:6.3?}, declared {with:6.3?}");
+        let raised = without.iter().zip(with).map(|(without, with)| without / with).fold(0.0, f64::max);
+        if raised < CLEAR {
+            failures.push(format!("{name} does not show: noise raised {raised:.3} times without the piece"));
         }
-        // What a lens of five parameters or D takes up already cannot show: then both are the noise, but for 1 %.
-        if without < 0.99 * with {
-            failures.push(format!("{name}: {without:.3} without the piece, {with:.3} with it"));
+        if with.iter().any(|ratio| (ratio - 1.0).abs() > SAMPLING) {
+            failures.push(format!("{name} is not taken up: {with:.3?} times the noise are left with the piece"));
         }
     }
     assert!(failures.is_empty(), "{failures:#?}");

@@ -1,8 +1,9 @@
-//! Measured captures, where they are present (`DEPTHCAL_DATA`, or `../shared/data` beside the repository).
+//! Calibration and diagnosis of measured captures, where they are present (`DEPTHCAL_DATA`).
 
 #![cfg(feature = "detect")]
 
-use std::path::PathBuf;
+#[path = "support/measured.rs"]
+mod data;
 
 use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::compare::{CompareOptions, compare};
@@ -14,16 +15,11 @@ use depthcal::calibration::simulated::planted;
 use depthcal_simulate::Effect;
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
-/// The dataset of that name, or `None` with a message.
+/// The dataset of that name, or `None` where it is not present; the test is then reported as skipped.
 fn measured(name: &str) -> Option<Loaded> {
-    let root = std::env::var_os("DEPTHCAL_DATA")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = root.join(name);
-    if !path.join("dataset.toml").exists() {
-        eprintln!("SKIPPED: the measured dataset '{name}' is not present; set DEPTHCAL_DATA to its folder");
-        return None;
-    }
-    Some(load(&path, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap())
+    let path = data::measured(&format!("{name}/dataset.toml"))?;
+    let folder = path.parent().unwrap();
+    Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap())
 }
 
 /// OpenCV's reprojection rms on the same markers with the same model (five lens parameters).
@@ -155,7 +151,11 @@ fn planted_effects_are_found_on_top_of_the_cameras_own() {
         let d = diagnose(&planted, None, &DiagnoseOptions::default()).unwrap();
         let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
         println!("{name}: {before:.2} → {after:.2} mm; {}", verdict(&d));
-        assert!(d.steps.iter().any(|s| s.effects[0] == name), "{name}: {:?}", d.rounds);
+        assert!(
+            d.steps.iter().any(|s| s.effects[0] == name),
+            "{name}: {:?}",
+            d.rounds.iter().map(ToString::to_string).collect::<Vec<_>>()
+        );
         assert!(after < before, "{name}: {before} → {after} mm");
     }
 }

@@ -1,12 +1,13 @@
 //! One undeclared effect: is it named, how large is it said to be, and what does the correction leave?
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, evidence};
+use depthcal::calibration::diagnose::examination::scores;
+use depthcal::calibration::diagnose::{DiagnoseOptions, Thresholds};
 use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
-use depthcal::solver::score::noncentrality;
 use depthcal_simulate::{Effect, EffectTruth, PointOptions, Simulation, Truth, catalogue};
+use depthcal_statistics::noncentrality;
 use rayon::prelude::*;
 
 use super::size::{Recovery, recovery};
@@ -17,7 +18,8 @@ use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
 pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
     let mut size = Effect::with_default_size(name)?.size;
     let options = CalibrateOptions::default();
-    let level = evidence::LEVEL / catalogue().len() as f64;
+    let thresholds = Thresholds::default();
+    let level = thresholds.level / catalogue().len() as f64;
     let mut found = (1.0, 1);
     for _ in 0..6 {
         let simulation = simulation(&[Effect::new(name, size)?], seed)?;
@@ -25,7 +27,7 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
         let truth = observed.truth.effects.first().ok_or("no effect")?;
         let spec = declared(truth, last_s(&observed.truth), 1.0);
         let fit = calibrate(&simulated::capture(&observed), &options)?;
-        let score = evidence::scores(&fit, &options.register, &[&spec])?.remove(0);
+        let score = scores(&fit, &options.register, &[&spec])?.remove(0);
         let lambda = (score.statistic - score.rank as f64).max(1.0);
         found = (lambda, score.rank);
         if (200.0..800.0).contains(&lambda) {
@@ -34,7 +36,7 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
         size *= (400.0 / lambda).sqrt().clamp(0.1, 10.0);
     }
     let (lambda, rank) = found;
-    Ok(size * (noncentrality(rank, level, evidence::POWER) / lambda).sqrt())
+    Ok(size * (noncentrality(rank, level, thresholds.power) / lambda).sqrt())
 }
 
 /// Time of the last frame, s.

@@ -1,13 +1,14 @@
-//! Relative poses in the plane and in space as factors, and the graph of a file.
+//! Factors of relative poses in the plane and in space, and the graph of a g2o file.
 
 use std::collections::HashMap;
 use std::error::Error;
 
-use depthcal::io::{G2oGraph, Se2Edge, Se3Edge};
-use depthcal::solver::{Batch, Factor, Graph, Lifted, Pose, Scalar, Values};
+use depthcal::solver::{Batch, Factor, Graph, Over, Pose, Scalar, Values};
 use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
 
-/// A relative pose in the plane: x, y, angle. Poses are vectors (x, y, angle).
+use crate::g2o::{G2oGraph, Se2Edge, Se3Edge};
+
+/// A measured relative pose in the plane: x, y, angle in rad. Poses are vectors (x, y, angle).
 struct BetweenPlane {
     measurement: [f64; 3],
     /// A with Aᵀ A the information.
@@ -18,7 +19,7 @@ impl Factor<3> for BetweenPlane {
     type Variables = (Vector3<f64>, Vector3<f64>);
 
     #[inline(always)]
-    fn residual<T: Scalar>(&self, (a, b): Lifted<Self::Variables, T>) -> SVector<T, 3> {
+    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 3> {
         let (s, c) = a[2].sin_cos();
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let [x, y, angle] = self.measurement;
@@ -29,7 +30,7 @@ impl Factor<3> for BetweenPlane {
     }
 }
 
-/// A relative pose in space.
+/// A measured relative pose in space.
 struct BetweenSpace {
     /// The inverse of the measurement.
     inverse: Isometry3<f64>,
@@ -40,16 +41,16 @@ impl Factor<6> for BetweenSpace {
     type Variables = (Isometry3<f64>, Isometry3<f64>);
 
     #[inline(always)]
-    fn residual<T: Scalar>(&self, (a, b): Lifted<Self::Variables, T>) -> SVector<T, 6> {
+    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 6> {
         let error = Pose::<T>::constant(&self.inverse).compose(&a.inverse().compose(&b));
-        // The information of g2o is about the vector part of the quaternion with positive real part.
+        // In g2o's convention the rotation error is the vector part of the quaternion with positive real part.
         let sign = if error.rotation.w.re() < 0.0 { -1.0 } else { 1.0 };
         let (t, v) = (error.translation, error.rotation.v);
         weigh(&self.root, &[t[0], t[1], t[2], v[0] * sign, v[1] * sign, v[2] * sign])
     }
 }
 
-/// A e.
+/// A e for `root` = A.
 #[inline(always)]
 fn weigh<T: Scalar, const N: usize>(root: &SMatrix<f64, N, N>, e: &[T; N]) -> SVector<T, N> {
     let mut r = SVector::<T, N>::from_element(T::from(0.0));
@@ -72,7 +73,7 @@ fn isometry(translation: &[f64; 3], [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(Vector3::from(*translation)), rotation)
 }
 
-/// The graph of a file; where nothing is fixed, the first pose is.
+/// The graph of a file. If it fixes no vertex, the first one is fixed.
 pub fn build(file: G2oGraph) -> Result<(Graph, Values), Box<dyn Error>> {
     let mut values = Values::new();
     let mut graph = Graph::new();

@@ -3,10 +3,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::dataset_file::DATASET_FILE;
 use depthcal_io::{
-    Cloud, Dataset, DepthImage, GrayImage, PlyFormat, RgbImage, check_same_size, read_depth, read_gray, read_rgb,
-    write_depth, write_ply,
+    Cloud, DATASET_FILE, Dataset, DepthImage, GrayImage, PlyFormat, RgbImage, check_same_size, read_depth, read_gray,
+    read_rgb, write_depth, write_ply,
 };
 use depthcal_model::Camera;
 use rayon::prelude::*;

@@ -1,4 +1,4 @@
-//! Many frames at once.
+//! Detection in many frames, in parallel.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -6,8 +6,11 @@ use depthcal_io::GrayImage;
 use depthcal_model::target::Target;
 use rayon::prelude::*;
 
-use crate::detection::{DetectOptions, Detection, detect};
+use crate::detect::detect;
+use crate::detection::{DetectOptions, Detection};
 use crate::error::DetectError;
+#[cfg(feature = "opencv")]
+use crate::open_cv::threads::SingleThreaded;
 
 /// Why a frame has no result.
 #[derive(Debug, thiserror::Error)]
@@ -18,10 +21,10 @@ pub enum FrameError<E: std::error::Error + 'static> {
     Load {
         /// Name of the frame.
         frame: String,
-        /// What the loader says.
+        /// The loader's error.
         source: E,
     },
-    /// The board could not be looked for.
+    /// The search could not be carried out.
     #[error("frame {frame}: {source}")]
     Detect {
         /// Name of the frame.
@@ -31,11 +34,12 @@ pub enum FrameError<E: std::error::Error + 'static> {
     },
 }
 
-/// Looks for the board in many frames, in parallel, each given by its name and a function that loads its image. Results
-/// come in the order of the frames and do not depend on the number of threads. `progress` is called with the
-/// number of finished frames and of all, from several threads. At most one image per thread is in memory.
+/// Searches many frames for the board, in parallel. A frame is its name and a function that loads its image; at most
+/// one image per thread is in memory. Results come in the order of the frames and do not depend on the number of
+/// threads.
+/// `progress` is called from several threads with the number of frames finished and the number of all frames.
 ///
-/// OpenCV's own threads are limited to one while this runs, for the whole process.
+/// While this runs OpenCV is limited to one thread, for the whole process.
 pub fn detect_all<L, E>(
     frames: &[(String, L)],
     target: &Target,
@@ -46,6 +50,7 @@ where
     L: Fn() -> Result<GrayImage, E> + Sync,
     E: std::error::Error + Send + 'static,
 {
+    #[cfg(feature = "opencv")]
     let _single = SingleThreaded::new();
     let done = AtomicUsize::new(0);
     frames
@@ -59,29 +64,4 @@ where
             result
         })
         .collect()
-}
-
-/// Holds OpenCV's threads at one; restores their number when dropped.
-struct SingleThreaded {
-    before: Option<i32>,
-}
-
-impl SingleThreaded {
-    fn new() -> SingleThreaded {
-        let before = opencv::core::get_num_threads().ok();
-        if let Err(error) = opencv::core::set_num_threads(1) {
-            tracing::warn!(%error, "OpenCV's threads could not be limited; frames run with more threads than cores");
-        }
-        SingleThreaded { before }
-    }
-}
-
-impl Drop for SingleThreaded {
-    fn drop(&mut self) {
-        if let Some(before) = self.before
-            && let Err(error) = opencv::core::set_num_threads(before)
-        {
-            tracing::warn!(%error, "the number of OpenCV's threads could not be restored");
-        }
-    }
 }

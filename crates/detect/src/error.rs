@@ -1,11 +1,11 @@
-//! What can go wrong.
+//! Errors of detection and refinement.
 
-/// Why a board could not be looked for, or why its markers could not be refined. A board that is not in the image is
-/// no error: [`detect`](crate::detect) then returns `None`.
+/// Why an image could not be searched for a board, or why markers could not be refined. A board that is not in the
+/// image is no error: [`detect`](crate::detect()) then returns `None`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DetectError {
-    /// The image's data do not have the size that its header says.
+    /// The number of the image's values is not its width times its height.
     #[error("the image claims {width} x {height} px but holds {got} values; read it again or repair its file")]
     ImageSize {
         /// Width in px.
@@ -15,7 +15,7 @@ pub enum DetectError {
         /// Number of values.
         got: usize,
     },
-    /// The board has too few markers to be found without doubt.
+    /// The board has too few markers to be found unambiguously.
     #[error(
         "a {kind} board of {columns} x {rows} is too small: need at least {need}; check board.columns and board.rows"
     )]
@@ -26,17 +26,17 @@ pub enum DetectError {
         columns: usize,
         /// Rows.
         rows: usize,
-        /// The smallest board, in words.
+        /// The smallest usable board, such as `3 x 3 inner corners`.
         need: &'static str,
     },
-    /// A length or an option is not usable.
+    /// A length is not usable.
     #[error("{field} = {value}: {remedy}")]
     Field {
         /// The field, as in `dataset.toml`.
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What it must be.
+        /// Constraint that the value violates.
         remedy: &'static str,
     },
     /// No ArUco dictionary has this name.
@@ -57,22 +57,33 @@ pub enum DetectError {
         /// Tags in the dictionary.
         got: usize,
     },
-    /// The OpenCV that the program was built with lacks something.
-    #[error("{feature} is not in the OpenCV {version} that this program was built with; {remedy}")]
+    /// Boards of this kind are found with OpenCV, which this program was built without.
+    #[error(
+        "a {kind} board is found with OpenCV, which this program was built without; build with the feature \
+         `{feature}` of depthcal-detect, or use a circle grid"
+    )]
     MissingFeature {
-        /// What is missing.
+        /// Kind of board.
+        kind: &'static str,
+        /// The missing feature of this crate.
         feature: &'static str,
+    },
+    /// The OpenCV that the program was built with lacks a module.
+    #[error("{module} is not in the OpenCV {version} that this program was built with; {remedy}")]
+    MissingModule {
+        /// The missing module, by its function.
+        module: &'static str,
         /// Version of OpenCV.
         version: &'static str,
         /// How to get it.
         remedy: &'static str,
     },
-    /// A refinement was asked for a board that has no such markers.
+    /// The board has no markers of the kind to be refined.
     #[error("a {kind} board has no {markers} to refine; choose a board that has them or leave the refinement out")]
     WrongKind {
         /// Kind of board.
         kind: &'static str,
-        /// What would have been refined.
+        /// The markers that were to be refined.
         markers: &'static str,
     },
     /// A marker's index is not on the board.
@@ -86,20 +97,9 @@ pub enum DetectError {
     /// OpenCV failed.
     #[error("OpenCV failed in {operation}: {source}")]
     OpenCv {
-        /// What was being done.
+        /// OpenCV's function.
         operation: &'static str,
-        /// OpenCV's message.
-        source: opencv::Error,
+        /// OpenCV's error.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
-}
-
-/// Names the operation in which OpenCV failed.
-pub(crate) trait Context<T> {
-    fn context(self, operation: &'static str) -> Result<T, DetectError>;
-}
-
-impl<T> Context<T> for Result<T, opencv::Error> {
-    fn context(self, operation: &'static str) -> Result<T, DetectError> {
-        self.map_err(|source| DetectError::OpenCv { operation, source })
-    }
 }

@@ -1,26 +1,41 @@
 //! Finds calibration boards in images and refines their markers.
 //!
-//! [`detect`] answers where the markers of a [`Target`](depthcal_model::target::Target) are in one image,
-//! [`detect_all`] does so for many images in parallel. [`refine_circles`] finds the centres of dots again with what is
-//! known of the camera by then, so that the bias of circle centres under perspective is gone; [`homography_mapping`]
-//! stands in for the camera while there is none.
+//! [`detect()`] finds the markers of a [`Target`](depthcal_model::target::Target) in one image, [`detect_all`] in many
+//! images in parallel. Once a camera is known approximately, [`refine_circles`] fits the centres of dots again under
+//! that camera, which removes the bias of circle centres under perspective; while there is none, [`homography_mapping`]
+//! takes its place. [`refine_corners`] fits the corners of chessboards and tags.
 //!
-//! Chessboards and fiducials are found with OpenCV, circle grids by own code; see there for why. Pixel centres have
-//! integer coordinates, as in OpenCV. The board frame and the order of the markers are those of `depthcal-model`.
+//! Chessboards, ChArUco boards and AprilGrids are found with OpenCV. Circle grids are found by code of this crate,
+//! which copes with small dots, uneven light and clutter better than OpenCV's grid finder does.
+//!
+//! Pixel centres have integer coordinates, as in OpenCV. Board frame and order of the markers are those of
+//! `depthcal-model`.
+//!
+//! # Features
+//! `opencv` (default) links OpenCV. Without it circle grids are found as well, and refinement and geometry stay; the
+//! other boards give [`DetectError::MissingFeature`].
 
 mod batch;
+mod board;
+mod check;
+#[cfg(feature = "opencv")]
 mod chessboard;
 mod circles;
+mod detect;
 mod detection;
 mod error;
+#[cfg(feature = "opencv")]
 mod fiducial;
 mod geometry;
+mod lattice;
+#[cfg(feature = "opencv")]
+mod open_cv;
 mod refine;
-mod saddles;
 mod stretch;
 
 pub use batch::{FrameError, detect_all};
-pub use detection::{DetectOptions, Detection, Marker, Polarity, detect};
+pub use detect::detect;
+pub use detection::{DetectOptions, Detection, Marker, Polarity};
 pub use error::DetectError;
 pub use geometry::{BoardMap, Homography};
 pub use refine::{RefineOptions, RefinedMarker, homography_mapping, refine_circles, refine_corners};

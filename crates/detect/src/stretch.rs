@@ -1,26 +1,21 @@
-//! Grey values for the eyes of a detector: 16-bit amplitudes brought into a range where the board has contrast.
+//! Contrast stretching: 16-bit amplitudes mapped to a range in which the board has contrast.
 
 use depthcal_io::GrayImage;
 
-use opencv::core::{Mat, Point2f, Size};
-use opencv::imgproc;
-
-use crate::error::{Context, DetectError};
-
-/// How grey values are brought to [0, 1]. The ends are robust percentiles, so that a lamp or a reflex, which in raw
-/// infrared amplitudes is tens of times brighter than the board, does not set the scale.
+/// How grey values are mapped to [0, 1]. The ends are robust percentiles: in raw infrared amplitudes a lamp or a
+/// reflection is tens of times brighter than the board and would set the scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Stretch {
-    /// Straight between the percentiles.
+    /// Linear between the percentiles.
     Linear,
-    /// The square root: about equal noise everywhere when photons count, and near boards do not drown far ones.
+    /// The square root: makes shot noise uniform, and keeps contrast in dark, distant boards.
     SquareRoot,
-    /// The logarithm: equal contrast for equal ratio of reflectances, whatever the illumination.
+    /// The logarithm: equal ratios of reflectance have equal contrast under any illumination.
     Logarithm,
 }
 
 impl Stretch {
-    /// The stretches worth trying for an image, the most successful first.
+    /// The stretches to try for an image, the most successful first.
     pub(crate) fn candidates(image: &GrayImage) -> &'static [Stretch] {
         if image.bits > 8 {
             &[Stretch::SquareRoot, Stretch::Logarithm, Stretch::Linear]
@@ -56,17 +51,9 @@ impl Plane {
         Plane { width: image.width, height: image.height, data }
     }
 
-    /// As 8 bits for OpenCV, at `scale` times the size.
-    pub(crate) fn to_mat(&self, scale: usize) -> Result<Mat, DetectError> {
-        let bytes = self.to_bytes();
-        let mat = Mat::new_rows_cols_with_data(self.height as i32, self.width as i32, &bytes).context("Mat")?;
-        let mut scaled = Mat::default();
-        let size = Size::new((self.width * scale) as i32, (self.height * scale) as i32);
-        imgproc::resize(&mat, &mut scaled, size, 0.0, 0.0, imgproc::INTER_CUBIC).context("resize")?;
-        Ok(scaled)
-    }
-
-    /// Whether it is worth looking at the image at twice its size: small features are not found otherwise.
+    /// Whether the image is small enough to be searched at twice its size as well, where small features are found that
+    /// are missed otherwise.
+    #[cfg(feature = "opencv")]
     pub(crate) fn is_small(&self) -> bool {
         self.data.len() <= 1_500_000
     }
@@ -77,21 +64,7 @@ impl Plane {
     }
 }
 
-/// Coordinates in an image from those in its enlargement.
-pub(crate) fn unscaled(pixel: Point2f, scale: usize) -> [f64; 2] {
-    [pixel.x, pixel.y].map(|v| (f64::from(v) + 0.5) / scale as f64 - 0.5)
-}
-
-/// Checks that an image is what its header says.
-pub(crate) fn check(image: &GrayImage) -> Result<(), DetectError> {
-    let expected = image.width.checked_mul(image.height);
-    if image.width == 0 || image.height == 0 || expected != Some(image.data.len()) {
-        return Err(DetectError::ImageSize { width: image.width, height: image.height, got: image.data.len() });
-    }
-    Ok(())
-}
-
-/// The 0.5 % and 99.5 % percentiles; apart by at least one step.
+/// The 0.5 % and 99.5 % percentiles, at least one step apart.
 fn percentiles(values: &[u16]) -> (u16, u16) {
     let mut histogram = vec![0usize; 1 << 16];
     for &v in values {
@@ -135,11 +108,5 @@ mod tests {
                 assert!(Plane::stretched(&image, stretch).data.iter().all(|v| v.is_finite()));
             }
         }
-    }
-
-    #[test]
-    fn a_truncated_image_is_refused() {
-        let image = GrayImage { width: 8, height: 8, data: vec![0; 63], bits: 8 };
-        assert!(matches!(check(&image), Err(DetectError::ImageSize { got: 63, .. })));
     }
 }

@@ -5,7 +5,7 @@ mod common;
 use common::{Camera, Pose, Scene, Texture};
 use depthcal_detect::{DetectOptions, RefineOptions, detect, refine_circles};
 
-/// Mean displacement over all dots along the direction of the tilt, px: what noise cannot hide.
+/// Mean displacement over all dots, px, in which noise averages out.
 fn mean_error(scene: &Scene, target: &depthcal_model::target::Target, found: &[(usize, [f64; 2])]) -> [f64; 2] {
     let n = found.len() as f64;
     found.iter().fold([0.0, 0.0], |s, (index, p)| {

@@ -1,4 +1,4 @@
-//! Chessboards: how many are found, in which order, and how well their corners.
+//! Chessboards: the share of boards found, the order and the accuracy of their corners.
 
 mod common;
 
@@ -95,7 +95,7 @@ fn boards_are_found_and_their_order_is_the_printed_one() {
         println!("chessboard {columns} x {rows}: {found} of {count} found by OpenCV, rms {raw:.4} px");
         let (found, rms, wrong) = run(&target, 10.0, count, true);
         println!("chessboard {columns} x {rows}: {found} of {count} found, rms {rms:.4} px, {wrong} in another order");
-        // One may be missed whatever the number.
+        // One may be missed even of a few.
         assert!((found + 1) as f64 >= 0.97 * count as f64);
         assert!(rms < 0.03 && rms < raw, "{rms} px against {raw} px of OpenCV");
         assert_eq!(wrong, 0);

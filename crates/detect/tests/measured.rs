@@ -1,4 +1,5 @@
-//! Measured captures: every board found, and the reprojection error of OpenCV's own calibration on the corners.
+//! Measured captures: the number of boards found, and the reprojection error of OpenCV's own calibration on their
+//! corners.
 
 mod common;
 
@@ -46,10 +47,11 @@ fn found(frames: &[(String, GrayImage)], target: &Target, options: &DetectOption
     results.into_iter().filter_map(|r| r.expect("no error")).collect()
 }
 
-/// Number of boards found, and the reprojection error with OpenCV's corners and with ours.
+/// Number of boards found, and the reprojection error (px) with OpenCV's corners and with fitted ones; `None` where the
+/// dataset is absent.
 fn measure(dataset: &str, folder: &str, target: &Target) -> Option<(usize, f64, f64)> {
-    let frames = images(dataset, folder);
-    let image = &frames.first()?.1;
+    let frames = images(dataset, folder)?;
+    let image = &frames[0].1;
     let raw = found(&frames, target, &DetectOptions { refine: false, ..Default::default() });
     let clock = std::time::Instant::now();
     let fitted = found(&frames, target, &DetectOptions::default());

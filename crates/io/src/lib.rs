@@ -1,67 +1,34 @@
-//! Files of depthcal: datasets, images, calibrations, evaluations, observations, exports, point clouds and the formats
-//! of solver benchmarks.
+//! Files of depthcal: datasets, images, calibrations, evaluations, observations, exports and point clouds.
 //!
-//! What a user can get wrong ends in an error that names the file, the field and the remedy, never in a panic. The
-//! messages are complete in themselves: an operating system's error is part of the text, not a separate source. Every
-//! file is written to a temporary name and renamed ([`write_atomically`]), so that an interrupted run leaves no half
-//! file. This crate reads and writes; it computes nothing about cameras.
+//! This crate reads and writes; it computes nothing about cameras. Whatever a user can get wrong is an error that names
+//! the file, the field and the remedy, never a panic. Error messages are complete: an operating system's error is part
+//! of the text, not a separate source. Every file is written under a temporary name and renamed ([`write_atomically`]),
+//! so that an interrupted run leaves no incomplete file.
 
-pub mod bal;
-pub mod calibration;
-mod camera_hint;
-mod comparison;
 pub mod dataset;
-mod dataset_error;
-pub mod dataset_file;
-pub mod diagnosis;
-pub mod digest;
-pub mod evaluation;
 pub mod export;
-mod file_error;
-mod finite;
-pub mod frame_table;
-pub mod g2o;
+pub mod file;
 pub mod image;
-mod image_error;
-mod jpeg;
-pub mod json;
-mod natural;
-mod numbers;
-pub mod observations;
-mod pgm;
 pub mod ply;
-mod png16;
-pub mod read_image;
-mod suggest;
-mod toml_section;
-pub mod write;
+pub mod record;
 
-pub use bal::{BalObservation, BalProblem};
-pub use calibration::{
-    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
-    ParameterRecord, PieceRecord,
+pub use dataset::{
+    CameraHint, DATASET_FILE, Dataset, DatasetError, DatasetFile, DepthSection, Frame, FrameMetadata, FramesSection,
 };
-pub use camera_hint::CameraHint;
-pub use comparison::{
-    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
-};
-pub use dataset::{Dataset, Frame};
-pub use dataset_error::DatasetError;
-pub use dataset_file::{DatasetFile, DepthSection, FramesSection};
-pub use diagnosis::{
-    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
-    DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
-};
-pub use digest::digest_files;
-pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Rms};
 pub use export::{Export, ExportCamera, ExportError, ExportFormat, ExportWarning};
-pub use file_error::FileError;
-pub use frame_table::FrameMetadata;
-pub use g2o::{G2oGraph, Se2Edge, Se2Vertex, Se3Edge, Se3Vertex};
-pub use image::{DepthImage, GrayImage, RgbImage};
-pub use image_error::ImageError;
-pub use json::{read_json, write_json, write_json_compact};
-pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
+pub use file::{FileError, digest_files, read_json, write_atomically, write_json, write_json_compact};
+pub use image::{
+    DepthImage, GrayImage, ImageError, RgbImage, check_same_size, read_depth, read_gray, read_rgb, write_depth,
+    write_gray,
+};
 pub use ply::{Cloud, PlyFormat, write_ply};
-pub use read_image::{check_same_size, read_depth, read_gray, read_rgb, write_depth, write_gray};
-pub use write::write_atomically;
+pub use record::{
+    BeforeAfter, Calibration, CameraRecord, Comparison, CovarianceRecord, DatasetEvaluation, DeclaredValue,
+    DepthSample, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
+    DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
+    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisParameter, DiagnosisProposedFrame, DiagnosisRound,
+    DiagnosisStep, DiagnosisUnexplainedOutcome, DroppedFrame, Errors, Evaluation, FileReference, FitRecord,
+    FrameEvaluation, FrameObservations, FrameRecord, GainInterval, HeldOutErrors, Interval, LearningPoint,
+    MarkerObservation, MeanStd, ModelComparison, NoiseRecord, Observations, ParameterRecord, PieceRecord, Rms,
+    Separability, StabilityEstimate, StabilityRecord, Verdict,
+};

@@ -2,25 +2,25 @@
 
 use std::path::Path;
 
-use crate::{FileError, write_atomically};
+use crate::file::{FileError, write_atomically};
 
-/// Points, with a value each where there is one.
+/// A point cloud, with one intensity and one colour per point where they are known.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cloud {
     /// Points [x, y, z] in mm, in the camera frame (x right, y down, z forward).
     pub points: Vec<[f32; 3]>,
-    /// A value for each point, such as the infrared amplitude.
+    /// One value per point, such as the infrared amplitude.
     pub intensity: Option<Vec<f32>>,
-    /// A colour for each point: red, green, blue.
+    /// One colour per point: red, green, blue.
     pub color: Option<Vec<[u8; 3]>>,
 }
 
-/// How the numbers of a PLY file are written.
+/// Encoding of the numbers of a PLY file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlyFormat {
     /// Binary, little-endian: small and exact.
     Binary,
-    /// Text: readable and exact, some three times as large.
+    /// Text: readable and exact, about three times as large.
     Ascii,
 }
 
@@ -28,8 +28,8 @@ pub enum PlyFormat {
 /// where given, intensity, and uchar properties red, green, blue.
 ///
 /// # Errors
-/// [`FileError::Invalid`] where intensities or colours are not as many as the points, or a coordinate is not finite (leave
-/// pixels without depth out of the cloud); [`FileError::Write`].
+/// [`FileError::Invalid`] when there are not as many intensities or colours as points, or when a coordinate is not
+/// finite (pixels without depth must be left out of the cloud); [`FileError::Write`].
 pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
     let path = path.as_ref();
     let points = &cloud.points;

@@ -1,24 +1,15 @@
-//! Reads measured captures, which are not part of the repository: from `DEPTHCAL_DATA`, or from `../shared/data` beside
-//! the workspace. Without them the tests say so and pass.
+//! Reads measured captures, which are not part of the repository. Tests without their data print SKIPPED and pass.
 
-use std::path::PathBuf;
+#[path = "../../../tests/support/measured.rs"]
+mod data;
 
-use depthcal_io::{BalProblem, Dataset, check_same_size, read_depth, read_gray};
+use data::measured;
+use depthcal_io::{Dataset, check_same_size, read_depth, read_gray};
 use depthcal_model::Pattern;
-
-fn data(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("DEPTHCAL_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")), PathBuf::from);
-    let folder = root.join(name);
-    if !folder.exists() {
-        eprintln!("SKIPPED: there is no {}; set DEPTHCAL_DATA to the folder of measured data", folder.display());
-    }
-    folder.exists().then_some(folder)
-}
 
 #[test]
 fn kinect2_has_51_pairs() {
-    let Some(folder) = data("kinect2") else { return };
+    let Some(folder) = measured("kinect2") else { return };
     let dataset = Dataset::open(folder).unwrap();
     assert_eq!((dataset.name.as_str(), dataset.frames.len(), dataset.depth_unit_mm), ("kinect2", 51, Some(1.0)));
     assert_eq!(dataset.target.pattern, Pattern::Chessboard);
@@ -38,7 +29,7 @@ fn kinect2_has_51_pairs() {
 
 #[test]
 fn chessboard_has_13_jpeg_images() {
-    let Some(folder) = data("chessboard") else { return };
+    let Some(folder) = measured("chessboard") else { return };
     let dataset = Dataset::open(folder).unwrap();
     assert_eq!((dataset.frames.len(), dataset.depth_unit_mm), (13, None));
     for frame in &dataset.frames {
@@ -46,12 +37,4 @@ fn chessboard_has_13_jpeg_images() {
         assert_eq!((image.width, image.height, image.bits), (640, 480, 8));
         assert!(image.data.iter().max() > Some(&200));
     }
-}
-
-#[test]
-fn a_bundle_adjustment_problem() {
-    let Some(folder) = data("bal") else { return };
-    let problem = BalProblem::read(folder.join("problem-16-22106-pre.txt.bz2")).unwrap();
-    assert_eq!((problem.cameras.len(), problem.points.len(), problem.observations.len()), (16, 22106, 83718));
-    assert!(problem.cameras.iter().all(|camera| (100.0..10_000.0).contains(&camera[6])), "focal lengths in px");
 }

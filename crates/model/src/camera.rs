@@ -1,86 +1,19 @@
 //! A camera: the pieces of its chain with the values of their parameters.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use crate::chain::{Chain, PINHOLE};
-use crate::field::Domain;
+use crate::block::Block;
+use crate::chain::Chain;
+use crate::field::grid::Domain;
 use crate::hook::HookKind;
-use crate::piece::{AnyPiece, Context, Parameter};
+use crate::piece::{AnyPiece, Context};
+use crate::pinhole::PINHOLE;
 
-/// Parameters of the pinhole K: u = fx x' + s y' + cx, v = fy y' + cy. Nominal values mean nothing here: the start
-/// values come from the data.
-pub static PINHOLE_PARAMETERS: [Parameter; PINHOLE] = [
-    Parameter::new("fx", "px", 500.0, 10.0),
-    Parameter::new("fy", "px", 500.0, 10.0),
-    Parameter::new("cx", "px", 320.0, 10.0),
-    Parameter::new("cy", "px", 240.0, 10.0),
-    Parameter::new("skew", "px", 0.0, 1.0),
-];
-
-/// A parameter block of the camera: a piece, or the pinhole, with values and which of them may be fitted.
-#[derive(Debug, Clone)]
-pub struct Block {
-    piece: Option<Arc<dyn AnyPiece>>,
-    /// Values, in the order of [`Block::parameters`].
-    pub theta: Vec<f64>,
-    /// Which of them the adjustment may change.
-    pub free: Vec<bool>,
-}
-
-impl Block {
-    /// A piece at its nominal values, wholly free.
-    pub fn new(piece: Arc<dyn AnyPiece>) -> Self {
-        let theta: Vec<f64> = piece.parameters().iter().map(|p| p.nominal).collect();
-        Self { free: vec![true; theta.len()], theta, piece: Some(piece) }
-    }
-
-    /// The pinhole with free focal lengths and principal point, and the skew held.
-    pub fn pinhole(theta: [f64; PINHOLE]) -> Self {
-        Self { piece: None, theta: theta.to_vec(), free: vec![true, true, true, true, false] }
-    }
-
-    /// The piece; `None` for the pinhole.
-    pub fn piece(&self) -> Option<&Arc<dyn AnyPiece>> {
-        self.piece.as_ref()
-    }
-
-    /// Name in files and reports.
-    pub fn name(&self) -> &'static str {
-        self.piece.as_ref().map_or("pinhole", |p| p.name())
-    }
-
-    /// Where it acts; the pinhole counts as [`HookKind::Pixel`].
-    pub fn hook(&self) -> HookKind {
-        self.piece.as_ref().map_or(HookKind::Pixel, |p| p.hook())
-    }
-
-    /// Its parameters.
-    pub fn parameters(&self) -> &[Parameter] {
-        self.piece.as_ref().map_or(&PINHOLE_PARAMETERS, |p| p.parameters())
-    }
-
-    /// Value of a parameter by name.
-    pub fn value(&self, name: &str) -> Option<f64> {
-        self.parameters().iter().position(|p| p.name == name).map(|i| self.theta[i])
-    }
-
-    /// The same block with its piece laid over a camera's image and the depth that was seen.
-    pub fn over(mut self, domain: &Domain) -> Self {
-        self.piece = self.piece.map(|piece| piece.over(domain).unwrap_or(piece));
-        self
-    }
-
-    /// Holds every parameter at its value.
-    pub fn hold(mut self) -> Self {
-        self.free.fill(false);
-        self
-    }
-}
-
-/// Why a camera cannot answer.
+/// Reason why a camera maps no ray to a pixel, or no depth to a depth.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CameraError {
     /// The lens maps no ray to this pixel in the region where it is one-to-one.
@@ -132,20 +65,35 @@ impl Camera {
 
     /// The same from a pinhole block whose free parameters have been chosen.
     pub fn from_blocks(width: usize, height: usize, pinhole: Block, pieces: Vec<Block>) -> Self {
+        Self::assemble(width, height, pinhole, pieces).0
+    }
+
+    /// The same, with the index in [`Camera::blocks`] of each of `pieces`, in the order given. The index is the only way to
+    /// find a block again: fields are laid over the camera's image and are then other pieces than those given, and
+    /// several pieces may have one name.
+    pub fn assemble(width: usize, height: usize, pinhole: Block, pieces: Vec<Block>) -> (Self, Vec<usize>) {
         let domain = Domain { size_px: [width as f64, height as f64], depth_mm: None };
-        let mut blocks: Vec<Block> = pieces.into_iter().map(|block| block.over(&domain)).collect();
-        blocks.push(pinhole);
-        let rank = |b: &Block| match (b.hook(), b.piece.is_some()) {
+        let count = pieces.len();
+        let mut blocks: Vec<(usize, Block)> =
+            pieces.into_iter().map(|block| block.over(&domain)).chain([pinhole]).enumerate().collect();
+        let rank = |b: &Block| match (b.hook(), b.piece().is_some()) {
             (HookKind::Board | HookKind::Pose, _) => 0,
             (HookKind::Lens, _) => 1,
             (HookKind::Pixel, false) => 2,
             (HookKind::Pixel, true) => 3,
             (HookKind::Depth, _) => 4,
         };
-        blocks.sort_by_key(rank);
+        blocks.sort_by_key(|(_, block)| rank(block));
+        let mut places = vec![0; count];
+        for (place, (given, _)) in blocks.iter().enumerate() {
+            if let Some(of_piece) = places.get_mut(*given) {
+                *of_piece = place;
+            }
+        }
+        let blocks = blocks.into_iter().map(|(_, block)| block).collect();
         let mut camera = Self { width, height, blocks, lens_limit: WIDEST_RADIUS };
         camera.lens_limit = camera.monotone_radius();
-        camera
+        (camera, places)
     }
 
     /// All parameter blocks in the chain's order, the pinhole among them.
@@ -153,20 +101,39 @@ impl Camera {
         &self.blocks
     }
 
-    /// The block of that name.
+    /// The first block of that name.
     pub fn block(&self, name: &str) -> Option<&Block> {
         self.blocks.iter().find(|b| b.name() == name)
     }
 
+    /// The index in [`Camera::blocks`] of the first block of that name.
+    pub fn block_index(&self, name: &str) -> Option<usize> {
+        self.blocks.iter().position(|b| b.name() == name)
+    }
+
+    /// For every block the range of its parameters in [`Camera::theta`], and in rows and columns of a covariance of all
+    /// parameters.
+    pub fn parameter_ranges(&self) -> impl Iterator<Item = Range<usize>> {
+        self.blocks.iter().scan(0, |start, block| {
+            let first = std::mem::replace(start, *start + block.theta.len());
+            Some(first..*start)
+        })
+    }
+
+    /// All blocks with their [`Camera::parameter_ranges`].
+    pub fn blocks_with_ranges(&self) -> impl Iterator<Item = (&Block, Range<usize>)> {
+        self.blocks.iter().zip(self.parameter_ranges())
+    }
+
     /// fx, fy, cx, cy, skew in px.
     pub fn pinhole(&self) -> [f64; PINHOLE] {
-        let block = self.blocks.iter().find(|b| b.piece.is_none());
+        let block = self.blocks.iter().find(|b| b.piece().is_none());
         block.map_or([f64::NAN; PINHOLE], |b| std::array::from_fn(|i| b.theta[i]))
     }
 
     /// The chain of its pieces, without values.
     pub fn chain(&self) -> Chain {
-        let pieces: Vec<_> = self.blocks.iter().filter_map(|b| b.piece.clone()).collect();
+        let pieces: Vec<_> = self.blocks.iter().filter_map(|b| b.piece().cloned()).collect();
         Chain::new(&pieces)
     }
 
@@ -188,15 +155,15 @@ impl Camera {
         camera
     }
 
-    /// The same camera with the blocks that `keep` accepts; the pinhole always stays.
+    /// The same camera with the blocks that `keep` accepts; the pinhole always stays. Indices of later blocks move.
     pub fn filtered(&self, keep: impl Fn(&Block) -> bool) -> Self {
         let mut camera = self.clone();
-        camera.blocks.retain(|b| b.piece.is_none() || keep(b));
+        camera.blocks.retain(|b| b.piece().is_none() || keep(b));
         camera.lens_limit = camera.monotone_radius();
         camera
     }
 
-    /// The same camera with every block changed by `change`, which keeps hook and order.
+    /// The same camera with every block changed by `change`, which must keep the hook; indices stay.
     pub fn map_blocks(&self, change: impl FnMut(Block) -> Block) -> Self {
         let mut camera = self.clone();
         camera.blocks = camera.blocks.into_iter().map(change).collect();
@@ -206,18 +173,15 @@ impl Camera {
 
     /// The same camera with one more piece, after those of the same hook.
     pub fn with_block(&self, block: Block) -> Self {
-        let pinhole = self.blocks.iter().find(|b| b.piece.is_none()).cloned();
+        let pinhole = self.blocks.iter().find(|b| b.piece().is_none()).cloned();
         let pinhole = pinhole.unwrap_or_else(|| Block::pinhole([f64::NAN; PINHOLE]));
-        let mut pieces: Vec<Block> = self.blocks.iter().filter(|b| b.piece.is_some()).cloned().collect();
+        let mut pieces: Vec<Block> = self.blocks.iter().filter(|b| b.piece().is_some()).cloned().collect();
         pieces.push(block);
         Self::from_blocks(self.width, self.height, pinhole, pieces)
     }
 
     fn of(&self, hook: HookKind) -> impl Iterator<Item = (&Arc<dyn AnyPiece>, &[f64])> {
-        self.blocks
-            .iter()
-            .filter(move |b| b.hook() == hook)
-            .filter_map(|b| b.piece.as_ref().map(|p| (p, b.theta.as_slice())))
+        self.blocks.iter().filter(move |b| b.hook() == hook).filter_map(|b| b.piece().map(|p| (p, b.theta.as_slice())))
     }
 
     /// Distorted normalised coordinates of a ray, and their derivative by (x, y): [∂x'/∂x, ∂x'/∂y, ∂y'/∂x, ∂y'/∂y].
@@ -236,7 +200,7 @@ impl Camera {
         ([state[3], state[4]], total)
     }
 
-    /// The largest radius within which the lens is one-to-one along every direction, on the undistorted plane.
+    /// The largest radius of undistorted rays within which the lens is one-to-one along every direction.
     fn monotone_radius(&self) -> f64 {
         const DIRECTIONS: usize = 16;
         const STEP: f64 = 0.02;
@@ -445,7 +409,8 @@ impl Camera {
             };
         }
         let (value, slope) = self.depth_and_slope(context, ray, cos_incidence, rho);
-        // What is settled to this is ρ · slope too: below some multiple of it nobody can tell ρ from 0, which is no depth.
+        // ρ · slope is known to this tolerance too. Below some multiple of it ρ is indistinguishable from zero, which is an
+        // infinite depth: reject it.
         let tolerance = 1e-13 * measured.abs();
         let settled = (value - measured).abs() <= tolerance;
         if settled && slope > 0.0 && rho * slope > 10.0 * tolerance { Ok(rho) } else { Err(folded()) }

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::Scalar;
+use crate::scalar::Scalar;
 
 /// Where in the chain a piece acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -19,7 +19,7 @@ pub enum HookKind {
     Pose,
     /// Image formation on the normalised image plane.
     Lens,
-    /// Pixel coordinates: the pinhole, and what moves the depth image against the image.
+    /// Pixel coordinates: the pinhole, and displacements of the depth image against the image.
     Pixel,
     /// Measured inverse depth.
     Depth,
@@ -49,9 +49,9 @@ pub trait Hook: Send + Sync + 'static {
     const IN: usize;
     /// Number of scalars in [`Hook::Output`].
     const OUT: usize;
-    /// What a piece is given.
+    /// The input of a piece.
     type State<T: Scalar>: Copy;
-    /// What a piece returns.
+    /// The output of a piece.
     type Output<T: Scalar>: Copy;
     /// Reads the state from its [`Hook::IN`] scalars.
     fn read<T: Scalar>(scalars: &[T]) -> Self::State<T>;

@@ -1,12 +1,25 @@
 //! The measurement model of depthcal: a camera is a chain of small pieces, and everything that may be wrong with it is
 //! one more piece.
 //!
+//! ```text
+//! board point P ──board──▶ P' ──pose──▶ X = R P' + t ──project──▶ (x, y, ρ) = (X/Z, Y/Z, 1/Z)
+//!     (x, y) ──lens──▶ (x', y') ──pinhole──▶ (u, v) ──pixel──▶ (u, v) of the depth image
+//!     (x, y, ρ) ──depth──▶ ρ_m,   z_m = 1/ρ_m
+//! ```
+//!
+//! A [`Piece`] is one map with its parameters, written once over any [`Scalar`]; it says what it is, what its parameters mean
+//! and what it needs to know of an observation. The [`Register`] finds pieces by name, from text ([`PieceSpec`],
+//! [`ModelSpec`]); a [`Camera`] is pieces with values ([`Block`]); its [`chain::Chain`] predicts pixels and depths with all
+//! Jacobians.
+//!
 //! Camera frame as in OpenCV: x right, y down, z forward. Millimetres, pixels, radians, seconds, degrees Celsius; pixel
 //! centres at integer coordinates. Depth is the z coordinate, not the range; inverse depth ρ = 1/z in 1/mm.
 //!
 //! Invariants: this crate knows no solver, no file and no image, and does not allocate per observation.
 
+mod block;
 pub mod board;
+mod builtin;
 pub mod camera;
 pub mod chain;
 pub mod depth;
@@ -14,13 +27,20 @@ pub mod field;
 pub mod hook;
 pub mod lens;
 mod piece;
+pub mod pinhole;
 pub mod pixel;
+pub mod pose;
 pub mod register;
 mod scalar;
+mod spec;
 pub mod target;
 
-pub use camera::{Block, Camera, CameraError};
-pub use piece::{AnyPiece, Context, Covariate, Parameter, Piece, Role, SURROUND_PX, Scan, ScanKind, erase};
+pub use block::Block;
+pub use camera::{Camera, CameraError};
+pub use piece::{
+    AnyPiece, Constant, Context, Covariate, Options, Parameter, Piece, Role, SURROUND_PX, Scan, ScanKind, erase,
+};
 pub use register::{Register, RegisterError};
 pub use scalar::Scalar;
+pub use spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
 pub use target::{Pattern, Target};

@@ -1,21 +1,17 @@
 //! The register of pieces: names to pieces, for files and the command line.
+//!
+//! depthcal's own pieces are listed in the `mod.rs` of their folder, one line each, by the macro `pieces`.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::camera::Block;
+use crate::block::Block;
 use crate::field::Field;
 use crate::hook::{Depth, Hook, HookKind};
+pub use crate::piece::Options;
 use crate::piece::{AnyPiece, Piece, erase};
-use crate::{board, depth, lens, pixel};
-
-/// Constants of a piece by name, as [`AnyPiece::options`] gives them.
-pub type Options = BTreeMap<String, f64>;
-
-/// Depth pieces that move ρ by an amount of their own at every pixel and cannot scale it.
-const OFFSET_MAPS: [&str; 2] = ["disparity_decay", "free_map"];
+use crate::spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
 
 type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
 
@@ -48,21 +44,21 @@ pub enum RegisterError {
     UnknownConstant {
         /// The piece.
         name: String,
-        /// What was given.
+        /// The text or value given.
         given: String,
         /// Its constants.
         known: Vec<String>,
     },
-    /// A constant outside what the piece can do.
+    /// A constant outside the range of the piece.
     #[error("{name}@{key}={value} is out of range; the nearest that '{name}' can do is {nearest}")]
     OutOfRange {
         /// The piece.
         name: String,
         /// The constant.
         key: String,
-        /// What was given.
+        /// The text or value given.
         value: String,
-        /// What is possible.
+        /// The nearest value in its range.
         nearest: String,
     },
     /// A subset names a parameter that the piece does not have.
@@ -70,14 +66,14 @@ pub enum RegisterError {
     UnknownParameter {
         /// The piece.
         name: String,
-        /// What was asked for.
+        /// The letter given.
         letter: char,
         /// Its parameters.
         parameters: Vec<String>,
     },
 }
 
-/// Names to pieces. [`Register::builtin`] has depthcal's own; [`Register::add`] takes others.
+/// The pieces that are known, by name. [`Register::builtin`] has depthcal's own; [`Register::add`] takes others.
 #[derive(Clone)]
 pub struct Register {
     entries: Vec<(&'static str, HookKind, Make)>,
@@ -93,37 +89,6 @@ impl Register {
     /// A register without pieces.
     pub fn empty() -> Self {
         Self { entries: Vec::new() }
-    }
-
-    /// All pieces that depthcal has: one line each.
-    pub fn builtin() -> Self {
-        let mut register = Self::empty();
-        register.add(|_| board::BoardBow);
-        register.add(|_| board::PrintScale);
-        register.add(|_| lens::BrownConrady);
-        register.add(|_| lens::ThinPrism);
-        register.add(|_| lens::RationalDistortion);
-        register.add(|_| lens::TiltedSensor);
-        register.add(|_| lens::FocusBreathing);
-        register.add(|_| pixel::DepthRegistration);
-        register.add(|_| depth::Projective);
-        register.add(depth::ProjectorDistortion::with_options);
-        register.add(depth::DisparityRipple::with_options);
-        register.add(|_| depth::RangeOffset);
-        register.add(|_| depth::QuadraticDepth);
-        register.add(depth::CyclicDepth::with_options);
-        register.add(|_| depth::RadialRange);
-        register.add(|_| depth::IncidenceBias);
-        register.add(depth::ReflectivityBias::with_options);
-        register.add(|_| depth::SignalMixing);
-        register.add(depth::TemporalDrift::with_options);
-        register.add(depth::TemperatureDrift::with_options);
-        register.add_field(depth::FreeMap::field);
-        register.add_field(depth::Bspline::field);
-        register.add_field(depth::Multiplier::field);
-        register.add_field(depth::DisparityDecay::field);
-        register.add_field(depth::PolynomialMap::field);
-        register
     }
 
     /// Adds a piece; `make` is given the constants that a file or the command line sets. A piece of the same name is
@@ -146,7 +111,7 @@ impl Register {
         self.entries.push((M::NAME, HookKind::Depth, make));
     }
 
-    /// The register without the piece of that name: to ask what a search does when it does not know an effect.
+    /// The register without the piece of that name, for instance to see what a search finds when it lacks an effect.
     pub fn without(mut self, name: &str) -> Self {
         self.entries.retain(|(n, ..)| *n != name);
         self
@@ -174,118 +139,116 @@ impl Register {
         entry.map(|(_, _, make)| make(options)).ok_or_else(unknown)
     }
 
-    /// A stack of depth pieces from its name: `none`, `projective`, `projective:xw` (only these parameters free),
-    /// `projective+bspline`, … Maps of offsets in ρ get `projective:zw` where the stack says nothing of D: a scale and an
-    /// offset of ρ belong to the camera that they correct (c1 and c0 in eq. 5 of Herrera, Kannala, Heikkilä 2012).
-    /// `none+disparity_decay` is the map and nothing else.
+    /// A stack of depth pieces from text, see [`ModelSpec`] and [`Register::depth_blocks`].
     ///
     /// # Errors
     ///
-    /// [`RegisterError`], where a name or a subset is unknown.
-    pub fn depth_model(&self, name: &str) -> Result<Vec<Block>, RegisterError> {
-        let parts: Vec<&str> = name.split('+').map(str::trim).collect();
-        let names = |part: &&str, piece: &str| part.split([':', '@']).next() == Some(piece);
-        let is_offset = parts.iter().any(|p| OFFSET_MAPS.iter().any(|map| names(p, map)));
-        let is_alone = !parts.iter().any(|p| names(p, "projective") || *p == "none");
-        let own = (is_offset && is_alone).then_some("projective:zw");
-        let pieces = own.into_iter().chain(parts.into_iter().filter(|p| *p != "none"));
-        pieces.map(|part| self.block(part, Some(HookKind::Depth))).collect()
+    /// [`RegisterError`], where a name, a subset or a constant is unknown.
+    pub fn depth_model(&self, text: &str) -> Result<Vec<Block>, RegisterError> {
+        self.depth_blocks(&text.parse().map_err(|error| self.refuse(error))?)
     }
 
-    /// One block from `NAME`, `NAME:SUBSET` (only these parameters free) or `NAME@CONSTANT=VALUE` (a constant of the
-    /// piece, several with further `@`); where `hook` is given the piece must act there.
+    /// The blocks of a depth model, in order. Where it has a map of offsets ([`AnyPiece::is_offset_map`]) and says nothing of
+    /// D, `projective:zw` comes first: a scale and an offset of ρ belong to the camera that such maps correct (c1 and c0 in
+    /// eq. 5 of Herrera, Kannala, Heikkilä 2012). `none+disparity_decay` is the map and nothing else.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`], where a name, a subset or a constant is unknown.
+    pub fn depth_blocks(&self, model: &ModelSpec) -> Result<Vec<Block>, RegisterError> {
+        let is_offset_map = |spec: &PieceSpec| self.find(&spec.name).is_some_and(|piece| piece.is_offset_map());
+        let is_alone = !model.bare && !model.has("projective");
+        let d = PieceSpec { free: FreeSubset::Ending("zw".to_owned()), ..PieceSpec::new("projective") };
+        let own = (is_alone && model.pieces.iter().any(is_offset_map)).then_some(&d);
+        own.into_iter().chain(&model.pieces).map(|spec| self.make(spec, Some(HookKind::Depth))).collect()
+    }
+
+    /// One block from text, see [`PieceSpec`]; where `hook` is given the piece must act there.
     ///
     /// # Errors
     ///
     /// [`RegisterError`].
-    pub fn block(&self, name: &str, hook: Option<HookKind>) -> Result<Block, RegisterError> {
-        let mut parts = name.split('@');
-        let name = parts.next().unwrap_or_default();
-        let (name, subset) = name.split_once(':').map_or((name, None), |(n, s)| (n, Some(s)));
-        let known = self.piece(name, &Options::new())?.options();
-        let mut options = Options::new();
-        for part in parts {
-            let constant = part.split_once('=').and_then(|(k, v)| Some((k.trim(), v.trim().parse::<f64>().ok()?)));
-            match constant.filter(|(key, value)| known.contains_key(*key) && !value.is_nan()) {
-                Some((key, value)) => _ = options.insert(key.to_owned(), value),
-                None => {
-                    let (name, known) = (name.to_owned(), known.into_keys().collect());
-                    return Err(RegisterError::UnknownConstant { name, given: part.to_owned(), known });
-                }
-            }
+    pub fn block(&self, text: &str, hook: Option<HookKind>) -> Result<Block, RegisterError> {
+        self.make(&text.parse().map_err(|error| self.refuse(error))?, hook)
+    }
+
+    /// The block of a specification, at nominal values; where `hook` is given the piece must act there.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`].
+    pub fn make(&self, spec: &PieceSpec, hook: Option<HookKind>) -> Result<Block, RegisterError> {
+        let name = || spec.name.clone();
+        let known = self.piece(&spec.name, &Options::new())?.options();
+        if let Some((key, value)) = spec.constants.iter().find(|(k, v)| !known.contains_key(*k) || v.is_nan()) {
+            let given = format!("{key}={value}");
+            return Err(RegisterError::UnknownConstant { name: name(), given, known: known.into_keys().collect() });
         }
-        let mut block = Block::new(self.piece(name, &options)?);
+        let mut block = Block::new(self.piece(&spec.name, &spec.constants)?);
         let taken = block.piece().map(|p| p.options()).unwrap_or_default();
-        if let Some((key, value)) = options.iter().find(|(key, value)| taken.get(*key) != Some(value)) {
-            let nearest = taken.get(key).copied().unwrap_or(f64::NAN);
+        if let Some((key, value)) = spec.constants.iter().find(|(key, value)| taken.get(*key) != Some(value)) {
+            let nearest = taken.get(key).copied().unwrap_or(f64::NAN).to_string();
             return Err(RegisterError::OutOfRange {
-                name: name.to_owned(),
+                name: name(),
                 key: key.clone(),
                 value: value.to_string(),
-                nearest: nearest.to_string(),
+                nearest,
             });
         }
         if let Some(expected) = hook.filter(|h| *h != block.hook()) {
             let found = block.hook().name();
-            return Err(RegisterError::WrongHook { name: name.to_owned(), found, expected: expected.name() });
+            return Err(RegisterError::WrongHook { name: name(), found, expected: expected.name() });
         }
-        if let Some(subset) = subset {
-            let free: Vec<bool> =
-                block.parameters().iter().map(|p| subset.chars().any(|c| p.name.ends_with(c))).collect();
-            let unknown = subset.chars().find(|c| !block.parameters().iter().any(|p| p.name.ends_with(*c)));
-            if let Some(letter) = unknown {
-                let parameters = block.parameters().iter().map(|p| p.name.to_string()).collect();
-                return Err(RegisterError::UnknownParameter { name: name.to_owned(), letter, parameters });
-            }
-            block.free = free;
-        }
+        block.free = spec.free.mask(block.parameters()).map_err(|letter| {
+            let parameters = block.parameters().iter().map(|p| p.name.to_string()).collect();
+            RegisterError::UnknownParameter { name: name(), letter, parameters }
+        })?;
         Ok(block)
     }
-}
 
-impl Default for Register {
-    fn default() -> Self {
-        Self::builtin()
+    /// A specification for people: `cyclic_depth (period 300 mm)`.
+    pub fn words(&self, spec: &PieceSpec) -> String {
+        spec.words(self.find(&spec.name).as_deref())
+    }
+
+    /// A depth model for people: `projective + cyclic_depth (period 300 mm)`; `none` without pieces.
+    pub fn model_words(&self, model: &ModelSpec) -> String {
+        let words: Vec<String> = model.pieces.iter().map(|spec| self.words(spec)).collect();
+        if words.is_empty() { "none".to_owned() } else { words.join(" + ") }
+    }
+
+    /// The piece of that name with default constants, for its description.
+    pub fn find(&self, name: &str) -> Option<Arc<dyn AnyPiece>> {
+        self.piece(name, &Options::new()).ok()
+    }
+
+    /// A parse error as the register's, which lists the known names.
+    fn refuse(&self, error: SpecError) -> RegisterError {
+        match error {
+            SpecError::NoName { spec } => {
+                RegisterError::UnknownPiece { name: spec, known: self.names().map(str::to_owned).collect() }
+            }
+            SpecError::BadConstant { name, given } => match self.piece(&name, &Options::new()) {
+                Err(unknown) => unknown,
+                Ok(piece) => {
+                    let known = piece.options().into_keys().collect();
+                    RegisterError::UnknownConstant { name, given, known }
+                }
+            },
+        }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Declares the files of a folder of pieces and registers their pieces: `FILE: TYPE => ADD(MAKE)` for every file, with
+/// [`Register::add`] or [`Register::add_field`] and the constructor from constants.
+macro_rules! pieces {
+    ($($file:ident: $piece:ident => $add:ident($make:expr),)*) => {
+        $(mod $file; pub use $file::$piece;)*
 
-    #[test]
-    fn names_with_subsets_and_constants() {
-        let register = Register::builtin();
-        let d = register.block("projective:xw", None).unwrap();
-        assert_eq!(d.free, [true, false, false, true]);
-        assert_eq!(register.depth_model("none").unwrap().len(), 0);
-        let stack = register.depth_model("projective+cyclic_depth@period_mm=250").unwrap();
-        assert_eq!(stack[1].piece().unwrap().options()["period_mm"], 250.0);
-    }
-
-    #[test]
-    fn maps_of_offsets_get_scale_and_offset_unless_the_stack_says_otherwise() {
-        let register = Register::builtin();
-        let names = |model: &str| -> Vec<String> {
-            register.depth_model(model).unwrap().iter().map(|b| b.name().to_owned()).collect()
-        };
-        let stack = register.depth_model("disparity_decay@columns=10").unwrap();
-        assert_eq!(stack[0].free, [false, false, true, true]);
-        assert_eq!(stack[1].piece().unwrap().options()["columns"], 10.0);
-        assert_eq!(names("free_map"), ["projective", "free_map"]);
-        assert_eq!(names("projective:xw+disparity_decay"), ["projective", "disparity_decay"]);
-        assert_eq!(names("none+disparity_decay"), ["disparity_decay"]);
-        assert_eq!(names("bspline"), ["bspline"]);
-    }
-
-    #[test]
-    fn what_is_unknown_is_refused_with_what_is_known() {
-        let register = Register::builtin();
-        let message = |name: &str| register.depth_model(name).unwrap_err().to_string();
-        assert!(message("projectiv").contains("projective"), "{}", message("projectiv"));
-        assert!(message("projective:q").contains("dx, dy, dz, dw"), "{}", message("projective:q"));
-        assert!(message("cyclic_depth@period=3").contains("period_mm"), "{}", message("cyclic_depth@period=3"));
-        assert!(message("cyclic_depth@period_mm=x").contains("period_mm"));
-        assert!(message("board_bow").contains("acts on the board"), "{}", message("board_bow"));
-    }
+        /// Adds the pieces of this folder to a register, in the order of their list.
+        pub(crate) fn register(register: &mut crate::register::Register) {
+            $(register.$add($make);)*
+        }
+    };
 }
+pub(crate) use pieces;

@@ -2,7 +2,7 @@
 
 use num_dual::DualNum;
 
-/// A real number or a dual number: what every equation of this crate is written over, so that one function gives the
+/// A real number or a dual number. Every equation of this crate is written over any of them, so that one function gives the
 /// value and, by forward differentiation, its exact derivatives.
 ///
 /// Products and sums with plain numbers have these on the right: `x * 2.0`.

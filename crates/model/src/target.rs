@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What is printed on the board. Lengths in mm.
+/// The pattern printed on the board. Lengths in mm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Pattern {
@@ -40,7 +40,7 @@ pub enum Pattern {
 /// A calibration board: the pattern and its size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// What is printed.
+    /// The pattern.
     #[serde(flatten)]
     pub pattern: Pattern,
     /// Markers in a row (squares for ChArUco, tags for AprilGrid).

@@ -6,7 +6,6 @@ use super::covariates::{Image, all};
 use super::figures::{self, Figure};
 use super::html::{count, escape, number};
 use super::leftover::{Leftover, judged};
-use super::parameters::CONFOUNDED;
 use super::uncertainty::Uncertainty;
 use super::{ReportDiagnosis, ReportInput, Role, checks, diagnosis, headline, tables};
 
@@ -404,8 +403,8 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
     }
     page.open("parameters", ["Parameters", "The camera"], "");
     page.body += &tables::parameters(c);
-    if c.camera.block("projective").is_some() {
-        page.body += &format!("<p class=\"note\">{}</p>\n", escape(CONFOUNDED));
+    for confounded in c.camera.blocks().iter().filter_map(|block| block.piece()?.confounded()) {
+        page.body += &format!("<p class=\"note\">{}</p>\n", escape(confounded));
     }
     page.body += &tables::fit(c);
     let list: Vec<Figure> = [figures::noise(input), figures::correlation(c)].into_iter().flatten().collect();

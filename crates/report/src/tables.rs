@@ -4,7 +4,6 @@ use std::fmt::Write;
 
 use super::headline::{Direction, direction};
 use super::html::{count, escape, measured, number, significant};
-use super::parameters::{meaning, piece_title};
 use super::pool::Pool;
 use super::statistics::{Change, Estimate, quantile};
 use super::uncertainty::{distances, typical};
@@ -122,14 +121,14 @@ pub(super) fn parameters(c: &Calibrated) -> String {
     let mut rows = String::new();
     for block in c.camera.blocks() {
         let source = block.piece().map_or("", |p| p.source());
-        let options: Vec<String> =
-            block.piece().map(|p| p.options()).unwrap_or_default().iter().map(|(k, v)| format!("{k} = {v}")).collect();
-        let options = if options.is_empty() { String::new() } else { format!(" · {}", escape(&options.join(", "))) };
+        let constants = block.constants_in_words();
+        let constants =
+            if constants.is_empty() { String::new() } else { format!(" · {}", escape(&constants.join(", "))) };
         let _ = writeln!(
             rows,
             "<tr class=\"piece\"><th colspan=\"5\" scope=\"rowgroup\">{} <span \
-             class=\"hint\">{}{options}</span></th></tr>",
-            escape(&piece_title(block.name())),
+             class=\"hint\">{}{constants}</span></th></tr>",
+            escape(&block.title()),
             escape(source)
         );
         for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
@@ -147,7 +146,7 @@ pub(super) fn parameters(c: &Calibrated) -> String {
                 escape(&parameter.name),
                 measured(*value, std),
                 escape(unit),
-                meaning(block.name(), &parameter.name).map_or_else(|| "–".to_owned(), escape)
+                if parameter.meaning.is_empty() { "–".to_owned() } else { escape(parameter.meaning) }
             );
             index += 1;
         }

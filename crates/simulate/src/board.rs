@@ -1,8 +1,8 @@
-//! The board: what is printed on it, where, and how bright it is in the infrared.
+//! The board: its print and its reflectance in the infrared.
 
 use serde::{Deserialize, Serialize};
 
-/// What is printed.
+/// The printed pattern.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Pattern {
@@ -20,11 +20,11 @@ pub enum Pattern {
     Chessboard,
 }
 
-/// A board. Its frame: x along a row, y down the columns, z away from a viewer who looks at the print, mm; the first
-/// marker is the origin.
+/// A board. Its frame has its origin in the first marker, x along the rows, y along the columns, and z away from a
+/// viewer of the print, mm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Board {
-    /// What is printed.
+    /// The printed pattern.
     pub pattern: Pattern,
     /// Markers in a row.
     pub columns: usize,
@@ -34,11 +34,11 @@ pub struct Board {
     pub spacing_mm: f64,
     /// White print on a black card instead of dark print on a white one.
     pub white_on_black: bool,
-    /// How far the card extends beyond the print on every side, mm.
+    /// Width of the card beyond the print on every side, mm.
     pub card_margin_mm: f64,
-    /// Share of the infrared light that bright areas return.
+    /// Reflectance of bright areas in the infrared, from 0 to 1.
     pub bright: f64,
-    /// Share of the infrared light that dark areas return.
+    /// Reflectance of dark areas in the infrared, from 0 to 1.
     pub dark: f64,
 }
 
@@ -90,7 +90,7 @@ impl Board {
         }
     }
 
-    /// Diameter of the dots, mm; none for a chessboard.
+    /// Diameter of the dots, mm; `None` for a chessboard.
     pub fn circle_diameter_mm(&self) -> Option<f64> {
         match self.pattern {
             Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } => {
@@ -111,7 +111,7 @@ impl Board {
         [0.0, 0.0, x1, (rows - 1.0) * s]
     }
 
-    /// Rectangle [x0, y0, x1, y1] of everything printed, mm: the dots' outlines, or the outer squares.
+    /// Rectangle [x0, y0, x1, y1] of the print, mm, including whole dots or the outer squares.
     pub fn print_rectangle(&self) -> [f64; 4] {
         let grow = self.circle_diameter_mm().map_or(self.spacing_mm, |d| d / 2.0);
         grown(self.marker_rectangle(), grow)
@@ -134,8 +134,8 @@ impl Board {
         x >= x0 && x <= x1 && y >= y0 && y <= y1
     }
 
-    /// Share of the light that the card returns at (x, y), mm, and the distance from there to the nearest edge of
-    /// the print or the card, mm. The point must lie on the card.
+    /// The card's surface at (x, y), mm: reflectance, and distances to the nearest edges of print and card. The point
+    /// must lie on the card.
     pub(crate) fn surface(&self, p: [f64; 2]) -> Surface {
         let [x0, y0, x1, y1] = self.card_rectangle();
         let border = (p[0] - x0).min(x1 - p[0]).min(p[1] - y0).min(y1 - p[1]);
@@ -184,10 +184,10 @@ impl Board {
     }
 }
 
-/// What the card looks like at a point.
+/// The card's surface at a point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Surface {
-    /// Share of the light that comes back.
+    /// Reflectance, from 0 to 1.
     pub albedo: f64,
     /// Whether the point is on a dot or a dark square.
     pub printed: bool,

@@ -1,10 +1,10 @@
-//! The camera as it really is: intrinsics, lens, projective depth distortion, and the published ones.
+//! The true camera: intrinsics, lens and projective depth distortion; and the published cameras.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::SimulateError;
 
-/// A depth camera's true parameters. Pixels have their centres at integer coordinates.
+/// True parameters of a depth camera. Pixel centres have integer coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraTruth {
     /// Image width, px.
@@ -26,7 +26,7 @@ pub struct CameraTruth {
 }
 
 impl CameraTruth {
-    /// Camera 1, 2, 3 or 4 of Sjöholm 2017 (section 6.2 and 6.5), 640×480.
+    /// Camera 1, 2, 3 or 4 of Sjöholm 2017 (sections 6.2 and 6.5), 640×480 px.
     ///
     /// # Errors
     /// [`SimulateError::UnknownCamera`] for any other number.
@@ -61,7 +61,7 @@ impl CameraTruth {
         Ok(Self { focal_px, centre_px, lens, depth, ..Self::ideal(640, 480, 476.9) })
     }
 
-    /// A camera without lens and depth distortion, its principal point in the middle of the image.
+    /// A camera without lens distortion and depth distortion, with its principal point in the middle of the image.
     pub fn ideal(width: usize, height: usize, focal_px: f64) -> Self {
         Self {
             width,
@@ -80,7 +80,7 @@ impl CameraTruth {
         self.focal_px[0] * self.baseline_mm
     }
 
-    /// Whether the numbers describe a camera.
+    /// Checks that the parameters are finite, and those that must be positive are.
     pub(crate) fn check(&self) -> Result<(), SimulateError> {
         let positive = |field: &'static str, value: f64| {
             if value.is_finite() && value > 0.0 {

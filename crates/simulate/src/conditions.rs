@@ -1,11 +1,11 @@
-//! When a frame was taken and how warm the camera was.
+//! Time and temperature of frames.
 
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use crate::streams::{Purpose, stream};
 
-/// Circumstances of a frame.
+/// Time and temperature of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Conditions {
     /// Index of the frame in capture order.
@@ -18,11 +18,11 @@ pub struct Conditions {
     pub temperature_c: f64,
 }
 
-/// Temperature from which drifts count, °C.
+/// Reference temperature of drifts, °C.
 pub(crate) const REFERENCE_TEMPERATURE_C: f64 = 30.0;
 
-/// Conditions of `frames` frames: some seconds apart, while the camera warms up, its fan cycles, and the room has
-/// draughts, so that temperature and time do not run in parallel.
+/// Conditions of `frames` frames, some seconds apart. The camera warms up, its fan cycles and the room has draughts, so
+/// that temperature and time are not collinear.
 pub(crate) fn choose(frames: usize, seed: u64) -> Vec<Conditions> {
     let mut rng = stream(seed, Purpose::Conditions, 0);
     let mut clock = 0.0;

@@ -1,4 +1,4 @@
-//! Writes captures as dataset folders: `dataset.toml`, `frames.csv`, images and depth images.
+//! Captures as dataset folders: `dataset.toml`, `frames.csv`, images and depth images.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -14,13 +14,13 @@ use crate::simulation::Simulation;
 use crate::truth::Truth;
 
 impl Simulation {
-    /// Renders every frame and writes the dataset into `dir`, which is made where it does not exist. Nothing in the
-    /// folder tells what was simulated; that is only in the returned truth. `dataset.toml` is written last: without it
-    /// an interrupted folder is no dataset.
+    /// Renders every frame and writes the dataset into `dir`, which is created if necessary. The folder does not reveal
+    /// what was simulated; only the returned truth does. `dataset.toml` is written last, so that an interrupted run
+    /// leaves no folder that counts as a dataset.
     ///
     /// # Errors
-    /// Any [`SimulateError`] of unusable parameters; [`SimulateError::NotEmpty`] where `dir` has frames already;
-    /// [`SimulateError::Write`] and [`SimulateError::Png`] with the file at fault.
+    /// [`SimulateError`] when a parameter is unusable; [`SimulateError::NotEmpty`] when `dir` already has frames;
+    /// [`SimulateError::Write`] and [`SimulateError::Png`] with the file.
     pub fn write_dataset(&self, dir: impl AsRef<Path>) -> Result<Truth, SimulateError> {
         let dir = dir.as_ref();
         let renderer = self.renderer()?;
@@ -48,7 +48,7 @@ impl Simulation {
         write_png(dir.join("depth").join(&file), size, &frame.depth, 16)
     }
 
-    /// `dataset.toml`: the board and the depth unit as their owner believes them to be.
+    /// The text of `dataset.toml`, with board and depth unit as declared, which defects make differ from the truth.
     fn declaration(&self) -> String {
         let board = &self.board;
         let factor = self.defects.spacing_factor;

@@ -1,4 +1,4 @@
-//! What goes wrong in a capture without being an effect: wrong frames, gross errors, wrong declarations.
+//! Faults of a capture that are not effects: wrong frames, outliers, wrong declarations.
 
 use nalgebra::Vector3;
 use rand::{RngExt, seq::SliceRandom};
@@ -14,19 +14,19 @@ use crate::streams::{Purpose, stream};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Defects {
-    /// Frames between whose image and depth the board moved by 10 to 25 mm and 1° to 3°.
+    /// Number of frames in which the board moved by 10 to 25 mm and 1° to 3° between image and depth.
     pub bad_frames: usize,
-    /// Frames that are copies, image and depth, of the frame before them.
+    /// Number of frames that are copies, image and depth, of the frame before them.
     pub duplicated_frames: usize,
-    /// Pairs of frames whose depth images are exchanged.
+    /// Number of pairs of frames whose depth images are exchanged.
     pub swapped_depth_pairs: usize,
     /// Share of the depth values that are wrong by 20 to 200 mm.
     pub depth_outliers: f64,
-    /// Share of the markers that are wrong by 2 to 20 px; only at the point level.
+    /// Share of the markers that are wrong by 2 to 20 px; applies to point observations only.
     pub marker_outliers: f64,
-    /// Declared over true spacing of the board.
+    /// Declared spacing of the board divided by the true one.
     pub spacing_factor: f64,
-    /// Declared over true unit of the depth images.
+    /// Declared unit of the depth images divided by the true one.
     pub depth_unit_factor: f64,
 }
 
@@ -44,10 +44,10 @@ impl Default for Defects {
     }
 }
 
-/// Which frames the defects hit.
+/// Indices of the frames with defects.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct DefectiveFrames {
-    /// Frames whose image and depth disagree.
+    /// Frames in which the board moved between image and depth.
     pub bad: Vec<usize>,
     /// Pairs [original, copy].
     pub duplicated: Vec<[usize; 2]>,
@@ -55,16 +55,16 @@ pub struct DefectiveFrames {
     pub swapped: Vec<[usize; 2]>,
 }
 
-/// One exposure: the board's pose and where its noise and conditions come from.
+/// One exposure: the pose of the board, and the source of noise and conditions.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shot {
     pub pose: Pose,
-    /// Index of the frame whose random streams it uses.
+    /// Index of the frame whose random streams are used.
     pub source: usize,
     pub conditions: Conditions,
 }
 
-/// Image and depth of a frame as the dataset has them.
+/// The exposures of image and depth image of a frame, and the conditions that the dataset declares.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frame {
     pub declared: Conditions,
@@ -96,7 +96,7 @@ impl Defects {
         Ok(())
     }
 
-    /// The frames with their defects; no frame has two of them.
+    /// The frames with their defects, at most one per frame.
     pub(crate) fn frames(
         &self,
         poses: &[Pose],
@@ -110,7 +110,7 @@ impl Defects {
             (0..poses.len()).map(|i| Frame { declared: conditions[i], image: shot(i), depth: shot(i) }).collect();
         let mut hit = DefectiveFrames::default();
 
-        // Neighbours first, while there are pairs of neighbours left.
+        // Duplicates come first, as they need pairs of neighbours.
         let mut free = vec![true; frames.len()];
         let mut pairs: Vec<usize> = (1..frames.len()).collect();
         pairs.shuffle(&mut rng);

@@ -1,15 +1,15 @@
-//! What can go wrong in a simulation.
+//! Errors of simulation.
 
 use std::path::PathBuf;
 
-/// Why a simulation could not be made.
+/// Why a simulation cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulateError {
     /// No effect has this name.
     #[error("unknown effect `{name}`; the catalogue has {catalogue}; beyond the catalogue there are {beyond}")]
     UnknownEffect {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// Names of the catalogued effects, comma separated.
         catalogue: String,
@@ -21,35 +21,35 @@ pub enum SimulateError {
     BadEffectSize {
         /// The effect.
         name: String,
-        /// What was given as its size.
+        /// The given size.
         size: String,
         /// The unit of its size.
         unit: &'static str,
     },
-    /// The effect cannot be made as large as asked for.
+    /// The effect cannot reach the requested size.
     #[error("effect `{name}`: size {size} {unit} cannot be reached with this camera: {reason}")]
     EffectTooLarge {
         /// The effect.
         name: &'static str,
-        /// The size that was asked for.
+        /// The requested size.
         size: f64,
         /// The unit of the size.
         unit: &'static str,
-        /// What limits it.
+        /// The limit that it violates.
         reason: &'static str,
     },
-    /// The effect cannot be planted in depth images that were measured.
+    /// The effect cannot be planted in measured depth images.
     #[error("effect `{name}` cannot be planted in a measured depth image: {reason}")]
     NotPlantable {
         /// The effect.
         name: &'static str,
-        /// What it would need.
+        /// Why.
         reason: &'static str,
     },
     /// No dataset kind has this name.
     #[error("unknown dataset kind `{name}`; known are {known}")]
     UnknownKind {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// The known kinds, comma separated.
         known: String,
@@ -57,7 +57,7 @@ pub enum SimulateError {
     /// There is no camera of this number.
     #[error("unknown camera {number}; the published cameras are 1, 2, 3 and 4")]
     UnknownCamera {
-        /// What was asked for.
+        /// The requested number.
         number: usize,
     },
     /// The board does not fit into the image at any distance of the dataset kind.
@@ -72,23 +72,23 @@ pub enum SimulateError {
         width: usize,
         /// Image height, px.
         height: usize,
-        /// The distance that was tried last, mm.
+        /// The last distance tried, mm.
         distance_mm: f64,
     },
-    /// A number that describes the simulation makes no sense.
-    #[error("{field} = {value} is not usable: {expected}")]
+    /// A parameter of the simulation is unusable.
+    #[error("{field} = {value} is not usable: expected {expected}")]
     BadParameter {
-        /// Which one.
+        /// The parameter.
         field: &'static str,
         /// Its value.
         value: f64,
-        /// What it should be.
+        /// Description of usable values.
         expected: &'static str,
     },
     /// An array does not have the size of the image.
     #[error("{what} has {got} values, the {width}x{height} image needs {need}")]
     SizeMismatch {
-        /// Which array.
+        /// The array.
         what: &'static str,
         /// Its length.
         got: usize,
@@ -99,26 +99,26 @@ pub enum SimulateError {
         /// Image height, px.
         height: usize,
     },
-    /// The folder for a dataset has files in it that the dataset would be mixed with.
-    #[error("{}: holds frames already; choose an empty folder", path.display())]
+    /// The folder for a dataset already contains frames.
+    #[error("{}: already holds frames; choose an empty folder", path.display())]
     NotEmpty {
         /// The folder.
         path: PathBuf,
     },
     /// A file could not be written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: cannot write the file: {source}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A PNG could not be encoded.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: cannot encode the image: {source}", path.display())]
     Png {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The encoder's error.
         source: png::EncodingError,
     },
 }

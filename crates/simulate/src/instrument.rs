@@ -1,22 +1,22 @@
-//! The camera and board of one simulation with everything that is wrong with them: effects install themselves here.
+//! Camera and board of one simulation with all their errors; effects are installed here.
 
 use crate::board::Board;
 use crate::camera::CameraTruth;
 use crate::conditions::Conditions;
 use crate::optics::Optics;
 
-/// What a depth pixel sees, before any error. Depth effects may look at all of it.
+/// The error-free measurement of a depth pixel, as depth effects see it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reading {
     /// The pixel of the depth image.
     pub pixel: [f64; 2],
-    /// The ray (x, y, 1) along which it measures.
+    /// Its ray (x, y, 1).
     pub ray: [f64; 2],
     /// Cosine of the angle of incidence.
     pub cosine: f64,
     /// Infrared signal at the pixel, 1 = full scale of the image.
     pub amplitude: f64,
-    /// The frame.
+    /// Time and temperature of the frame.
     pub conditions: Conditions,
 }
 
@@ -27,36 +27,36 @@ impl Reading {
     }
 }
 
-/// Where in the measurement an effect acts; the order is that of the stages.
+/// Stage of the measurement at which an effect acts, in the order of the stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Stage {
-    /// Light and its travel: acts on depth.
+    /// Emission, travel and detection of light: acts on depth.
     Signal,
     /// Triangulation: acts on disparity.
     Disparity,
-    /// After the projective distortion: what the camera makes of its own measurement.
+    /// After the projective distortion: acts on the camera's output.
     Output,
 }
 
 /// An effect on the measured inverse depth.
 pub(crate) trait DepthEffect: Send + Sync {
-    /// Where it acts.
+    /// The stage at which it acts.
     fn stage(&self) -> Stage;
-    /// The inverse depth with the effect, from `rho` without it, 1/mm.
+    /// Inverse depth with the effect, 1/mm, given the inverse depth `rho` without it, 1/mm.
     fn distort(&self, at: &Reading, rho: f64) -> f64;
 }
 
-/// Inverse depth after the depth has grown by `dz` mm.
+/// Inverse depth after adding `dz` mm to the depth.
 pub(crate) fn with_depth_added(rho: f64, dz: f64) -> f64 {
     rho / (1.0 + rho * dz)
 }
 
-/// How the real board departs from its design.
+/// Deviation of the real board from its design.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BoardShape {
     /// Height h = a ξ² + b η² + c ξ η, mm, ξ and η from −1 to 1 over the markers.
     pub bow: [f64; 3],
-    /// Elongation of the print along y.
+    /// Relative elongation of the print along y.
     pub stretch_y: f64,
     centre: [f64; 2],
     half: [f64; 2],
@@ -73,13 +73,13 @@ impl BoardShape {
         self.bow == [0.0; 3]
     }
 
-    /// Position of the designed point (x, y) on the real board, mm.
+    /// Position on the real board of the point (x, y) of the design, mm.
     pub fn real(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         let y = y * (1.0 + self.stretch_y);
         [x, y, self.height([x, y]).0]
     }
 
-    /// The designed point that lies at (x, y) of the real board, mm.
+    /// Point of the design that lies at (x, y) of the real board, mm.
     pub fn designed(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [x, y / (1.0 + self.stretch_y)]
     }
@@ -93,11 +93,11 @@ impl BoardShape {
     }
 }
 
-/// Camera and board as they are.
+/// Camera and board with their effects.
 pub(crate) struct Instrument {
     pub optics: Optics,
     pub shape: BoardShape,
-    /// The depth image is displaced against the image by this many pixels.
+    /// Displacement (du, dv) of the depth image relative to the image, px.
     pub registration: [f64; 2],
     /// dx, dy, dz, dw.
     pub projective: [f64; 4],
@@ -116,23 +116,23 @@ impl Instrument {
         }
     }
 
-    /// Adds an effect behind those of its stage.
+    /// Adds an effect after those of its stage.
     pub fn add(&mut self, effect: Box<dyn DepthEffect>) {
         let at = self.effects.partition_point(|other| other.stage() <= effect.stage());
         self.effects.insert(at, effect);
     }
 
-    /// The pixel of the image that shows what the depth image shows at `pixel`.
+    /// Position in the image of what the depth image shows at `pixel`, px.
     pub fn image_pixel(&self, pixel: [f64; 2]) -> [f64; 2] {
         [pixel[0] - self.registration[0], pixel[1] - self.registration[1]]
     }
 
-    /// Inverse depth with the depth effects only, without the projective distortion, from a depth that has them not.
+    /// Applies the depth effects to an inverse depth (1/mm), without the projective distortion.
     pub fn distort(&self, at: &Reading, rho: f64) -> f64 {
         self.effects.iter().fold(rho, |rho, effect| effect.distort(at, rho))
     }
 
-    /// Measured inverse depth, without noise, from the true one.
+    /// Measured inverse depth without noise, given the true inverse depth, 1/mm.
     pub fn measure(&self, at: &Reading, rho: f64) -> f64 {
         let [dx, dy, dz, dw] = self.projective;
         let before = self.effects.partition_point(|effect| effect.stage() < Stage::Output);

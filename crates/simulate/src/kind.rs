@@ -1,4 +1,4 @@
-//! Dataset kinds: how the board was held in the thesis' captures (Sjöholm 2017, section 6.1).
+//! Dataset kinds: the distributions of board poses in the thesis' captures (Sjöholm 2017, section 6.1).
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,26 +7,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::SimulateError;
 
-/// How the board is held from frame to frame.
+/// Distribution of the board's poses over the frames of a dataset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Kind {
-    /// Varying angles up to about 45° and distances from 0.3 to 1.5 m, everywhere in the image. The number tells
-    /// captures of the same seed apart; `general1` is the thesis'.
+    /// Angles up to about 45° and distances from 0.3 to 1.5 m, everywhere in the image. The number distinguishes
+    /// captures of the same seed; `general1` is the thesis'.
     General(u32),
     /// In the middle of the image, at varying distances and angles.
     Centered1,
-    /// General position on the larger plywood: farther away.
+    /// General poses, farther away (the thesis' larger plywood board).
     Longplywood1,
-    /// The same, few frames.
+    /// As `longplywood1`, with few frames.
     Longplywood2,
-    /// General position, near.
+    /// General poses, nearby.
     Plywood1,
     /// On the floor, 1 m away, parallel to the image.
     Sameheight1,
     /// Held by hand 0.5 m away, parallel to the image.
     Sameheight2,
-    /// General position, almost always in the left half of the image.
+    /// General poses, almost always in the left half of the image.
     Vertical1,
 }
 
@@ -56,7 +56,7 @@ impl Kind {
         }
     }
 
-    /// How the board is placed.
+    /// Limits of the poses.
     pub(crate) fn placement(self) -> Placement {
         let general = Placement {
             near_mm: 300.0,
@@ -93,7 +93,7 @@ pub(crate) struct Placement {
     pub max_tilt_deg: f64,
     /// Largest rotation in the board's plane, degrees.
     pub max_roll_deg: f64,
-    /// Where the board's middle may be, [u0, v0, u1, v1] in fractions of the image.
+    /// Region of the board's middle, [u0, v0, u1, v1] in fractions of the image's size.
     pub region: [f64; 4],
 }
 
@@ -116,7 +116,7 @@ impl fmt::Display for Kind {
 impl FromStr for Kind {
     type Err = SimulateError;
 
-    /// Reads a kind's name; `general` is `general1`, and any `generalN` is another capture of that kind.
+    /// Parses a kind's name. `general` is `general1`; `generalN` is another capture of that kind.
     fn from_str(name: &str) -> Result<Self, SimulateError> {
         if let Some(number) = name.strip_prefix("general") {
             if number.is_empty() {

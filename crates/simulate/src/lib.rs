@@ -1,13 +1,15 @@
 //! Renders captures of a board by a depth camera whose errors are known, independently of the fitted model.
 //!
-//! A [`Simulation`] has a camera, a way of holding the board ([`Kind`]), and [`Effect`]s: what is wrong with camera or
-//! board and what a calibration's model may lack. It is observed in two ways: [`Simulation::observe_points`] gives marker
-//! positions and depth samples with white noise, for statistics over many seeds; [`Simulation::write_dataset`] renders
-//! images and depth images as a camera would deliver them.
+//! A [`Simulation`] has a camera, a distribution of board poses ([`Kind`]), and [`Effect`]s: systematic errors of
+//! camera or board that the model of a calibration may lack. There are two ways to observe it:
+//! [`Simulation::observe_points`] gives marker positions and depth samples with white noise, for statistics over many
+//! seeds; [`Simulation::write_dataset`] renders images and depth images as a camera would deliver them.
 //!
-//! Invariants: nothing here is shared with the code that fits; effects are applied to the scene, the ray or the
-//! measurement, never added to residuals; a dataset never tells what was simulated, only the returned [`Truth`] does; the
-//! same seed gives the same bytes whatever the number of threads.
+//! Invariants:
+//! - no code is shared with the crates that fit;
+//! - effects are applied to the scene, the ray or the measurement, never added to residuals;
+//! - a dataset does not reveal what was simulated, only the returned [`Truth`] does;
+//! - the same seed gives the same bytes for any number of threads.
 //!
 //! Camera frame: x right, y down, z forward; mm, px, radians. Depth is z. Inverse depth ρ = 1/z.
 
@@ -27,6 +29,7 @@ mod plant;
 mod points;
 mod pose;
 mod render;
+mod rendering;
 mod scene;
 mod session;
 mod simulation;
@@ -45,6 +48,7 @@ pub use noise::{DepthNoise, Noise};
 pub use plant::{PlantView, plant};
 pub use points::{DepthSample, FramePoints, MarkerPoint, PointObservations, PointOptions};
 pub use pose::Pose;
-pub use render::{RenderedFrame, Renderer, Rendering};
+pub use render::{RenderedFrame, Renderer};
+pub use rendering::Rendering;
 pub use simulation::Simulation;
 pub use truth::{FrameTruth, Truth};

@@ -1,21 +1,21 @@
-//! The infrared light: an emitter beside the camera, falling off with the squared range and towards the image's
-//! corners, and the exposure.
+//! Infrared illumination by an emitter next to the camera, which falls off with the squared range and towards the
+//! image's corners; and the exposure.
 
 use serde::{Deserialize, Serialize};
 
-/// How the image's brightness is set.
+/// The exposure of the infrared images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "mode", rename_all = "kebab-case")]
 pub enum Exposure {
-    /// Every frame so that the white of the board has this share of full scale in its middle, as far as the gain
-    /// goes: boards farther away than 1.1 m become darker.
+    /// Set for every frame such that the board's white, in its middle, has a given share of full scale. The gain is
+    /// limited: boards farther away than 1.1 m are darker.
     Auto {
         /// Share of full scale.
         white: f64,
     },
-    /// The same for all frames, as raw infrared images have it.
+    /// The same for all frames, as in raw infrared images.
     Fixed {
-        /// Share of full scale that the white of a frontal board has on the optical axis at 1 m.
+        /// Signal of the board's white, frontal on the optical axis at 1 m, share of full scale.
         white_at_1m: f64,
     },
 }
@@ -27,7 +27,8 @@ pub(crate) struct Light {
 }
 
 impl Light {
-    /// For a frame whose board has its middle at `middle` (camera frame, mm) and is as white as `bright`.
+    /// Light of a frame whose board has its middle at `middle` (camera frame, mm) and whose white has reflectance
+    /// `bright`.
     pub fn new(exposure: Exposure, bright: f64, middle: [f64; 3]) -> Self {
         match exposure {
             Exposure::Auto { white } => {
@@ -39,15 +40,15 @@ impl Light {
         }
     }
 
-    /// Signal of a surface at depth `z` on `ray`, as a share of full scale, not yet clipped.
+    /// Signal of a surface at depth `z` (mm) on `ray`, share of full scale, not clipped.
     pub fn signal(&self, albedo: f64, cosine: f64, ray: [f64; 2], z: f64) -> f64 {
         self.gain * albedo * cosine * irradiance(ray, z)
     }
 }
 
-/// Light that reaches a surface at depth `z` on `ray` and from there the pixel, relative to 1 m on the axis. A lens'
-/// image of a lit surface falls off with the fourth power of the cosine; with the squared range instead of the squared
-/// depth, two of the four powers are the light's longer way, the other two what the emitter does not make up for.
+/// Light that reaches the pixel from a surface at depth `z` (mm) on `ray`, relative to 1 m on the axis: (1 m / z)² cos⁴
+/// θ. Two of the four powers of the cosine are the illumination's fall with the squared range instead of the squared
+/// depth; the other two are the part of the lens' vignetting that the emitter does not compensate.
 fn irradiance([x, y]: [f64; 2], z: f64) -> f64 {
     let secant2 = 1.0 + x * x + y * y;
     (1000.0 / z).powi(2) / (secant2 * secant2)

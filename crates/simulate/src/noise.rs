@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::SimulateError;
 
-/// How depth noise grows with distance.
+/// Law by which depth noise grows with distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "law", rename_all = "kebab-case")]
 pub enum DepthNoise {
@@ -37,24 +37,24 @@ impl DepthNoise {
 pub struct Noise {
     /// Noise of depth.
     pub depth: DepthNoise,
-    /// Neighbouring depth pixels share noise: white noise filtered with a Gaussian of this standard deviation, px; 0
-    /// for white noise. Only in rendered images.
+    /// Correlation of depth noise between neighbouring pixels: standard deviation of the Gaussian with which white
+    /// noise is filtered, px; 0 for white noise. Only in rendered images.
     pub depth_correlation_px: f64,
-    /// Step of the measured disparity as a step in ρ, 1/mm; 0 for none. Only in rendered images.
+    /// Quantisation step of the measured disparity, expressed in ρ, 1/mm; 0 for none. Only in rendered images.
     pub depth_step_rho: f64,
-    /// Student's t with this many degrees of freedom (above 2) instead of a normal distribution, for markers and depth
-    /// at the point level and for depth in rendered images; scaled to the same standard deviation.
+    /// Degrees of freedom (above 2) of Student's t distribution, scaled to the same standard deviation, in place of the
+    /// normal distribution: for markers and depth of point observations, and for depth in rendered images.
     pub tail_dof: Option<f64>,
     /// Standard deviation of the image's blur, px.
     pub blur_px: f64,
     /// Read noise, share of full scale.
     pub image_read: f64,
-    /// Shot noise: variance per signal, both as shares of full scale.
+    /// Shot noise: variance over signal, both as shares of full scale.
     pub image_shot: f64,
 }
 
 impl Default for Noise {
-    /// Structured light: about 0.5 mm at 500 mm and 2 mm at 1 m, shared by neighbouring pixels.
+    /// Structured light: about 0.5 mm at 500 mm and 2 mm at 1 m, correlated between neighbouring pixels.
     fn default() -> Self {
         Self {
             depth: DepthNoise::Disparity { sigma_rho: 2e-6 },

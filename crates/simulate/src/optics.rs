@@ -1,10 +1,10 @@
-//! From rays to pixels and back: the complete lens (as OpenCV's full model writes it), sensor tilt, focus breathing.
+//! Rays to pixels and back: OpenCV's full lens model, sensor tilt, and focus breathing.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use crate::camera::CameraTruth;
 
-/// Everything that light passes on its way to a pixel. Built from a [`CameraTruth`]; effects fill in the rest.
+/// The optical path from ray to pixel: pinhole and Brown–Conrady from a [`CameraTruth`], the rest set by effects.
 #[derive(Debug, Clone)]
 pub(crate) struct Optics {
     pub focal: [f64; 2],
@@ -18,13 +18,13 @@ pub(crate) struct Optics {
     pub denominator: [f64; 3],
     /// s1 s2 s3 s4.
     pub prism: [f64; 4],
-    /// The sensor plane's homography and its inverse.
+    /// Homography of the tilted sensor plane, and its inverse.
     pub tilt: Option<(Matrix3<f64>, Matrix3<f64>)>,
-    /// Growth of the focal length per unit of inverse depth beyond the focused one, mm.
+    /// Relative growth of the focal length per unit of inverse depth beyond [`FOCUSED_AT`], mm.
     pub breathing_mm: f64,
 }
 
-/// Inverse depth at which the focal lengths hold, 1/mm.
+/// Inverse depth at which the focal lengths are exact, 1/mm.
 pub(crate) const FOCUSED_AT: f64 = 1.0 / 700.0;
 
 impl Optics {
@@ -43,7 +43,7 @@ impl Optics {
         }
     }
 
-    /// Turns the sensor by (τx, τy), radians: a Scheimpflug arrangement.
+    /// Tilts the sensor by (τx, τy), radians (Scheimpflug).
     pub fn set_tilt(&mut self, [tau_x, tau_y]: [f64; 2]) {
         let (sx, cx) = tau_x.sin_cos();
         let (sy, cy) = tau_y.sin_cos();
@@ -55,8 +55,8 @@ impl Optics {
         self.tilt = tilt.try_inverse().map(|inverse| (tilt, inverse));
     }
 
-    /// Pixel that shows the point X (mm); none where it lies behind the camera or beyond the radius where the lens
-    /// folds.
+    /// Pixel of the point X (camera frame, mm); `None` when it lies behind the camera or beyond the radius at which the
+    /// lens folds.
     pub fn project(&self, [x, y, z]: [f64; 3]) -> Option<[f64; 2]> {
         if z <= 0.0 {
             return None;
@@ -65,7 +65,7 @@ impl Optics {
         self.is_monotone(ray).then(|| self.pixel(self.distort(ray), 1.0 / z))
     }
 
-    /// Ray (x, y, 1) that reaches `pixel` from the inverse depth `rho`; none where the lens has no such ray.
+    /// Ray (x, y, 1) to `pixel` (px) of a point at inverse depth `rho` (1/mm); `None` when the lens has no such ray.
     pub fn ray(&self, pixel: [f64; 2], rho: f64) -> Option<[f64; 2]> {
         let sharp = self.in_focus(pixel, rho);
         let y = (sharp[1] - self.centre[1]) / self.focal[1];
@@ -73,7 +73,7 @@ impl Optics {
         self.undistort([x, y])
     }
 
-    /// Where `pixel` would lie if its point were at the focused distance.
+    /// Position of `pixel` (px) if its point were at the focused distance.
     pub fn in_focus(&self, pixel: [f64; 2], rho: f64) -> [f64; 2] {
         let m = self.magnification(rho);
         [self.centre[0] + (pixel[0] - self.centre[0]) / m, self.centre[1] + (pixel[1] - self.centre[1]) / m]
@@ -89,7 +89,7 @@ impl Optics {
         [self.centre[0] + m * (fx * x + self.skew * y), self.centre[1] + m * fy * y]
     }
 
-    /// Lens and sensor tilt, normalised coordinates.
+    /// Distortion by lens and sensor tilt, in normalised coordinates.
     pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let r2 = x * x + y * y;
         let series = |[a, b, c]: [f64; 3]| 1.0 + r2 * (a + r2 * (b + r2 * c));
@@ -104,7 +104,7 @@ impl Optics {
         }
     }
 
-    /// The inverse of [`Self::distort`], by Newton's method; none beyond the fold.
+    /// The inverse of [`Self::distort`] by Newton's method; `None` beyond the radius at which the lens folds.
     fn undistort(&self, target: [f64; 2]) -> Option<[f64; 2]> {
         let start = match &self.tilt {
             Some((_, inverse)) => apply(inverse, target),
@@ -114,7 +114,7 @@ impl Optics {
         for _ in 0..30 {
             let missing = target - Vector2::from(self.distort(ray.into()));
             let step = self.slope(ray.into()).try_inverse()? * missing;
-            // Large steps leave the region where the map is monotone.
+            // Steps are limited, as large ones leave the region in which the map is monotone.
             ray += step * (0.3 / step.norm()).min(1.0);
             if step.norm() < 1e-13 {
                 break;
@@ -134,8 +134,8 @@ impl Optics {
         ])
     }
 
-    /// Whether the lens' radial map still grows from the centre out to this ray. Its slope there alone would not
-    /// tell: beyond one fold a second may follow.
+    /// Whether the radial map is monotone from the centre out to this ray. The slope at the ray alone is not enough, as
+    /// it is positive again beyond a second fold.
     fn is_monotone(&self, [x, y]: [f64; 2]) -> bool {
         let r2 = x * x + y * y;
         if self.radial == [0.0; 3] && self.denominator == [0.0; 3] {

@@ -1,4 +1,4 @@
-//! Plants effects in depth images that were measured: captures of a real camera with an error whose size is known.
+//! Effects planted in measured depth images: captures of a real camera with an additional error of known size.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -11,7 +11,7 @@ use crate::error::SimulateError;
 use crate::instrument::{Instrument, Reading};
 use crate::streams::{Purpose, stream};
 
-/// What is known about a measured depth image.
+/// A measured depth image's geometry and conditions.
 #[derive(Debug, Clone, Copy)]
 pub struct PlantView<'a> {
     /// Width, px.
@@ -24,34 +24,37 @@ pub struct PlantView<'a> {
     pub focal_px: [f64; 2],
     /// Principal point [cx, cy], px.
     pub centre_px: [f64; 2],
-    /// Frame, time and temperature.
+    /// Index, time and temperature of the frame.
     pub conditions: Conditions,
-    /// Infrared signal of every pixel as a share of full scale, row by row; `reflectivity_bias` needs it.
+    /// Infrared signal of every pixel, share of full scale, row-major; required by `reflectivity_bias`.
     pub amplitude: Option<&'a [f32]>,
-    /// Which shape the effect has, see [`crate::Simulation::unit`]; the same for all images of a capture.
+    /// Number of the individual camera, which determines the effect's shape (see
+    /// [`Simulation::unit`](crate::Simulation::unit)); the same for all images of a capture.
     pub unit: u64,
-    /// Seed of what is random; the same for all images of a capture.
+    /// Seed of random numbers; the same for all images of a capture.
     pub seed: u64,
 }
 
-/// Plants `effect` in the depth image `depth_raw` (row by row, 0 = no measurement) and returns what was planted. Depth is
-/// rounded to whole steps at random, upwards as often as its fraction says, so that effects smaller than a step are there
-/// on average.
+/// Plants `effect` in the depth image `depth_raw` (row-major, 0 = no measurement) and returns its parameters. Depth is
+/// rounded to whole steps at random, upwards with a probability equal to its fraction of a step, so that effects
+/// smaller than a step are right on average.
 ///
-/// `depth_registration` moves the depth image, interpolated between valid neighbours; the other effects of the hook
-/// `depth` change the measured depth.
+/// `depth_registration` displaces the depth image, interpolating between valid neighbours; effects of the hook `depth`
+/// change the measured depth.
 ///
 /// # Errors
-/// [`SimulateError::NotPlantable`] for effects on board and lens, for `incidence_bias` (the surface's inclination is not
-/// in the image), and for `reflectivity_bias` without an amplitude; [`SimulateError::SizeMismatch`],
+/// [`SimulateError::NotPlantable`] for effects on board and lens, for `incidence_bias` (the image does not contain the
+/// surface's inclination), and for `reflectivity_bias` without an amplitude; [`SimulateError::SizeMismatch`],
 /// [`SimulateError::UnknownEffect`], [`SimulateError::BadParameter`].
 pub fn plant(effect: &Effect, depth_raw: &mut [u16], view: &PlantView<'_>) -> Result<EffectTruth, SimulateError> {
     let info = effect.info()?;
     let reason = match (info.name, info.hook) {
-        (_, "board") => Some("the board is in the scene"),
+        (_, "board") => Some("it changes the board in the scene, not the measurement"),
         (_, "lens") => Some("the lens acts on the image as well"),
-        ("incidence_bias", _) => Some("the inclination of the surface is not in the image"),
-        ("reflectivity_bias", _) if view.amplitude.is_none() => Some("it needs the amplitude image"),
+        ("incidence_bias", _) => Some("the image does not contain the inclination of the surface"),
+        ("reflectivity_bias", _) if view.amplitude.is_none() => {
+            Some("it needs the infrared amplitude; give PlantView::amplitude")
+        }
         _ => None,
     };
     if let Some(reason) = reason {
@@ -68,11 +71,11 @@ pub fn plant(effect: &Effect, depth_raw: &mut [u16], view: &PlantView<'_>) -> Re
     } else {
         view.distort(&instrument, depth_raw, &mut rounding);
     }
-    // One effect went in, one comes out.
+    // One effect was installed, so there is one truth.
     truths.pop().ok_or(SimulateError::NotPlantable { name: info.name, reason: "nothing was installed" })
 }
 
-/// Rounds to whole steps at random.
+/// Stochastic rounding to whole steps.
 struct Rounding {
     rng: ChaCha8Rng,
     unit_mm: f64,
@@ -132,8 +135,8 @@ impl PlantView<'_> {
         }
     }
 
-    /// Depth in steps between pixels: interpolated in inverse depth, where planes are linear; the nearest pixel's where
-    /// a neighbour is missing or depth jumps.
+    /// Depth between pixels, in steps: interpolated in inverse depth, in which planes are linear; that of the nearest
+    /// pixel when a neighbour is missing or depth jumps.
     fn between(&self, raw: &[u16], [u, v]: [f64; 2]) -> Option<f64> {
         let at = |column: f64, row: f64| {
             let inside = column >= 0.0 && row >= 0.0 && column < self.width as f64 && row < self.height as f64;

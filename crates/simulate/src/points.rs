@@ -15,18 +15,19 @@ use crate::simulation::Simulation;
 use crate::streams::{Purpose, stream};
 use crate::truth::Truth;
 
-/// How a capture is observed at the point level.
+/// Options of point observations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PointOptions {
     /// Standard deviation of marker positions, px per axis.
     pub sigma_px: f64,
-    /// Depth samples per frame, on distinct pixels, evenly over the rectangle of the markers.
+    /// Number of depth samples per frame, on distinct pixels, uniformly over the rectangle of the markers.
     pub depth_samples: usize,
-    /// Samples keep this distance from the edges of the print, mm.
+    /// Least distance of samples from the edges of the print, mm.
     pub edge_margin_mm: f64,
-    /// Samples on dots as well. The squares of a chessboard are always sampled.
+    /// Whether dots are sampled as well. The dark squares of a chessboard always are.
     pub on_dots: bool,
-    /// Standard deviation of depth at markers, as a share of that of a pixel: depth there comes from a fit to many.
+    /// Standard deviation of the depth at markers relative to that of a pixel. It is below 1 as depth at a marker is
+    /// fitted to many pixels.
     pub marker_depth_share: f64,
 }
 
@@ -36,12 +37,12 @@ impl Default for PointOptions {
     }
 }
 
-/// A capture at the point level.
+/// Point observations of a capture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PointObservations {
     /// The frames in capture order.
     pub frames: Vec<FramePoints>,
-    /// What was simulated.
+    /// The truth.
     pub truth: Truth,
 }
 
@@ -52,7 +53,7 @@ pub struct FramePoints {
     pub name: String,
     /// Time and temperature.
     pub conditions: Conditions,
-    /// Markers in the image.
+    /// Markers within the image.
     pub markers: Vec<MarkerPoint>,
     /// Depth samples on the board.
     pub depths: Vec<DepthSample>,
@@ -67,9 +68,10 @@ pub struct MarkerPoint {
     pub pixel: [f64; 2],
     /// Standard deviation per axis, px.
     pub sigma_px: f64,
-    /// Depth measured there, as if on the paper beside it, mm; none where the depth image misses the board.
+    /// Depth measured there, with the reflectance of paper instead of the marker's, mm; `None` when the depth image
+    /// misses the board.
     pub z_mm: Option<f64>,
-    /// Standard deviation of that depth's inverse, 1/mm.
+    /// Standard deviation of the inverse of that depth, 1/mm.
     pub sigma_rho: f64,
 }
 
@@ -80,9 +82,9 @@ pub struct DepthSample {
     pub pixel: [f64; 2],
     /// Its measured depth, mm.
     pub z_mm: f64,
-    /// Standard deviation of that depth's inverse, 1/mm.
+    /// Standard deviation of the inverse of that depth, 1/mm.
     pub sigma_rho: f64,
-    /// Infrared signal there, share of full scale, without noise.
+    /// Infrared signal there without noise, share of full scale.
     pub amplitude: f64,
 }
 
@@ -90,7 +92,7 @@ impl Simulation {
     /// Markers and depth samples of every frame with white noise, without rendering and without quantisation.
     ///
     /// # Errors
-    /// Any [`SimulateError`] of unusable parameters.
+    /// [`SimulateError`] when a parameter is unusable.
     pub fn observe_points(&self, options: &PointOptions) -> Result<PointObservations, SimulateError> {
         for (field, value) in [
             ("sigma_px", options.sigma_px),
@@ -149,7 +151,7 @@ fn depths(session: &Session<'_>, frame: &Frame, options: &PointOptions) -> Vec<D
     let board = &simulation.board;
     let noise = simulation.noise.unit();
     let mut rng = stream(session.seed(), Purpose::PointDepths, frame.depth.source);
-    // Of its own, so that the pixels do not depend on the noise.
+    // A stream of its own, so that the pixels do not depend on the noise.
     let mut errors = stream(session.seed(), Purpose::PointNoise, frame.depth.source);
     let placed = session.placed(&frame.depth);
     let light = session.light(&frame.depth);
@@ -184,7 +186,7 @@ fn depths(session: &Session<'_>, frame: &Frame, options: &PointOptions) -> Vec<D
     samples
 }
 
-/// Depth with noise, sometimes grossly wrong, in the declared unit.
+/// Depth with noise, sometimes an outlier, in the declared unit.
 fn observed(simulation: &Simulation, rho: f64, sigma: f64, noise: &UnitNoise, rng: &mut impl Rng) -> f64 {
     let mut z = 1.0 / (rho + sigma * noise.draw(rng));
     let (strike, far, nearer) = (rng.random::<f64>(), rng.random_range(20.0..200.0), rng.random_bool(0.5));

@@ -1,4 +1,4 @@
-//! Poses of the board, and how they are chosen for a dataset kind.
+//! Poses of the board, and their choice for a dataset kind.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt, seq::SliceRandom};
@@ -11,7 +11,7 @@ use crate::kind::{Kind, Placement};
 use crate::optics::Optics;
 use crate::streams::{Purpose, seed_with_name, stream};
 
-/// Board to camera: X = R P + t, mm.
+/// Pose of the board: X = R P + t maps the board frame to the camera frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// R, row by row.
@@ -29,7 +29,7 @@ impl Pose {
         }
     }
 
-    /// The pose with this rotation vector, radians, and translation, mm.
+    /// The pose with this rotation vector (radians) and translation (mm).
     pub fn from_rotation_vector(rotation: [f64; 3], translation: [f64; 3]) -> Self {
         Self::new(Rotation3::new(Vector3::from(rotation)), Vector3::from(translation))
     }
@@ -45,7 +45,7 @@ impl Pose {
         [v.x, v.y, v.z]
     }
 
-    /// The point P of the board, mm, in the camera frame, mm.
+    /// The point P (board frame, mm) in the camera frame, mm.
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         let x = self.matrix() * Vector3::from(p) + Vector3::from(self.translation);
         [x.x, x.y, x.z]
@@ -56,8 +56,8 @@ impl Pose {
         self.rotation[2][2].clamp(-1.0, 1.0).acos()
     }
 
-    /// This pose moved by `shift` (camera frame, mm) and turned by the rotation vector `turn` about `pivot` (board
-    /// frame, mm).
+    /// This pose displaced by `shift` (camera frame, mm) and rotated by the rotation vector `turn` (radians) about
+    /// `pivot` (board frame, mm).
     pub(crate) fn nudged(&self, pivot: [f64; 3], shift: [f64; 3], turn: [f64; 3]) -> Self {
         let middle = Vector3::from(self.apply(pivot));
         let rotation = Rotation3::new(Vector3::from(turn)) * Rotation3::from_matrix_unchecked(self.matrix());
@@ -65,7 +65,7 @@ impl Pose {
     }
 }
 
-/// Poses for every frame of a dataset kind, the same for the same seed whatever effects the camera has.
+/// The poses of all frames of a dataset kind. They depend on the seed, not on the camera's effects.
 pub(crate) fn choose(
     camera: &CameraTruth,
     board: &Board,
@@ -79,7 +79,7 @@ pub(crate) fn choose(
     let chooser = Chooser { optics: Optics::new(camera), camera, board, placement: kind.placement() };
     let choose_one = |(frame, slot): (usize, usize)| {
         let mut rng = stream(seed, Purpose::Pose, frame);
-        // Distances are stratified: no capture of 27 frames may happen to have all of them far away.
+        // Distances are stratified, so that every capture covers the whole range.
         let share = (slot as f64 + rng.random::<f64>()) / frames as f64;
         chooser.pose(frame, share, &mut rng)
     };
@@ -97,7 +97,7 @@ impl Chooser<'_> {
     fn pose(&self, frame: usize, share: f64, rng: &mut impl Rng) -> Result<Pose, SimulateError> {
         let Placement { near_mm, far_mm, .. } = self.placement;
         let mut distance = near_mm * (far_mm / near_mm).powf(share);
-        // A large board does not fit when near: then it is held somewhat farther away.
+        // A large board does not fit into the image nearby; then it is placed farther away.
         while distance <= 1.5 * far_mm {
             for attempt in 0..120 {
                 let ease = 1.0 - f64::from(attempt) / 120.0;
@@ -117,7 +117,7 @@ impl Chooser<'_> {
         Err(SimulateError::BoardDoesNotFit { frame, width, height, distance_mm: distance })
     }
 
-    /// A rotation and the ray to the board's middle; tilts shrink with `ease`.
+    /// A rotation and the ray to the board's middle. The tilt is scaled by `ease`.
     fn attitude(&self, ease: f64, rng: &mut impl Rng) -> Option<(Rotation3<f64>, [f64; 2])> {
         let Placement { max_tilt_deg, max_roll_deg, region, .. } = self.placement;
         let within = |a: f64, b: f64, rng: &mut dyn FnMut() -> f64| a + (b - a) * rng();
@@ -127,14 +127,14 @@ impl Chooser<'_> {
         let tilt = (max_tilt_deg * ease * uniform().powf(0.7)).to_radians();
         let direction = uniform() * std::f64::consts::TAU;
         let mut roll = (within(-1.0, 1.0, &mut uniform) * max_roll_deg).to_radians();
-        // Some frames are taken with the board lying on its side. Only the shifted rows tell which way up it is.
+        // Some frames have the board on its side. Only asymmetric grids show which way up they are.
         if matches!(self.board.pattern, crate::board::Pattern::AsymmetricCircles { .. }) && uniform() < 0.3 {
             roll += std::f64::consts::FRAC_PI_2 * if uniform() < 0.5 { 1.0 } else { -1.0 };
         }
         let axis = Vector3::new(direction.cos(), direction.sin(), 0.0);
         let rotation = Rotation3::new(axis * tilt) * Rotation3::new(Vector3::new(0.0, 0.0, roll));
         let ray = self.optics.ray([u, v], 0.001)?;
-        // Seen too obliquely, neither dots nor depth can be measured.
+        // At grazing views neither dots nor depth can be measured.
         let towards = Vector3::new(ray[0], ray[1], 1.0).normalize();
         let cosine = (rotation * Vector3::z()).dot(&towards);
         (cosine > 60f64.to_radians().cos()).then_some((rotation, ray))
@@ -145,7 +145,7 @@ impl Chooser<'_> {
         Pose::new(rotation, Vector3::new(x, y, 1.0) * distance - rotation * Vector3::new(cx, cy, 0.0))
     }
 
-    /// Moves the board outwards as far as it still fits.
+    /// The pose moved towards the image's border in a random direction as far as it fits.
     fn towards_border(&self, rotation: Rotation3<f64>, ray: [f64; 2], distance: f64, rng: &mut impl Rng) -> Pose {
         let angle = rng.random::<f64>() * std::f64::consts::TAU;
         let pose = |s: f64| self.at(rotation, [ray[0] + s * angle.cos(), ray[1] + s * angle.sin()], distance);
@@ -166,7 +166,7 @@ impl Chooser<'_> {
         pose(inside)
     }
 
-    /// Whether the print with half a spacing around it lies inside the image.
+    /// Whether the print, extended by half a spacing, lies within the image.
     fn fits(&self, pose: &Pose) -> bool {
         const MARGIN: f64 = 4.0;
         let [x0, y0, x1, y1] = self.board.print_rectangle();

@@ -1,4 +1,4 @@
-//! What rays meet: the board under its pose, and what is behind it.
+//! The intersection of rays with the board.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -6,7 +6,7 @@ use crate::board::Board;
 use crate::instrument::BoardShape;
 use crate::pose::Pose;
 
-/// The board under one pose.
+/// The board in one pose.
 #[derive(Debug, Clone)]
 pub(crate) struct PlacedBoard<'a> {
     pub board: &'a Board,
@@ -17,12 +17,12 @@ pub(crate) struct PlacedBoard<'a> {
     eye: Vector3<f64>,
 }
 
-/// Where a ray meets the board.
+/// Intersection of a ray with the board.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cut {
     /// Depth, mm.
     pub z: f64,
-    /// The designed point of the board that is there, mm.
+    /// Position in the board's design, mm.
     pub design: [f64; 2],
     /// Cosine of the angle of incidence.
     pub cosine: f64,
@@ -35,18 +35,18 @@ impl<'a> PlacedBoard<'a> {
         Self { board, shape, pose, to_board, eye }
     }
 
-    /// The designed point (x, y) in the camera frame, mm.
+    /// Position in the camera frame (mm) of the point (x, y) of the board's design (mm).
     pub fn point(&self, design: [f64; 2]) -> [f64; 3] {
         self.pose.apply(self.shape.real(design))
     }
 
-    /// Where the ray (x, y, 1) meets the card; none where it misses.
+    /// Intersection of the ray (x, y, 1) with the card; `None` when it misses the card.
     pub fn cut(&self, ray: [f64; 2]) -> Option<Cut> {
         let direction = self.to_board * Vector3::new(ray[0], ray[1], 1.0);
         let mut z = -self.eye.z / direction.z;
         let mut gradient = [0.0, 0.0];
         if !self.shape.is_flat() {
-            // The bow is small and quadratic: Newton from the flat board converges at once.
+            // The bow is small and quadratic: Newton's method from the flat board converges in three steps.
             for _ in 0..3 {
                 let p = self.eye + direction * z;
                 let (height, slope) = self.shape.height([p.x, p.y]);

@@ -1,4 +1,4 @@
-//! A simulation made ready: camera with effects, frames with poses; everything that points and images are made from.
+//! A simulation prepared for observation: the camera with its effects, the frames with their poses.
 
 use crate::defects::{Frame, Shot};
 use crate::effects;
@@ -10,7 +10,7 @@ use crate::simulation::Simulation;
 use crate::truth::{FrameTruth, Truth};
 use crate::{conditions, pose};
 
-/// A simulation that is ready to be observed.
+/// A simulation prepared for observation.
 pub(crate) struct Session<'a> {
     pub simulation: &'a Simulation,
     pub instrument: Instrument,
@@ -18,12 +18,12 @@ pub(crate) struct Session<'a> {
     pub truth: Truth,
 }
 
-/// Depth along one pixel, without noise.
+/// The depth measured by one pixel, without noise.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DepthPoint {
     /// Measured inverse depth, 1/mm.
     pub rho: f64,
-    /// Where the pixel's ray meets the board.
+    /// Intersection of the pixel's ray with the board.
     pub cut: Cut,
     /// Infrared signal, share of full scale.
     pub amplitude: f64,
@@ -62,12 +62,12 @@ impl<'a> Session<'a> {
         Ok(Self { simulation, instrument, frames, truth })
     }
 
-    /// Seed of everything that differs from dataset to dataset.
+    /// Seed of everything that differs between datasets.
     pub fn seed(&self) -> u64 {
         crate::streams::seed_with_name(self.simulation.seed, &self.simulation.kind.to_string())
     }
 
-    /// The board as one exposure sees it.
+    /// The board in the pose of one exposure.
     pub fn placed(&self, shot: &Shot) -> PlacedBoard<'_> {
         PlacedBoard::new(&self.simulation.board, &self.instrument.shape, shot.pose)
     }
@@ -79,12 +79,13 @@ impl<'a> Session<'a> {
         Light::new(self.simulation.exposure, board.bright, shot.pose.apply([cx, cy, 0.0]))
     }
 
-    /// The ray of `pixel` (of the image) and where it meets the board; none where it misses.
+    /// The ray (x, y, 1) of `pixel` (px, of the image) and its intersection with the board; `None` when it misses the
+    /// board.
     pub fn look(&self, placed: &PlacedBoard<'_>, pixel: [f64; 2]) -> Option<([f64; 2], Cut)> {
         let optics = &self.instrument.optics;
         let mut rho = 1.0 / placed.pose.translation[2];
         let mut found = None;
-        // With focus breathing the ray depends on how far it goes.
+        // With focus breathing the ray depends on its own depth.
         let rounds = if optics.breathing_mm == 0.0 { 1 } else { 8 };
         for _ in 0..rounds {
             let ray = optics.ray(pixel, rho)?;
@@ -95,7 +96,8 @@ impl<'a> Session<'a> {
         found
     }
 
-    /// What the depth pixel `pixel` measures on the board; `on_paper` as if nothing were printed there.
+    /// The measurement of the depth pixel `pixel` (px) on the board; where `on_paper`, as if nothing were printed
+    /// there.
     pub fn depth_point(
         &self,
         placed: &PlacedBoard<'_>,
@@ -111,6 +113,16 @@ impl<'a> Session<'a> {
         let amplitude = light.signal(albedo, cut.cosine, ray, cut.z).min(1.0);
         let reading = Reading { pixel, ray, cosine: cut.cosine, amplitude, conditions: shot.conditions };
         Some(DepthPoint { rho: self.instrument.measure(&reading, 1.0 / cut.z), cut, amplitude })
+    }
+}
+
+impl Simulation {
+    /// The truth of this simulation: camera, board, effects, poses, conditions and defects.
+    ///
+    /// # Errors
+    /// [`SimulateError`] when a parameter is unusable.
+    pub fn truth(&self) -> Result<Truth, SimulateError> {
+        Session::new(self).map(|session| session.truth)
     }
 }
 

@@ -1,4 +1,4 @@
-//! A simulation: what is simulated, and the ways to observe it.
+//! The description of a simulation.
 
 use crate::board::Board;
 use crate::camera::CameraTruth;
@@ -9,9 +9,7 @@ use crate::kind::Kind;
 use crate::light::Exposure;
 use crate::noise::Noise;
 use crate::pose::Pose;
-use crate::render::Rendering;
-use crate::session::Session;
-use crate::truth::Truth;
+use crate::rendering::Rendering;
 
 /// A camera that captures a board.
 ///
@@ -42,7 +40,8 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// `camera` with `effects` captures the thesis' board as in `kind`. The seed decides poses, times and noise.
+    /// `camera` with `effects` captures the thesis' board in poses of `kind`. The seed determines poses, times and
+    /// noise.
     pub fn new(camera: CameraTruth, kind: Kind, effects: &[Effect], seed: u64) -> Self {
         Self {
             camera,
@@ -60,64 +59,56 @@ impl Simulation {
         }
     }
 
-    /// Number of frames instead of the kind's.
+    /// Sets the number of frames, which is otherwise the kind's.
     pub fn frames(mut self, frames: usize) -> Self {
         self.frames = frames;
         self.poses = None;
         self
     }
 
-    /// One frame for each of these poses of the board instead of the kind's own. The board may leave the image.
+    /// Sets the pose of the board in every frame, instead of the kind's poses. The board may extend beyond the image.
     pub fn poses(mut self, poses: Vec<Pose>) -> Self {
         self.frames = poses.len();
         self.poses = Some(poses);
         self
     }
 
-    /// Another board.
+    /// Sets the board.
     pub fn board(mut self, board: Board) -> Self {
         self.board = board;
         self
     }
 
-    /// Other noise.
+    /// Sets the noise.
     pub fn noise(mut self, noise: Noise) -> Self {
         self.noise = noise;
         self
     }
 
-    /// Another exposure.
+    /// Sets the exposure.
     pub fn exposure(mut self, exposure: Exposure) -> Self {
         self.exposure = exposure;
         self
     }
 
-    /// Defects of the capture.
+    /// Sets the defects of the capture.
     pub fn defects(mut self, defects: Defects) -> Self {
         self.defects = defects;
         self
     }
 
-    /// Other rendering: bits, depth unit, background, holes.
+    /// Sets the options of rendering: bits, depth unit, background, missing depth.
     pub fn rendering(mut self, rendering: Rendering) -> Self {
         self.rendering = rendering;
         self
     }
 
-    /// Which individual of the camera this is. Unit 0 has its effects in their nominal shape; in every other unit
-    /// periods, phases, directions and proportions differ, sizes do not. Captures of one unit share its effects
-    /// whatever their seed and kind.
+    /// Sets the number of the individual camera. Unit 0 has its effects in their nominal shape; every other unit has
+    /// periods, phases, directions and proportions of its own, but effects of the same size. Captures of one unit share
+    /// its effects for any seed and kind.
     pub fn unit(mut self, unit: u64) -> Self {
         self.unit = unit;
         self
-    }
-
-    /// Everything that this simulation is made from.
-    ///
-    /// # Errors
-    /// Any [`SimulateError`] of unusable parameters.
-    pub fn truth(&self) -> Result<Truth, SimulateError> {
-        Session::new(self).map(|session| session.truth)
     }
 
     pub(crate) fn check(&self) -> Result<(), SimulateError> {

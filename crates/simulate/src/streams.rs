@@ -1,11 +1,10 @@
-//! Random numbers: one independent stream per purpose and frame, so that the result depends on the seed alone and
-//! not on the order in which threads ask.
+//! Random numbers: one independent stream per purpose and frame, so that results depend on the seed alone, not on the
+//! scheduling of threads.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// What a stream is used for. Each purpose has its own numbers, so that switching one thing on leaves the others as
-/// they were.
+/// Use of a stream. Every purpose has numbers of its own, so that switching one feature on leaves the others unchanged.
 #[derive(Debug, Clone, Copy)]
 #[repr(u64)]
 pub(crate) enum Purpose {
@@ -31,7 +30,7 @@ pub(crate) fn stream(seed: u64, purpose: Purpose, index: usize) -> ChaCha8Rng {
     rng
 }
 
-/// Mixes a name into a seed (FNV-1a), so that dataset kinds differ under the same seed.
+/// A seed combined with a name (FNV-1a), so that dataset kinds and effects differ under the same seed.
 pub(crate) fn seed_with_name(seed: u64, name: &str) -> u64 {
     name.bytes().fold(seed ^ 0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
 }

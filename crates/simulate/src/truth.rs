@@ -1,4 +1,4 @@
-//! What was simulated. The caller decides where, if anywhere, this is kept; it is never part of a dataset.
+//! The truth of a simulation. It is never part of a dataset; the caller decides whether and where to keep it.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,20 +11,20 @@ use crate::kind::Kind;
 use crate::noise::Noise;
 use crate::pose::Pose;
 
-/// Everything that a simulation was made from.
+/// The truth of a simulation: camera, board, effects, poses, conditions and defects.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
     /// The camera.
     pub camera: CameraTruth,
-    /// The board as printed; effects on it are among `effects`.
+    /// The board as designed; errors of the real board are among `effects`.
     pub board: Board,
     /// The spacing that the dataset declares, mm.
     pub declared_spacing_mm: f64,
-    /// How the board was held.
+    /// Distribution of the board's poses.
     pub kind: Kind,
     /// Seed of the capture.
     pub seed: u64,
-    /// The individual camera, see [`crate::Simulation::unit`].
+    /// Number of the individual camera; see [`Simulation::unit`](crate::Simulation::unit).
     pub unit: u64,
     /// The effects with their parameters.
     pub effects: Vec<EffectTruth>,
@@ -32,9 +32,9 @@ pub struct Truth {
     pub noise: Noise,
     /// Poses and conditions of the frames.
     pub frames: Vec<FrameTruth>,
-    /// Defects that were asked for.
+    /// Requested defects.
     pub defects: Defects,
-    /// The frames that they hit.
+    /// The frames that have them.
     pub defective: DefectiveFrames,
 }
 
@@ -45,7 +45,7 @@ pub struct FrameTruth {
     pub name: String,
     /// Pose of the board in the image.
     pub pose: Pose,
-    /// Pose of the board in the depth image; the same but for defects.
+    /// Pose of the board in the depth image; differs from `pose` only in frames with defects.
     pub depth_pose: Pose,
     /// Time and temperature.
     pub conditions: Conditions,

@@ -1,4 +1,4 @@
-//! Observations at the point level against the equations of the measurement, written out here once more.
+//! Point observations against the equations of the measurement, which are written out here a second time.
 
 use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Pose, Simulation};
 
@@ -33,6 +33,7 @@ fn markers_lie_where_the_published_camera_projects_them() {
     for number in 1..=4 {
         let camera = CameraTruth::published(number).unwrap();
         let points = clean(camera).observe_points(&exact()).unwrap();
+        assert_eq!((points.frames.len(), points.truth.frames.len()), (27, 27));
         for (frame, truth) in points.frames.iter().zip(&points.truth.frames) {
             assert_eq!(frame.markers.len(), 44);
             for marker in &frame.markers {
@@ -52,6 +53,7 @@ fn markers_lie_where_the_published_camera_projects_them() {
 fn depth_samples_lie_on_the_projectively_distorted_plane() {
     let camera = CameraTruth { lens: [0.0; 5], ..CameraTruth::published(2).unwrap() };
     let points = clean(camera).observe_points(&exact()).unwrap();
+    assert_eq!((points.frames.len(), points.truth.frames.len()), (27, 27));
     for (frame, truth) in points.frames.iter().zip(&points.truth.frames) {
         assert!(frame.depths.len() > 100, "{}", frame.depths.len());
         for sample in &frame.depths {

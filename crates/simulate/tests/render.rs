@@ -1,4 +1,4 @@
-//! Rendered frames against geometry, against the point level, and against what the noise declares.
+//! Rendered frames against geometry, against point observations, and against the declared noise.
 
 use depthcal_simulate::{
     Board, CameraTruth, DepthNoise, Effect, Kind, Noise, Pattern, PointOptions, Pose, Rendering, Simulation, catalogue,
@@ -22,7 +22,7 @@ fn dots_have_their_centre_of_mass_where_they_are_projected() {
         .noise(Noise::none())
         .rendering(rendering);
     let blurred = simulation.clone().noise(Noise { blur_px: 0.7, ..Noise::none() });
-    // Pixels alias a sharp disc, whatever renders it; the blur of a real lens leaves only the renderer's own error.
+    // Any renderer aliases a sharp disc; with the blur of a real lens only the renderer's own error remains.
     for (simulation, limit) in [(simulation, 0.01), (blurred, 0.005)] {
         let renderer = simulation.renderer().unwrap();
         let mut errors = Vec::new();
@@ -210,6 +210,7 @@ fn other_boards_are_rendered() {
         let level = |[u, v]: [f64; 2]| frame.image[v.round() as usize * 640 + u.round() as usize];
         let markers: Vec<u16> = points.frames[0].markers.iter().map(|marker| level(marker.pixel)).collect();
         let paper: Vec<u16> = points.frames[0].depths.iter().map(|sample| level(sample.pixel)).collect();
+        assert!(paper.len() > 100, "{} samples on paper", paper.len());
         if board.white_on_black {
             assert!(markers.iter().min() > paper.iter().max());
         } else {

@@ -1,31 +1,31 @@
 //! Nonlinear least squares on factor graphs.
 //!
-//! The problem is to minimise ½ Σᵢ ρᵢ(‖rᵢ(x)‖²) over variables x on smooth manifolds, where rᵢ are whitened residuals and ρᵢ
-//! losses. The crate knows nothing of cameras.
+//! The solver minimises ½ Σᵢ ρᵢ(‖rᵢ(x)‖²) over variables x on smooth manifolds, where the rᵢ are whitened residuals and
+//! the ρᵢ are losses. It is independent of any application.
 //!
 //! | step | types |
 //! |---|---|
-//! | variables | [`Variable`]: vectors, rotations, poses, directions, own ones; [`Values`] keeps them under typed [`Key`]s |
-//! | residuals | [`Factor`]: one generic function, derivatives follow; [`Batch`]: many of a kind, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: many that share their variables, eight at a time; [`FactorBatch`]: anything, with Jacobians by hand |
+//! | variables | [`Variable`]: vectors, rotations, poses, directions, and your own types; [`Values`] stores them under typed [`Key`]s |
+//! | residuals | [`Factor`]: one generic function, with automatic derivatives; [`Batch`]: factors of one type, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: residuals evaluated eight at a time; [`FactorBatch`]: full control, with hand-written Jacobians |
 //! | problem | [`Graph`]: batches, fixed and bounded variables, variables to eliminate |
 //! | solution | [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`] |
-//! | changes | [`Session`]: solves again from where it stood while factors and variables come and go |
-//! | interruption | [`CheckpointFile`]: go on from a file to the same bits; [`Interrupt`] |
-//! | uncertainty | [`Covariance`]: any joint or marginal, of large sparse problems as well; names what is not determined |
-//! | what the model lacks | [`score`]: score tests of held variables, gain on left-out clusters, detectable sizes |
+//! | changing problems | [`Session`]: solves again after factors and variables were added or removed |
+//! | interruption | [`Interrupt`]; [`CheckpointFile`]: resume from a file, with bitwise the same result |
+//! | uncertainty | [`Covariance`]: joint and marginal, also of large sparse problems; undetermined combinations of variables by name |
+//! | missing effects | [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes |
 //! | checks | [`check_jacobians`] |
 //!
 //! A straight line through three points:
 //!
 //! ```
-//! use depthcal_solver::{Batch, Covariance, CovarianceOptions, Factor, Graph, Lifted, Noise, Options, Scalar, Values, minimize};
+//! use depthcal_solver::{Batch, Covariance, CovarianceOptions, Factor, Graph, Noise, Options, Over, Scalar, Values, minimize};
 //! use nalgebra::{SVector, Vector2};
 //!
 //! struct Line { x: f64, y: f64 }
 //!
 //! impl Factor<1> for Line {
 //!     type Variables = (Vector2<f64>,);
-//!     fn residual<T: Scalar>(&self, (p,): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+//!     fn residual<T: Scalar>(&self, (p,): Over<Self::Variables, T>) -> SVector<T, 1> {
 //!         SVector::<T, 1>::new(p[0] + p[1] * self.x - self.y)
 //!     }
 //! }
@@ -47,11 +47,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! What a residual is about may be anything with a tangent space. A pose seen from another one, with a robust loss, in a
-//! graph that grows:
+//! Variables may be points of any smooth manifold. Here, poses are linked by relative poses, with a robust loss, and the
+//! graph grows:
 //!
 //! ```
-//! use depthcal_solver::{Batch, Factor, Graph, Lifted, Loss, Noise, Options, Pose, Scalar, Session, Values};
+//! use depthcal_solver::{Batch, Factor, Graph, Loss, Noise, Options, Over, Pose, Scalar, Session, Values};
 //! use nalgebra::{Isometry3, SVector, Vector3};
 //!
 //! /// The pose of `b` in the frame of `a`.
@@ -59,7 +59,7 @@
 //!
 //! impl Factor<6> for Between {
 //!     type Variables = (Isometry3<f64>, Isometry3<f64>);
-//!     fn residual<T: Scalar>(&self, (a, b): Lifted<Self::Variables, T>) -> SVector<T, 6> {
+//!     fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 6> {
 //!         let error = Pose::<T>::constant(&self.0.inverse()).compose(&a.inverse().compose(&b));
 //!         let (r, t) = (error.rotation.log(), error.translation);
 //!         SVector::<T, 6>::new(r[0], r[1], r[2], t[0], t[1], t[2])
@@ -77,7 +77,7 @@
 //! graph.fix(poses[0]);
 //! let mut session = Session::new(Options::default());
 //! let solution = session.solve(&graph, values)?;
-//! // Back at the start: one more factor, and on from where it stood.
+//! // Loop closure: add a factor and continue from the last solution.
 //! let mut closure = Batch::new("closure").with_noise(noise()?);
 //! closure.push(Between(step), (poses[3], poses[0]));
 //! graph.add_batch(closure);
@@ -88,99 +88,79 @@
 //!
 //! # The linear solver
 //!
-//! In every iteration a linear system in H = JᵀJ and the damping is to be solved. By default [`LinearSolver::Auto`] counts
-//! operations and takes the cheapest; [`Report::linear_solver`] tells which, and the costs that were compared.
+//! Every iteration solves a linear system (H + μ D²) δ = −g with H = JᵀJ. By default, [`LinearSolver::Auto`] estimates
+//! the work of the methods below and takes the cheapest; [`Report::linear_solver`] has the choice and the estimates.
 //!
 //! | [`LinearSolver`] | for |
 //! |---|---|
 //! | `Dense` | up to some hundred unknowns |
-//! | `SparseCholesky` | graphs whose variables are linked to few others: supernodal, variables ordered as blocks by approximate minimum degree |
-//! | `DenseSchur` | many variables that share no factor with each other, and a few that link them: frames and a camera, points and some cameras |
-//! | `SparseSchur` | the same with more, of which each is linked to few others |
-//! | `ConjugateGradients` | the same where the reduced system is too large to factorise; it is not formed |
-//! | `SparseQr` | ill-conditioned problems: the condition number of J counts, not its square; only on request |
+//! | `SparseCholesky` | graphs whose variables are linked to few others, such as pose graphs; supernodal, with variables ordered as blocks by approximate minimum degree |
+//! | `DenseSchur` | many variables that share no factor with each other, linked by a few others: frames and a camera, points and some cameras |
+//! | `SparseSchur` | the same with many linking variables, each linked to few others: points and many cameras |
+//! | `ConjugateGradients` | the same if the reduced system is too large to factorise; it is not formed |
+//! | `SparseQr` | ill-conditioned problems: does not square the condition number of J; only on request |
 //!
-//! Where some combination of variables is not determined, damping finds a minimum all the same. [`Report::weakest`] hints at
-//! it, [`Options::name_undetermined`] and [`Covariance`] name the combination.
+//! If a combination of variables is undetermined, the damping still leads to a minimum. [`Report::weakest`] hints at such a
+//! combination; [`Options::name_undetermined`] and [`Covariance`] identify it.
 //!
 //! # How it works
 //!
-//! Normal equations are accumulated group by group and no Jacobian is kept (but for QR). Work is divided into chunks that
-//! depend on the problem alone and is summed in their order: the same input gives the same bits for any number of threads.
-//! Iterations do not allocate memory.
+//! Normal equations are accumulated group by group, without storing the Jacobian (except for QR). The groups are divided
+//! into chunks in a way that depends on the problem alone, and the chunks' sums are added in a fixed order: results are
+//! bitwise identical for any number of threads. Iterations do not allocate memory.
+//!
+//! # Layout
+//!
+//! | folder | contents |
+//! |---|---|
+//! | `problem` | variables, factors, batches, losses, noise, priors, the graph |
+//! | `plan` | decided once: layout of the step, linear solver, partition, ordering, chunks |
+//! | `normal` | every iteration: normal equations, elimination, reduced system, conjugate gradients, QR |
+//! | `uncertainty` | covariances and undetermined combinations |
+//! | `step` | Levenberg–Marquardt, damping, dog-leg, sessions, checkpoints, reports |
+//! | `score` | score tests |
+//!
+//! Every folder uses only those above it; `score` uses only `problem`.
 //!
 //! Sources: Nocedal and Wright, *Numerical Optimization*, 2006; Triggs, McLauchlan, Hartley and Fitzgibbon, *Bundle
 //! adjustment, a modern synthesis*, 2000; Madsen, Nielsen and Tingleff, *Methods for non-linear least squares problems*,
 //! 2004; Agarwal, Snavely, Seitz and Szeliski, *Bundle adjustment in the large*, 2010; Björck, *Numerical Methods for Least
 //! Squares Problems*, 1996. Equations are cited where they are used.
 
-mod accumulate;
-mod batch;
-mod blocks;
-mod bounds;
-mod check;
-mod checkpoint;
-mod choice;
-mod chunk;
-mod conjugate;
-mod covariance;
-mod dog_leg;
-mod eliminate;
-mod error;
-mod exact;
-mod factor;
-mod graph;
-mod hold;
-mod interrupt;
-mod inverse;
-mod kernels;
-mod lanes;
-mod layout;
-mod levenberg_marquardt;
-mod lift;
-mod loss;
-mod manifold;
-mod minimize;
-mod noise;
 mod normal;
-mod options;
-mod ordering;
-mod part;
-mod partition;
-mod prior;
-mod qr;
-mod reduced;
-mod report;
-mod scatter;
+mod plan;
+mod problem;
 pub mod score;
-mod selected;
-mod session;
-mod shares;
-mod snapshot;
-mod spare;
-mod undetermined;
-mod values;
-mod variable;
+mod step;
+mod uncertainty;
 
-pub use batch::Batch;
-pub use check::{JacobianError, check_jacobians};
-pub use checkpoint::{CheckpointError, CheckpointFile};
-pub use covariance::{Covariance, CovarianceError, CovarianceOptions, NullComponent, NullDirection};
-pub use error::{EvaluationError, EvaluationFailure, SolveError, StructureError};
-pub use factor::{Borrowed, Factor, Lifted, VariableTuple};
-pub use graph::{BatchId, FactorBatch, Graph};
-pub use interrupt::Interrupt;
-pub use lanes::{LANES, Lane, LaneAccess, LaneBatch, Lanes};
-pub use levenberg_marquardt::{LevenbergMarquardt, SolverState};
-pub use lift::{Lift, Pose, Rotation, Scalar};
-pub use loss::Loss;
-pub use minimize::{Solution, minimize};
-pub use noise::{Noise, NoiseError};
-pub use options::{
-    CheckpointOptions, Damping, Estimate, LinearSolver, LinearSolverUsed, Method, Options, Preconditioner, Scaling,
-};
-pub use prior::Prior;
-pub use report::{Iteration, Report, StageSeconds, Termination, Weakest};
-pub use session::Session;
-pub use values::{Key, Values, VariableId};
-pub use variable::Variable;
+pub use plan::linear_solver::{LinearSolver, LinearSolverUsed, Preconditioner, WorkEstimate};
+pub use problem::autodiff::{AutoDiffVariable, Scalar};
+pub use problem::batch::Batch;
+pub use problem::error::{EvaluationError, EvaluationFailure, StructureError};
+pub use problem::factor::{Borrowed, Factor, Over, VariableTuple};
+pub use problem::factor_batch::FactorBatch;
+pub use problem::graph::{BatchId, Graph};
+pub use problem::jacobian_check::{JacobianError, check_jacobians};
+pub use problem::key::{Key, VariableId};
+pub use problem::lane::{LANES, Lane, LaneAccess};
+pub use problem::lane_batch::{LaneBatch, Lanes};
+pub use problem::loss::Loss;
+pub use problem::noise::{Noise, NoiseError};
+pub use problem::prior::Prior;
+pub use problem::rigid_motion::{Pose, Rotation};
+pub use problem::values::Values;
+pub use problem::variable::Variable;
+pub use step::checkpoint::CheckpointFile;
+pub use step::checkpoint_error::CheckpointError;
+pub use step::error::SolveError;
+pub use step::interrupt::Interrupt;
+pub use step::levenberg_marquardt::{LevenbergMarquardt, SolverState};
+pub use step::minimize::minimize;
+pub use step::options::{CheckpointOptions, Damping, Method, Options, Scaling};
+pub use step::report::{Iteration, Report, StageSeconds, Termination, Weakest};
+pub use step::session::Session;
+pub use step::solution::Solution;
+pub use uncertainty::covariance::{Covariance, CovarianceOptions};
+pub use uncertainty::error::CovarianceError;
+pub use uncertainty::null_direction::{NullComponent, NullDirection};

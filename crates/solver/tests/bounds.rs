@@ -4,7 +4,7 @@ mod common;
 
 use common::{Bundle, Exponential, bundle, normal, rng};
 use depthcal_solver::{
-    Batch, Covariance, CovarianceOptions, Factor, Graph, Key, Lifted, LinearSolver, Loss, Method, Options,
+    Batch, Covariance, CovarianceOptions, Factor, Graph, Key, LinearSolver, Loss, Method, Options, Over,
     Preconditioner, Prior, Scalar, SolveError, StructureError, Values, minimize,
 };
 use nalgebra::{DMatrix, DVector, Isometry3, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
@@ -28,7 +28,7 @@ struct Row {
 impl Factor<1> for Row {
     type Variables = (Vector2<f64>, Vector3<f64>);
 
-    fn residual<T: Scalar>(&self, (p, q): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+    fn residual<T: Scalar>(&self, (p, q): Over<Self::Variables, T>) -> SVector<T, 1> {
         let sum = p[0] * self.a[0] + p[1] * self.a[1] + q[0] * self.a[2] + q[1] * self.a[3] + q[2] * self.a[4];
         SVector::<T, 1>::new(sum - self.b)
     }

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Bundle, Distance, bundle, normal3, rng};
 use depthcal_solver::{
-    Batch, Factor, Graph, Lifted, LinearSolver, LinearSolverUsed, Loss, Options, Preconditioner, Prior, Scalar, Values,
+    Batch, Factor, Graph, LinearSolver, LinearSolverUsed, Loss, Options, Over, Preconditioner, Prior, Scalar, Values,
     minimize,
 };
 use nalgebra::{SVector, Vector3};
@@ -76,7 +76,7 @@ struct Sight(Vector3<f64>);
 impl Factor<3> for Sight {
     type Variables = (Vector3<f64>, SVector<f64, 4>);
 
-    fn residual<T: Scalar>(&self, (position, landmark): Lifted<Self::Variables, T>) -> SVector<T, 3> {
+    fn residual<T: Scalar>(&self, (position, landmark): Over<Self::Variables, T>) -> SVector<T, 3> {
         SVector::<T, 3>::from_fn(|i, _| landmark[i] - position[i] + landmark[3] * 0.01 - self.0[i])
     }
 }

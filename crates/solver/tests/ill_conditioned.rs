@@ -4,7 +4,7 @@ mod common;
 
 use common::{Bundle, bundle};
 use depthcal_solver::{
-    Batch, Factor, Graph, Key, Lifted, LinearSolver, Loss, Method, Options, Preconditioner, Scalar, Solution, Values,
+    Batch, Factor, Graph, Key, LinearSolver, Loss, Method, Options, Over, Preconditioner, Scalar, Solution, Values,
     minimize,
 };
 use nalgebra::{SVector, Vector2, Vector3};
@@ -18,7 +18,7 @@ struct Row {
 impl Factor<1> for Row {
     type Variables = (Vector2<f64>, SVector<f64, 1>);
 
-    fn residual<T: Scalar>(&self, (p, q): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+    fn residual<T: Scalar>(&self, (p, q): Over<Self::Variables, T>) -> SVector<T, 1> {
         SVector::<T, 1>::new(p[0] * self.a[0] + p[1] * self.a[1] + q[0] * self.a[2] - self.b)
     }
 }

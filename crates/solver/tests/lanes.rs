@@ -1,7 +1,7 @@
 //! Residuals in lanes are the same problem as the same residuals one by one.
 
 use depthcal_solver::{
-    Batch, EvaluationError, Factor, Graph, Key, LANES, Lane, LaneBatch, Lanes, Lifted, Loss, Options, Scalar, Values,
+    Batch, EvaluationError, Factor, Graph, Key, LANES, Lane, LaneBatch, Lanes, Loss, Options, Over, Scalar, Values,
     VariableId, check_jacobians, minimize,
 };
 use nalgebra::{SVector, Vector1, Vector2};
@@ -17,7 +17,7 @@ struct Observed {
 impl Factor<2> for Observed {
     type Variables = (Vector1<f64>, Vector2<f64>);
 
-    fn residual<T: Scalar>(&self, (c, p): Lifted<Self::Variables, T>) -> SVector<T, 2> {
+    fn residual<T: Scalar>(&self, (c, p): Over<Self::Variables, T>) -> SVector<T, 2> {
         SVector::<T, 2>::new(p[0] * (p[1] * self.x).exp() - self.y, c[0] * self.x - self.z)
     }
 }

@@ -4,7 +4,8 @@ mod common;
 
 use common::{Between, Distance, Projection, normal, normal3, rng};
 use depthcal_solver::{
-    Batch, Factor, FactorBatch, Graph, Lift, Lifted, Loss, Noise, NoiseError, Scalar, Values, Variable, check_jacobians,
+    AutoDiffVariable, Batch, Factor, FactorBatch, Graph, Loss, Noise, NoiseError, Over, Scalar, Values, Variable,
+    check_jacobians,
 };
 use nalgebra::{
     DVector, Isometry3, Matrix2, SMatrix, SVector, Translation3, Unit, UnitQuaternion, Vector1, Vector2, Vector3,
@@ -66,14 +67,14 @@ fn round_trip<V: Variable>(x: &V, y: &V, delta: &[f64], distance: impl Fn(&V, &V
     }
 }
 
-/// The derivative of the lifted variable at δ = 0, seen through `coordinates`, against differences of the retraction.
-fn lift_agrees<V: Lift, const K: usize>(
+/// The derivative at δ = 0 of the variable retracted over dual numbers, seen through coordinates, against differences of the retraction.
+fn derivatives_agree<V: AutoDiffVariable, const K: usize>(
     x: &V,
     coordinates: impl Fn(&V) -> SVector<f64, K>,
-    lifted: impl Fn(V::Lifted<DualSVec64<4>>) -> SVector<DualSVec64<4>, K>,
+    seen: impl Fn(V::Over<DualSVec64<4>>) -> SVector<DualSVec64<4>, K>,
 ) {
     for j in 0..V::DIM {
-        let dual = lifted(x.lift(|i| {
+        let dual = seen(x.retract_over(|i| {
             if i == j {
                 let mut eps = SVector::zeros();
                 eps[0] = 1.0;
@@ -118,16 +119,16 @@ proptest! {
     }
 
     #[test]
-    fn lifted_variables_have_the_derivatives_of_their_retractions(
+    fn variables_over_dual_numbers_have_the_derivatives_of_their_retractions(
         r in rotation(), p in pose(), d in direction(), x in vector3(2.0),
     ) {
         let constant = |v: Vector3<f64>| v.map(DualSVec64::<4>::from);
-        lift_agrees(&r, |r| r * x, |l| l.rotate(&constant(x)));
-        lift_agrees(&r, |r| r.inverse() * x, |l| l.inverse().rotate(&constant(x)));
-        lift_agrees(&p, |p| (p * nalgebra::Point3::from(x)).coords, |l| l.transform(&constant(x)));
-        lift_agrees(&p, |p| (p.inverse() * nalgebra::Point3::from(x)).coords, |l| l.inverse().transform(&constant(x)));
-        lift_agrees(&d, |d| d.into_inner(), |l| l);
-        lift_agrees(&x, |v| *v, |l| l);
+        derivatives_agree(&r, |r| r * x, |l| l.rotate(&constant(x)));
+        derivatives_agree(&r, |r| r.inverse() * x, |l| l.inverse().rotate(&constant(x)));
+        derivatives_agree(&p, |p| (p * nalgebra::Point3::from(x)).coords, |l| l.transform(&constant(x)));
+        derivatives_agree(&p, |p| (p.inverse() * nalgebra::Point3::from(x)).coords, |l| l.inverse().transform(&constant(x)));
+        derivatives_agree(&d, |d| d.into_inner(), |l| l);
+        derivatives_agree(&x, |v| *v, |l| l);
     }
 
     #[test]
@@ -137,7 +138,7 @@ proptest! {
             let log = depthcal_solver::Rotation::<f64>::constant(&r).log();
             prop_assert!((log - w).norm() < 1e-12);
             // The derivative at δ = 0 of Log(R Exp(δ)), differences of nalgebra's logarithm as the oracle.
-            lift_agrees(&r, |r| r.scaled_axis(), |l| l.log());
+            derivatives_agree(&r, |r| r.scaled_axis(), |l| l.log());
         }
     }
 
@@ -241,7 +242,7 @@ fn a_jacobian_by_hand_is_used_and_a_wrong_one_is_found() {
     struct ByHand(f64);
     impl Factor<1> for ByHand {
         type Variables = (Vector2<f64>,);
-        fn residual<T: Scalar>(&self, (x,): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+        fn residual<T: Scalar>(&self, (x,): Over<Self::Variables, T>) -> SVector<T, 1> {
             SVector::<T, 1>::new(x[0] * x[1])
         }
         fn linearize(&self, (x,): &(&Vector2<f64>,), jacobian: &mut [f64]) -> SVector<f64, 1> {

@@ -1,7 +1,7 @@
 //! Score tests against what solving again says, and against their own distributions.
 
 use depthcal_solver::score::{Candidate, Linearization};
-use depthcal_solver::{Batch, Factor, Graph, Key, Lifted, Options, Scalar, Values, VariableId, minimize};
+use depthcal_solver::{Batch, Factor, Graph, Key, Options, Over, Scalar, Values, VariableId, minimize};
 use nalgebra::{DMatrix, DVector, SVector, Vector1, Vector2};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +16,7 @@ struct Row {
 
 impl Factor<1> for Row {
     type Variables = (Vector1<f64>, Vector2<f64>, Vector1<f64>, Vector2<f64>);
-    fn residual<T: Scalar>(&self, (own, line, bend, extra): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+    fn residual<T: Scalar>(&self, (own, line, bend, extra): Over<Self::Variables, T>) -> SVector<T, 1> {
         let line = line[0] * self.x + line[1] * (self.x * self.x * self.x);
         let bend = bend[0] * (self.x * self.x);
         let extra = extra[0] * self.z[0] + extra[1] * self.z[1];

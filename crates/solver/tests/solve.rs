@@ -5,7 +5,7 @@ mod common;
 use common::{Bundle, Distance, Exponential, bundle, normal, rng};
 use depthcal_solver::{
     Batch, Covariance, CovarianceError, CovarianceOptions, Damping, EvaluationError, Factor, FactorBatch, Graph,
-    Interrupt, Lifted, LinearSolver, Loss, Method, Noise, Options, Prior, Scalar, SolveError, StructureError,
+    Interrupt, LinearSolver, Loss, Method, Noise, Options, Over, Prior, Scalar, SolveError, StructureError,
     Termination, Values, VariableId, check_jacobians, minimize,
 };
 use nalgebra::{DMatrix, DVector, Isometry3, SVector, Unit, UnitQuaternion, Vector1, Vector2, Vector3};
@@ -309,7 +309,7 @@ fn an_interrupted_solver_returns_the_best_so_far() {
     struct Raising(Interrupt, std::sync::atomic::AtomicUsize);
     impl Factor<1> for Raising {
         type Variables = (Vector1<f64>,);
-        fn residual<T: Scalar>(&self, (x,): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+        fn residual<T: Scalar>(&self, (x,): Over<Self::Variables, T>) -> SVector<T, 1> {
             if self.1.fetch_add(1, std::sync::atomic::Ordering::Relaxed) == 8 {
                 self.0.raise();
             }

@@ -3,6 +3,7 @@
 use depthcal_model::{Camera, Register, RegisterError};
 use thiserror::Error;
 
+use crate::adjust::FieldThresholds;
 use crate::progress::ProgressHandle;
 
 /// How the depth model is estimated.
@@ -48,6 +49,8 @@ pub struct CalibrateOptions {
     pub camera: Option<Camera>,
     /// The pieces that names may mean.
     pub register: Register,
+    /// Thresholds of the rules that choose the smoothness of fields.
+    pub field_thresholds: FieldThresholds,
     /// Receives progress.
     pub progress: ProgressHandle,
 }
@@ -62,6 +65,7 @@ impl Default for CalibrateOptions {
             samples_per_frame: 800,
             camera: None,
             register: Register::builtin(),
+            field_thresholds: FieldThresholds::default(),
             progress: ProgressHandle::default(),
         }
     }

@@ -4,13 +4,13 @@ use std::fmt::Write;
 
 use depthcal_io::{Comparison, DatasetEvaluation, Interval, MeanStd, ModelComparison};
 
-use super::subsets;
+use super::variants::subsets;
 use crate::judge::evaluate::table;
 
 /// A titled block of text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Table {
-    /// What it shows.
+    /// Title.
     pub title: String,
     /// Lines of equal columns.
     pub text: String,
@@ -24,7 +24,7 @@ fn with_interval(value: Option<Interval>) -> String {
     value.map_or_else(|| "–".to_owned(), |i| format!("{:.2} ({:.2}–{:.2})", i.mean, i.low, i.high))
 }
 
-/// All tables that the comparison has.
+/// All tables for which the comparison has numbers.
 pub fn tables(c: &Comparison) -> Vec<Table> {
     let mut all = vec![ranking(c)];
     all.extend(learning(c));

@@ -1,42 +1,19 @@
 //! Dots as elliptical regions of the component tree.
 
 use super::tree::{Node, component_tree};
+use crate::lattice::blob::Blob;
 
-/// Grey levels (of 255) that a dot must differ from its surroundings.
+/// Least contrast between a dot and its surroundings, grey levels of 255.
 const MIN_CONTRAST: u8 = 10;
-/// Smallest and largest area of a dot, px² and fraction of the image.
+/// Smallest area of a dot, px².
 const MIN_AREA: u32 = 6;
+/// Largest area of a dot, as a fraction of the image.
 const MAX_AREA_FRACTION: f64 = 0.05;
-/// Area over the area of the ellipse with the same second moments: 1 for an ellipse, 0.955 for a rectangle, less for
-/// anything that is concave or has holes. Small dots are rough.
+/// Range of a region's area over that of the ellipse with the same second moments: 1 for an ellipse, 0.955 for a
+/// rectangle, less for concave shapes and for holes. It is wide because small dots are coarsely sampled.
 const SOLIDITY: [f64; 2] = [0.88, 1.12];
-/// Longest over shortest axis; a circle seen at 70° has 2.9.
+/// Largest ratio of the axes; a circle seen at 70° has 2.9.
 const MAX_ELONGATION: f64 = 4.0;
-
-/// A dot candidate, px.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Blob {
-    pub(crate) center: [f64; 2],
-    /// Covariance of the region's area: xx, xy, yy. A disc of radius r has r²/4.
-    pub(crate) covariance: [f64; 3],
-    pub(crate) area: f64,
-    /// Grey levels between the dot and the level at which it merges with something else.
-    pub(crate) contrast: u8,
-}
-
-impl Blob {
-    /// Length of `d` in units of the dot's own radius in that direction: undoes the tilt of the board.
-    pub(crate) fn in_radii(&self, d: [f64; 2]) -> f64 {
-        self.dot_product(d, d).max(0.0).sqrt()
-    }
-
-    /// Scalar product in the metric in which this dot is the unit disc.
-    pub(crate) fn dot_product(&self, a: [f64; 2], b: [f64; 2]) -> f64 {
-        let [xx, xy, yy] = self.covariance;
-        let det = xx * yy - xy * xy;
-        (yy * a[0] * b[0] - xy * (a[0] * b[1] + a[1] * b[0]) + xx * a[1] * b[1]) / (4.0 * det)
-    }
-}
 
 fn is_elliptical(node: &Node, max_area: f64) -> bool {
     if node.area < MIN_AREA || f64::from(node.area) > max_area {
@@ -53,12 +30,12 @@ fn is_elliptical(node: &Node, max_area: f64) -> bool {
     (SOLIDITY[0]..=SOLIDITY[1]).contains(&solidity) && elongation <= MAX_ELONGATION
 }
 
-/// All dark dots of an 8-bit image, by falling contrast, at most `limit`.
+/// The dark dots of an 8-bit image (row-major), at most `limit`, in descending order of contrast.
 pub(crate) fn dark_blobs(data: &[u8], width: usize, height: usize, limit: usize) -> Vec<Blob> {
     let tree = component_tree(data, width, height);
     let max_area = MAX_AREA_FRACTION * data.len() as f64;
     let good: Vec<bool> = tree.iter().map(|n| is_elliptical(n, max_area)).collect();
-    // The heaviest child of every node: the way down to the half level that does not lose the dot.
+    // The largest child of every node: descending along it to the half level stays on the dot.
     let mut heavy = vec![u32::MAX; tree.len()];
     for (i, node) in tree.iter().enumerate() {
         let up = node.parent as usize;
@@ -69,11 +46,11 @@ pub(crate) fn dark_blobs(data: &[u8], width: usize, height: usize, limit: usize)
     let mut blobs: Vec<Blob> = Vec::new();
     for (i, node) in tree.iter().enumerate() {
         let parent = node.parent as usize;
-        // The top of an unbroken run of elliptical regions.
+        // Only the top of an unbroken run of elliptical regions is a candidate.
         if !good[i] || (parent != i && good[parent]) {
             continue;
         }
-        // Up to the level at which it merges with something else.
+        // The highest level before it merges with something else.
         let top = if parent == i { node.level } else { tree[parent].level - 1 };
         let contrast = top - node.darkest;
         if contrast < MIN_CONTRAST {
@@ -84,7 +61,7 @@ pub(crate) fn dark_blobs(data: &[u8], width: usize, height: usize, limit: usize)
         while tree[at].level > half && heavy[at] != u32::MAX {
             at = heavy[at] as usize;
         }
-        // Below the half level the region can be torn by noise: take the last good one.
+        // At low levels noise can tear the region apart: go back to the last elliptical one.
         while !good[at] && at != i {
             at = tree[at].parent as usize;
         }
@@ -102,7 +79,7 @@ pub(crate) fn dark_blobs(data: &[u8], width: usize, height: usize, limit: usize)
     without_duplicates(blobs, limit)
 }
 
-/// Keeps the strongest of several runs on the same dot.
+/// Of several candidates on the same dot, keeps the one of highest contrast.
 fn without_duplicates(blobs: Vec<Blob>, limit: usize) -> Vec<Blob> {
     let mut kept: Vec<Blob> = Vec::new();
     for blob in blobs {

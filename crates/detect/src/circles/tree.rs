@@ -1,13 +1,15 @@
-//! The component tree of an image: all connected dark regions at all thresholds at once.
+//! The component tree of an image: its connected dark regions at every threshold.
 //!
-//! Regions {v ≤ t} of a growing threshold t are nested and form a tree. One union-find pass over the pixels in order of
-//! their grey value builds it (after Berger et al. 2007, "Effective component tree computation"), with area and second
-//! moments of every region. A dot is a node of this tree whatever the illumination, so no threshold has to be chosen.
+//! The connected regions {v ≤ t} grow with the threshold t; they are nested and form a tree. One union-find pass over
+//! the pixels in ascending order of grey value builds it (Berger et al. 2007, "Effective component tree computation"),
+//! with area and second moments of every region. A dot is a node of this tree under any illumination, so there is no
+//! threshold to choose.
 
 /// A connected region {v ≤ level}.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Node {
-    /// The region that contains this one; the root is its own parent. Always larger than the node's own index.
+    /// Index of the smallest region that contains this one, larger than the node's own index; the root is its own
+    /// parent.
     pub(crate) parent: u32,
     /// Threshold.
     pub(crate) level: u8,
@@ -20,13 +22,13 @@ pub(crate) struct Node {
 }
 
 impl Node {
-    /// Centre of gravity in px.
+    /// Centroid, px.
     pub(crate) fn center(&self) -> [f64; 2] {
         let n = f64::from(self.area);
         [self.sums[0] as f64 / n, self.sums[1] as f64 / n]
     }
 
-    /// Covariance [xx, xy, yy] in px² of the region as an area, pixels being unit squares (hence 1/12).
+    /// Second central moments [xx, xy, yy] of the region over its area, px². Pixels are unit squares, hence the 1/12.
     pub(crate) fn covariance(&self) -> [f64; 3] {
         let n = f64::from(self.area);
         let [x, y] = self.center();
@@ -43,7 +45,8 @@ impl Node {
     }
 }
 
-/// Builds the tree of an 8-bit image with 4-connected regions. Children come before their parents; the root is last.
+/// Builds the tree of an 8-bit image (row-major) with 4-connected regions. Children come before their parents; the root
+/// is last.
 pub(crate) fn component_tree(data: &[u8], width: usize, height: usize) -> Vec<Node> {
     let order = sorted_by_value(data);
     let count = data.len();
@@ -76,7 +79,7 @@ pub(crate) fn component_tree(data: &[u8], width: usize, height: usize) -> Vec<No
             }
         }
     }
-    // The last pixel of a region at a level stands for it: let all its pixels point there, root first.
+    // The last pixel of a region at its level represents the region: make all its pixels point there, root first.
     for &p in order.iter().rev() {
         let up = parent[p as usize];
         let top = parent[up as usize];
@@ -87,7 +90,7 @@ pub(crate) fn component_tree(data: &[u8], width: usize, height: usize) -> Vec<No
     nodes(data, width, &order, &parent)
 }
 
-/// One node per region, from the pixel tree.
+/// One node per region, from the tree of pixels.
 fn nodes(data: &[u8], width: usize, order: &[u32], parent: &[u32]) -> Vec<Node> {
     let stands_for_region = |p: u32| {
         let up = parent[p as usize];
@@ -117,7 +120,7 @@ fn nodes(data: &[u8], width: usize, order: &[u32], parent: &[u32]) -> Vec<Node> 
     nodes
 }
 
-/// Pixels by grey value, stable (a counting sort).
+/// Pixel indices in ascending order of grey value, by a stable counting sort.
 fn sorted_by_value(data: &[u8]) -> Vec<u32> {
     let mut start = [0usize; 257];
     for &v in data {

@@ -3,16 +3,20 @@
 use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};
 
-use super::backend::{Reading, dictionary_size, read_tags};
-use super::{Tag, attempts, consistent, dictionary_number};
+use super::attempts::attempts;
+use super::consistent::consistent;
+use super::dictionary::dictionary_number;
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
-use crate::refine::{self, RefineOptions};
+use crate::open_cv::tags::{Reading, Tag, dictionary_size, read_tags};
+use crate::refine::clear::{keep_clear, take_over};
+use crate::refine::{RefineOptions, homography_mapping, refine_corners};
 
 const DICTIONARY: &str = "DICT_APRILTAG_36H11";
-/// Largest distance of a corner from where the board says, in sides of a tag: half a bit.
+/// Largest distance of a fitted corner from its position on the board, in sides of a tag: half a bit.
 const PLACE_TOLERANCE: f64 = 0.06;
 
+/// Searches an image for an AprilGrid.
 pub(crate) fn find(
     image: &GrayImage,
     target: &Target,
@@ -26,7 +30,7 @@ pub(crate) fn find(
     let corners_of = |id: usize| (id < need).then(|| [0, 1, 2, 3].map(|corner| target.point(4 * id + corner)));
     let mut best: Vec<Tag> = Vec::new();
     for (plane, scale) in attempts(image) {
-        // Tags are printed with a border of one bit by most and of two by Kalibr.
+        // Most generators print a border of one bit, Kalibr one of two.
         for border_bits in [1, 2] {
             let tags = read_tags(&plane, &Reading { dictionary: number, border_bits, scale })?;
             let kept = consistent(tags, corners_of, 0.2);
@@ -49,22 +53,22 @@ pub(crate) fn find(
         return Ok(None);
     }
     if options.refine {
-        // OpenCV's corners lie where the contour of the thresholded tag bends: good to half a pixel.
-        let refined = refine::refine_corners(image, &detection, target, &RefineOptions::default())?;
-        refine::take_over(&mut detection, &refined);
+        // OpenCV's corners are bends of the thresholded tag's contour, accurate to half a pixel.
+        let refined = refine_corners(image, &detection, target, &RefineOptions::default())?;
+        take_over(&mut detection, &refined);
         complete(image, &mut detection, target)?;
     }
     Ok((detection.markers.len() >= options.min_markers.max(4)).then_some(detection))
 }
 
-/// Adds the corners of tags whose bits could not be read: the tags that could say where they are. All corners are
-/// fitted; those that end elsewhere than the board says are dropped.
+/// Adds the corners of tags whose bits could not be read, at the positions that the tags that were read predict. All
+/// corners are then fitted; those that end away from their position on the board are dropped.
 fn complete(image: &GrayImage, detection: &mut Detection, target: &Target) -> Result<(), DetectError> {
     let Pattern::Aprilgrid { marker_mm } = target.pattern else { return Ok(()) };
     let (width, height) = (image.width as f64, image.height as f64);
-    // Twice: the second time the map rests on more corners.
+    // Twice, as the second map is fitted to more corners.
     for last in [false, true] {
-        let Some(map) = refine::homography_mapping(detection, target) else { return Ok(()) };
+        let Some(map) = homography_mapping(detection, target) else { return Ok(()) };
         let predicted = |index: usize| {
             let [x, y] = target.point(index);
             let at = map.apply([x, y])?;
@@ -80,14 +84,14 @@ fn complete(image: &GrayImage, detection: &mut Detection, target: &Target) -> Re
                 detection.markers.insert(place, Marker { index, pixel });
             }
         }
-        let mut refined = refine::refine_corners(image, detection, target, &RefineOptions::default())?;
+        let mut refined = refine_corners(image, detection, target, &RefineOptions::default())?;
         refined.retain(|r| {
             predicted(r.index).is_some_and(|(at, side)| {
                 (r.pixel[0] - at[0]).hypot(r.pixel[1] - at[1]) < PLACE_TOLERANCE * side + 2.5 * map.rms_px()
             })
         });
         detection.markers.retain(|m| refined.iter().any(|r| r.index == m.index));
-        if last { refine::keep_clear(detection, &refined) } else { refine::take_over(detection, &refined) }
+        if last { keep_clear(detection, &refined) } else { take_over(detection, &refined) }
     }
     Ok(())
 }

@@ -1,20 +1,23 @@
-//! ChArUco boards: tags say where the board is, the crossings of the chessboard between them are the markers.
+//! ChArUco boards: the tags locate the board, and the crossings of its chessboard are the markers.
 
 use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};
 
-use super::backend::{Reading, dictionary_size, read_tags};
-use super::{Tag, attempts, consistent, dictionary_number};
+use super::attempts::attempts;
+use super::consistent::consistent;
+use super::dictionary::dictionary_number;
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
 use crate::geometry::{Homography, Pair};
-use crate::refine::{self, RefineOptions};
+use crate::open_cv::tags::{Reading, Tag, dictionary_size, read_tags};
+use crate::refine::{RefineOptions, homography_mapping, refine_corners};
 
-/// Largest distance between the place that tags predict for a crossing and the crossing, in squares.
+/// Largest distance of a fitted crossing from the position that the tags predict, in squares.
 const TOLERANCE: f64 = 0.15;
 
-/// Column and row of the square that carries tag `id`. Tags are numbered row by row through the white squares;
-/// `first_white` is 1 when the top left square is black (OpenCV since 4.6, and before for an odd number of rows).
+/// Column and row of the square that carries tag `id`; `None` when the board has fewer tags. Tags are numbered row by
+/// row over the white squares. `first_white` is the column of the first white square: 1 when the top left square is
+/// black, as in OpenCV since 4.6 and, for an odd number of rows, before.
 fn square_of(id: usize, columns: usize, rows: usize, first_white: usize) -> Option<[usize; 2]> {
     let mut left = id;
     for row in 0..rows {
@@ -28,6 +31,7 @@ fn square_of(id: usize, columns: usize, rows: usize, first_white: usize) -> Opti
     None
 }
 
+/// Searches an image for a ChArUco board.
 pub(crate) fn find(
     image: &GrayImage,
     target: &Target,
@@ -50,7 +54,7 @@ pub(crate) fn find(
     let mut best: Option<Detection> = None;
     for (plane, scale) in attempts(image) {
         let tags = read_tags(&plane, &Reading { dictionary: number, border_bits: 1, scale })?;
-        // Boards drawn by an older OpenCV begin with a white square when their number of rows is even.
+        // Boards with an even number of rows begin with a white square when drawn by OpenCV before 4.6.
         let layouts: &[usize] = if target.rows.is_multiple_of(2) { &[1, 0] } else { &[1] };
         let layout = layouts
             .iter()
@@ -72,7 +76,7 @@ pub(crate) fn find(
     Ok(best.filter(|b| b.markers.len() >= options.min_markers.max(4)))
 }
 
-/// Places of the crossings, each from the tags around it, where there are any.
+/// Positions of the crossings, each predicted from the nearest tags; crossings without a tag next to them are left out.
 fn predict(tags: &[Tag], target: &Target, corners_of: impl Fn(usize) -> Option<[[f64; 2]; 4]>) -> Vec<Marker> {
     let mut markers = Vec::new();
     for index in 0..target.len() {
@@ -87,7 +91,7 @@ fn predict(tags: &[Tag], target: &Target, corners_of: impl Fn(usize) -> Option<[
             })
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // A crossing touches two white squares; without a tag in one of them it is not there or not clear.
+        // A crossing touches two white squares; when no tag was read in either it is hidden or unclear.
         if near.first().is_none_or(|n| n.0 > 0.8) {
             continue;
         }
@@ -99,10 +103,10 @@ fn predict(tags: &[Tag], target: &Target, corners_of: impl Fn(usize) -> Option<[
     markers
 }
 
-/// Fits the crossings; those that cannot be fitted, or lie elsewhere, are no crossings.
+/// Fits the crossings and drops those that cannot be fitted or end away from their predicted position.
 fn settle(image: &GrayImage, mut detection: Detection, target: &Target) -> Result<Detection, DetectError> {
-    let refined = refine::refine_corners(image, &detection, target, &RefineOptions::default())?;
-    let map = refine::homography_mapping(&detection, target);
+    let refined = refine_corners(image, &detection, target, &RefineOptions::default())?;
+    let map = homography_mapping(&detection, target);
     let before = detection.clone();
     detection.markers = refined
         .iter()

@@ -1,14 +1,14 @@
-//! The board seen through an unknown lens: a homography and what it leaves.
+//! The mapping from board to image under an unknown lens: a homography and a smooth correction.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::Homography;
+use super::homography::Homography;
 
 /// Terms of a cubic in two variables.
 const TERMS: usize = 10;
 
-/// A smooth map from the board (mm) to the image (px) fitted to markers: a homography, followed by a cubic polynomial
-/// in board coordinates that takes up the lens. The polynomial is left out where there are fewer than 20 markers.
+/// A smooth map from the board (mm) to the image (px), fitted to markers: a homography plus a cubic polynomial in board
+/// coordinates that absorbs lens distortion. With fewer than 20 markers there is no polynomial.
 #[derive(Debug, Clone)]
 pub struct BoardMap {
     homography: Homography,
@@ -24,7 +24,7 @@ fn terms([x, y]: [f64; 2]) -> [f64; TERMS] {
 }
 
 impl BoardMap {
-    /// Fits the map to pairs (board mm, image px). `None` when they do not fix a homography.
+    /// Fits the map to pairs (board mm, image px). `None` when they do not determine a homography.
     pub fn fit(pairs: &[([f64; 2], [f64; 2])]) -> Option<BoardMap> {
         let homography = Homography::fit(pairs)?;
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
@@ -50,7 +50,7 @@ impl BoardMap {
 
     fn fit_correction(&self, pairs: &[([f64; 2], [f64; 2])]) -> Option<[[f64; TERMS]; 2]> {
         let design = DMatrix::from_fn(pairs.len(), TERMS, |i, j| terms(self.unit(pairs[i].0))[j]);
-        // A touch of damping keeps it finite where the markers do not determine a term.
+        // Slight damping keeps the solution finite when the markers do not determine every term.
         let normal = design.tr_mul(&design) + DMatrix::identity(TERMS, TERMS) * (1e-6 * pairs.len() as f64);
         let solve = normal.cholesky()?;
         let mut correction = [[0.0; TERMS]; 2];

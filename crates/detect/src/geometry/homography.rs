@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// A point and where it is mapped to.
+/// A point and its image.
+#[cfg(feature = "opencv")]
 pub(crate) type Pair = ([f64; 2], [f64; 2]);
 
 /// A projective map of the plane, here from board (mm) to image (px).
@@ -22,7 +23,7 @@ impl Homography {
     }
 
     /// Fits the map to pairs (from, to) by the normalised direct linear transformation (Hartley 1997). `None` for fewer
-    /// than four pairs or when the points are collinear.
+    /// than four pairs, and when the points do not determine a map (collinear points).
     pub fn fit(pairs: &[([f64; 2], [f64; 2])]) -> Option<Homography> {
         if pairs.len() < 4 {
             return None;
@@ -43,14 +44,14 @@ impl Homography {
         let eigen = normal.symmetric_eigen();
         let mut order: Vec<usize> = (0..9).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        // A second vanishing eigenvalue: the points do not fix the map.
+        // A second vanishing eigenvalue: the points do not determine the map.
         if eigen.eigenvalues[order[1]] < 1e-9 * eigen.eigenvalues[order[8]] {
             return None;
         }
         let h = eigen.eigenvectors.column(order[0]);
         let h = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8]);
         let mut matrix = to.try_inverse()? * h * from;
-        // The sign with which points of the plane in front of the camera have a positive third coordinate.
+        // Choose the sign for which points in front of the camera have a positive third coordinate.
         let at = pairs[0].0;
         if (matrix * Vector3::new(at[0], at[1], 1.0)).z < 0.0 {
             matrix = -matrix;

@@ -1,13 +1,14 @@
-//! The inverse of the mapping around one marker, in closed form.
+//! The inverse of the mapping from board to image around one marker, in closed form.
 
 use nalgebra::{Matrix2, SMatrix};
 
+/// Terms of a cubic in two variables.
 const TERMS: usize = 10;
 /// Samples along one side of the neighbourhood.
 const SIDE: usize = 7;
 
-/// Board coordinates (mm) as a cubic polynomial of pixel coordinates around a marker. A cubic takes up perspective and
-/// lens within a dot to better than 10⁻⁴ px, and gives exact derivatives for the price of a few multiplications.
+/// Board coordinates (mm) as a cubic polynomial in pixel coordinates around a marker. Within a dot a cubic represents
+/// perspective and lens to better than 10⁻⁴ px, and its derivatives are exact and cheap.
 #[derive(Debug, Clone)]
 pub(crate) struct LocalMap {
     center: [f64; 2],
@@ -19,8 +20,8 @@ pub(crate) struct LocalMap {
 }
 
 impl LocalMap {
-    /// Samples `pixel_from_board` on a square of half side `reach` mm around `board` and inverts it. `None` where the
-    /// mapping is undefined or folds over.
+    /// Samples `pixel_from_board` on a square of half side `reach` mm around the point `board` (mm) and inverts it.
+    /// `None` where the mapping is undefined or folds.
     pub(crate) fn new(
         pixel_from_board: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
         board: [f64; 2],
@@ -70,7 +71,7 @@ impl LocalMap {
         (worst < 0.05 * reach).then_some(map)
     }
 
-    /// Monomials and their derivatives to u and v.
+    /// Monomials and their derivatives with respect to u and v.
     fn terms(&self, pixel: [f64; 2]) -> ([f64; TERMS], [f64; TERMS], [f64; TERMS]) {
         let (a, b) = (1.0 / self.scale[0], 1.0 / self.scale[1]);
         let (x, y) = ((pixel[0] - self.center[0]) * a, (pixel[1] - self.center[1]) * b);

@@ -1,4 +1,4 @@
-//! Plane geometry that detection and refinement share.
+//! Plane geometry shared by detection and refinement.
 
 mod board_map;
 mod homography;
@@ -6,5 +6,6 @@ mod local_map;
 
 pub use board_map::BoardMap;
 pub use homography::Homography;
+#[cfg(feature = "opencv")]
 pub(crate) use homography::Pair;
 pub(crate) use local_map::LocalMap;

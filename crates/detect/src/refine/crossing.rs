@@ -1,18 +1,25 @@
-//! The crossing of a chessboard and the corner of a tag, by fitting two soft edges to the grey values around it.
+//! The crossing of a chessboard and the corner of a tag, by fitting two blurred edges to the grey values around it.
 //!
-//! Measured, as OpenCV's own calibration reprojects the corners of a set of grey images of a 9 × 6 board (640 × 480)
-//! and of infrared ones of a 5 × 7 board (512 × 424): findChessboardCornersSB 0.243 and 0.093 px; cornerSubPix on top
-//! of it at best 0.183 px (window 7) and 0.071 px (window 5, of the square root of the amplitudes), 0.41 and 3.7 px with
-//! the customary window of 11, which reaches into the next square; this fit 0.158 and 0.032 px. It hardly depends on the
-//! size of the neighbourhood from 0.4 to 0.6 squares.
+//! Reprojection error of OpenCV's own calibration on such corners, measured on grey images of a 9 × 6 board (640 × 480)
+//! and on infrared images of a 5 × 7 board (512 × 424):
+//!
+//! | corners from | grey / px | infrared / px |
+//! |---|---|---|
+//! | findChessboardCornersSB | 0.243 | 0.093 |
+//! | cornerSubPix after it, best window | 0.183 (7) | 0.071 (5, on the square root of the amplitudes) |
+//! | cornerSubPix after it, the customary window of 11, which reaches into the next square | 0.41 | 3.7 |
+//! | this fit | 0.158 | 0.032 |
+//!
+//! The fit hardly depends on the radius of the neighbourhood between 0.4 and 0.6 squares.
 
 use nalgebra::{Matrix2, SVector};
 
 use super::fit::{Model, Prior, erf, fit};
 use super::pixels::Pixels;
 
-/// Point u, v (px); directions of the two edges (rad); grey of the mean (crossing) or of the paper (corner), half the
-/// contrast or all of it; relative change of the light along u, v (1/px); edge width (px).
+/// Number of parameters: point u, v (px); directions of the two edges (rad); mean grey value (crossing) or that of the
+/// paper (corner); half the contrast (crossing) or all of it (corner); relative gradient of the light along u, v
+/// (1/px); standard deviation of the edges' blur (px).
 const P: usize = 9;
 const FIRST: usize = 2;
 const SECOND: usize = 3;
@@ -23,17 +30,17 @@ const LIGHT_V: usize = 7;
 const WIDTH: usize = 8;
 const USUAL_WIDTH_PX: f64 = 0.8;
 
-/// What meets in the point.
+/// The squares that meet in the point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
-    /// Four squares, two of them dark: the grey value is the product of two signed edges.
+    /// Four squares, two of them dark: the product of two edges from −1 to 1.
     Crossing,
-    /// One dark quarter, between the two axes: the product of two edges that are 0 outside.
+    /// One dark quadrant, between the two axes: the product of two edges from 0 to 1.
     Corner,
 }
 
 impl Shape {
-    /// An edge's profile is the first plus the second times the soft sign of the distance.
+    /// An edge's profile is the first number plus the second times the error function of the scaled distance.
     fn profile(self) -> [f64; 2] {
         match self {
             Shape::Crossing => [0.0, 1.0],
@@ -47,9 +54,9 @@ pub(super) struct FittedCrossing {
     pub(super) pixel: [f64; 2],
     pub(super) covariance: Matrix2<f64>,
     pub(super) width_px: f64,
-    /// Bright minus dark.
+    /// Grey values of bright minus dark, positive.
     pub(super) contrast: f64,
-    /// Grey noise over contrast.
+    /// Standard deviation of the grey values about the model, over the contrast.
     pub(super) relative_noise: f64,
 }
 
@@ -71,7 +78,7 @@ impl Model<P> for CrossingModel<'_> {
         let d = [u - p[0], v - p[1]];
         let root = std::f64::consts::SQRT_2 * p[WIDTH];
         let [base, gain] = self.shape.profile();
-        // Distance to an edge, the soft sign of it, and the slope of that.
+        // Profile of an edge and its slope; distance to it, distance along it, and its normal.
         let side = |angle: f64| {
             let (sin, cos) = angle.sin_cos();
             let s = cos * d[1] - sin * d[0];
@@ -110,8 +117,8 @@ impl Model<P> for CrossingModel<'_> {
     }
 }
 
-/// Fits a crossing near `start` from the pixels within `reach` px; `axes` are the directions of the board's rows and
-/// columns there, px. `None` when there is no crossing.
+/// Fits a crossing or corner near `start` (px) to the pixels within `reach` px of it. `axes` are the directions of the
+/// board's rows and columns there, px. `None` when there is none.
 pub(super) fn fit_crossing(
     pixels: &Pixels,
     shape: Shape,
@@ -130,9 +137,10 @@ pub(super) fn fit_crossing(
     if samples.len() < 2 * P {
         return None;
     }
-    // The first axis is the edge on whose positive side the second lies, and the reverse.
+    // The sides are chosen so that the second axis lies on the positive side of the first edge, and the first axis on
+    // the positive side of the second edge.
     let angles = [axes[0][1].atan2(axes[0][0]), (-axes[1][1]).atan2(-axes[1][0])];
-    // Mean grey on the two sides of the sign of the crossing.
+    // Mean grey value where the product of the edges is negative (or zero), and where it is positive.
     let (mut sums, mut counts) = ([0.0; 2], [0.0; 2]);
     for (p, value) in &samples {
         let side = |angle: f64| angle.cos() * (p[1] - start[1]) - angle.sin() * (p[0] - start[0]);

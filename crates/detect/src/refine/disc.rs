@@ -1,8 +1,8 @@
-//! The centre of a printed disc, by fitting what a camera sees of it.
+//! The centre of a printed disc, by fitting a model of its image.
 //!
-//! Every pixel around the dot is taken to the board with the current mapping; there the dot is a disc of known size, so
-//! perspective and lens are accounted for and the centre that is found is that of the disc, not of its image. The edge
-//! is as soft as the image makes it: the signed distance to it is converted to pixels, because blur happens there.
+//! Every pixel around the dot is mapped to the board under the current mapping. There the dot is a disc of known size,
+//! so that the fitted centre is that of the disc, not that of its image, and perspective and lens cause no bias. Blur
+//! acts in the image: the signed distance to the disc's edge is converted to pixels before the edge is blurred.
 
 use nalgebra::{Matrix2, SVector, Vector2};
 
@@ -10,8 +10,8 @@ use super::fit::{Fit, Model, Prior, erf, fit};
 use super::pixels::Pixels;
 use crate::geometry::LocalMap;
 
-/// Centre x, y (mm); grey of the paper, of the dot less that of the paper; relative change of the light along u, v
-/// (1/px); edge width (px), radius (mm).
+/// Number of parameters: centre x, y (mm); grey value of the paper; grey value of the dot minus that of the paper;
+/// relative gradient of the light along u, v (1/px); standard deviation of the edge's blur (px); radius (mm).
 const P: usize = 8;
 const PAPER: usize = 2;
 const CONTRAST: usize = 3;
@@ -20,22 +20,22 @@ const LIGHT_V: usize = 5;
 const WIDTH: usize = 6;
 const RADIUS: usize = 7;
 
-/// Softness of an ordinary edge: the lens and the pixel's own area.
+/// Usual standard deviation of an edge's blur, from the lens and the pixel's area.
 const USUAL_WIDTH_PX: f64 = 0.8;
-/// How far around the dot paper is looked at, px.
+/// Width of the ring of paper around the dot that is fitted, px.
 const SURROUND_PX: f64 = 3.0;
 
-/// What is known of a dot before the fit.
+/// Knowledge of a dot before the fit; board coordinates in mm.
 pub(super) struct Disc {
     pub(super) center: [f64; 2],
     pub(super) radius: f64,
-    /// Distance to the edge of the nearest neighbour, mm.
+    /// Distance between its edge and that of the nearest dot, mm.
     pub(super) gap: f64,
-    /// Relative uncertainty of the printed radius; 0 holds it fixed.
+    /// Prior standard deviation of the radius, relative to it; 0 holds it fixed.
     pub(super) radius_sigma: f64,
 }
 
-/// The fitted disc.
+/// The fitted disc; board coordinates in mm.
 pub(super) struct FittedDisc {
     pub(super) center: [f64; 2],
     /// Covariance of the centre, mm².
@@ -43,7 +43,7 @@ pub(super) struct FittedDisc {
     pub(super) radius: f64,
     pub(super) width_px: f64,
     pub(super) contrast: f64,
-    /// Grey noise over contrast.
+    /// Standard deviation of the grey values about the model, over the contrast.
     pub(super) relative_noise: f64,
 }
 
@@ -62,12 +62,13 @@ struct DiscModel<'a> {
 }
 
 impl DiscModel<'_> {
-    /// Signed distance of a sample to the edge in px, outside positive, and its derivative to the centre, px/mm.
+    /// Signed distance of a sample to the edge in px, positive outside, and its derivatives with respect to centre and
+    /// radius, px/mm.
     fn distance(sample: &Sample, center: [f64; 2], radius: f64) -> (f64, Vector2<f64>, f64) {
         let e = Vector2::new(sample.board[0] - center[0], sample.board[1] - center[1]);
         let rho = e.norm().max(1e-9 * radius);
         let normal = e / rho;
-        // Gradient of the distance on the board, seen in the image, mm/px.
+        // Gradient in the image of the distance on the board, mm/px.
         let per_px = (sample.jacobian.transpose() * normal).norm().max(1e-12);
         ((rho - radius) / per_px, -normal / per_px, -1.0 / per_px)
     }
@@ -110,7 +111,7 @@ impl Model<P> for DiscModel<'_> {
     }
 }
 
-/// Fits the disc. `None` when there are too few pixels, too little contrast, or no disc.
+/// Fits the disc. `None` when there are too few pixels, too little contrast, or the pixels show no disc.
 pub(super) fn fit_disc(pixels: &Pixels, map: &LocalMap, disc: &Disc, iterations: usize) -> Option<FittedDisc> {
     let outside = 0.55 * disc.gap;
     let mut samples = Vec::new();
@@ -148,7 +149,7 @@ pub(super) fn fit_disc(pixels: &Pixels, map: &LocalMap, disc: &Disc, iterations:
         Prior { index: LIGHT_V, mean: 0.0, sigma: 0.02 },
     ];
     let model = DiscModel { pixels, samples, start: disc.center, radius: disc.radius };
-    // Rounding to integers alone scatters by 0.29; the model itself is worth some thousandths of the contrast.
+    // Rounding to integers has a standard deviation of 0.29; the model is accurate to some thousandths of the contrast.
     let grain = 0.3_f64.max(0.003 * (dot - paper).abs());
     let Fit { parameters: p, covariance, noise } = fit(&model, start, &priors, grain, iterations)?;
     let contrast = p[CONTRAST];

@@ -6,13 +6,13 @@ use nalgebra::{SMatrix, SVector};
 pub(super) trait Model<const P: usize> {
     /// Number of pixels.
     fn len(&self) -> usize;
-    /// Measured minus modelled grey value of pixel `i`, and the derivatives of the modelled one.
+    /// Measured minus modelled grey value of pixel `i`, and the derivatives of the modelled value.
     fn residual(&self, parameters: &SVector<f64, P>, i: usize) -> (f64, SVector<f64, P>);
-    /// Whether parameters make sense; steps to others are shortened.
+    /// Whether parameters are within the model's domain; steps that leave it are shortened.
     fn is_valid(&self, parameters: &SVector<f64, P>) -> bool;
 }
 
-/// Prior knowledge of a parameter: its value and standard deviation.
+/// A Gaussian prior on one parameter.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Prior {
     pub(super) index: usize,
@@ -28,13 +28,13 @@ pub(super) struct Fit<const P: usize> {
     pub(super) noise: f64,
 }
 
-/// Residuals beyond this many standard deviations count less (Huber).
+/// Threshold of Huber's loss, standard deviations.
 const HUBER: f64 = 2.5;
 /// Relative change of the cost at which the fit has converged.
 const TOLERANCE: f64 = 1e-7;
 
-/// Fits the model from `start`. `grain` is the smallest noise to assume (quantisation). `None` when the pixels do not
-/// determine the parameters.
+/// Fits the model from `start`. `grain` is the least standard deviation of the grey values to assume (quantisation).
+/// `None` when the pixels do not determine the parameters.
 pub(super) fn fit<const P: usize>(
     model: &impl Model<P>,
     start: SVector<f64, P>,
@@ -82,13 +82,14 @@ pub(super) fn fit<const P: usize>(
     Some(Fit { parameters, covariance, noise })
 }
 
-/// Weighted normal equations in units of the noise.
+/// Weighted normal equations, in units of the noise.
 struct System<const P: usize> {
     normal: SMatrix<f64, P, P>,
     gradient: SVector<f64, P>,
     cost: f64,
-    /// Sum of the weights, and of the weighted squares of the residuals over the noise.
+    /// Sum of the weights.
     weight: f64,
+    /// Weighted sum of the squares of the residuals over the noise.
     squares: f64,
 }
 
@@ -127,7 +128,7 @@ fn cost<const P: usize>(model: &impl Model<P>, parameters: &SVector<f64, P>, pri
     data + prior
 }
 
-/// Robust standard deviation of the residuals: from the median of their size.
+/// Robust standard deviation of the residuals, from the median of their absolute values.
 fn spread<const P: usize>(model: &impl Model<P>, parameters: &SVector<f64, P>, grain: f64) -> f64 {
     let mut sizes: Vec<f64> = (0..model.len()).map(|i| model.residual(parameters, i).0.abs()).collect();
     let middle = sizes.len() / 2;

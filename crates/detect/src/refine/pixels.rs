@@ -1,4 +1,4 @@
-//! Raw grey values for fits: linear in light, unlike the stretched ones.
+//! Raw grey values for fits, which are linear in the light, unlike stretched ones.
 
 use depthcal_io::GrayImage;
 
@@ -10,7 +10,7 @@ pub(crate) struct Pixels<'a> {
 
 impl<'a> Pixels<'a> {
     pub(crate) fn new(image: &'a GrayImage) -> Pixels<'a> {
-        // A sensor saturates below the range of its file, too: many pixels at the largest value tell.
+        // A sensor may saturate below the range of its file; then many pixels have the largest value.
         let top = image.data.iter().copied().max().unwrap_or(0);
         let at_top = image.data.iter().filter(|&&v| v == top).count();
         let full = if image.bits <= 8 { 255 } else { u16::MAX };
@@ -22,8 +22,8 @@ impl<'a> Pixels<'a> {
         f64::from(self.image.data[y * self.image.width + x])
     }
 
-    /// Measured minus modelled value. Light beyond saturation is not measured, so a model that is brighter there is
-    /// right; then the second value is false and the derivative vanishes.
+    /// Measured minus modelled value, and whether the pixel constrains the model. A saturated pixel does not when the
+    /// model is as bright as it or brighter: the residual is then 0, and its derivatives are to be taken as 0.
     pub(crate) fn residual(&self, measured: f64, modelled: f64) -> (f64, bool) {
         if measured >= self.saturation && modelled >= measured { (0.0, false) } else { (measured - modelled, true) }
     }

@@ -1,23 +1,25 @@
-//! Measured captures, where they are present.
+//! Measured captures, which are not part of the repository.
+
+#[path = "../../../../tests/support/measured.rs"]
+mod data;
 
 use std::path::PathBuf;
 
 use depthcal_io::GrayImage;
 use opencv::core::{MatTraitConst, MatTraitConstManual};
 
-/// Images of a measured dataset by name, or nothing, with a message, where there are none. The folder is given by the
-/// environment variable DEPTHCAL_DATA.
-pub fn images(dataset: &str, folder: &str) -> Vec<(String, GrayImage)> {
-    let workspace = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let data = std::env::var_os("DEPTHCAL_DATA").map_or_else(|| workspace.join("../shared/data"), PathBuf::from);
-    let path = data.join(dataset).join(folder);
-    let Ok(entries) = std::fs::read_dir(&path) else {
-        eprintln!("SKIPPED: no measured data in {}; set DEPTHCAL_DATA to run this test", path.display());
-        return Vec::new();
-    };
+/// Images of a measured dataset with their file names; `None` where the dataset is not present, and the
+/// test is then reported as skipped.
+///
+/// # Panics
+/// When the dataset's folder holds no images.
+pub fn images(dataset: &str, folder: &str) -> Option<Vec<(String, GrayImage)>> {
+    let path = data::measured(&format!("{dataset}/{folder}"))?;
+    let entries = std::fs::read_dir(&path).expect("a folder");
     let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
     files.sort();
-    files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect()
+    assert!(!files.is_empty(), "{} holds no images", path.display());
+    Some(files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect())
 }
 
 fn read(file: &std::path::Path) -> GrayImage {

@@ -1,4 +1,4 @@
-//! What is printed on a board: reflectance as a function of the place in mm.
+//! The print of a board: reflectance as a function of the position in mm.
 
 use depthcal_model::target::{Pattern, Target};
 
@@ -23,7 +23,7 @@ impl Texture {
         self
     }
 
-    /// Reflectance; `None` beside the board.
+    /// Reflectance at (x, y), mm; `None` outside the board.
     pub fn at(&self, x: f64, y: f64) -> Option<f64> {
         if let Some((data, width, scale, origin)) = &self.raster {
             let (u, v) = ((x - origin[0]) * scale, (y - origin[1]) * scale);

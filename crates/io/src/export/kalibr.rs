@@ -1,7 +1,9 @@
 //! Kalibr's camchain.
 
+use super::camera::ExportCamera;
+use super::error::ExportError;
+use super::outcome::{Export, ExportWarning};
 use super::text::list;
-use super::{Export, ExportCamera, ExportError, ExportWarning};
 
 /// A camchain with one camera, `cam0`, as Kalibr writes and reads it.
 ///
@@ -13,10 +15,10 @@ use super::{Export, ExportCamera, ExportError, ExportWarning};
 /// | `resolution` | width, height in px |
 /// | `rostopic` | `/cam0/image_raw`; rename it to the camera's topic |
 ///
-/// radtan has no k3: where it is not 0 it gives a warning, as do skew, depth model and further lens pieces.
+/// radtan has no k3: a k3 other than 0 gives a warning, as do skew, depth model and further lens pieces.
 ///
 /// # Errors
-/// [`ExportError::Value`].
+/// [`ExportError::Value`] when a number is not finite, or size or focal length are not positive.
 pub fn kalibr_camchain(camera: &ExportCamera) -> Result<Export, ExportError> {
     const FORMAT: &str = "Kalibr";
     camera.check()?;

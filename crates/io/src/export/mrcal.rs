@@ -1,7 +1,9 @@
 //! mrcal's .cameramodel.
 
+use super::camera::ExportCamera;
+use super::error::ExportError;
+use super::outcome::Export;
 use super::text::list;
-use super::{Export, ExportCamera, ExportError};
 
 /// A .cameramodel, which is a Python dictionary.
 ///
@@ -15,7 +17,7 @@ use super::{Export, ExportCamera, ExportError};
 /// Skew, depth model and further lens pieces give warnings.
 ///
 /// # Errors
-/// [`ExportError::Value`].
+/// [`ExportError::Value`] when a number is not finite, or size or focal length are not positive.
 pub fn mrcal_cameramodel(camera: &ExportCamera) -> Result<Export, ExportError> {
     camera.check()?;
     let mut intrinsics = vec![camera.fx, camera.fy, camera.cx, camera.cy];

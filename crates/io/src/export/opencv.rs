@@ -2,9 +2,11 @@
 
 use std::fmt::Write as _;
 
+use super::camera::ExportCamera;
+use super::error::ExportError;
+use super::outcome::{Export, ExportWarning};
 use super::text::{list, number, quoted};
-use super::{Export, ExportCamera, ExportError, ExportWarning};
-use crate::PieceRecord;
+use crate::record::PieceRecord;
 
 /// OpenCV's calibration file, for `cv::FileStorage`.
 ///
@@ -15,12 +17,12 @@ use crate::PieceRecord;
 /// | `distortion_coefficients` | 5×1: k1 k2 p1 p2 k3 |
 /// | `lens_pieces`, `depth_pieces` | depthcal's own, where there are any |
 ///
-/// The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit and
-/// value). OpenCV's functions ignore the skew and these pieces; skew and lens pieces give warnings, as they would move
-/// pixels.
+/// The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit
+/// and value). OpenCV's functions ignore the skew and these pieces; skew and lens pieces give warnings, as they would
+/// move pixels.
 ///
 /// # Errors
-/// [`ExportError::Value`].
+/// [`ExportError::Value`] when a number is not finite, or size or focal length are not positive.
 pub fn opencv_yaml(camera: &ExportCamera) -> Result<Export, ExportError> {
     const FORMAT: &str = "OpenCV";
     camera.check()?;

@@ -1,7 +1,9 @@
 //! ROS camera_info.
 
+use super::camera::ExportCamera;
+use super::error::ExportError;
+use super::outcome::Export;
 use super::text::list;
-use super::{Export, ExportCamera, ExportError};
 
 /// A camera_info file as ROS' camera_calibration_parsers reads it.
 ///
@@ -18,7 +20,7 @@ use super::{Export, ExportCamera, ExportError};
 /// Skew, depth model and further lens pieces give warnings.
 ///
 /// # Errors
-/// [`ExportError::Value`].
+/// [`ExportError::Value`] when a number is not finite, or size or focal length are not positive.
 pub fn ros_camera_info(camera: &ExportCamera) -> Result<Export, ExportError> {
     camera.check()?;
     let ExportCamera { width, height, fx, fy, cx, cy, .. } = *camera;

@@ -1,4 +1,4 @@
-//! Numbers and strings in YAML that every reader understands.
+//! Numbers and strings in a form that every YAML reader accepts.
 
 /// The shortest decimal form that reads back as the same number, with a point and a signed exponent: YAML 1.1 takes
 /// `1e-7` for a string.

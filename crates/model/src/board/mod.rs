@@ -1,7 +1,6 @@
 //! Board pieces: the nominal board to the real one.
 
-mod board_bow;
-mod print_scale;
-
-pub use board_bow::BoardBow;
-pub use print_scale::PrintScale;
+crate::register::pieces! {
+    board_bow: BoardBow => add(|_| BoardBow),
+    print_scale: PrintScale => add(|_| PrintScale),
+}

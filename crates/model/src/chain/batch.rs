@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::POSE;
 use crate::hook::HookKind;
 use crate::piece::{AnyPiece, Context};
+use crate::pose::POSE;
 
 /// A piece and the place of its parameters.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ impl Link {
     }
 }
 
-/// Scratch memory of a [`Chain`](super::Chain), reused from call to call so that nothing is allocated per observation.
+/// Scratch memory of a [`Chain`](crate::chain::Chain), reused from call to call so that nothing is allocated per observation.
 #[derive(Debug, Default)]
 pub struct Workspace {
     pub(super) board: Vec<Local>,

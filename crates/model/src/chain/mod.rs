@@ -21,14 +21,12 @@ use thiserror::Error;
 
 use crate::hook::HookKind;
 use crate::piece::{AnyPiece, Context};
+pub use crate::pinhole::PINHOLE;
+pub use crate::pose::POSE;
 
 pub use batch::Workspace;
 use batch::{Derive, Link, Ray, add_theta, links, run};
 
-/// Parameters of the pinhole in the chain: fx, fy, cx, cy, skew (px).
-pub const PINHOLE: usize = 5;
-/// Tangent of a pose: (ω, τ), rad and mm.
-pub const POSE: usize = 6;
 /// Observations that are carried through the pieces together: one virtual call per piece and batch.
 const BATCH: usize = 64;
 /// A point nearer than this to the camera's centre has no image.
@@ -38,7 +36,7 @@ const PIXEL_TOLERANCE: f64 = 1e-9;
 /// Rounds of Newton's method; it needs three from a start that is a few pixels off.
 const NEWTON_ROUNDS: usize = 25;
 
-/// Why a chain has no value.
+/// Reason why a chain has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum ChainError {
     /// A board point lies behind the camera.
@@ -66,7 +64,7 @@ pub enum ChainError {
 pub struct DepthQuery {
     /// Roughly which board point it sees, mm: where Newton's method starts.
     pub board_seed: [f64; 2],
-    /// The pixel and what is known of it.
+    /// The pixel and its covariates.
     pub context: Context,
 }
 
@@ -317,7 +315,8 @@ impl Chain {
         run(&self.depth, 4, 1, theta, work, HookKind::Depth, derive);
     }
 
-    /// One row of the depth Jacobian.
+    /// Adds to `row`, 1 × ([`POSE`] + [`Chain::parameter_count`]) of zeros, the derivative of the measured inverse depth of
+    /// observation `k`. `normal` is the board's normal in the camera frame.
     fn depth_row(
         &self,
         work: &Workspace,
@@ -363,8 +362,19 @@ impl Chain {
         self.backward(work, theta, pose, true, k, [-lambda[0], -lambda[1]], direct, Some(row));
     }
 
-    /// Carries the gradient `by_pixel` of a scalar by the observation's pixel, and `direct` by (x, y, ρ), back through
-    /// the chain: adds to the row's columns where one is given, returns the gradient by the board point.
+    /// Carries the gradient of a scalar back through the chain to the board, for one observation of the batch (reverse mode).
+    /// The scalar depends on the pixel and, where a depth is measured, directly on the ray.
+    ///
+    /// - `work`: the chain evaluated by [`Chain::forward`] with derivatives; with those by the parameters where `row` is given;
+    /// - `theta`: all parameters without the pose, [`Chain::parameter_count`] numbers;
+    /// - `depth_image`: whether the pixel is one of the depth image, so that pixel pieces take part;
+    /// - `k`: the observation, less than [`BATCH`];
+    /// - `by_pixel`: gradient by (u, v), 1 × 2;
+    /// - `direct`: gradient by (x, y, ρ) with the pixel held, 1 × 3;
+    /// - `row`: the row of the Jacobian that is added to, 1 × ([`POSE`] + [`Chain::parameter_count`]) for depth pixels,
+    ///   1 × ([`POSE`] + [`Chain::image_parameter_count`]) for image pixels; columns of depth pieces are left alone.
+    ///
+    /// Returns the gradient by the point (X, Y) of the nominal board, 1 × 2.
     #[allow(clippy::too_many_arguments)]
     fn backward(
         &self,

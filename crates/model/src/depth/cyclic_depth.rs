@@ -1,8 +1,9 @@
 use crate::hook::{Depth, DepthState};
-use crate::register::Options;
-use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
+use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
 
-/// The wiggling of time-of-flight cameras: z_m = z + a1 sin φ + b1 cos φ + a2 sin 2φ + b2 cos 2φ, φ = 2πz/p.
+const PERIOD: Constant = Constant::new("period_mm", "period", "mm", 300.0).searched(Covariate::Depth, ScanKind::Period);
+
+/// The wiggling of time-of-flight cameras: first and second harmonic of a wave over depth.
 #[derive(Debug, Clone, Copy)]
 pub struct CyclicDepth {
     /// Period p in depth, mm.
@@ -11,23 +12,23 @@ pub struct CyclicDepth {
 
 impl CyclicDepth {
     /// With the constants that are given by name, and defaults for the others.
-    pub fn with_options(options: &Options) -> Self {
-        let option = |name: &str, default: f64| options.get(name).copied().unwrap_or(default);
-        Self { period_mm: option("period_mm", 300.0) }
+    pub fn with_options(given: &Options) -> Self {
+        Self { period_mm: PERIOD.of(given) }
     }
 }
 
 impl Piece<Depth, 4> for CyclicDepth {
     const NAME: &'static str = "cyclic_depth";
+    const SUMMARY: &'static str = "depth waves over distance (time-of-flight wiggling)";
+    const EQUATION: &'static str = "z + a1 sin φ + b1 cos φ + a2 sin 2φ + b2 cos 2φ, φ = 2πz/p";
     const SOURCE: &'static str = "Lindner, Kolb 2006; Kahlmann, Remondino, Ingensand 2006";
     const PARAMETERS: [Parameter; 4] = [
-        Parameter::new("a1", "mm", 0.0, 2.0),
-        Parameter::new("b1", "mm", 0.0, 2.0),
-        Parameter::new("a2", "mm", 0.0, 1.0),
-        Parameter::new("b2", "mm", 0.0, 1.0),
+        Parameter::new("a1", "mm", 0.0, 2.0).meaning("Depth wave over distance, sine part."),
+        Parameter::new("b1", "mm", 0.0, 2.0).meaning("Depth wave over distance, cosine part."),
+        Parameter::new("a2", "mm", 0.0, 1.0).meaning("Depth wave of half the period, sine part."),
+        Parameter::new("b2", "mm", 0.0, 1.0).meaning("Depth wave of half the period, cosine part."),
     ];
-    const SCAN: Option<Scan> =
-        Some(Scan { constant: "period_mm", covariate: Covariate::Depth, kind: ScanKind::Period });
+    const CONSTANTS: &'static [Constant] = &[PERIOD];
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [a1, b1, a2, b2]: [T; 4], _: &Context) -> T {
@@ -36,6 +37,6 @@ impl Piece<Depth, 4> for CyclicDepth {
         s.rho / ((a1 * s1 + b1 * c1 + a2 * s2 + b2 * c2) * s.rho + 1.0)
     }
     fn options(&self) -> Vec<(&'static str, f64)> {
-        vec![("period_mm", self.period_mm)]
+        vec![(PERIOD.name, self.period_mm)]
     }
 }

@@ -1,8 +1,10 @@
 use crate::hook::{Depth, DepthState};
-use crate::register::Options;
-use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
+use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
 
-/// Sub-pixel locking: the measured inverse depth ripples with the disparity, ρ + a sin(2πρ/p) + b cos(2πρ/p).
+const PERIOD: Constant =
+    Constant::new("period_per_mm", "period", "1/mm", 4e-5).searched(Covariate::InverseDepth, ScanKind::Period);
+
+/// Sub-pixel locking: the measured inverse depth ripples with the disparity.
 #[derive(Debug, Clone, Copy)]
 pub struct DisparityRipple {
     /// Period p in inverse depth, 1/mm: one pixel of disparity.
@@ -11,18 +13,21 @@ pub struct DisparityRipple {
 
 impl DisparityRipple {
     /// With the constants that are given by name, and defaults for the others.
-    pub fn with_options(options: &Options) -> Self {
-        let option = |name: &str, default: f64| options.get(name).copied().unwrap_or(default);
-        Self { period_per_mm: option("period_per_mm", 4e-5) }
+    pub fn with_options(given: &Options) -> Self {
+        Self { period_per_mm: PERIOD.of(given) }
     }
 }
 
 impl Piece<Depth, 2> for DisparityRipple {
     const NAME: &'static str = "disparity_ripple";
+    const SUMMARY: &'static str = "depth waves with every step of disparity (sub-pixel locking)";
+    const EQUATION: &'static str = "ρ + a sin(2πρ/p) + b cos(2πρ/p)";
     const SOURCE: &'static str = "Shimizu, Okutomi 2001, Precise sub-pixel estimation on area-based matching";
-    const PARAMETERS: [Parameter; 2] = [Parameter::new("a", "1/mm", 0.0, 1e-6), Parameter::new("b", "1/mm", 0.0, 1e-6)];
-    const SCAN: Option<Scan> =
-        Some(Scan { constant: "period_per_mm", covariate: Covariate::InverseDepth, kind: ScanKind::Period });
+    const PARAMETERS: [Parameter; 2] = [
+        Parameter::new("a", "1/mm", 0.0, 1e-6).meaning("Wave that repeats with every step of disparity, sine part."),
+        Parameter::new("b", "1/mm", 0.0, 1e-6).meaning("Wave that repeats with every step of disparity, cosine part."),
+    ];
+    const CONSTANTS: &'static [Constant] = &[PERIOD];
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [a, b]: [T; 2], _: &Context) -> T {
@@ -30,6 +35,6 @@ impl Piece<Depth, 2> for DisparityRipple {
         s.rho + a * sin + b * cos
     }
     fn options(&self) -> Vec<(&'static str, f64)> {
-        vec![("period_per_mm", self.period_per_mm)]
+        vec![(PERIOD.name, self.period_per_mm)]
     }
 }

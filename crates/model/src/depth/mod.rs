@@ -1,37 +1,21 @@
-//! Depth pieces: true to measured inverse depth.
+//! Depth pieces: true to measured inverse depth. Physical effects first, then fields over the image.
 
-mod bspline;
-mod cyclic_depth;
-mod disparity_decay;
-mod disparity_ripple;
-mod free_map;
-mod incidence_bias;
-mod multiplier;
-mod polynomial_map;
-mod projective;
-mod projector_distortion;
-mod quadratic_depth;
-mod radial_range;
-mod range_offset;
-mod reflectivity_bias;
-mod signal_mixing;
-mod temperature_drift;
-mod temporal_drift;
-
-pub use bspline::Bspline;
-pub use cyclic_depth::CyclicDepth;
-pub use disparity_decay::DisparityDecay;
-pub use disparity_ripple::DisparityRipple;
-pub use free_map::FreeMap;
-pub use incidence_bias::IncidenceBias;
-pub use multiplier::Multiplier;
-pub use polynomial_map::PolynomialMap;
-pub use projective::Projective;
-pub use projector_distortion::ProjectorDistortion;
-pub use quadratic_depth::QuadraticDepth;
-pub use radial_range::RadialRange;
-pub use range_offset::RangeOffset;
-pub use reflectivity_bias::ReflectivityBias;
-pub use signal_mixing::SignalMixing;
-pub use temperature_drift::TemperatureDrift;
-pub use temporal_drift::TemporalDrift;
+crate::register::pieces! {
+    projective: Projective => add(|_| Projective),
+    projector_distortion: ProjectorDistortion => add(ProjectorDistortion::with_options),
+    disparity_ripple: DisparityRipple => add(DisparityRipple::with_options),
+    range_offset: RangeOffset => add(|_| RangeOffset),
+    quadratic_depth: QuadraticDepth => add(|_| QuadraticDepth),
+    cyclic_depth: CyclicDepth => add(CyclicDepth::with_options),
+    radial_range: RadialRange => add(|_| RadialRange),
+    incidence_bias: IncidenceBias => add(|_| IncidenceBias),
+    reflectivity_bias: ReflectivityBias => add(ReflectivityBias::with_options),
+    signal_mixing: SignalMixing => add(|_| SignalMixing),
+    temporal_drift: TemporalDrift => add(TemporalDrift::with_options),
+    temperature_drift: TemperatureDrift => add(TemperatureDrift::with_options),
+    free_map: FreeMap => add_field(FreeMap::field),
+    bspline: Bspline => add_field(Bspline::field),
+    multiplier: Multiplier => add_field(Multiplier::field),
+    disparity_decay: DisparityDecay => add_field(DisparityDecay::field),
+    polynomial_map: PolynomialMap => add_field(PolynomialMap::field),
+}

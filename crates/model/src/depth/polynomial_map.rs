@@ -1,15 +1,13 @@
 use crate::field::{Field, Grid};
 use crate::hook::{Depth, DepthState};
-use crate::register::Options;
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::piece::{Context, Options, Parameter, Piece, Scalar};
 
-/// Depth as a quadratic of depth whose coefficients vary smoothly over the image:
-/// z_m = z + c0(u, v) + c1(u, v) z + c2(u, v) z².
+/// Depth as a quadratic of depth whose coefficients vary smoothly over the image.
 #[derive(Debug, Clone, Copy)]
 pub struct PolynomialMap;
 
 impl PolynomialMap {
-    /// With cubic B-splines over the image, 6 × 5 coefficients each unless said otherwise.
+    /// Cubic B-splines over the image, with 6 × 5 coefficients each unless `options` say otherwise.
     pub fn field(options: &Options) -> Field<Self, 3> {
         Field::new(Self, Grid::cubic(6, 5).with_options(options))
     }
@@ -17,12 +15,14 @@ impl PolynomialMap {
 
 impl Piece<Depth, 3> for PolynomialMap {
     const NAME: &'static str = "polynomial_map";
+    const SUMMARY: &'static str = "a map of quadratics in depth, which corrects but explains nothing";
+    const EQUATION: &'static str = "z + c0(u, v) + c1(u, v) z + c2(u, v) z²";
     const SOURCE: &'static str =
         "Basso, Menegatti, Pretto 2018, Robust intrinsic and extrinsic calibration of RGB-D cameras";
     const PARAMETERS: [Parameter; 3] = [
-        Parameter::new("c0", "mm", 0.0, 5.0),
-        Parameter::new("c1", "1", 0.0, 1e-2),
-        Parameter::new("c2", "1/mm", 0.0, 1e-5),
+        Parameter::new("c0", "mm", 0.0, 5.0).meaning("Offset of depth around this node."),
+        Parameter::new("c1", "1", 0.0, 1e-2).meaning("Change of the scale of depth around this node."),
+        Parameter::new("c2", "1/mm", 0.0, 1e-5).meaning("Error that grows with the square of depth, around this node."),
     ];
 
     #[inline(always)]

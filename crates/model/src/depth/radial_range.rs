@@ -1,15 +1,17 @@
 use crate::hook::{Depth, DepthState};
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::piece::{Context, Parameter, Piece, Scalar};
 
-/// Range reported as depth, in part: z_m = z (1 + l (√(1 + x² + y²) − 1)); l = 1 is range, a negative l a depth that was
-/// converted twice.
+/// Range along the ray is reported as depth, in part: l = 1 is range, a negative l a depth that was converted twice.
 #[derive(Debug, Clone, Copy)]
 pub struct RadialRange;
 
 impl Piece<Depth, 1> for RadialRange {
     const NAME: &'static str = "radial_range";
+    const SUMMARY: &'static str = "range along the ray is reported as depth, in part";
+    const EQUATION: &'static str = "z (1 + l (√(1 + x² + y²) − 1))";
     const SOURCE: &'static str = "geometry of range and depth";
-    const PARAMETERS: [Parameter; 1] = [Parameter::new("l", "1", 0.0, 0.1)];
+    const PARAMETERS: [Parameter; 1] =
+        [Parameter::new("l", "1", 0.0, 0.1).meaning("Share of the range along the ray in what is reported as depth.")];
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [l]: [T; 1], _: &Context) -> T {

@@ -1,9 +1,11 @@
 use crate::hook::{Depth, DepthState};
-use crate::register::Options;
-use crate::{Context, Covariate, Parameter, Piece, Scalar, Scan, ScanKind};
+use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
 
-/// Warm-up: scale and offset in inverse depth that settle with time, ρ_m = ρ (1 + s g) + o g, g = 1 − exp(−t / τ); an
-/// infinite τ makes it linear in t (per hour).
+const TAU: Constant =
+    Constant::new("tau_s", "time constant", "s", 300.0).searched(Covariate::Time, ScanKind::TimeConstant);
+
+/// Warm-up: scale and offset in inverse depth that settle with time t. An infinite time constant makes them linear in t, per
+/// hour.
 #[derive(Debug, Clone, Copy)]
 pub struct TemporalDrift {
     /// Time constant τ, s.
@@ -12,19 +14,23 @@ pub struct TemporalDrift {
 
 impl TemporalDrift {
     /// With the constants that are given by name, and defaults for the others.
-    pub fn with_options(options: &Options) -> Self {
-        let option = |name: &str, default: f64| options.get(name).copied().unwrap_or(default);
-        Self { tau_s: option("tau_s", 300.0) }
+    pub fn with_options(given: &Options) -> Self {
+        Self { tau_s: TAU.of(given) }
     }
 }
 
 impl Piece<Depth, 2> for TemporalDrift {
     const NAME: &'static str = "temporal_drift";
+    const SUMMARY: &'static str = "depth drifts while the camera settles";
+    const EQUATION: &'static str = "ρ (1 + s g) + o g, g = 1 − exp(−t/τ)";
     const SOURCE: &'static str =
         "Fiedler, Müller 2013, Impact of thermal and environmental conditions on the Kinect sensor";
-    const PARAMETERS: [Parameter; 2] = [Parameter::new("s", "1", 0.0, 1e-3), Parameter::new("o", "1/mm", 0.0, 1e-6)];
-    const SCAN: Option<Scan> =
-        Some(Scan { constant: "tau_s", covariate: Covariate::Time, kind: ScanKind::TimeConstant });
+    const PARAMETERS: [Parameter; 2] = [
+        Parameter::new("s", "1", 0.0, 1e-3).meaning("The scale of inverse depth drifts while the camera settles."),
+        Parameter::new("o", "1/mm", 0.0, 1e-6).meaning("The offset of inverse depth drifts while the camera settles."),
+    ];
+    const CONSTANTS: &'static [Constant] = &[TAU];
+    const NEEDS: &'static [Covariate] = &[Covariate::Time];
 
     #[inline(always)]
     fn map<T: Scalar>(&self, state: DepthState<T>, [s, o]: [T; 2], c: &Context) -> T {
@@ -33,6 +39,6 @@ impl Piece<Depth, 2> for TemporalDrift {
         state.rho * (s * settled + 1.0) + o * settled
     }
     fn options(&self) -> Vec<(&'static str, f64)> {
-        vec![("tau_s", self.tau_s)]
+        vec![(TAU.name, self.tau_s)]
     }
 }

@@ -1,10 +1,11 @@
 //! The nodes of a field: where they lie over the image and in depth, and how they are interpolated.
 
-use std::collections::BTreeMap;
+use crate::piece::constant::{Constant, Options};
 
-use super::MAX_NODES;
+/// Most nodes over the image that a pixel depends on: 4 × 4 of a cubic field.
+pub(super) const MAX_NODES: usize = 16;
 
-/// How a field is interpolated over the image.
+/// Interpolation of a field over the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
     /// Bilinear: nodes from border to border of the image, continuous.
@@ -36,7 +37,7 @@ impl Interpolation {
     }
 }
 
-/// The domain of a camera: what grids are laid over.
+/// The domain of a camera, which grids are laid over.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Domain {
     /// Width and height of the image, px.
@@ -84,8 +85,8 @@ impl Grid {
         Self { interpolation, columns, rows, bins, size_px: None, range_mm: None, in_depth: true }
     }
 
-    /// The same with the constants that are given by name; what is out of range is brought into it.
-    pub fn with_options(mut self, options: &BTreeMap<String, f64>) -> Self {
+    /// The same with the constants that are given by name, brought into their range.
+    pub fn with_options(mut self, options: &Options) -> Self {
         let fewest = self.interpolation.order();
         let count = |name: &str, present: usize, fewest: usize| {
             options.get(name).map_or(present, |n| (*n as usize).clamp(fewest, MOST_NODES))
@@ -113,10 +114,28 @@ impl Grid {
         self
     }
 
-    /// Its constants by name.
-    pub fn options(&self) -> BTreeMap<String, f64> {
+    /// Its constants, with their present values as defaults.
+    pub(super) fn constants(&self) -> Vec<Constant> {
         let [width, height] = self.size_px.unwrap_or(USUAL_SIZE_PX);
-        let mut options = BTreeMap::new();
+        let mut constants = vec![
+            Constant::new("columns", "columns", "1", self.columns as f64),
+            Constant::new("rows", "rows", "1", self.rows as f64),
+            Constant::new("width_px", "width", "px", width),
+            Constant::new("height_px", "height", "px", height),
+        ];
+        if self.in_depth {
+            let [near, far] = self.range_mm();
+            constants.push(Constant::new("bins", "bins", "1", self.bins as f64));
+            constants.push(Constant::new("near_mm", "nearest node", "mm", near));
+            constants.push(Constant::new("far_mm", "farthest node", "mm", far));
+        }
+        constants
+    }
+
+    /// Values of its constants by name.
+    pub fn options(&self) -> Options {
+        let [width, height] = self.size_px.unwrap_or(USUAL_SIZE_PX);
+        let mut options = Options::new();
         let mut set = |name: &str, value: f64| _ = options.insert(name.to_owned(), value);
         set("columns", self.columns as f64);
         set("rows", self.rows as f64);

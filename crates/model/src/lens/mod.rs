@@ -1,13 +1,12 @@
 //! Lens pieces: undistorted to distorted normalised coordinates.
+//!
+//! Every piece states its domain, where it is monotone: along every ray from the axis the distorted radius grows. A
+//! [`Camera`](crate::Camera) finds the domain of its whole lens ([`Camera::lens_limit`](crate::Camera::lens_limit)).
 
-mod brown_conrady;
-mod focus_breathing;
-mod rational_distortion;
-mod thin_prism;
-mod tilted_sensor;
-
-pub use brown_conrady::BrownConrady;
-pub use focus_breathing::FocusBreathing;
-pub use rational_distortion::RationalDistortion;
-pub use thin_prism::ThinPrism;
-pub use tilted_sensor::TiltedSensor;
+crate::register::pieces! {
+    brown_conrady: BrownConrady => add(|_| BrownConrady),
+    thin_prism: ThinPrism => add(|_| ThinPrism),
+    rational_distortion: RationalDistortion => add(|_| RationalDistortion),
+    tilted_sensor: TiltedSensor => add(|_| TiltedSensor),
+    focus_breathing: FocusBreathing => add(|_| FocusBreathing),
+}

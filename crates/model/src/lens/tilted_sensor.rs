@@ -1,16 +1,23 @@
 use crate::hook::{Lens, LensState};
-use crate::{Context, Parameter, Piece, Scalar};
+use crate::piece::{Context, Parameter, Piece, Scalar};
 
 /// The sensor is tilted by τx, τy against the lens (Scheimpflug): the image plane is turned and projected again from the
-/// lens' centre, as in OpenCV.
+/// centre of the lens, as in OpenCV.
+///
+/// Domain: a homography, one-to-one where x sin τy − y cos τy sin τx + cos τy cos τx > 0, which is the half of the image
+/// plane in front of the tilted sensor.
 #[derive(Debug, Clone, Copy)]
 pub struct TiltedSensor;
 
 impl Piece<Lens, 2> for TiltedSensor {
     const NAME: &'static str = "tilted_sensor";
+    const SUMMARY: &'static str = "the sensor is not square to the lens axis";
+    const EQUATION: &'static str = "projection onto a sensor turned by τx and τy (Scheimpflug)";
     const SOURCE: &'static str = "Louhichi et al. 2007, Self-calibration of Scheimpflug cameras; OpenCV's τx τy";
-    const PARAMETERS: [Parameter; 2] =
-        [Parameter::new("tau_x", "rad", 0.0, 0.01), Parameter::new("tau_y", "rad", 0.0, 0.01)];
+    const PARAMETERS: [Parameter; 2] = [
+        Parameter::new("tau_x", "rad", 0.0, 0.01).meaning("Tilt of the sensor about its x axis."),
+        Parameter::new("tau_y", "rad", 0.0, 0.01).meaning("Tilt of the sensor about its y axis."),
+    ];
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: LensState<T>, [tau_x, tau_y]: [T; 2], _: &Context) -> [T; 2] {

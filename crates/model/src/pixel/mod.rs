@@ -1,5 +1,5 @@
-//! Pixel pieces: the image's pixels to those of the depth image.
+//! Pixel pieces: pixels of the image to those of the depth image.
 
-mod depth_registration;
-
-pub use depth_registration::DepthRegistration;
+crate::register::pieces! {
+    depth_registration: DepthRegistration => add(|_| DepthRegistration),
+}

@@ -8,7 +8,7 @@ use super::ReportDiagnosis;
 use super::words::{arrow, gain};
 use crate::html::{count, escape, measured, number};
 use crate::leftover::join;
-use crate::parameters::{effect_meaning, free_function, meaning};
+use crate::parameters::{free_function, meaning, summary};
 
 /// Cosine from which two effects are said to be hard to tell apart.
 const ALIKE: f64 = 0.9;
@@ -31,7 +31,7 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
     if d.account.steps.is_empty() {
         html += "<p>No effect was added.</p>\n";
     } else {
-        let rows: String = d.account.steps.iter().enumerate().map(|(i, s)| step_row(i, s)).collect();
+        let rows: String = d.account.steps.iter().enumerate().map(|(i, s)| step_row(d, i, s)).collect();
         let _ = writeln!(
             html,
             "<div class=\"scroll\" tabindex=\"0\"><table><caption>Every step, on frames that the fit did not see. Size: \
@@ -46,9 +46,9 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
     html
 }
 
-fn step_row(i: usize, s: &DiagnosisStep) -> String {
+fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
     let name = s.effects.first().map_or("", String::as_str);
-    let mut notes = vec![effect_meaning(name).to_owned()];
+    let mut notes = vec![summary(d.register, name).to_owned()];
     if s.effects.len() > 1 {
         notes.push(format!("explains together with {}", join(&s.effects[1..])));
     }
@@ -95,7 +95,7 @@ fn parameters(d: &ReportDiagnosis<'_>) -> String {
                 escape(&p.name),
                 measured(p.value, p.std),
                 escape(unit),
-                escape(meaning(name, &p.name).unwrap_or("–"))
+                escape(meaning(d.register, name, &p.name).unwrap_or("–"))
             );
         }
     }
@@ -138,7 +138,7 @@ pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
             let hint = if free {
                 String::new()
             } else {
-                format!(" <span class=\"hint\">{}</span>", escape(effect_meaning(&c.effect)))
+                format!(" <span class=\"hint\">{}</span>", escape(summary(d.register, &c.effect)))
             };
             let blind = !free && c.minimal_detectable_mm.is_none_or(|m| m <= 0.0);
             let detectable = if blind { "not seen".to_owned() } else { mm(c.minimal_detectable_mm) };

@@ -5,6 +5,7 @@ mod account;
 mod words;
 
 use depthcal_io::DiagnosisFile;
+use depthcal_model::Register;
 
 use super::pool::Pool;
 use super::{ReportDataset, ReportInput, Role};
@@ -23,6 +24,8 @@ pub struct ReportDiagnosis<'a> {
     pub first: &'a Calibrated,
     /// Errors of the declared model on frames that it did not see.
     pub before: &'a Evaluated,
+    /// The pieces that the account names.
+    pub register: &'a Register,
 }
 
 impl<'a> ReportDiagnosis<'a> {

@@ -8,7 +8,7 @@ use crate::checks::Level;
 use crate::headline::interval;
 use crate::html::{count, fixed, number};
 use crate::leftover::join;
-use crate::parameters::{effect_meaning, free_function};
+use crate::parameters::{free_function, summary};
 use crate::statistics::{Estimate, quantile};
 
 /// Free functions that are worth words take at least this much off the weighted residual, per cent.
@@ -147,7 +147,7 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
         .account
         .steps
         .iter()
-        .filter_map(|s| Some(format!("{}: {}", s.effects.first()?, effect_meaning(s.effects.first()?))))
+        .filter_map(|s| Some(format!("{}: {}", s.effects.first()?, summary(d.register, s.effects.first()?))))
         .collect();
     if parts.is_empty() {
         parts.push(match d.account.verdict {

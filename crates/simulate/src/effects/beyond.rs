@@ -1,22 +1,22 @@
-//! Effects that no catalogue has, for tests of what is unexplained.
+//! Effects outside the catalogue, for tests of the verdict `unexplained`.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-use super::sizing::usual;
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::{Context, usual};
 use crate::error::SimulateError;
 use crate::instrument::{DepthEffect, Instrument, Reading, Stage, with_depth_added};
 use crate::streams::{Purpose, stream};
 
-/// A smooth random map over the image in ρ whose strength decays with disparity: each pixel has its own bias, as in
-/// maps that are measured pixel by pixel.
+/// A smooth random map over the image in ρ whose amplitude decays exponentially with disparity (as in Herrera, Kannala,
+/// Heikkilä 2012).
 struct SmoothMap {
     scale: f64,
     /// Amplitudes of cos(π i u) cos(π j v), u and v from 0 to 1 over the image.
     waves: Vec<(f64, f64, f64)>,
     size: [f64; 2],
-    /// Disparity over which the strength falls to 1/e, px.
+    /// Disparity over which the amplitude falls to 1/e, px.
     decay: f64,
     disparity_scale: f64,
 }
@@ -36,7 +36,7 @@ impl DepthEffect for SmoothMap {
 
 pub(super) fn smooth_map(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let mut rng = context.unit_stream();
-    // Constant, linear and second-order parts would look like named effects: waves begin with the third half-period.
+    // Constant, linear and second-order parts would resemble effects of the catalogue: only orders 3 to 5 are used.
     let orders = (0..=4u32).flat_map(|i| (0..=4u32).map(move |j| (i, j))).filter(|(i, j)| (3..=5).contains(&(i + j)));
     let waves: Vec<_> = orders
         .map(|(i, j)| (f64::from(i), f64::from(j), rng.sample::<f64, _>(StandardNormal) / f64::from(i + j)))
@@ -54,7 +54,7 @@ pub(super) fn smooth_map(context: &Context, size: f64, to: &mut Instrument) -> R
     Ok(parameters([("scale_per_mm", scale), ("decay_px", 60.0)]))
 }
 
-/// Blocks of rows, each read out with its own bias in ρ.
+/// Blocks of rows, each with a readout bias of its own in ρ.
 struct RowBanding {
     scale: f64,
     offsets: Vec<f64>,
@@ -82,7 +82,7 @@ pub(super) fn row_banding(context: &Context, size: f64, to: &mut Instrument) -> 
     Ok(parameters([("scale_per_mm", scale), ("rows_px", rows)]))
 }
 
-/// Two halves of the sensor that do not agree: left of a column, depth is too long.
+/// Two halves of the sensor with different offsets: left of a column, depth is too large by a constant.
 struct EdgeStep {
     column: f64,
     step: f64,
@@ -104,8 +104,7 @@ pub(super) fn edge_step(context: &Context, size: f64, to: &mut Instrument) -> Re
     Ok(parameters([("column_px", column), ("step_mm", size)]))
 }
 
-/// Light that arrives by way of a wall beside one corner of the field of view: depth there is too long, the more the
-/// farther.
+/// Multipath via a wall near one corner of the field of view: depth there is too large, in proportion to depth.
 struct MultipathCorner {
     size: f64,
     corner: [f64; 2],
@@ -134,7 +133,7 @@ pub(super) fn multipath_corner(context: &Context, size: f64, to: &mut Instrument
     Ok(parameters([("corner_u_px", corner[0]), ("corner_v_px", corner[1]), ("reach_px", reach), ("peak_mm", size)]))
 }
 
-/// Some frames have a plane of their own added in ρ: the projector jumped.
+/// A plane of its own added in ρ to some of the frames, as if the projector had moved.
 struct TiltedFrames {
     scale: f64,
     /// Plane a + b x + c y of every frame; zeros where nothing happened.
@@ -160,7 +159,7 @@ pub(super) fn tilted_frames(context: &Context, size: f64, to: &mut Instrument) -
         if hit { [0.5 * values[0], 2.0 * values[1], 2.0 * values[2]] } else { [0.0; 3] }
     };
     let planes: Vec<[f64; 3]> = (0..1024).map(&mut plane).collect();
-    // The size is that of the usual affected frame: a plane with each of its parts at one standard deviation.
+    // The size is that of a typical affected frame: each coefficient of the plane at one standard deviation.
     let one = |part: usize| {
         let mut plane = [0.0; 3];
         plane[part] = if part == 0 { 0.5 } else { 2.0 };
@@ -172,8 +171,8 @@ pub(super) fn tilted_frames(context: &Context, size: f64, to: &mut Instrument) -
     Ok(parameters([("scale_per_mm", scale), ("share_of_frames", 0.3)]))
 }
 
-/// Stray light inside the lens pulls bright, near surfaces towards the distance of what surrounds them: the error
-/// depends on depth and image radius together.
+/// Stray light inside the lens pulls the measured depth towards that of the surroundings. The error depends jointly on
+/// depth and on the radius in the image.
 struct StrayLight {
     strength: f64,
     ambient: f64,
@@ -187,7 +186,7 @@ impl DepthEffect for StrayLight {
     fn distort(&self, at: &Reading, rho: f64) -> f64 {
         let z = 1.0 / rho;
         let r2 = at.ray[0] * at.ray[0] + at.ray[1] * at.ray[1];
-        // Share of stray light: grows as the surface's own light weakens with its squared range.
+        // The share of stray light grows as the surface's own light falls with the squared depth.
         let share = self.strength * (z / 1000.0).powi(2) * (-r2 / 0.08).exp();
         with_depth_added(rho, share * (self.ambient - z))
     }

@@ -1,6 +1,7 @@
 //! Effects on the board: it is bent, or its print is stretched.
 
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::Context;
 use crate::error::SimulateError;
 use crate::instrument::Instrument;
 

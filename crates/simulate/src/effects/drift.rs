@@ -1,12 +1,12 @@
-//! Effects that change with time or temperature: baseline and angles of the camera settle, or expand.
+//! Effects that change with time or temperature: baseline and angles of the camera settle, or expand thermally.
 
-use super::sizing::usual;
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::{Context, usual};
 use crate::conditions::{Conditions, REFERENCE_TEMPERATURE_C};
 use crate::error::SimulateError;
 use crate::instrument::{DepthEffect, Instrument, Reading, Stage};
 
-/// What makes a drift go on.
+/// The variable that drives a drift.
 #[derive(Clone, Copy)]
 enum Clock {
     /// 1 − exp(−t/τ), τ as a share of the session.
@@ -26,7 +26,7 @@ impl Clock {
     }
 }
 
-/// ρ_m = ρ + g (s ρ + o), g by the clock.
+/// ρ_m = ρ + g (s ρ + o), with g given by the clock.
 struct Drift {
     scale: f64,
     offset: f64,
@@ -43,9 +43,10 @@ impl DepthEffect for Drift {
     }
 }
 
-/// Adds a drift whose effect on depth has the rms `size` under the conditions `full`.
+/// Adds a drift whose effect on depth has the rms `size` (mm) under the conditions `full`; returns scale and offset
+/// (1/mm).
 fn install(context: &Context, size: f64, clock: Clock, full: Conditions, to: &mut Instrument) -> [f64; 2] {
-    // Scale and offset act together; at 1 m the scale's share is a third to two thirds.
+    // At 1 m the scale contributes a third to two thirds of the effect, the offset the rest.
     let share = context.near(0.5, 0.17);
     let of = |amount: f64| Drift { scale: amount * share, offset: amount * (1.0 - share) / 1000.0, clock };
     let amount = 1e-4 * size / context.rms_mm(&of(1e-4), full);

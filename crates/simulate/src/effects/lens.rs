@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::Context;
 use crate::error::SimulateError;
 use crate::instrument::Instrument;
 use crate::optics::Optics;
@@ -21,7 +22,7 @@ pub(super) fn thin_prism(context: &Context, size: f64, to: &mut Instrument) -> R
     Ok(parameters([("s1", s1), ("s2", s2), ("s3", s3), ("s4", s4)]))
 }
 
-/// A sensor that is not square to the optical axis.
+/// A sensor that is not perpendicular to the optical axis.
 pub(super) fn tilted_sensor(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let angle = context.near(40.0, 180.0).to_radians();
     let tilt = |scale: f64| [scale * angle.cos(), scale * angle.sin()];
@@ -36,11 +37,11 @@ pub(super) fn tilted_sensor(context: &Context, size: f64, to: &mut Instrument) -
     Ok(parameters([("tau_x_rad", x), ("tau_y_rad", y)]))
 }
 
-/// A focal length that follows the inverse distance of what is seen.
+/// A focal length that changes linearly with inverse depth.
 pub(super) fn focus_breathing(_: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     const RADIUS_PX: f64 = 240.0;
     let growth = size / RADIUS_PX / (1.0 / 500.0 - 1.0 / 1000.0);
-    // The focal length may change by a tenth at the nearest distances before the form loses its meaning.
+    // Beyond a change of the focal length by a tenth at the nearest distances the linear form is meaningless.
     if growth.abs() > 50.0 {
         let reason = "the focal length would change by more than a tenth";
         return Err(SimulateError::EffectTooLarge { name: "focus_breathing", size, unit: "px", reason });
@@ -49,8 +50,8 @@ pub(super) fn focus_breathing(_: &Context, size: f64, to: &mut Instrument) -> Re
     Ok(parameters([("growth_mm", growth), ("focused_at_mm", 1.0 / crate::optics::FOCUSED_AT)]))
 }
 
-/// A radial distortion that no polynomial of three terms reaches. As in calibrations of real wide lenses, numerator and
-/// denominator largely cancel; what is left is what counts.
+/// A radial distortion that no polynomial of three terms represents. As in calibrations of real wide-angle lenses,
+/// numerator and denominator largely cancel; the size is that of the remainder.
 pub(super) fn rational_distortion(
     context: &Context,
     size: f64,
@@ -60,7 +61,7 @@ pub(super) fn rational_distortion(
     let base = Optics::new(context.camera);
     let of = |scale: f64| rational(context, &base, form.map(|k| k * scale));
     let wanted = size.abs();
-    // What is left grows with the scale until the denominator comes near to zero.
+    // The remainder grows with the scale until the denominator approaches zero.
     let (mut low, mut high) = (0.0, 0.05);
     while context.rms_px(&base, &of(high)) < wanted {
         (low, high) = (high, high * 1.1);
@@ -80,7 +81,7 @@ pub(super) fn rational_distortion(
     Ok(parameters([("k1", k1), ("k2", k2), ("k3", k3), ("k4", k4), ("k5", k5), ("k6", k6)]))
 }
 
-/// Whether the lens shows every ray that `base` shows and stays away from the denominator's zeros.
+/// Whether the lens projects every ray that `base` projects, with a denominator well above zero.
 fn usable(context: &Context, base: &Optics, lens: &Optics) -> bool {
     let rays: Vec<[f64; 2]> =
         context.pixel_grid().into_iter().filter_map(|pixel| base.ray(pixel, crate::optics::FOCUSED_AT)).collect();
@@ -91,7 +92,7 @@ fn usable(context: &Context, base: &Optics, lens: &Optics) -> bool {
     })
 }
 
-/// The lens with this denominator and the numerator that keeps it closest to `base` over the image.
+/// The lens with this denominator, and the numerator with which it is closest to `base` over the image.
 fn rational(context: &Context, base: &Optics, denominator: [f64; 3]) -> Optics {
     let radii: Vec<f64> = context
         .pixel_grid()
@@ -115,7 +116,8 @@ fn rational(context: &Context, base: &Optics, denominator: [f64; 3]) -> Optics {
     optics
 }
 
-/// The scale at which `of` displaces the image by `size` px rms; the displacement is nearly linear in the scale.
+/// The scale at which `of` displaces the image by `size` px rms, by fixed-point iteration: the displacement is nearly
+/// linear in the scale.
 fn scaled(
     context: &Context,
     name: &'static str,

@@ -1,10 +1,11 @@
-//! Effects of the light that comes back: the angle of incidence, and the amplitude.
+//! Effects of the returned light: angle of incidence, and amplitude.
 
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::Context;
 use crate::error::SimulateError;
 use crate::instrument::{DepthEffect, Instrument, Reading, Stage, with_depth_added};
 
-/// Light that enters an inclined surface comes back late: δz = c (1/cos − 1).
+/// Bias that grows with the angle of incidence, as by subsurface scattering: δz = c (1/cos − 1).
 struct Incidence(f64);
 
 impl DepthEffect for Incidence {
@@ -23,13 +24,13 @@ pub(super) fn incidence_bias(_: &Context, size: f64, to: &mut Instrument) -> Res
     Ok(parameters([("coefficient_mm", coefficient)]))
 }
 
-/// Dark surfaces read too far, bright ones too near: δz = −c ln(amplitude / reference).
+/// Dark surfaces appear too far, bright ones too near: δz = −c ln(amplitude / reference).
 struct Reflectivity {
     coefficient: f64,
     reference: f64,
 }
 
-/// Below this share of full scale the signal is noise and its logarithm means nothing.
+/// Signal below which the logarithm is cut off, share of full scale; weaker signals are noise.
 const DARKEST: f64 = 0.003;
 
 impl DepthEffect for Reflectivity {

@@ -1,13 +1,13 @@
-//! Effects on depth as such: an offset along the ray, a curved or wiggling scale, range taken for depth.
+//! Effects on range and depth: an offset along the ray, nonlinear and cyclic depth, range reported as depth.
 
 use std::f64::consts::TAU;
 
-use super::sizing::usual;
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::{Context, usual};
 use crate::error::SimulateError;
 use crate::instrument::{DepthEffect, Instrument, Reading, Stage, with_depth_added};
 
-/// A signal delay: the range is too long by a constant.
+/// A signal delay: the range is too large by a constant, δz = offset / √(1 + x² + y²).
 struct RangeOffset(f64);
 
 impl DepthEffect for RangeOffset {
@@ -25,7 +25,7 @@ pub(super) fn range_offset(_: &Context, size: f64, to: &mut Instrument) -> Resul
     Ok(parameters([("offset_mm", size)]))
 }
 
-/// A curved scale: δz = q2 z² + q3 z³, z in metres.
+/// Nonlinear depth: δz = q2 z² + q3 z³, z in metres.
 struct Curved([f64; 2]);
 
 impl DepthEffect for Curved {
@@ -47,7 +47,8 @@ pub(super) fn quadratic_depth(context: &Context, size: f64, to: &mut Instrument)
     Ok(parameters([("q2_mm_per_m2", form[0] * scale), ("q3_mm_per_m3", form[1] * scale)]))
 }
 
-/// The wiggling of a modulation that is not a sine: δz = a (sin φ + h sin(2 φ + χ)), φ = 2π z / P + ψ.
+/// The cyclic error of a time-of-flight camera whose modulation is not sinusoidal: δz = a (sin φ + h sin(2 φ + χ)), φ =
+/// 2π z / P + ψ.
 struct Cyclic {
     amplitude: f64,
     period: f64,

@@ -1,10 +1,11 @@
-//! The depth image lies displaced on the image.
+//! Displacement of the depth image relative to the image.
 
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::Context;
 use crate::error::SimulateError;
 use crate::instrument::Instrument;
 
-/// What the image shows at (u, v), the depth image shows at (u + du, v + dv).
+/// The depth image shows at (u + du, v + dv) what the image shows at (u, v).
 pub(super) fn depth_registration(
     context: &Context,
     size: f64,

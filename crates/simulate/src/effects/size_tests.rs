@@ -1,8 +1,13 @@
-//! Every effect has the size that it declares, measured here on its own sampling.
+//! Every effect has its declared size, measured on a sampling of the tests' own.
 
-use super::*;
+use super::effect::Effect;
+use super::install::install;
+use super::table::{catalogue, uncatalogued};
+use crate::board::Board;
+use crate::camera::CameraTruth;
 use crate::conditions::{Conditions, REFERENCE_TEMPERATURE_C};
-use crate::instrument::Reading;
+use crate::error::SimulateError;
+use crate::instrument::{Instrument, Reading};
 use crate::optics::Optics;
 
 const SIZE: f64 = 3.0;

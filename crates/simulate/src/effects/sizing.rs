@@ -1,4 +1,4 @@
-//! How large an effect is: over which pixels and depths sizes are measured, and the shape that a camera unit has.
+//! The measurement of an effect's size over pixels and depths, and the random shape of an individual camera's effects.
 
 use std::cell::RefCell;
 
@@ -12,11 +12,11 @@ use crate::instrument::{DepthEffect, Reading};
 use crate::optics::Optics;
 use crate::streams::{Purpose, seed_with_name, stream};
 
-/// What an effect needs to know to take its size.
+/// The camera and board in which an effect is installed.
 pub(crate) struct Context<'a> {
     pub camera: &'a CameraTruth,
     pub board: &'a Board,
-    /// Seed of the capture, for what changes from session to session.
+    /// Seed of the capture, for properties that change between captures.
     pub seed: u64,
     name: &'static str,
     unit: u64,
@@ -29,7 +29,7 @@ impl<'a> Context<'a> {
         Self { camera, board, seed, name, unit, shape: RefCell::new(shape) }
     }
 
-    /// A property of the effect: `nominal` for unit 0, otherwise drawn within ± `spread`.
+    /// A property of the effect: `nominal` for unit 0, otherwise drawn uniformly within ± `spread` of it.
     pub fn near(&self, nominal: f64, spread: f64) -> f64 {
         match self.shape.borrow_mut().as_mut() {
             Some(rng) => nominal + spread * rng.random_range(-1.0..1.0),
@@ -37,19 +37,19 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// A stream of the unit's own, for effects whose shape is random throughout.
+    /// A stream of random numbers of the individual camera, for effects whose whole shape is random.
     pub fn unit_stream(&self) -> ChaCha8Rng {
         stream(seed_with_name(self.unit, self.name), Purpose::EffectShape, 1)
     }
 
-    /// Root mean square of a depth effect over the reference volume, mm, as it is under `conditions`.
+    /// Root mean square of a depth effect over the reference volume under `conditions`, mm.
     pub fn rms_mm(&self, effect: &dyn DepthEffect, conditions: Conditions) -> f64 {
         let mut sum = 0.0;
         let mut count = 0.0;
         for at in self.reference_rays(conditions) {
             for step in 0..17 {
                 let z = 400.0 + 50.0 * f64::from(step);
-                // Trapezium weights: depths count evenly, the ends by half.
+                // Trapezoidal weights.
                 let weight = if step == 0 || step == 16 { 0.5 } else { 1.0 };
                 sum += weight * (1.0 / effect.distort(&at, 1.0 / z) - z).powi(2);
                 count += weight;
@@ -58,7 +58,7 @@ impl<'a> Context<'a> {
         if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
     }
 
-    /// Rays of a grid of pixels over the whole image.
+    /// Readings at a grid of pixels over the whole image.
     pub fn reference_rays(&self, conditions: Conditions) -> Vec<Reading> {
         let optics = Optics::new(self.camera);
         self.pixel_grid()
@@ -78,7 +78,7 @@ impl<'a> Context<'a> {
         (0..24).flat_map(|i| (0..32).map(move |j| [centre(j, 32, width), centre(i, 24, height)])).collect()
     }
 
-    /// Root mean square displacement of the image by a change of the optics, px, over rays of the whole image.
+    /// Root mean square displacement of the image by a change of the optics, over rays of the whole image, px.
     pub fn rms_px(&self, before: &Optics, after: &Optics) -> f64 {
         let shifts: Vec<f64> = self
             .pixel_grid()

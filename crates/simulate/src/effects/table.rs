@@ -1,6 +1,7 @@
-//! The register of effects: names, sizes, defaults.
+//! The table of effects: names, definitions and default sizes.
 
-use super::{EffectInfo, Install, beyond, board, drift, lens, light, range, registration, triangulation};
+use super::info::{EffectInfo, Install};
+use super::{beyond, board, drift, lens, light, range, registration, triangulation};
 
 const fn effect(
     name: &'static str,

@@ -1,14 +1,15 @@
-//! Effects of triangulation: the projected pattern is distorted, or its sub-pixel position is locked.
+//! Effects of triangulation: distortion of the projected pattern, and sub-pixel locking.
 
 use std::f64::consts::TAU;
 
-use super::sizing::usual;
-use super::{Context, Parameters, parameters};
+use super::info::{Parameters, parameters};
+use super::sizing::{Context, usual};
 use crate::error::SimulateError;
 use crate::instrument::{DepthEffect, Instrument, Reading, Stage};
 
-/// The projector's lens is decentred and bends its pattern: a feature that belongs at (x, y) of the projector's image
-/// plane lies beside it by p (3x² + y²) + q xy + k x (x² + y²), and the disparity is wrong by as much.
+/// A decentred projector lens distorts its pattern: along the baseline, a feature at (x, y) of the projector's
+/// normalised image plane is displaced by p (3x² + y²) + q xy + k x (x² + y²), and the disparity is wrong by the same
+/// amount.
 struct ProjectorDistortion {
     scale: f64,
     form: [f64; 3],
@@ -43,7 +44,7 @@ pub(super) fn projector_distortion(
     Ok(parameters([("p", p), ("q", q), ("k", k), ("baseline_mm", baseline)]))
 }
 
-/// Sub-pixel interpolation that prefers some positions: δρ = a sin(2π d / P + φ), d the disparity in pixels.
+/// Sub-pixel locking of the disparity: δρ = a sin(2π d / P + φ), d the disparity in pixels.
 struct Ripple {
     amplitude: f64,
     period: f64,

@@ -1,11 +1,11 @@
-//! What is behind the board: a wall that is not quite frontal, and things that stand in front of it.
+//! The background: a slightly inclined wall, and objects in front of it.
 
 use rand::RngExt;
 
-use super::Rendering;
+use crate::rendering::Rendering;
 use crate::streams::{Purpose, stream};
 
-/// A surface behind the board.
+/// Intersection of a ray with the background.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Behind {
     pub z: f64,
@@ -13,7 +13,7 @@ pub(crate) struct Behind {
     pub cosine: f64,
 }
 
-/// A frontal rectangle.
+/// An object: a frontal rectangle.
 struct Thing {
     /// x0, y0, x1, y1 in normalised coordinates.
     outline: [f64; 4],
@@ -41,7 +41,7 @@ impl Backdrop {
         let thing = |_| {
             let (x, y) = (rng.random_range(-0.7..0.7), rng.random_range(-0.55..0.55));
             let (w, h) = (rng.random_range(0.04..0.25), rng.random_range(0.04..0.3));
-            // Never so near that it hides the board.
+            // Far enough not to hide the board.
             let z = farthest * rng.random_range(0.8..0.95);
             Thing { outline: [x - w, y - h, x + w, y + h], z, albedo: rng.random_range(0.05..0.7) }
         };
@@ -50,18 +50,18 @@ impl Backdrop {
         Self { wall, things }
     }
 
-    /// Whether there is more than a wall.
+    /// Whether there are objects.
     pub fn has_edges(&self) -> bool {
         !self.things.is_empty()
     }
 
-    /// Which of the things the ray (x, y, 1) meets; none for the wall.
+    /// Index of the object that the ray (x, y, 1) meets first; `None` when it meets none.
     pub fn part(&self, [x, y]: [f64; 2]) -> Option<usize> {
         let inside = |[x0, y0, x1, y1]: [f64; 4]| x >= x0 && x <= x1 && y >= y0 && y <= y1;
         self.things.iter().position(|thing| inside(thing.outline))
     }
 
-    /// The first surface on the ray (x, y, 1).
+    /// The first intersection of the ray (x, y, 1) with the background; `None` when there is none.
     pub fn hit(&self, [x, y]: [f64; 2]) -> Option<Behind> {
         let secant = (1.0 + x * x + y * y).sqrt();
         if let Some(thing) = self.part([x, y]).map(|index| &self.things[index]) {

@@ -4,27 +4,28 @@ use rand::RngExt;
 use rand_distr::{ChiSquared, Distribution};
 use rayon::prelude::*;
 
-use super::image::Look;
-use super::{Renderer, field};
+use super::field;
+use super::look::Look;
+use super::renderer::Renderer;
 use crate::board::Pattern;
 use crate::defects::Shot;
 use crate::instrument::Reading;
 use crate::streams::{Purpose, stream};
 
-/// What a depth pixel measures before noise.
+/// Measurement of a depth pixel before noise.
 #[derive(Clone, Copy, Default)]
 struct Pixel {
-    /// Measured inverse depth; 0 for nothing.
+    /// Measured inverse depth, 1/mm; 0 when nothing is measured.
     rho: f64,
-    /// True depth.
+    /// True depth, mm.
     z: f64,
-    /// How readily it is missing, as a threshold on a normal variable; −∞ never.
+    /// The pixel is missing when a standard normal variable is below this; −∞ for never.
     missing_below: f64,
-    /// Multiple of the usual noise.
+    /// Standard deviation of the noise relative to the usual one.
     roughness: f64,
 }
 
-/// The thresholds of a standard normal variable below which a pixel is missing.
+/// Thresholds of [`Pixel::missing_below`], with the resulting share of missing pixels.
 mod missing {
     pub const NEVER: f64 = f64::NEG_INFINITY;
     /// 15 %
@@ -39,7 +40,7 @@ mod missing {
     pub const OUTLINE: f64 = 1.036;
     /// 10 %
     pub const DARK_SQUARE: f64 = -1.282;
-    /// Share of pixels that drop out for no reason.
+    /// Share of pixels that are missing without a cause.
     pub const DROPOUT: f64 = 0.002;
 }
 
@@ -65,7 +66,7 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
     let mut out = vec![0u16; width * height];
     for index in 0..out.len() {
         let pixel = pixels[index];
-        // Every pixel takes the same random numbers whatever it shows, so that what changes stays local.
+        // Every pixel consumes the same number of random numbers, so that a change of one pixel affects no other.
         let (drop, strike, far, mix): (f64, f64, f64, f64) =
             (holes.random(), holes.random(), holes.random_range(-1.0..1.0), holes.random());
         let spread = tails.map_or(1.0, |(chi, scale)| (scale / chi.sample(&mut rng)).sqrt());
@@ -74,7 +75,7 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
         }
         let beyond = edge_of_depth(&pixels, width, index);
         let threshold = if beyond.is_some() { missing::OUTLINE } else { pixel.missing_below };
-        // Shifting the threshold makes holes rarer or more frequent without a jump.
+        // The shift of the threshold is continuous in the frequency of missing depth.
         let shifted = threshold + rendering.holes.max(1e-9).ln();
         if rendering.holes > 0.0 && (f64::from(patches[index]) < shifted || drop < missing::DROPOUT * rendering.holes) {
             continue;
@@ -100,7 +101,7 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
     out
 }
 
-/// What the depth pixel (column, row) measures.
+/// Measurement of the depth pixel (column, row); `None` when its ray meets nothing.
 fn measure(look: &Look<'_, '_>, shot: &Shot, amplitude: &[f32], [column, row]: [usize; 2]) -> Option<Pixel> {
     let session = &look.renderer.session;
     let simulation = session.simulation;
@@ -113,7 +114,7 @@ fn measure(look: &Look<'_, '_>, shot: &Shot, amplitude: &[f32], [column, row]: [
     if let Some((ray, cut)) = board {
         let surface = look.placed.board.surface(cut.design);
         let edge_px = 1.2 * surface.print_edge_mm / look.footprint(&cut);
-        // Only dark dots swallow the light; the squares of a chessboard are large enough to be measured.
+        // Depth is mostly missing on dark dots, but measured on a chessboard's squares, which are large.
         let board = look.placed.board;
         let chessboard = matches!(board.pattern, Pattern::Chessboard);
         let dark_dot = surface.printed && !chessboard && !board.white_on_black;
@@ -134,7 +135,7 @@ fn measure(look: &Look<'_, '_>, shot: &Shot, amplitude: &[f32], [column, row]: [
     Some(Pixel { rho, z: behind.z, missing_below: weak, roughness: 1.0 })
 }
 
-/// The signal at a position between pixels, clipped as the image clips it.
+/// The infrared signal at a position between pixels (px), clipped at full scale as the image is.
 fn signal_at(amplitude: &[f32], width: usize, [u, v]: [f64; 2]) -> f64 {
     let height = amplitude.len() / width;
     let (u, v) = (u.clamp(0.0, width as f64 - 1.0), v.clamp(0.0, height as f64 - 1.0));
@@ -147,7 +148,7 @@ fn signal_at(amplitude: &[f32], width: usize, [u, v]: [f64; 2]) -> f64 {
     (top * (1.0 - b) + bottom * b).min(1.0)
 }
 
-/// Inverse depth of what is beyond a jump in depth within two pixels of `index`.
+/// Inverse depth beyond a depth discontinuity within two pixels of `index`; `None` when there is none.
 fn edge_of_depth(pixels: &[Pixel], width: usize, index: usize) -> Option<f64> {
     let z = pixels[index].z;
     let (column, row) = ((index % width) as i64, (index / width) as i64);

@@ -1,10 +1,11 @@
-//! Fields over the image: Gaussian blur, and noise that neighbouring pixels share.
+//! Fields over the image: Gaussian blur, and spatially correlated noise.
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
-/// Blurs `field` with a Gaussian of `sigma` pixels; at the borders the weights inside the image are scaled up.
+/// Blurs `field` (row-major) with a Gaussian of standard deviation `sigma` px; at the borders the weights are
+/// renormalised.
 pub(crate) fn blur(field: &[f32], width: usize, sigma: f64) -> Vec<f32> {
     let Some(kernel) = kernel(sigma) else { return field.to_vec() };
     let height = field.len() / width.max(1);
@@ -13,12 +14,12 @@ pub(crate) fn blur(field: &[f32], width: usize, sigma: f64) -> Vec<f32> {
     filter(&along_rows, width, |column, i| column + i * width, &kernel, |index| (index % width, index / width, height))
 }
 
-/// Noise of mean 0 and variance 1 everywhere: white noise filtered with a Gaussian of `sigma` pixels.
+/// Noise of mean 0 and variance 1: white noise filtered with a Gaussian of standard deviation `sigma` px.
 pub(crate) fn correlated(width: usize, height: usize, sigma: f64, rng: &mut impl Rng) -> Vec<f32> {
     let Some(kernel) = kernel(sigma) else {
         return (0..width * height).map(|_| rng.sample(StandardNormal)).collect();
     };
-    // White noise beyond the borders, so that the variance is the same everywhere.
+    // The white noise extends beyond the borders, which makes the variance uniform.
     let reach = kernel.len() / 2;
     let (wide, high) = (width + 2 * reach, height + 2 * reach);
     let white: Vec<f32> = (0..wide * high).map(|_| rng.sample(StandardNormal)).collect();
@@ -38,8 +39,9 @@ fn kernel(sigma: f64) -> Option<Vec<f32>> {
     Some(weights.iter().map(|w| (w / sum) as f32).collect())
 }
 
-/// Filters along one direction. `line` gives for an index the start of its line, its place there and the line's length,
-/// `step` the index of a place.
+/// Filters along one direction. `line` maps an index to the start of its line, its place in the line and the line's
+/// length;
+/// `step` maps a line's start and a place to an index.
 fn filter(
     field: &[f32],
     width: usize,

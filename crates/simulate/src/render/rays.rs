@@ -1,13 +1,13 @@
-//! The ray of every pixel, traced once: the lens' inverse has no closed form.
+//! The rays of all pixels, traced once, as the lens' inverse has no closed form.
 
 use rayon::prelude::*;
 
 use crate::optics::Optics;
 
-/// Pixels beyond the image that the table covers, for displaced pixels and samples at the border.
+/// Width of the table beyond the image, px, for displaced pixels and samples at the border.
 const MARGIN: usize = 24;
 
-/// Rays (x, y, 1) on the pixel grid, interpolated between.
+/// Rays (x, y, 1) at pixel centres, with bilinear interpolation.
 pub(crate) struct RayTable {
     width: usize,
     rays: Vec<[f64; 2]>,
@@ -15,7 +15,7 @@ pub(crate) struct RayTable {
 
 impl RayTable {
     pub fn new(optics: &Optics, width: usize, height: usize) -> Self {
-        // Traced at the focused distance: other distances look up displaced pixels.
+        // Traced at the focused distance; at other distances displaced pixels are looked up.
         let (columns, rows) = (width + 2 * MARGIN, height + 2 * MARGIN);
         let ray = |index: usize| {
             let (row, column) = (index / columns, index % columns);
@@ -25,7 +25,7 @@ impl RayTable {
         Self { width: columns, rays: (0..rows * columns).into_par_iter().map(ray).collect() }
     }
 
-    /// The ray of `pixel`, an in-focus position; none beyond the table and where the lens has no ray.
+    /// The ray of `pixel` (px, at the focused distance); `None` outside the table and where the lens has no ray.
     pub fn at(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let (u, v) = (pixel[0] + MARGIN as f64, pixel[1] + MARGIN as f64);
         if !(u >= 0.0 && v >= 0.0) {

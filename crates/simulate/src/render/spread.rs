@@ -1,6 +1,6 @@
-//! What a pixel integrates: its own square, blurred by the lens before the pixels divide the image.
+//! The region that a pixel integrates: its square convolved with the lens' blur.
 
-/// Samples over the region from which light reaches a pixel.
+/// Weighted samples of the region from which light reaches a pixel.
 pub(crate) struct Spread {
     /// Half the side of the region, px.
     pub reach: f64,

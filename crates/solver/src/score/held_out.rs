@@ -1,37 +1,39 @@
-//! What candidates gain on clusters that did not take part in their estimation.
+//! Gain of candidates on held-out clusters.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::linearization::{Cluster, Linearization};
-use super::projection::{NEGLIGIBLE, pseudo_inverse};
+use super::pseudo_inverse::{NEGLIGIBLE, pseudo_inverse};
 
-/// Strengths of a smoothness prior that are tried, relative to the information of the data.
+/// Strengths of smoothness priors that are tried: trace of the prior's precision relative to that of the data's information.
 const STRENGTHS: [f64; 6] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
 
 impl Linearization {
-    /// For every cluster, by how much its cost ½ Σ r² (its own variables adjusting) is lower when the shared variables and
-    /// these candidates, released together, are estimated from all other clusters than when the shared variables alone
-    /// are. Negative where the candidates do harm.
+    /// For every cluster, the decrease of its cost ½ Σ r² due to these candidates when they are estimated from all other
+    /// clusters: the cost with the shared variables alone estimated there, minus the cost with the shared variables and the
+    /// candidates estimated jointly. The variables of the held-out cluster itself adjust in both cases. Negative if the
+    /// candidates make the prediction worse.
     ///
-    /// The problem is taken as linear, so this costs small dense algebra and no new solution. A candidate with a smoothness
-    /// prior gets the strength at which the sum is largest.
+    /// The problem is treated as linear, which takes some small dense algebra and no new solution. If candidates have
+    /// smoothness priors, these get the strength with the largest total gain.
     pub fn held_out_gain(&self, candidates: &[usize]) -> Vec<f64> {
         let penalised = candidates.iter().any(|c| self.candidates[*c].smoothness.is_some());
         let strengths: &[f64] = if penalised { &STRENGTHS } else { &STRENGTHS[..1] };
-        let base = self.left_out_costs(&[], 0.0);
+        let base = self.held_out_costs(&[], 0.0);
         let total = |gain: &Vec<f64>| gain.iter().sum::<f64>();
         strengths
             .iter()
             .map(|strength| {
-                let costs = self.left_out_costs(candidates, *strength);
+                let costs = self.held_out_costs(candidates, *strength);
                 base.iter().zip(costs).map(|(b, c)| b - c).collect::<Vec<f64>>()
             })
             .max_by(|a, b| total(a).total_cmp(&total(b)))
             .unwrap_or_default()
     }
 
-    /// Change of every cluster's cost from the present values when it is left out of the estimate.
-    fn left_out_costs(&self, candidates: &[usize], strength: f64) -> Vec<f64> {
+    /// For every cluster, the change of its cost, relative to the present values, when the shared variables and the
+    /// candidates are estimated from all other clusters.
+    fn held_out_costs(&self, candidates: &[usize], strength: f64) -> Vec<f64> {
         let columns = self.columns(candidates);
         let pick = |cluster: &Cluster| {
             let h = DMatrix::from_fn(columns.len(), columns.len(), |i, k| cluster.hessian[(columns[i], columns[k])]);
@@ -50,7 +52,8 @@ impl Linearization {
             .collect()
     }
 
-    /// Adds the candidates' smoothness priors, scaled to the information that the data have, to their block.
+    /// Adds the candidates' smoothness priors to their diagonal blocks of `hessian`, scaled by `strength` relative to the
+    /// data's information. Rows and columns of `hessian` are those of [`columns`](Self::columns).
     pub(super) fn add_priors(&self, candidates: &[usize], strength: f64, hessian: &mut DMatrix<f64>) {
         let mut at = self.shared;
         for c in candidates {
@@ -66,8 +69,8 @@ impl Linearization {
         }
     }
 
-    /// Expected change of several candidates released together; with priors at the strength that gains most on left-out
-    /// clusters. Concatenated in the given order.
+    /// Expected change of several candidates estimated jointly, concatenated in the given order. Smoothness priors have the
+    /// strength with the largest gain on held-out clusters.
     pub fn joint_change(&self, candidates: &[usize]) -> DVector<f64> {
         let columns = self.columns(candidates);
         let mut h = DMatrix::from_fn(columns.len(), columns.len(), |i, k| self.total.hessian[(columns[i], columns[k])]);
@@ -77,9 +80,9 @@ impl Linearization {
         step.rows(self.shared, step.len() - self.shared).into_owned()
     }
 
-    /// The strength of the candidates' smoothness priors that gains most on left-out clusters.
+    /// The strength of the candidates' smoothness priors with the largest gain on held-out clusters.
     fn best_strength(&self, candidates: &[usize]) -> f64 {
-        let cost = |s: &f64| self.left_out_costs(candidates, *s).iter().sum::<f64>();
+        let cost = |s: &f64| self.held_out_costs(candidates, *s).iter().sum::<f64>();
         STRENGTHS.into_iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).unwrap_or(1.0)
     }
 }

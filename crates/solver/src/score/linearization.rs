@@ -1,4 +1,4 @@
-//! A problem at its optimum, cluster by cluster: what every score test is computed from.
+//! Normal equations of a problem at its minimum, cluster by cluster, from which score tests are computed.
 
 use std::collections::HashMap;
 
@@ -6,19 +6,22 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::error::EvaluationFailure;
-use crate::graph::{BatchId, Fixed, Graph};
-use crate::values::{Values, VariableId};
+use super::pseudo_inverse::{NEGLIGIBLE, pseudo_inverse};
+use crate::problem::error::EvaluationFailure;
+use crate::problem::graph::{BatchId, Fixed, Graph};
+use crate::problem::key::VariableId;
+use crate::problem::loss::Loss;
+use crate::problem::values::Values;
 
-/// Variables that the graph holds, tested together.
+/// A possible effect: fixed variables of the graph that are tested together.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// Name for reports.
     pub name: String,
-    /// The variables; their held components are the candidate's parameters.
+    /// The variables; their fixed components are the candidate's parameters.
     pub variables: Vec<VariableId>,
-    /// Precision of a zero-mean normal prior on the parameters, up to a factor, for candidates so free that they need one
-    /// (maps, splines). Its factor is chosen where the gain on left-out clusters is largest.
+    /// Precision matrix, up to a factor, of a normal prior on the change of the parameters, for candidates with so many
+    /// parameters that they need one (maps, splines). The factor with the largest gain on held-out clusters is used.
     pub smoothness: Option<DMatrix<f64>>,
 }
 
@@ -29,21 +32,21 @@ impl Candidate {
     }
 }
 
-/// Why a problem cannot be tested.
+/// A problem cannot be linearised for score tests.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ScoreError {
     /// A batch cannot be evaluated.
     #[error(transparent)]
     Evaluation(#[from] EvaluationFailure),
-    /// A candidate has no held component: it is part of the model already.
-    #[error("candidate \"{candidate}\" holds no component of {variable}: only held variables can be tested")]
-    NotHeld {
+    /// A variable of a candidate has no fixed component: it is part of the model already.
+    #[error("candidate \"{candidate}\": no component of {variable} is fixed; only fixed components can be tested")]
+    NotFixed {
         /// The candidate.
         candidate: String,
         /// The variable's label.
         variable: String,
     },
-    /// A prior does not fit its candidate.
+    /// A smoothness prior has another size than its candidate.
     #[error(
         "the smoothness of candidate \"{candidate}\" is a {found}×{found} matrix, but it has {expected} parameters"
     )]
@@ -62,7 +65,7 @@ pub enum ScoreError {
 pub(super) struct Cluster {
     pub hessian: DMatrix<f64>,
     pub gradient: DVector<f64>,
-    /// Diagonal before the elimination: curvatures of the columns alone, by which ranks are judged.
+    /// Diagonal of the Hessian before elimination: the curvatures of the columns alone, relative to which ranks are judged.
     pub alone: DVector<f64>,
     /// ½ Σ r² of the weighted residuals.
     pub cost: f64,
@@ -70,8 +73,8 @@ pub(super) struct Cluster {
     pub rows: usize,
 }
 
-/// Normal equations of a problem at given values, cluster by cluster, over all free variables that clusters share and over
-/// candidates' parameters. Losses weight rows as the solver weights them (√ρ′).
+/// Normal equations of a problem at given values, cluster by cluster, over the *shared* variables, those free ones that
+/// belong to no single cluster, and over the candidates' parameters. Rows are weighted by √ρ′ as in the solver.
 #[derive(Clone, Debug)]
 pub struct Linearization {
     pub(super) clusters: Vec<Cluster>,
@@ -80,7 +83,7 @@ pub struct Linearization {
     pub(super) total: Cluster,
 }
 
-/// Where a candidate's columns lie.
+/// The columns of a candidate.
 #[derive(Clone, Debug)]
 pub(super) struct Columns {
     pub name: String,
@@ -89,23 +92,24 @@ pub(super) struct Columns {
     pub smoothness: Option<DMatrix<f64>>,
 }
 
-/// What a component of a variable is in a cluster's normal equations.
+/// The place of a variable's component in a cluster's normal equations.
 #[derive(Clone, Copy)]
 enum Role {
-    /// Held, and no candidate's.
+    /// None: the component is fixed and belongs to no candidate.
     None,
-    /// Belongs to one cluster alone; its place in that cluster.
+    /// It belongs to this cluster alone: its index among the cluster's local components, which are eliminated.
     Local(usize),
     /// A column of the reduced system.
     Reduced(usize),
 }
 
 impl Linearization {
-    /// Linearises `graph` at `values`, which should be the optimum of its free variables. The groups of residuals that are
-    /// about `clusters[i]` form cluster i; groups about none of them are left out of no estimate.
+    /// Linearises `graph` at `values`, which should be the minimum over its free variables. The groups of residuals that
+    /// depend on the variable `clusters[i]` form cluster i. Groups that depend on none of these variables are shared by
+    /// all clusters and never held out.
     ///
     /// # Errors
-    /// [`ScoreError`].
+    /// If a factor cannot be evaluated, or a candidate is not fixed or has a prior of the wrong size.
     pub fn new(
         graph: &Graph,
         values: &Values,
@@ -113,7 +117,7 @@ impl Linearization {
         candidates: &[Candidate],
     ) -> Result<Self, ScoreError> {
         let cluster_of: HashMap<VariableId, usize> = clusters.iter().enumerate().map(|(i, id)| (*id, i)).collect();
-        // Groups by cluster; the last is the common one.
+        // Groups by cluster; the last entry has the groups that belong to none.
         let mut members: Vec<Vec<(BatchId, usize)>> = vec![Vec::new(); clusters.len() + 1];
         let mut homes: HashMap<VariableId, Home> = HashMap::new();
         for (id, batch) in graph.batches() {
@@ -157,7 +161,7 @@ impl Linearization {
         self.clusters.len()
     }
 
-    /// Scalar residuals of a cluster.
+    /// Number of scalar residuals of a cluster.
     pub fn cluster_rows(&self, cluster: usize) -> usize {
         self.clusters[cluster].rows
     }
@@ -182,11 +186,12 @@ impl Linearization {
         self.candidates[candidate].count
     }
 
-    /// The same with a cluster of another linearisation over the same variables and candidates added: what these and further
-    /// data would say together. Only information is added; the further data are taken to fit.
+    /// A copy with the information of a cluster of another linearisation over the same variables and candidates: the
+    /// information that these data and the additional cluster would have together. Gradients and costs are not changed,
+    /// as if the additional residuals were zero.
     ///
     /// # Panics
-    /// If the other has other columns.
+    /// If the other linearisation has another number of columns.
     #[must_use]
     pub fn with_cluster(&self, other: &Self, cluster: usize) -> Self {
         assert_eq!(self.total.hessian.shape(), other.total.hessian.shape(), "linearisations of different problems");
@@ -196,14 +201,14 @@ impl Linearization {
         extended
     }
 
-    /// Columns of the shared variables followed by those of candidates.
+    /// The columns of the shared variables followed by those of the candidates.
     pub(super) fn columns(&self, candidates: &[usize]) -> Vec<usize> {
         let own = |c: &usize| self.candidates[*c].first..self.candidates[*c].first + self.candidates[*c].count;
         (0..self.shared).chain(candidates.iter().flat_map(own)).collect()
     }
 }
 
-/// Which clusters a variable appears in.
+/// The clusters in which a variable appears.
 #[derive(Clone, Copy, PartialEq)]
 enum Home {
     One(usize),
@@ -217,7 +222,7 @@ impl Cluster {
     }
 }
 
-fn held(graph: &Graph, id: VariableId, component: usize) -> bool {
+fn is_fixed(graph: &Graph, id: VariableId, component: usize) -> bool {
     match graph.fixed(id) {
         None => false,
         Some(Fixed::All) => true,
@@ -225,7 +230,7 @@ fn held(graph: &Graph, id: VariableId, component: usize) -> bool {
     }
 }
 
-/// Columns of the candidates, counted from 0, and the column of each of their components.
+/// The candidates' columns, numbered from 0, and the column of each of their components.
 #[allow(clippy::type_complexity)]
 fn collect_candidates(
     graph: &Graph,
@@ -236,7 +241,7 @@ fn collect_candidates(
     for candidate in candidates {
         let first = next;
         for id in &candidate.variables {
-            let components = (0..values.dim(*id)).filter(|c| held(graph, *id, *c));
+            let components = (0..values.dim(*id)).filter(|c| is_fixed(graph, *id, *c));
             let before = next;
             for component in components {
                 owner.insert((*id, component), next);
@@ -244,7 +249,7 @@ fn collect_candidates(
             }
             if next == before {
                 let variable = graph.label_of(*id);
-                return Err(ScoreError::NotHeld { candidate: candidate.name.clone(), variable });
+                return Err(ScoreError::NotFixed { candidate: candidate.name.clone(), variable });
             }
         }
         let count = next - first;
@@ -275,7 +280,7 @@ fn assign_roles(
     let (mut shared, mut local) = (0, vec![0; clusters]);
     let mut roles: Roles = HashMap::new();
     for id in ids {
-        let own = (0..values.dim(id)).map(|component| match (held(graph, id, component), homes[&id]) {
+        let own = (0..values.dim(id)).map(|component| match (is_fixed(graph, id, component), homes[&id]) {
             (true, _) => Role::None,
             (false, Home::One(cluster)) => {
                 local[cluster] += 1;
@@ -296,7 +301,7 @@ fn assign_roles(
     (roles, shared)
 }
 
-/// Local components of every cluster, the common one (none) included.
+/// Number of local components of every cluster; the last entry, of the groups that belong to no cluster, is 0.
 fn locals_of(roles: &Roles, homes: &HashMap<VariableId, Home>, clusters: usize) -> Vec<usize> {
     let mut locals = vec![0; clusters + 1];
     for (id, own) in roles {
@@ -326,7 +331,7 @@ fn accumulate(
         if rows == 0 {
             continue;
         }
-        // The batch's columns, and where each goes.
+        // The destination of each of the batch's columns.
         let target: Vec<Option<usize>> = batch
             .variables(*group)
             .iter()
@@ -362,21 +367,23 @@ fn accumulate(
     Ok(Cluster { cost, rows: count, ..eliminate(&hessian, &gradient, local) })
 }
 
-/// Multiplies every residual and its rows by √ρ′.
-fn weight_rows(loss: &crate::Loss, dim: usize, width: usize, r: &mut [f64], j: &mut [f64]) {
+/// Multiplies every residual and its rows of the Jacobian by √ρ′. `r` has `dim` rows per residual; `j` is row-major with
+/// `width` columns and as many rows as `r`.
+fn weight_rows(loss: &Loss, dim: usize, width: usize, r: &mut [f64], j: &mut [f64]) {
     for (residual, rows) in r.chunks_exact_mut(dim).zip(j.chunks_exact_mut(dim * width)) {
         let weight = loss.evaluate(residual.iter().map(|x| x * x).sum())[1].max(0.0).sqrt();
         residual.iter_mut().chain(rows).for_each(|x| *x *= weight);
     }
 }
 
-/// The Schur complement on all but the first `local` columns. Local combinations without curvature stay where they are.
+/// Eliminates the first `local` columns by a Schur complement. Undetermined combinations of them are kept at their
+/// values, by the pseudo-inverse.
 fn eliminate(hessian: &DMatrix<f64>, gradient: &DVector<f64>, local: usize) -> Cluster {
     let reduced = hessian.nrows() - local;
     let alone = hessian.diagonal().rows(local, reduced).into_owned();
     let cross = hessian.view((0, local), (local, reduced)).into_owned();
     let own = hessian.view((0, 0), (local, local)).into_owned();
-    let inverse = super::projection::pseudo_inverse(&own, super::projection::NEGLIGIBLE);
+    let inverse = pseudo_inverse(&own, NEGLIGIBLE);
     let carried = &inverse * &cross;
     let hessian = hessian.view((local, local), (reduced, reduced)) - cross.tr_mul(&carried);
     let gradient = gradient.rows(local, reduced) - carried.tr_mul(&gradient.rows(0, local).into_owned());

@@ -1,31 +1,32 @@
-//! Tests of what a problem's model lacks, from one linearisation and without solving again.
+//! Score tests for effects missing from a model, from one linearisation and without solving again.
 //!
-//! Variables that a graph holds at their values are restrictions: the model says that they are there and have no effect.
-//! At the optimum of the rest, the gradient by a held variable tells whether the data pull at it. That is the score test
-//! (Rao 1948; Lagrange multiplier test, Silvey 1959), and the step that the variable would make is its expected change
-//! (Saris, Satorra, Sörbom 1987). With J the Jacobian of everything free, G that of a candidate and r the residuals,
+//! An effect that may be missing is a *candidate*: variables that are part of the graph but fixed at values at which they
+//! have no effect. At the minimum over the free variables, the gradient with respect to the fixed ones shows whether the
+//! data contradict these values. That is the score test (Rao 1948; Lagrange multiplier test, Silvey 1959). The
+//! Gauss–Newton step that the candidate would make if it were free is its expected change (Saris, Satorra, Sörbom 1987).
+//! With J the Jacobian of the free variables, G that of the candidate and r the residuals,
 //!
 //! ```text
 //! G⊥ = G − J (JᵀJ)⁻¹ JᵀG,   S = rᵀG⊥ (G⊥ᵀG⊥)⁺ G⊥ᵀr,   expected change −(G⊥ᵀG⊥)⁺ G⊥ᵀr.
 //! ```
 //!
-//! Residuals that are not independent make every S large. Therefore residuals belong to clusters (the frames of a
-//! capture, the runs of an experiment), and everything is kept cluster by cluster:
+//! where ⁺ is the pseudo-inverse. Correlated residuals make every S large. Residuals are therefore grouped into clusters
+//! that are independent of each other (the frames of a capture, the runs of an experiment), and normal equations are kept
+//! per cluster:
 //!
-//! - [`Linearization`]: normal equations of every cluster, with the variables of one cluster alone (its pose) eliminated;
-//! - [`Score`]: the test, with p-values from the model's noise and from the scatter between clusters (White 1982,
+//! - [`Linearization`]: normal equations of every cluster, with the variables of that cluster alone (such as its pose)
+//!   eliminated;
+//! - [`Score`]: the test, with p-values from the noise model and from the scatter between clusters (White 1982;
 //!   Liang, Zeger 1986);
-//! - [`Linearization::held_out_gain`]: what a candidate, estimated without a cluster, takes off that cluster's cost;
-//! - [`Linearization::detectable_factor`] and [`Linearization::visible_information`]: the smallest effect that these
-//!   data show;
-//! - [`Linearization::mimicry`]: how well one candidate can play another.
+//! - [`Linearization::held_out_gain`]: by how much a candidate, estimated without a cluster, decreases that cluster's cost;
+//! - [`Linearization::detectable_factor`] and [`Linearization::visible_information`]: the smallest effect that these data
+//!   can reveal;
+//! - [`Linearization::mimicry`]: how well one candidate can reproduce the effect of another.
 
-mod distribution;
 mod held_out;
 mod linearization;
-mod projection;
-mod test;
+mod pseudo_inverse;
+mod score_test;
 
-pub use distribution::{chi_squared_tail, f_tail, noncentral_chi_squared_tail, noncentrality};
 pub use linearization::{Candidate, Linearization, ScoreError};
-pub use test::Score;
+pub use score_test::Score;

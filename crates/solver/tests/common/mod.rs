@@ -1,7 +1,7 @@
 //! Problems that several tests solve.
 #![allow(dead_code)]
 
-use depthcal_solver::{Batch, Factor, Graph, Key, Lifted, Loss, Noise, Scalar, Values};
+use depthcal_solver::{Batch, Factor, Graph, Key, Loss, Noise, Over, Scalar, Values};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -28,7 +28,7 @@ pub struct Exponential {
 impl Factor<1> for Exponential {
     type Variables = (Vector2<f64>,);
 
-    fn residual<T: Scalar>(&self, (p,): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+    fn residual<T: Scalar>(&self, (p,): Over<Self::Variables, T>) -> SVector<T, 1> {
         SVector::<T, 1>::new(p[0] * (p[1] * self.x).exp() - self.y)
     }
 }
@@ -41,7 +41,7 @@ pub struct Projection {
 impl Factor<2> for Projection {
     type Variables = (Isometry3<f64>, Vector2<f64>, Vector3<f64>);
 
-    fn residual<T: Scalar>(&self, (pose, camera, point): Lifted<Self::Variables, T>) -> SVector<T, 2> {
+    fn residual<T: Scalar>(&self, (pose, camera, point): Over<Self::Variables, T>) -> SVector<T, 2> {
         let x = pose.transform(&point);
         let (u, v) = (x[0] / x[2], x[1] / x[2]);
         let radial = (u * u + v * v) * camera[1] + 1.0;
@@ -56,7 +56,7 @@ pub struct Distance(pub f64);
 impl Factor<1> for Distance {
     type Variables = (Vector3<f64>, Vector3<f64>);
 
-    fn residual<T: Scalar>(&self, (a, b): Lifted<Self::Variables, T>) -> SVector<T, 1> {
+    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 1> {
         let d = a - b;
         SVector::<T, 1>::new((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt() - self.0)
     }
@@ -68,7 +68,7 @@ pub struct Between(pub Isometry3<f64>);
 impl Factor<6> for Between {
     type Variables = (Isometry3<f64>, Isometry3<f64>);
 
-    fn residual<T: Scalar>(&self, (a, b): Lifted<Self::Variables, T>) -> SVector<T, 6> {
+    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 6> {
         let measured = depthcal_solver::Pose::<T>::constant(&self.0.inverse());
         let error = measured.compose(&a.inverse().compose(&b));
         let r = error.rotation.log();

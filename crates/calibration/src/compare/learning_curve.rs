@@ -1,0 +1,84 @@
+//! Learning curve: held-out errors against the number of frames in the fit.
+
+use depthcal_io::LearningPoint;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::errors::{FrameErrors, errors, frame_errors};
+use super::image_calibrations::ImageCalibrations;
+use super::options::CompareOptions;
+use super::variants::Variant;
+use crate::calibrate::Estimator;
+use crate::judge::evaluate::evaluate;
+use crate::observe::Capture;
+
+/// Seed of the random choice of frames: the same input gives the same choice.
+const SEED: u64 = 0x6c65_6172_6e00;
+
+/// Errors of fits to random subsets of the training frames, the same subsets for all models, on the other datasets; where
+/// there are none, on all training frames that the fit did not see.
+pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Vec<LearningPoint> {
+    let total = train.frames.len();
+    // Without other datasets, three frames at least are held out.
+    let most = if verify.is_empty() { total.saturating_sub(3) } else { total };
+    let mut sizes: Vec<usize> = options.learning_sizes.iter().copied().filter(|n| *n < most).collect();
+    if sizes.is_empty() || options.learning_fits == 0 {
+        return Vec::new();
+    }
+    sizes.push(most);
+    let mut points = Vec::new();
+    let job = options.calibrate.progress.steps("learning curve", sizes.len());
+    for size in sizes {
+        // All frames can be chosen in one way only.
+        let fits = if size == total { 1 } else { options.learning_fits };
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED + size as u64);
+        let draws: Vec<Vec<bool>> = (0..fits)
+            .map(|_| {
+                let mut order: Vec<usize> = (0..total).collect();
+                order.shuffle(&mut rng);
+                let mut chosen = vec![false; total];
+                order[..size].iter().for_each(|i| chosen[*i] = true);
+                chosen
+            })
+            .collect();
+        // Errors of the held-out frames of every dataset, or why there is no fit, by draw and model.
+        let evaluated: Vec<Vec<Result<Vec<Vec<FrameErrors>>, String>>> = draws
+            .par_iter()
+            .map(|chosen| {
+                let fitted = train.subset(|i, _| chosen[i]);
+                let left = [train.subset(|i, _| !chosen[i])];
+                let held_out = if verify.is_empty() { &left[..] } else { verify };
+                let from_image = ImageCalibrations::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
+                let errors_of = |model: &String| {
+                    let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
+                    let camera = from_image.fit(&variant, &options.calibrate)?.camera;
+                    Ok(held_out.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
+                };
+                options.models.par_iter().map(errors_of).collect()
+            })
+            .collect();
+        for (m, model) in options.models.iter().enumerate() {
+            let good: Vec<_> = evaluated.iter().filter_map(|by_model| by_model[m].as_ref().ok()).collect();
+            let mut reasons: Vec<String> =
+                evaluated.iter().filter_map(|by_model| by_model[m].as_ref().err().cloned()).collect();
+            reasons.sort_unstable();
+            reasons.dedup();
+            // A frame that several fits hold out counts once for each of them.
+            let datasets = good.first().map_or(0, |g| g.len());
+            let pooled: Vec<Vec<FrameErrors>> =
+                (0..datasets).map(|d| good.iter().flat_map(|g| g[d].iter().cloned()).collect()).collect();
+            points.push(LearningPoint {
+                model: model.clone(),
+                frames: size,
+                fits,
+                failed: fits - good.len(),
+                reasons,
+                held_out: errors(&pooled),
+            });
+        }
+        job.advance();
+    }
+    points
+}

@@ -1,0 +1,134 @@
+//! The states at which pieces act on the observations of a fit, at the fitted poses, and the size of an effect over them.
+
+use depthcal_model::hook::HookKind;
+use depthcal_model::{Block, Context};
+
+use crate::calibrate::Calibrated;
+use crate::observe::board_region::BoardPlane;
+
+/// Most depth samples over which sizes are averaged.
+const MOST_SAMPLES: usize = 6000;
+/// Quantiles that bound the range of a covariate: single outliers do not widen it.
+const RANGE_QUANTILES: [f64; 2] = [0.005, 0.995];
+
+/// Chain states and covariates of a fit's observations.
+#[derive(Debug, Clone, Default)]
+pub struct ObservedStates {
+    /// Input of depth pieces at the depth samples: ray (x, y), inverse depth ρ (1/mm), cosine of the angle of incidence.
+    depth: Vec<[f64; 4]>,
+    /// Covariates of the depth samples.
+    contexts: Vec<Context>,
+    /// Input of lens pieces at the markers: ray (x, y), inverse depth ρ, ray (x, y).
+    lens: Vec<[f64; 5]>,
+    /// Input of board pieces at the markers: board points, mm.
+    board: Vec<[f64; 3]>,
+    /// Focal length along the image rows, px.
+    focal_px: f64,
+    /// Root mean square noise of single depth pixels over the samples, mm.
+    pub noise_mm: f64,
+}
+
+/// Range of a covariate over the depth samples.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range {
+    /// 0.5 % quantile.
+    pub low: f64,
+    /// Median.
+    pub middle: f64,
+    /// 99.5 % quantile.
+    pub high: f64,
+}
+
+impl Range {
+    /// The range of the finite ones among values; `None` where none is finite.
+    pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().checked_sub(1)?;
+        let at = |q: f64| sorted[(q * last as f64).round() as usize];
+        Some(Self { low: at(RANGE_QUANTILES[0]), middle: at(0.5), high: at(RANGE_QUANTILES[1]) })
+    }
+
+    /// Length of the range.
+    pub fn span(&self) -> f64 {
+        self.high - self.low
+    }
+}
+
+impl ObservedStates {
+    /// The states of a fit's markers and depth samples.
+    pub fn of(fit: &Calibrated) -> Self {
+        let mut states = Self { focal_px: fit.camera.pinhole()[0], ..Self::default() };
+        let total: usize = fit.capture.frames.iter().map(|f| f.samples.len()).sum();
+        let step = total.div_ceil(MOST_SAMPLES).max(1);
+        for frame in &fit.capture.frames {
+            let pose = &frame.camera_from_board;
+            let plane = BoardPlane::new(pose);
+            for sample in frame.samples.iter().step_by(step) {
+                let Ok(ray) = fit.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm) else { continue };
+                let Some(depth) = plane.depth(ray) else { continue };
+                states.depth.push([ray[0], ray[1], 1.0 / depth, plane.cos_incidence(ray)]);
+                states.contexts.push(sample.context);
+            }
+            for marker in &frame.markers {
+                let [x, y] = fit.capture.target.point(marker.index);
+                let point_in_camera = pose * nalgebra::Point3::new(x, y, 0.0);
+                let rho = 1.0 / point_in_camera.z;
+                let (a, b) = (point_in_camera.x * rho, point_in_camera.y * rho);
+                states.lens.push([a, b, rho, a, b]);
+                states.board.push([x, y, 0.0]);
+            }
+        }
+        let noise = states.depth.iter().map(|s| fit.noise.depth.sigma(s[2]) / (s[2] * s[2]));
+        states.noise_mm = rms(noise, 1);
+        states
+    }
+
+    /// Range over the depth samples of `value`, a function of state (x, y, ρ, cosine of incidence) and covariates.
+    pub fn range(&self, value: impl Fn(&[f64; 4], &Context) -> f64) -> Option<Range> {
+        Range::of(self.depth.iter().zip(&self.contexts).map(|(s, c)| value(s, c)))
+    }
+
+    /// Size of an effect: root mean square over the observations of the change that a block makes at its parameters, against its
+    /// nominal parameters, mm at the board. A change of depth for pieces that act on depth, of position for all others; zero
+    /// for the pinhole.
+    pub fn size_mm(&self, block: &Block) -> f64 {
+        let Some(piece) = block.piece() else { return 0.0 };
+        let nominal: Vec<f64> = block.parameters().iter().map(|p| p.nominal).collect();
+        // Change of the piece's output, `outs` numbers per state.
+        let changes = |states: &[f64], contexts: &[Context], outs: usize| -> Vec<f64> {
+            let run = |theta: &[f64]| {
+                let mut out = vec![0.0; contexts.len() * outs];
+                piece.evaluate(theta, states, contexts, &mut out);
+                out
+            };
+            run(&block.theta).iter().zip(run(&nominal)).map(|(a, b)| a - b).collect()
+        };
+        let blank = || vec![Context::default(); self.lens.len()];
+        let depths_at_markers = || self.lens.iter().map(|s| 1.0 / s[2]);
+        match block.hook() {
+            HookKind::Depth => {
+                let change = changes(self.depth.as_flattened(), &self.contexts, 1);
+                // dz = −z² dρ, exactly: 1/(ρ + dρ) − 1/ρ.
+                rms(self.depth.iter().zip(change).map(|(s, d)| 1.0 / (s[2] + d) - 1.0 / s[2]), 1)
+            }
+            HookKind::Pixel => {
+                let pixels: Vec<f64> = self.contexts.iter().flat_map(|c| c.pixel).collect();
+                let change = changes(&pixels, &self.contexts, 2);
+                let scale = self.depth.iter().flat_map(|s| [1.0 / (s[2] * self.focal_px); 2]);
+                rms(change.iter().zip(scale).map(|(d, z)| d * z), 2)
+            }
+            HookKind::Lens => {
+                let change = changes(self.lens.as_flattened(), &blank(), 2);
+                rms(change.iter().zip(depths_at_markers().flat_map(|z| [z; 2])).map(|(d, z)| d * z), 2)
+            }
+            HookKind::Board | HookKind::Pose => rms(changes(self.board.as_flattened(), &blank(), 3).into_iter(), 3),
+        }
+    }
+}
+
+/// Root mean square length of vectors with `parts` components each; components that are not finite are ignored.
+fn rms(values: impl Iterator<Item = f64>, parts: usize) -> f64 {
+    let (sum, n) = values.filter(|v| v.is_finite()).fold((0.0, 0_usize), |(s, n), v| (s + v * v, n + 1));
+    (sum * parts as f64 / n.max(1) as f64).sqrt()
+}

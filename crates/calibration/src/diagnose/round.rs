@@ -1,0 +1,61 @@
+//! The rounds of the loop: what was tested, what was decided, and what came of it.
+
+use super::decision::Decision;
+use super::evidence::Evidence;
+use super::examination::Examination;
+
+/// A round of the loop. `Display` words decision and outcome.
+#[derive(Debug, Clone)]
+pub struct Round {
+    /// The candidates by falling gain; those of the decision are places in this list.
+    pub evidence: Vec<Evidence>,
+    /// Cost of all frames, ½ Σ r².
+    pub cost: f64,
+    /// The decision.
+    pub decision: Decision,
+    /// What came of the decision, where it could not just be carried out.
+    pub outcome: Option<RoundOutcome>,
+}
+
+/// What came of a decision. `Display` words it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum RoundOutcome {
+    /// What no named effect explains is too small to be reported.
+    Negligible,
+    /// The effect is not added: the loop has reached its limit of rounds or of rejected effects.
+    LimitReached,
+    /// The effect is not added: with it the errors on held-out frames are no smaller.
+    NoHeldOutGain,
+    /// The effect is not added: the model with it cannot be fitted.
+    NotFitted {
+        /// Why.
+        error: String,
+    },
+    /// The effect is added, and effects added before are removed because it makes them unnecessary.
+    MadeUnnecessary {
+        /// Specs of the removed effects.
+        effects: Vec<String>,
+    },
+}
+
+impl Round {
+    /// An examination and the decision on it.
+    pub(super) fn new(examination: &Examination, decision: Decision) -> Self {
+        Self { evidence: examination.evidence.clone(), cost: examination.cost(), decision, outcome: None }
+    }
+
+    /// The effects that were tested, by falling gain.
+    pub fn effects(&self) -> impl Iterator<Item = &Evidence> {
+        self.evidence.iter().filter(|e| e.along.is_none())
+    }
+
+    /// The free functions that were tested, by falling gain.
+    pub fn free_functions(&self) -> impl Iterator<Item = &Evidence> {
+        self.evidence.iter().filter(|e| e.along.is_some())
+    }
+
+    /// Names of candidates, given by their places in [`Round::evidence`].
+    pub fn names(&self, places: &[usize]) -> Vec<String> {
+        places.iter().map(|i| self.evidence[*i].name.clone()).collect()
+    }
+}

@@ -1,0 +1,8 @@
+//! Chessboards: found by OpenCV's sector-based detector (Duda and Frese 2018) or, where that fails, by their saddle
+//! points; put in order, crossings fitted.
+
+mod find;
+mod order;
+mod saddles;
+
+pub(crate) use find::find;

@@ -1,0 +1,48 @@
+//! Detection of one board in one image.
+
+use depthcal_io::GrayImage;
+use depthcal_model::target::{Pattern, Target};
+
+use crate::check::{check_image, check_target};
+#[cfg(feature = "opencv")]
+use crate::chessboard;
+use crate::circles;
+use crate::detection::{DetectOptions, Detection};
+use crate::error::DetectError;
+#[cfg(feature = "opencv")]
+use crate::fiducial;
+use crate::refine;
+
+/// Searches an image for the board.
+///
+/// `None` means that the board is not in the image, or not beyond doubt: a doubtful grid is not returned. A board that
+/// looks the same after a turn is labelled as upright as the image allows. A chessboard of which exactly one of the two
+/// numbers, columns and rows, is odd is labelled so that the square before its first corner is dark.
+///
+/// # Errors
+/// [`DetectError`] when the image is inconsistent, when the board is too small, impossible or of an unknown dictionary,
+/// or when OpenCV fails or lacks the module that the board needs. Chessboards, ChArUco boards and AprilGrids are
+/// [`DetectError::MissingFeature`] without the feature `opencv`; circle grids need no OpenCV.
+pub fn detect(image: &GrayImage, target: &Target, options: &DetectOptions) -> Result<Option<Detection>, DetectError> {
+    check_image(image)?;
+    check_target(target)?;
+    match &target.pattern {
+        Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => {
+            let Some(mut detection) = circles::find(image, target) else { return Ok(None) };
+            if options.refine {
+                refine::sharpen_circles(image, &mut detection, target)?;
+            }
+            Ok(Some(detection))
+        }
+        #[cfg(feature = "opencv")]
+        Pattern::Chessboard => chessboard::find(image, target, options),
+        #[cfg(feature = "opencv")]
+        Pattern::Charuco { dictionary, .. } => fiducial::find_charuco(image, target, dictionary, options),
+        #[cfg(feature = "opencv")]
+        Pattern::Aprilgrid { .. } => fiducial::find_aprilgrid(image, target, options),
+        #[cfg(not(feature = "opencv"))]
+        Pattern::Chessboard | Pattern::Charuco { .. } | Pattern::Aprilgrid { .. } => {
+            Err(DetectError::MissingFeature { kind: crate::board::kind(target), feature: "opencv" })
+        }
+    }
+}

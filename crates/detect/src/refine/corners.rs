@@ -1,0 +1,90 @@
+//! Refinement of the crossings of chessboards and the corners of tags.
+
+use depthcal_io::GrayImage;
+use depthcal_model::target::{Pattern, Target};
+use rayon::prelude::*;
+
+use super::crossing::{Shape, fit_crossing};
+use super::mapping::homography_mapping;
+use super::marker::{RefineOptions, RefinedMarker, standard_deviation};
+use super::pixels::Pixels;
+use crate::board::kind;
+use crate::check::{check_image, check_markers};
+use crate::detection::Detection;
+use crate::error::DetectError;
+
+/// Radius of the smallest neighbourhood that determines a crossing, px.
+const MIN_REACH_PX: f64 = 2.6;
+
+/// Fits the crossings of a chessboard or ChArUco board, or the corners of tags: two blurred edges are fitted to the
+/// grey values around each. Perspective maps a corner to a corner, so no camera is needed. Corners that cannot be
+/// fitted are left out; all are when the markers do not determine a homography.
+///
+/// # Errors
+/// [`DetectError`] when the board has no corners, a marker is not on the board, or the image is inconsistent.
+pub fn refine_corners(
+    image: &GrayImage,
+    detection: &Detection,
+    target: &Target,
+    options: &RefineOptions,
+) -> Result<Vec<RefinedMarker>, DetectError> {
+    check_image(image)?;
+    check_markers(detection, target)?;
+    if target.circle_diameter_mm().is_some() {
+        return Err(DetectError::WrongKind { kind: kind(target), markers: "corners" });
+    }
+    let Some(map) = homography_mapping(detection, target) else { return Ok(Vec::new()) };
+    let pixels = Pixels::new(image);
+    let refined = detection
+        .markers
+        .par_iter()
+        .map(|marker| {
+            let p = target.point(marker.index);
+            let (shape, axes, clear_mm) = surroundings(target, marker.index, options)?;
+            let half = clear_mm;
+            let difference = |d: [f64; 2]| {
+                let (a, b) = (
+                    map.apply([p[0] - half * d[0], p[1] - half * d[1]])?,
+                    map.apply([p[0] + half * d[0], p[1] + half * d[1]])?,
+                );
+                Some([(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0])
+            };
+            let axes = [difference(axes[0])?, difference(axes[1])?];
+            let shortest = axes[0][0].hypot(axes[0][1]).min(axes[1][0].hypot(axes[1][1]));
+            let reach = shortest.clamp(MIN_REACH_PX, options.max_corner_reach_px.max(MIN_REACH_PX));
+            let fitted = fit_crossing(&pixels, shape, marker.pixel, axes, reach, options.iterations)?;
+            Some(RefinedMarker {
+                index: marker.index,
+                pixel: fitted.pixel,
+                std_px: standard_deviation(&fitted.covariance),
+                relative_noise: fitted.relative_noise,
+                blur_px: fitted.width_px,
+                contrast: fitted.contrast,
+                radius_ratio: 1.0,
+            })
+        })
+        .collect::<Vec<Option<RefinedMarker>>>();
+    Ok(refined.into_iter().flatten().collect())
+}
+
+/// Appearance of a corner: its shape, the directions of its two edges on the board (right-handed; for a tag's corner
+/// they point into the tag), and the radius (mm) within which nothing else is printed.
+fn surroundings(target: &Target, index: usize, options: &RefineOptions) -> Option<(Shape, [[f64; 2]; 2], f64)> {
+    let (x, y) = ([1.0, 0.0], [0.0, 1.0]);
+    let square = target.spacing_mm * options.corner_reach;
+    match target.pattern {
+        Pattern::Chessboard => Some((Shape::Crossing, [x, y], square)),
+        Pattern::Charuco { marker_mm, .. } => {
+            // As far as the tags in the white squares.
+            let margin = (target.spacing_mm - marker_mm) / 2.0 * std::f64::consts::SQRT_2;
+            Some((Shape::Crossing, [x, y], margin.min(square)))
+        }
+        Pattern::Aprilgrid { marker_mm } => {
+            // A tag is eight cells wide, its black border one of them; the border's inner corner is √2 cells away.
+            let clear = (1.3 * marker_mm / 8.0).min(0.9 * (target.spacing_mm - marker_mm));
+            let axes = [[x, y], [y, [-1.0, 0.0]], [[-1.0, 0.0], [0.0, -1.0]], [[0.0, -1.0], x]][index % 4];
+            Some((Shape::Corner, axes, clear))
+        }
+        Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => None,
+    }
+}

@@ -1,0 +1,196 @@
+//! Errors of datasets.
+
+use std::io;
+use std::path::PathBuf;
+
+use super::suggest::listed;
+
+/// Why a dataset cannot be used. Every message names the file, the field and the remedy.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DatasetError {
+    /// The folder has no `dataset.toml`, or there is no folder.
+    #[error(
+        "{path}: there is no such file: a dataset is a folder with a dataset.toml that declares [board], [frames] and \
+         [depth]"
+    )]
+    NoDatasetFile {
+        /// The file that was looked for.
+        path: PathBuf,
+    },
+    /// A file or folder cannot be read.
+    #[error("{path}: cannot read: {error}")]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The operating system's error.
+        error: io::Error,
+    },
+    /// `dataset.toml` is not TOML.
+    #[error("{path}:{line}: this is not TOML: {message}")]
+    Toml {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The parser's message.
+        message: String,
+    },
+    /// A key that its section does not have.
+    #[error("{path}:{line}: unknown key `{key}`{}", match .suggestion {
+        Some(known) => format!(": did you mean `{known}`?"),
+        None => format!(": known here are {}; remove or rename it", listed(.known)),
+    })]
+    UnknownKey {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The key with its section, such as `board.colums`.
+        key: String,
+        /// The nearest known key with its section.
+        suggestion: Option<String>,
+        /// All keys that are known in the section.
+        known: &'static [&'static str],
+    },
+    /// An unknown kind of board.
+    #[error("{path}:{line}: unknown `board.kind` \"{kind}\": {}", match .suggestion {
+        Some(known) => format!("did you mean \"{known}\"?"),
+        None => format!("use one of {}", listed(.known)),
+    })]
+    UnknownKind {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The kind that was given.
+        kind: String,
+        /// The nearest known kind.
+        suggestion: Option<&'static str>,
+        /// All known kinds.
+        known: &'static [&'static str],
+    },
+    /// A required field is absent.
+    #[error("{path}: `{field}` is missing: {remedy}")]
+    MissingField {
+        /// The file.
+        path: PathBuf,
+        /// The field with its section.
+        field: &'static str,
+        /// The remedy: what to write.
+        remedy: &'static str,
+    },
+    /// A field of the wrong type, or out of its range.
+    #[error("{path}:{line}: `{field}` = {value} {problem}: {remedy}")]
+    Field {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// The field with its section.
+        field: &'static str,
+        /// The value as written.
+        value: String,
+        /// The problem, as a predicate: `is not a number`.
+        problem: String,
+        /// The remedy: what to write.
+        remedy: &'static str,
+    },
+    /// A glob with wrong syntax.
+    #[error("{path}: `{field}` = \"{pattern}\" is not a glob: {message}; write for example \"image/*.png\"")]
+    Glob {
+        /// The file.
+        path: PathBuf,
+        /// The field with its section.
+        field: &'static str,
+        /// The glob.
+        pattern: String,
+        /// The glob parser's message.
+        message: String,
+    },
+    /// A glob that matches no file.
+    #[error(
+        "{path}: `{field}` = \"{pattern}\" matches no file: give a glob relative to the folder of dataset.toml, \
+         such as \"image/*.png\""
+    )]
+    NoMatch {
+        /// The file.
+        path: PathBuf,
+        /// The field with its section.
+        field: &'static str,
+        /// The glob.
+        pattern: String,
+    },
+    /// Two files of one kind with the same stem.
+    #[error(
+        "{path}: `{field}` matches both {first} and {second}, which have the same stem: move or rename one of them"
+    )]
+    DuplicateStem {
+        /// The file.
+        path: PathBuf,
+        /// The field with its section.
+        field: &'static str,
+        /// One file.
+        first: PathBuf,
+        /// The other file.
+        second: PathBuf,
+    },
+    /// Images without a depth image, or depth images without an image.
+    #[error(
+        "{path}: `frames.image` and `frames.depth` do not pair by file stem:{}{}: give both files of a frame the same \
+         stem, or remove what has no partner",
+        unpaired(.images_without_depth, "images without depth"),
+        unpaired(.depth_without_image, "depth without image")
+    )]
+    Unpaired {
+        /// The file.
+        path: PathBuf,
+        /// Stems of images that have no depth image.
+        images_without_depth: Vec<String>,
+        /// Stems of depth images that have no image.
+        depth_without_image: Vec<String>,
+    },
+    /// The table of frames is not valid CSV, or its header is wrong.
+    #[error("{path}:{line}: {problem}")]
+    Table {
+        /// The table.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The problem and its remedy.
+        problem: String,
+    },
+    /// A cell that holds no finite number where one is required.
+    #[error(
+        "{path}:{line}: column `{column}` holds \"{value}\": write a finite number, or leave the cell empty where it \
+         is not known"
+    )]
+    Cell {
+        /// The table.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// Text of the cell.
+        value: String,
+    },
+    /// The rows of the table and the frames do not correspond.
+    #[error(
+        "{path}: the rows do not fit the frames:{}{}: write one row per frame, named by its file stem",
+        unpaired(.rows_without_frame, "rows without a frame"),
+        unpaired(.frames_without_row, "frames without a row")
+    )]
+    Rows {
+        /// The table.
+        path: PathBuf,
+        /// Names in the table that are no frame.
+        rows_without_frame: Vec<String>,
+        /// Frames that have no row.
+        frames_without_row: Vec<String>,
+    },
+}
+
+fn unpaired(names: &[String], what: &str) -> String {
+    if names.is_empty() { String::new() } else { format!(" {} {what} ({})", names.len(), listed(names)) }
+}

@@ -1,0 +1,166 @@
+//! `frames.csv`: time, temperature and further quantities of every frame.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::error::DatasetError;
+
+/// The row of a frame in the dataset's table.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameMetadata {
+    /// Time of the capture, s, from an origin common to all frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timestamp_s: Option<f64>,
+    /// Temperature of the camera, °C.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub temperature_c: Option<f64>,
+    /// The text of further columns by name; empty cells are left out.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub other: BTreeMap<String, String>,
+}
+
+impl FrameMetadata {
+    /// The value of a further column when it is a finite number.
+    pub fn number(&self, column: &str) -> Option<f64> {
+        self.other.get(column)?.parse().ok().filter(|number: &f64| number.is_finite())
+    }
+}
+
+/// A row of the table.
+pub(crate) struct Row {
+    pub frame: String,
+    pub metadata: FrameMetadata,
+}
+
+/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c` and any others.
+pub(crate) fn read(path: &Path) -> Result<Vec<Row>, DatasetError> {
+    let file = File::open(path).map_err(|error| DatasetError::Read { path: path.to_owned(), error })?;
+    parse(path, io::BufReader::new(file))
+}
+
+fn parse(path: &Path, reader: impl io::Read) -> Result<Vec<Row>, DatasetError> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(reader);
+    let head = reader.headers().map_err(|error| csv_error(path, error))?.clone();
+    let fault = |problem: String| DatasetError::Table { path: path.to_owned(), line: 1, problem };
+    for (i, name) in head.iter().enumerate() {
+        if head.iter().take(i).any(|earlier| earlier == name) {
+            return Err(fault(format!("there are two columns `{name}`: rename or remove one")));
+        }
+    }
+    let Some(frame_column) = head.iter().position(|name| name == "frame") else {
+        let problem = "there is no column `frame`: start the table with a line such as frame,timestamp_s,temperature_c";
+        return Err(fault(problem.into()));
+    };
+
+    let mut rows: Vec<Row> = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| csv_error(path, error))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let mut row = Row { frame: String::new(), metadata: FrameMetadata::default() };
+        for (i, (column, cell)) in head.iter().zip(&record).enumerate() {
+            let number = || finite(cell).ok_or_else(|| cell_error(path, line, column, cell));
+            match column {
+                _ if i == frame_column => row.frame = cell.to_owned(),
+                _ if cell.is_empty() => {}
+                "timestamp_s" => row.metadata.timestamp_s = Some(number()?),
+                "temperature_c" => row.metadata.temperature_c = Some(number()?),
+                _ => drop(row.metadata.other.insert(column.to_owned(), cell.to_owned())),
+            }
+        }
+        let problem = if row.frame.is_empty() {
+            "the column `frame` is empty: give the file stem of the frame".into()
+        } else if rows.iter().any(|earlier| earlier.frame == row.frame) {
+            format!("there are two rows for the frame \"{}\": remove one", row.frame)
+        } else {
+            rows.push(row);
+            continue;
+        };
+        return Err(DatasetError::Table { path: path.to_owned(), line, problem });
+    }
+    Ok(rows)
+}
+
+fn finite(cell: &str) -> Option<f64> {
+    cell.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+fn cell_error(path: &Path, line: u64, column: &str, value: &str) -> DatasetError {
+    DatasetError::Cell { path: path.to_owned(), line, column: column.to_owned(), value: value.to_owned() }
+}
+
+fn csv_error(path: &Path, error: csv::Error) -> DatasetError {
+    let path: PathBuf = path.to_owned();
+    let line = error.position().map_or(1, csv::Position::line);
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => DatasetError::Read { path, error },
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            let problem =
+                format!("this row has {len} cells, the first line {expected_len}: write as many, empty or not");
+            DatasetError::Table { path, line, problem }
+        }
+        csv::ErrorKind::Utf8 { .. } => {
+            DatasetError::Table { path, line, problem: "this is not UTF-8 text: save the table as UTF-8".into() }
+        }
+        other => DatasetError::Table { path, line, problem: format!("this is not CSV: {other:?}") },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn table(text: &str) -> Result<Vec<Row>, DatasetError> {
+        parse(Path::new("set/frames.csv"), text.as_bytes())
+    }
+
+    fn complaint(text: &str) -> String {
+        table(text).err().unwrap().to_string()
+    }
+
+    #[test]
+    fn reads_known_and_further_columns() {
+        let text = "frame,timestamp_s,temperature_c,gain,note\n0001, 0.5 ,31,2.5,\"a, b\"\n0002,,,,\n";
+        let rows = table(text).unwrap();
+        assert_eq!(rows.len(), 2);
+        let first = &rows[0].metadata;
+        assert_eq!((rows[0].frame.as_str(), first.timestamp_s, first.temperature_c), ("0001", Some(0.5), Some(31.0)));
+        assert_eq!((first.number("gain"), first.number("note")), (Some(2.5), None));
+        assert_eq!(first.other["note"], "a, b");
+        assert_eq!(rows[1].metadata, FrameMetadata::default());
+    }
+
+    #[test]
+    fn a_cell_that_is_no_number_has_line_and_column() {
+        for value in ["warm", "nan", "inf", "1,5"] {
+            let message = complaint(&format!("frame,temperature_c\n0001,20\n0002,\"{value}\"\n"));
+            assert!(message.contains("set/frames.csv:3") && message.contains("temperature_c"), "{message}");
+            assert!(message.contains(value), "{message}");
+        }
+    }
+
+    #[test]
+    fn other_faults_are_named() {
+        assert!(complaint("").contains("`frame`"));
+        assert!(complaint("name,timestamp_s\n1,2\n").contains("`frame`"));
+        assert!(complaint("frame,a,a\n").contains("two columns"));
+        assert!(complaint("frame,timestamp_s\n0001\n").contains(":2: this row has 1 cells"));
+        assert!(complaint("frame,timestamp_s\n0001,1\n0001,2\n").contains(":3: there are two rows"));
+        assert!(complaint("frame,timestamp_s\n,1\n").contains(":2"));
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = parse(Path::new("frames.csv"), bytes.as_slice());
+            let mut table = b"frame,timestamp_s\n".to_vec();
+            table.extend(bytes);
+            let _ = parse(Path::new("frames.csv"), table.as_slice());
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Errors, atomic writing, JSON and digests, which all files share.
+
+mod digest;
+mod error;
+mod finite;
+mod json;
+mod versioned;
+mod write;
+
+pub use digest::digest_files;
+pub use error::FileError;
+pub use json::{read_json, write_json, write_json_compact};
+#[cfg(test)]
+pub(crate) use versioned::parse_versioned;
+pub(crate) use versioned::{Fault, Versioned, read_versioned, write_versioned};
+pub use write::write_atomically;

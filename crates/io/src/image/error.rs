@@ -1,0 +1,68 @@
+//! Errors of images.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why an image cannot be used. Every message names the file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The file cannot be opened or read.
+    #[error("{path}: cannot read the image: {error}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's error.
+        error: io::Error,
+    },
+    /// The image's data are broken or incomplete.
+    #[error("{path}: this {format} image is damaged or incomplete: {message}; copy or capture it anew")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Name of the format.
+        format: &'static str,
+        /// The decoder's message.
+        message: String,
+    },
+    /// A file of an unknown format.
+    #[error("{path}: this is not an image of a known format: convert it to {expected}")]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// Formats that are read.
+        expected: &'static str,
+    },
+    /// A variant of a known format that is not supported, or an image of an implausible size.
+    #[error("{path}: {problem}")]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// The problem and its remedy.
+        problem: String,
+    },
+    /// An image that cannot hold depth.
+    #[error("{path}: a depth image must be a 16-bit grey PNG, but this is {found}: save the depth as 16-bit grey PNG")]
+    NotDepth {
+        /// The file.
+        path: PathBuf,
+        /// The contents of the file.
+        found: String,
+    },
+    /// Image and depth of a frame differ in size.
+    #[error(
+        "{image} has {}×{} pixels, but {depth} has {}×{}: a frame's image and depth must lie on one pixel grid; \
+         register the depth to the image",
+        .image_size[0], .image_size[1], .depth_size[0], .depth_size[1]
+    )]
+    SizesDiffer {
+        /// The image.
+        image: PathBuf,
+        /// Width and height of the image, px.
+        image_size: [usize; 2],
+        /// The depth image.
+        depth: PathBuf,
+        /// Width and height of the depth image, px.
+        depth_size: [usize; 2],
+    },
+}

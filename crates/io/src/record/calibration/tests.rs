@@ -1,0 +1,159 @@
+use depthcal_model::Pattern;
+use proptest::prelude::*;
+
+use super::*;
+use crate::file::parse_versioned;
+
+fn parameter(name: &str, unit: &str, value: f64, std_dev: Option<f64>) -> ParameterRecord {
+    ParameterRecord { name: name.into(), unit: unit.into(), value, std_dev, fixed: std_dev.is_none() }
+}
+
+pub(crate) fn example() -> Calibration {
+    let pinhole = PieceRecord {
+        hook: HookKind::Pixel,
+        name: "pinhole".into(),
+        parameters: vec![
+            parameter("fx", "px", 476.9, Some(0.1)),
+            parameter("fy", "px", 0.1 + 0.2, Some(0.1)),
+            parameter("skew", "px", 0.0, None),
+        ],
+        options: BTreeMap::new(),
+    };
+    let spline = PieceRecord {
+        hook: HookKind::Depth,
+        name: "bspline".into(),
+        parameters: vec![parameter("a_0_0", "1/mm", 1.3406e-4, Some(1e-7))],
+        options: BTreeMap::from([("columns".into(), 6.0)]),
+    };
+    Calibration {
+        camera: CameraRecord { width: 640, height: 480, pieces: vec![pinhole, spline] },
+        covariance: Some(CovarianceRecord {
+            parameters: vec!["pinhole.fx".into(), "pinhole.fy".into()],
+            matrix: vec![vec![0.01, 0.002], vec![0.002, 0.01]],
+        }),
+        noise: NoiseRecord {
+            pixel_sigma: 0.05,
+            inverse_depth_sigma_a: Some(3e-6),
+            inverse_depth_sigma_b: Some(4.0),
+            correlation_length_px: Some(3.5),
+            other: BTreeMap::new(),
+        },
+        fit: FitRecord {
+            estimator: "joint".into(),
+            model: "projective".into(),
+            reprojection_rms_px: 0.1,
+            depth_rms_mm: Some(6.4),
+            frames_used: 1,
+            frames_dropped: vec![DroppedFrame { name: "0002".into(), reason: "board not found".into() }],
+            termination: "converged".into(),
+            cost: 12.5,
+            iterations: 7,
+        },
+        frames: vec![FrameRecord {
+            name: "0001".into(),
+            rotation: [0.6, 0.0, 0.8, 0.0],
+            translation_mm: [1.0, 2.0, 1000.0 / 3.0],
+            reprojection_rms_px: 0.1,
+            depth_rms_mm: None,
+            metadata: FrameMetadata { timestamp_s: Some(0.5), ..FrameMetadata::default() },
+        }],
+        dataset: FileReference { path: "captures".into(), digest: "ab".into() },
+        depth_unit_mm: Some(0.25),
+        target: Target {
+            pattern: Pattern::AsymmetricCircles { circle_diameter_mm: 20.0 },
+            columns: 4,
+            rows: 11,
+            spacing_mm: 36.0,
+        },
+        observations: None,
+    }
+}
+
+fn round_trip(calibration: &Calibration) -> Result<Calibration, FileError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out/calibration.json");
+    calibration.write(&path)?;
+    Calibration::read(&path)
+}
+
+#[test]
+fn reads_back_what_was_written() {
+    let example = example();
+    assert_eq!(round_trip(&example).unwrap(), example);
+    assert_eq!(example.value("pinhole", "fx"), Some(476.9));
+    assert_eq!(example.value("pinhole", "fz"), None);
+    assert_eq!(example.pieces_at(HookKind::Depth).count(), 1);
+    assert_eq!(example.covariance.unwrap().get("pinhole.fy", "pinhole.fx"), Some(0.002));
+}
+
+#[test]
+fn the_file_has_the_fields_of_the_contract() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("calibration.json");
+    example().write(&path).unwrap();
+    let json: serde_json::Value = crate::file::read_json(&path).unwrap();
+    assert_eq!(json["format"], "depthcal-calibration");
+    assert_eq!(json["version"], 1);
+    assert_eq!(json["camera"]["pieces"][0]["hook"], "pixel");
+    assert_eq!(json["camera"]["pieces"][0]["parameters"][0]["std_dev"], 0.1);
+    assert_eq!(json["camera"]["pieces"][1]["options"]["columns"], 6.0);
+    assert_eq!(json["covariance"]["parameters"][1], "pinhole.fy");
+    assert_eq!(json["fit"]["frames_dropped"][0]["reason"], "board not found");
+    assert_eq!(json["frames"][0]["metadata"]["timestamp_s"], 0.5);
+    assert_eq!(json["target"]["kind"], "asymmetric-circles");
+}
+
+#[test]
+fn noise_of_depth_combines_both_parts() {
+    let noise = example().noise;
+    let rho: f64 = 1e-3;
+    assert!((noise.inverse_depth_sigma(rho).unwrap() - 5e-6).abs() < 1e-18);
+    assert_eq!(NoiseRecord::default().inverse_depth_sigma(rho), None);
+}
+
+fn fault_of(change: impl FnOnce(&mut Calibration)) -> String {
+    let mut calibration = example();
+    change(&mut calibration);
+    round_trip(&calibration).unwrap_err().to_string()
+}
+
+#[test]
+fn faults_name_the_field() {
+    let cases = [
+        (fault_of(|c| c.camera.pieces[0].parameters[1].value = f64::NAN), "camera.pieces[0].parameters[1].value"),
+        (fault_of(|c| c.fit.cost = f64::INFINITY), "fit.cost"),
+        (fault_of(|c| c.camera.width = 0), "camera.width"),
+        (fault_of(|c| c.camera.pieces[1].name = "pinhole".into()), "camera.pieces"),
+        (fault_of(|c| c.frames[0].rotation[0] = 1.0), "frames[0].rotation"),
+        (fault_of(|c| c.noise.pixel_sigma = -1.0), "noise.pixel_sigma"),
+        (fault_of(|c| c.depth_unit_mm = Some(0.0)), "depth_unit_mm"),
+        (fault_of(|c| c.camera.pieces[0].parameters[0].std_dev = Some(-1.0)), "parameters[0].std_dev"),
+        (fault_of(|c| c.covariance.as_mut().unwrap().matrix[0].truncate(1)), "covariance.matrix"),
+        (fault_of(|c| c.covariance.as_mut().unwrap().matrix[1][0] = 0.003), "covariance.matrix[1][0]"),
+    ];
+    for (message, field) in cases {
+        assert!(message.contains(field) && message.contains("calibration.json"), "{message}");
+    }
+}
+
+fn parse(text: &str) -> Result<Calibration, FileError> {
+    parse_versioned(Path::new("c.json"), text.as_bytes())
+}
+
+#[test]
+fn another_format_or_version_is_refused() {
+    let message = parse("{\"datasets\": []}").unwrap_err().to_string();
+    assert!(message.contains("c.json") && message.contains("missing"), "{message}");
+    let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 2}").unwrap_err().to_string();
+    assert!(message.contains("version") && message.contains('2'), "{message}");
+    let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 1}").unwrap_err().to_string();
+    assert!(message.contains("camera"), "{message}");
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_an_error_and_no_panic(text in ".*", bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        prop_assert!(parse(&text).is_err());
+        prop_assert!(parse_versioned::<Calibration>(Path::new("c.json"), &bytes).is_err());
+    }
+}

@@ -1,0 +1,27 @@
+//! The quantities on which a residual may depend.
+
+use serde::{Deserialize, Serialize};
+
+/// The covariate of a free function: the quantity on which a diagnosis lets the residuals depend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DiagnosisCovariate {
+    /// Pixel position, column and row jointly.
+    Pixel,
+    /// Column of the image.
+    Column,
+    /// Row of the image.
+    Row,
+    /// Inverse depth.
+    Depth,
+    /// Logarithm of the infrared amplitude.
+    Amplitude,
+    /// Cosine of the angle of incidence.
+    Incidence,
+    /// Time of the frame.
+    Time,
+    /// Temperature of the camera.
+    Temperature,
+    /// Position on the board.
+    Board,
+}

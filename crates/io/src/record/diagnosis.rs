@@ -1,0 +1,218 @@
+//! `diagnosis.json`: the effects that a model lacked, those that were added, and the errors before and after.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::comparison::Interval;
+use super::reference::FileReference;
+use crate::file::{FileError, read_json, write_json};
+
+/// The outcome of a diagnosis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The data show nothing that the model lacks.
+    Adequate,
+    /// Named effects were added, and the data show nothing else.
+    Effect,
+    /// Something is left that no named effect explains; a free map may correct it.
+    Unexplained,
+}
+
+/// Errors of one model on held-out frames. Errors of depth are absent when there is no depth.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct HeldOutErrors {
+    /// Mean dot error, mm; see [`DatasetEvaluation`](super::evaluation::DatasetEvaluation).
+    pub dot_error_mm: Option<f64>,
+    /// Mean plane error, mm.
+    pub plane_error_mm: Option<f64>,
+    /// Root mean square of depth minus the board's depth, mm.
+    pub depth_rms_mm: Option<f64>,
+    /// Root mean square reprojection error, px.
+    pub reprojection_px: f64,
+}
+
+/// A difference with its 95 % confidence interval from resampled frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct GainInterval {
+    /// Estimate.
+    pub value: f64,
+    /// Lower end.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+impl GainInterval {
+    /// Whether the whole interval is above zero.
+    pub fn is_certain(&self) -> bool {
+        self.low > 0.0
+    }
+}
+
+/// An effect that was accepted and added.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisStep {
+    /// Names of effects that explain the residuals jointly, in descending order of gain; the first is the one added.
+    pub effects: Vec<String>,
+    /// Names of effects that these captures cannot distinguish from it.
+    pub indistinguishable: Vec<String>,
+    /// The effect as given to `calibrate --with`, constants included.
+    pub with: String,
+    /// Its fitted parameters.
+    pub parameters: Vec<DiagnosisParameter>,
+    /// Root mean square of the effect over the observations, mm.
+    pub size_mm: f64,
+    /// p-value of the score test, corrected for the number of effects tested.
+    pub p_value: f64,
+    /// Held-out errors before it was added.
+    pub before: HeldOutErrors,
+    /// Held-out errors after it was added.
+    pub after: HeldOutErrors,
+    /// Held-out root mean square depth error after it was added, with its interval; absent without depth and in files
+    /// of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_after_mm: Option<Interval>,
+    /// Decrease of the held-out root mean square depth error, per cent.
+    pub depth_gain_percent: Option<GainInterval>,
+}
+
+/// A fitted parameter of an added effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisParameter {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+    /// Standard deviation; absent when the parameter is held or not determined.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub std: Option<f64>,
+}
+
+/// The score test of an effect or free function that a round's model does not have.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisCandidate {
+    /// Its name.
+    pub effect: String,
+    /// p-value of the score test, corrected for the number of values tried for its constant.
+    pub p_value: f64,
+    /// Root mean square size at the parameters that the data give it, mm; absent when these captures do not determine
+    /// them.
+    pub expected_size_mm: Option<f64>,
+    /// Smallest size that these captures reveal with 80 % power at the 1 % level, mm; absent when they reveal none.
+    pub minimal_detectable_mm: Option<f64>,
+    /// Decrease of the weighted root mean square residual on left-out frames, per cent; negative when it rises.
+    pub held_out_gain_percent: f64,
+}
+
+/// One round of a diagnosis: the tests of everything that its model lacks, and the decision.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisRound {
+    /// Effects, in descending order of gain.
+    pub effects: Vec<DiagnosisCandidate>,
+    /// Free functions of a covariate, in descending order of gain. They compete with the effects and name nothing.
+    pub free: Vec<DiagnosisCandidate>,
+    /// The decision, in words.
+    pub decision: String,
+}
+
+/// A frame that was left out.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DiagnosisFrame {
+    /// Its name.
+    pub name: String,
+    /// The reason, in words.
+    pub reason: String,
+}
+
+/// The plane by which a frame's depth, corrected by the last model, deviates from the pose that its image gives.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisFramePlane {
+    /// Name of the frame.
+    pub name: String,
+    /// Mean over the frame's depth samples, mm.
+    pub offset_mm: f64,
+    /// Root mean square over the frame's depth samples, mm.
+    pub rms_mm: f64,
+    /// p-value of the hypothesis that the plane is noise.
+    pub p_value: f64,
+}
+
+/// How similar effects are to each other on these captures, given the declared model.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Separability {
+    /// Names of the effects; those that were added come first.
+    pub effects: Vec<String>,
+    /// Row i, column k: cosine of the angle between effect i, at the parameters that the data give it, and the space
+    /// that effect k spans, both projected off the declared model. At 1 effect k can reproduce effect i; at 0 they are
+    /// orthogonal.
+    pub mimicry: Vec<Vec<f64>>,
+}
+
+/// Held-out errors of the first and the last model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisHeldOut {
+    /// The declared model.
+    pub before: HeldOutErrors,
+    /// The last model.
+    pub after: HeldOutErrors,
+}
+
+/// Result of `depthcal diagnose`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisFile {
+    /// The dataset.
+    pub dataset: FileReference,
+    /// The declared depth model.
+    pub model: String,
+    /// The outcome.
+    pub verdict: Verdict,
+    /// The effects that were added, in order.
+    pub steps: Vec<DiagnosisStep>,
+    /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order
+    /// of gain.
+    pub candidates: Vec<DiagnosisCandidate>,
+    /// The tests of every round, with all free functions, and its decision.
+    #[serde(default)]
+    pub rounds: Vec<DiagnosisRound>,
+    /// Frames that were left out.
+    pub bad_frames: Vec<DiagnosisFrame>,
+    /// Implausible declarations, in words.
+    #[serde(default)]
+    pub declarations: Vec<String>,
+    /// Structure left in the residuals that no effect explains, in words.
+    #[serde(default)]
+    pub left_over: Vec<String>,
+    /// Captures that would help, in words.
+    #[serde(default)]
+    pub capture_next: Vec<String>,
+    /// The plane of every frame, given the last model.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frame_planes: Vec<DiagnosisFramePlane>,
+    /// How similar the effects are to each other on these captures.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub separability: Option<Separability>,
+    /// Held-out errors of the first and the last model.
+    pub held_out: DiagnosisHeldOut,
+}
+
+impl DiagnosisFile {
+    /// Reads `diagnosis.json`.
+    ///
+    /// # Errors
+    /// [`FileError`], naming file and field.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        read_json(path.as_ref())
+    }
+
+    /// Writes `diagnosis.json`.
+    ///
+    /// # Errors
+    /// [`FileError`], naming the file.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
+        write_json(path.as_ref(), self)
+    }
+}

@@ -1,0 +1,152 @@
+//! `evaluation.json`: errors of a calibration on datasets, before and after correction.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::file::{FileError, read_json, write_json};
+
+/// Errors of one calibration on several datasets.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// One entry per dataset, in the order in which they were given.
+    pub datasets: Vec<DatasetEvaluation>,
+}
+
+/// Errors on one dataset. Those of depth are absent when the dataset has no depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DatasetEvaluation {
+    /// Name of the dataset's folder.
+    pub name: String,
+    /// Number of frames that were evaluated.
+    pub frames: usize,
+    /// Reprojection error, px.
+    pub reprojection_px: Rms,
+    /// Distance in 3D between a marker, back-projected with its depth into the board frame, and its position on the
+    /// board, mm (Sjöholm 2017, eq. 5.1–5.3).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dot_error_mm: Option<BeforeAfter<MeanStd>>,
+    /// Mean absolute distance from the board's plane of the valid depth pixels within the outermost markers, mm
+    /// (Sjöholm 2017, eq. 5.4–5.5).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane_error_mm: Option<BeforeAfter<MeanStd>>,
+    /// Root mean square of depth minus the board's depth, over all valid board pixels of all frames, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_mm: Option<BeforeAfter<f64>>,
+    /// The same errors for every frame.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frames_detail: Vec<FrameEvaluation>,
+}
+
+/// Errors of one frame, with the meaning of [`DatasetEvaluation`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrameEvaluation {
+    /// Name of the frame.
+    pub name: String,
+    /// Number of markers that were found.
+    pub markers: usize,
+    /// Number of valid depth pixels on the board.
+    pub depth_pixels: usize,
+    /// Reprojection error, px.
+    pub reprojection_px: Rms,
+    /// Dot error, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dot_error_mm: Option<BeforeAfter<MeanStd>>,
+    /// Plane error, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plane_error_mm: Option<BeforeAfter<MeanStd>>,
+    /// Root mean square of the depth error, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_mm: Option<BeforeAfter<f64>>,
+}
+
+/// A quantity computed from the depth as measured and from the corrected depth.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct BeforeAfter<T> {
+    /// From the depth as measured.
+    pub before: T,
+    /// From the depth as corrected.
+    pub after: T,
+}
+
+/// Mean and standard deviation.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeanStd {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub std: f64,
+}
+
+/// Root mean square.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rms {
+    /// Root mean square.
+    pub rms: f64,
+}
+
+impl Evaluation {
+    /// Reads an evaluation.
+    ///
+    /// # Errors
+    /// [`FileError::Read`], or [`FileError::Json`] with file and field.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
+        read_json(path)
+    }
+
+    /// Writes the evaluation atomically.
+    ///
+    /// # Errors
+    /// [`FileError::NotFinite`] with the field, [`FileError::Write`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
+        write_json(path, self)
+    }
+
+    /// The entry of the dataset called `name`.
+    pub fn dataset(&self, name: &str) -> Option<&DatasetEvaluation> {
+        self.datasets.iter().find(|dataset| dataset.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_file_is_the_contract_to_the_letter() {
+        let error = BeforeAfter { before: MeanStd { mean: 7.5, std: 3.5 }, after: MeanStd { mean: 3.5, std: 1.5 } };
+        let evaluation = Evaluation {
+            datasets: vec![DatasetEvaluation {
+                name: "general1".into(),
+                frames: 27,
+                reprojection_px: Rms { rms: 0.125 },
+                dot_error_mm: Some(error),
+                plane_error_mm: Some(error),
+                depth_rms_mm: Some(BeforeAfter { before: 10.5, after: 6.5 }),
+                frames_detail: Vec::new(),
+            }],
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("evaluation.json");
+        evaluation.write(&path).unwrap();
+        let both = json!({"before": {"mean": 7.5, "std": 3.5}, "after": {"mean": 3.5, "std": 1.5}});
+        let expected = json!({"datasets": [{
+            "name": "general1", "frames": 27, "reprojection_px": {"rms": 0.125}, "dot_error_mm": both,
+            "plane_error_mm": both, "depth_rms_mm": {"before": 10.5, "after": 6.5},
+        }]});
+        assert_eq!(read_json::<serde_json::Value>(&path).unwrap(), expected);
+        assert_eq!(Evaluation::read(&path).unwrap(), evaluation);
+        assert_eq!(evaluation.dataset("general1").unwrap().frames, 27);
+    }
+
+    #[test]
+    fn a_missing_field_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("evaluation.json");
+        std::fs::write(&path, "{\"datasets\": [{\"name\": \"a\", \"frames\": 1, \"reprojection_px\": {}}]}").unwrap();
+        let message = Evaluation::read(&path).unwrap_err().to_string();
+        assert!(message.contains("datasets[0].reprojection_px") && message.contains("rms"), "{message}");
+    }
+}

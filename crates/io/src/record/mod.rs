@@ -1,0 +1,34 @@
+//! The records: JSON files that commands write and later commands and the report read.
+
+mod calibration;
+mod comparison;
+mod covariate;
+mod decision;
+mod diagnosis;
+mod evaluation;
+mod findings;
+mod observations;
+mod reference;
+
+#[cfg(test)]
+pub(crate) use calibration::example;
+pub use calibration::{
+    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FitRecord, FrameRecord, NoiseRecord, ParameterRecord,
+    PieceRecord,
+};
+pub use comparison::{
+    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
+};
+pub use covariate::DiagnosisCovariate;
+pub use decision::{DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisUnexplainedOutcome};
+pub use diagnosis::{
+    DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
+    DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
+};
+pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Rms};
+pub use findings::{
+    DeclaredValue, DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
+    DiagnosisProposedFrame,
+};
+pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
+pub use reference::FileReference;

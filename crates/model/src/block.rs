@@ -1,0 +1,86 @@
+//! A block of a camera's parameters: a piece, or the pinhole, with values.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use crate::field::grid::Domain;
+use crate::hook::HookKind;
+use crate::piece::{AnyPiece, Parameter};
+use crate::pinhole::{self, PINHOLE};
+
+/// A parameter block of the camera: a piece, or the pinhole, with values and which of them may be fitted.
+#[derive(Debug, Clone)]
+pub struct Block {
+    piece: Option<Arc<dyn AnyPiece>>,
+    /// Values, in the order of [`Block::parameters`].
+    pub theta: Vec<f64>,
+    /// Which of them the adjustment may change.
+    pub free: Vec<bool>,
+}
+
+impl Block {
+    /// A piece at its nominal values, wholly free.
+    pub fn new(piece: Arc<dyn AnyPiece>) -> Self {
+        let theta: Vec<f64> = piece.parameters().iter().map(|p| p.nominal).collect();
+        Self { free: vec![true; theta.len()], theta, piece: Some(piece) }
+    }
+
+    /// The pinhole with free focal lengths and principal point, and the skew held.
+    pub fn pinhole(theta: [f64; PINHOLE]) -> Self {
+        Self { piece: None, theta: theta.to_vec(), free: vec![true, true, true, true, false] }
+    }
+
+    /// The piece; `None` for the pinhole.
+    pub fn piece(&self) -> Option<&Arc<dyn AnyPiece>> {
+        self.piece.as_ref()
+    }
+
+    /// Name in files and reports.
+    pub fn name(&self) -> &'static str {
+        self.piece.as_ref().map_or(pinhole::NAME, |p| p.name())
+    }
+
+    /// Name in print.
+    pub fn title(&self) -> Cow<'static, str> {
+        self.piece.as_ref().map_or(Cow::Borrowed(pinhole::TITLE), |p| p.title())
+    }
+
+    /// Summary in plain words that follow its name and a colon.
+    pub fn summary(&self) -> &'static str {
+        self.piece.as_ref().map_or(pinhole::SUMMARY, |p| p.summary())
+    }
+
+    /// Where it acts; the pinhole counts as [`HookKind::Pixel`].
+    pub fn hook(&self) -> HookKind {
+        self.piece.as_ref().map_or(HookKind::Pixel, |p| p.hook())
+    }
+
+    /// Its parameters.
+    pub fn parameters(&self) -> &[Parameter] {
+        self.piece.as_ref().map_or(&pinhole::PARAMETERS, |p| p.parameters())
+    }
+
+    /// Its constants for people, with three significant digits and a unit: `period 300 mm`.
+    pub fn constants_in_words(&self) -> Vec<String> {
+        let Some(piece) = &self.piece else { return Vec::new() };
+        let options = piece.options();
+        piece.constants().iter().map(|c| c.words(c.of(&options))).collect()
+    }
+
+    /// Value of a parameter by name.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        self.parameters().iter().position(|p| p.name == name).map(|i| self.theta[i])
+    }
+
+    /// The same block with its piece laid over a camera's image and the depth that was seen.
+    pub fn over(mut self, domain: &Domain) -> Self {
+        self.piece = self.piece.map(|piece| piece.over(domain).unwrap_or(piece));
+        self
+    }
+
+    /// The same block with every parameter held at its value.
+    pub fn hold(mut self) -> Self {
+        self.free.fill(false);
+        self
+    }
+}

@@ -1,0 +1,90 @@
+use std::borrow::Cow;
+use std::fmt;
+use std::sync::Arc;
+
+use super::constant::{Constant, Options, Scan};
+use super::context::Context;
+use super::covariate::Covariate;
+use super::parameter::Parameter;
+use super::role::Role;
+use crate::field::grid::Domain;
+use crate::field::layout::FieldLayout;
+use crate::hook::HookKind;
+
+/// A piece whose hook and number of parameters are known at run time only. Made by [`erase`](super::erase).
+///
+/// Batches are slices of `n` observations, row-major: `states` n × IN, `out` n × OUT, `d_state` n × OUT × IN,
+/// `d_theta` n × OUT × P, with IN and OUT of the piece's [`Hook`](crate::hook::Hook) and P its number of parameters.
+pub trait AnyPiece: fmt::Debug + Send + Sync {
+    /// [`Piece::NAME`](super::Piece::NAME).
+    fn name(&self) -> &'static str;
+    /// Its name in print: [`Piece::TITLE`](super::Piece::TITLE), else the name with spaces.
+    fn title(&self) -> Cow<'static, str> {
+        Cow::Owned(self.name().replace('_', " "))
+    }
+    /// [`Piece::SUMMARY`](super::Piece::SUMMARY); empty where it has none.
+    fn summary(&self) -> &'static str {
+        ""
+    }
+    /// [`Piece::EQUATION`](super::Piece::EQUATION); empty where it has none.
+    fn equation(&self) -> &'static str {
+        ""
+    }
+    /// [`Piece::SOURCE`](super::Piece::SOURCE).
+    fn source(&self) -> &'static str;
+    /// [`Piece::CONFOUNDED`](super::Piece::CONFOUNDED).
+    fn confounded(&self) -> Option<&'static str> {
+        None
+    }
+    /// Where it acts.
+    fn hook(&self) -> HookKind;
+    /// [`Piece::PARAMETERS`](super::Piece::PARAMETERS).
+    fn parameters(&self) -> &[Parameter];
+    /// [`Piece::CONSTANTS`](super::Piece::CONSTANTS), and those of its grid for a field.
+    fn constants(&self) -> Vec<Constant> {
+        Vec::new()
+    }
+    /// Values of its constants by name.
+    fn options(&self) -> Options;
+    /// [`Piece::NEEDS`](super::Piece::NEEDS).
+    fn needs(&self) -> &'static [Covariate] {
+        &[]
+    }
+    /// [`Piece::ROLE`](super::Piece::ROLE).
+    fn role(&self) -> Role {
+        Role::Effect
+    }
+    /// [`Piece::OFFSET_MAP`](super::Piece::OFFSET_MAP).
+    fn is_offset_map(&self) -> bool {
+        false
+    }
+    /// Its constant that a search for missing effects varies.
+    fn scan(&self) -> Option<Scan> {
+        self.constants().iter().find_map(Constant::scan)
+    }
+    /// Values of a batch.
+    fn evaluate(&self, theta: &[f64], states: &[f64], contexts: &[Context], out: &mut [f64]);
+    /// Values and derivatives of a batch; those by the parameters only where `d_theta` is given.
+    fn linearize(
+        &self,
+        theta: &[f64],
+        states: &[f64],
+        contexts: &[Context],
+        out: &mut [f64],
+        d_state: &mut [f64],
+        d_theta: Option<&mut [f64]>,
+    );
+    /// The layout of its parameters in the nodes of a grid; `None` for a piece that is no field.
+    fn field(&self) -> Option<FieldLayout> {
+        None
+    }
+    /// The same piece laid over a camera's image and the depth that was seen; `None` where that makes no difference.
+    fn over(&self, _domain: &Domain) -> Option<Arc<dyn AnyPiece>> {
+        None
+    }
+    /// The same piece with the parameters of one cell alone, for batches of observations that all lie in that cell;
+    /// `None` for a piece that is no field.
+    fn of_cell(&self) -> Option<Arc<dyn AnyPiece>> {
+        None
+    }
+}

@@ -1,0 +1,44 @@
+use serde::{Deserialize, Serialize};
+
+/// An observation's covariates that are not part of the chain's state. They are constant under differentiation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Context {
+    /// Pixel of the depth image, px.
+    pub pixel: [f64; 2],
+    /// Infrared amplitude at the pixel, in steps of the image; NaN where unknown.
+    pub amplitude: f64,
+    /// Mean infrared amplitude around the pixel, weighted by a Gaussian of [`SURROUND_PX`]; NaN where unknown.
+    #[serde(default = "unknown")]
+    pub surround: f64,
+    /// Slope of the logarithm of that mean along u and v, 1/px; NaN where unknown.
+    #[serde(default = "unknown_slope")]
+    pub slope: [f64; 2],
+    /// Time of the frame since the first, s; 0 where unknown.
+    pub time_s: f64,
+    /// Temperature of the frame, °C; NaN where unknown.
+    pub temperature_c: f64,
+}
+
+/// Standard deviation of the Gaussian that weights [`Context::surround`], px.
+pub const SURROUND_PX: f64 = 2.0;
+
+fn unknown() -> f64 {
+    f64::NAN
+}
+
+fn unknown_slope() -> [f64; 2] {
+    [f64::NAN; 2]
+}
+
+impl Default for Context {
+    fn default() -> Self {
+        Self {
+            pixel: [0.0; 2],
+            amplitude: f64::NAN,
+            surround: f64::NAN,
+            slope: [f64::NAN; 2],
+            time_s: 0.0,
+            temperature_c: f64::NAN,
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! The statistics of depthcal, each in one place: tails of distributions, quantiles, moments, and bootstraps over frames.
+//!
+//! Distributions come from `statrs`. Quantiles are linearly interpolated everywhere (type 7 of Hyndman and Fan 1996).
+
+mod bootstrap;
+mod moments;
+mod quantiles;
+mod tails;
+
+pub use bootstrap::{Bootstrap, Estimate};
+pub use moments::{mean_std, mean_to_standard_error, rms};
+pub use quantiles::{median, quantile, quantile_of_sorted};
+pub use tails::{chi_squared_tail, f_tail, noncentral_chi_squared_tail, noncentrality, normal_tail, student_quantile};
