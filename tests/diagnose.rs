@@ -9,7 +9,7 @@ use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
 use depthcal::model::hook::{Depth, DepthState};
-use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
+use depthcal::model::{Context, Parameter, Piece, PieceSpec, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Simulation};
 use rayon::prelude::*;
 
@@ -235,7 +235,7 @@ fn p_values_of_clean_captures_are_uniform() {
             let observed = simulation(&[], 7000 + seed).observe_points(&PointOptions::default()).unwrap();
             let options = CalibrateOptions::default();
             let fit = calibrate(&simulated::capture(&observed), &options).unwrap();
-            let scores = scores(&fit, &options.register, &names).unwrap();
+            let scores = scores(&fit, &options.register, &names.map(PieceSpec::new)).unwrap();
             scores.iter().map(|s| s.p_value).collect()
         })
         .collect();

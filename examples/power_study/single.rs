@@ -6,6 +6,7 @@ use depthcal::calibration::diagnose::{DiagnoseOptions, Thresholds};
 use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
+use depthcal::model::PieceSpec;
 use depthcal_simulate::{Effect, EffectTruth, PointOptions, Simulation, Truth, catalogue};
 use depthcal_statistics::noncentrality;
 use rayon::prelude::*;
@@ -27,7 +28,7 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
         let truth = observed.truth.effects.first().ok_or("no effect")?;
         let spec = declared(truth, last_s(&observed.truth), 1.0);
         let fit = calibrate(&simulated::capture(&observed), &options)?;
-        let score = scores(&fit, &options.register, &[&spec])?.remove(0);
+        let score = scores(&fit, &options.register, &[spec])?.remove(0);
         let lambda = (score.statistic - score.rank as f64).max(1.0);
         found = (lambda, score.rank);
         if (200.0..800.0).contains(&lambda) {
@@ -56,16 +57,18 @@ struct Run {
 
 /// How the effect is declared by one who knows it, with the constants that are not fitted. Amplitudes of a capture are
 /// `full_scale` times the simulator's.
-fn declared(truth: &EffectTruth, last_s: f64, full_scale: f64) -> String {
+fn declared(truth: &EffectTruth, last_s: f64, full_scale: f64) -> PieceSpec {
     let value = |key: &str| truth.parameters.get(key).copied().unwrap_or(f64::NAN);
     match truth.name.as_str() {
-        "cyclic_depth" => format!("cyclic_depth@period_mm={}", value("period_mm")),
-        "disparity_ripple" => format!("disparity_ripple@period_per_mm={}", value("period_per_mm")),
-        "temporal_drift" => format!("temporal_drift@tau_s={}", value("time_constant_share_of_session") * last_s),
-        "reflectivity_bias" => {
-            format!("reflectivity_bias@reference={}", value("reference_amplitude") * full_scale)
+        "cyclic_depth" => PieceSpec::new("cyclic_depth").with("period_mm", value("period_mm")),
+        "disparity_ripple" => PieceSpec::new("disparity_ripple").with("period_per_mm", value("period_per_mm")),
+        "temporal_drift" => {
+            PieceSpec::new("temporal_drift").with("tau_s", value("time_constant_share_of_session") * last_s)
         }
-        name => name.to_owned(),
+        "reflectivity_bias" => {
+            PieceSpec::new("reflectivity_bias").with("reference", value("reference_amplitude") * full_scale)
+        }
+        name => PieceSpec::new(name),
     }
 }
 

@@ -71,12 +71,11 @@ impl From<DiagnoseError> for Failure {
 impl Diagnose {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let mut options = CalibrateOptions {
-            model: self.model.clone(),
-            effects: self.with.clone(),
+            model: session.model("--model", &self.model)?,
+            effects: session.effects(&self.with)?,
             lens: self.lens.clone(),
             ..session.calibrate_options()
         };
-        options.check_names().map_err(input)?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;

@@ -25,15 +25,14 @@ use crate::observe::Capture;
 pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Result<Comparison, RegisterError> {
     let base = &options.calibrate;
     for model in &options.models {
-        base.register.depth_model(model)?;
+        base.register.depth_blocks(model)?;
     }
     let mut variants: Vec<Variant> =
         options.models.iter().map(|m| Variant::new(m, &base.lens, Estimator::Joint)).collect();
     let listed = variants.len();
     if options.thesis {
-        variants.extend(thesis_variants());
-        let mut seen = std::collections::BTreeSet::new();
-        variants.retain(|v| seen.insert(v.clone()));
+        let listed = variants.clone();
+        variants.extend(thesis_variants().into_iter().filter(|v| !listed.contains(v)));
     }
     let mut lenses: Vec<&str> = variants.iter().map(|v| v.lens.as_str()).collect();
     lenses.sort_unstable();
@@ -82,7 +81,7 @@ fn evaluate_variant(
     base: &CalibrateOptions,
 ) -> EvaluatedVariant {
     let mut record = ModelComparison {
-        model: variant.model.clone(),
+        model: variant.model.to_string(),
         lens: variant.lens.clone(),
         estimator: variant.estimator.to_owned(),
         ..ModelComparison::default()

@@ -1,6 +1,7 @@
 //! Learning curve: held-out errors against the number of frames in the fit.
 
 use depthcal_io::LearningPoint;
+use depthcal_model::ModelSpec;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -51,7 +52,7 @@ pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &Comp
                 let left = [train.subset(|i, _| !chosen[i])];
                 let held_out = if verify.is_empty() { &left[..] } else { verify };
                 let from_image = ImageCalibrations::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
-                let errors_of = |model: &String| {
+                let errors_of = |model: &ModelSpec| {
                     let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
                     let camera = from_image.fit(&variant, &options.calibrate)?.camera;
                     Ok(held_out.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
@@ -70,7 +71,7 @@ pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &Comp
             let pooled: Vec<Vec<FrameErrors>> =
                 (0..datasets).map(|d| good.iter().flat_map(|g| g[d].iter().cloned()).collect()).collect();
             points.push(LearningPoint {
-                model: model.clone(),
+                model: model.to_string(),
                 frames: size,
                 fits,
                 failed: fits - good.len(),

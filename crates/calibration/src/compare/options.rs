@@ -1,12 +1,14 @@
 //! Options of a comparison.
 
+use depthcal_model::{ModelSpec, PieceSpec};
+
 use crate::calibrate::CalibrateOptions;
 
 /// Options of a comparison.
 #[derive(Debug, Clone)]
 pub struct CompareOptions {
-    /// Depth models, as `--model` takes them.
-    pub models: Vec<String>,
+    /// Depth models.
+    pub models: Vec<ModelSpec>,
     /// Options of every fit; model, lens and estimator are replaced by those of each variant.
     pub calibrate: CalibrateOptions,
     /// Number of cross-validation folds on the training frames where no other dataset is given.
@@ -23,7 +25,11 @@ pub struct CompareOptions {
 impl Default for CompareOptions {
     fn default() -> Self {
         Self {
-            models: vec!["none".to_owned(), "projective:xw".to_owned(), "projective".to_owned()],
+            models: vec![
+                ModelSpec::none(),
+                ModelSpec::of(PieceSpec::new("projective").only("xw")),
+                ModelSpec::of(PieceSpec::new("projective")),
+            ],
             calibrate: CalibrateOptions::default(),
             folds: 6,
             thesis: true,

@@ -6,6 +6,7 @@
 //! the weighted squared scatter about the common mean has a χ² distribution.
 
 use depthcal_io::{StabilityEstimate, StabilityRecord};
+use depthcal_model::{ModelSpec, PieceSpec};
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use rayon::prelude::*;
 
@@ -40,23 +41,25 @@ pub(super) fn stability(
     let of = |capture: &&Capture| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
         let from_image = ImageCalibrations::new((*capture).clone(), &[base.lens.as_str()], &options);
         let (mut estimates, mut joint, mut failure) = (Vec::new(), None, None);
-        for model in ["projective", "projective:xw"] {
+        let d = PieceSpec::new("projective");
+        for (is_whole, spec) in [(true, d.clone()), (false, d.only("xw"))] {
+            let model = ModelSpec::of(spec);
             for estimator in [Estimator::Linear, Estimator::Irls, Estimator::Nonlinear, Estimator::Joint] {
-                match from_image.fit(&Variant::new(model, &base.lens, estimator), &options) {
+                match from_image.fit(&Variant::new(&model, &base.lens, estimator), &options) {
                     Ok(fitted) => {
                         let Some((d, covariance)) = d_of(&fitted) else { continue };
                         estimates.push(StabilityEstimate {
                             dataset: capture.name.clone(),
-                            model: model.to_owned(),
+                            model: model.to_string(),
                             estimator: estimator.name().to_owned(),
                             d: d.into(),
                             half_width: covariance.map(|c| std::array::from_fn(|i| 1.96 * c[(i, i)].sqrt())),
                         });
-                        if let (Estimator::Joint, "projective", Some(covariance)) = (estimator, model, covariance) {
+                        if let (Estimator::Joint, true, Some(covariance)) = (estimator, is_whole, covariance) {
                             joint = Some(Estimate { dataset: capture.name.clone(), d, covariance });
                         }
                     }
-                    Err(reason) if estimator == Estimator::Joint && model == "projective" => {
+                    Err(reason) if estimator == Estimator::Joint && is_whole => {
                         failure = Some(format!("'{}' does not determine D: {reason}.", capture.name));
                     }
                     Err(_) => {}

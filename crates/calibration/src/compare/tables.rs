@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use depthcal_io::{Comparison, DatasetEvaluation, Interval, MeanStd, ModelComparison};
+use depthcal_model::ModelSpec;
 
 use super::variants::subsets;
 use crate::judge::evaluate::table;
@@ -173,7 +174,7 @@ fn subset_table(c: &Comparison, of: impl Fn(&ModelComparison) -> Option<[MeanStd
     let mut text = format!("{:32} {:>29}   {:>29}\n", "", "nonlinear (as in the thesis)", "joint adjustment");
     let _ = writeln!(text, "{:32} {:>14} {:>14}   {:>14} {:>14}", "mean (std), mm", "dot", "plane", "dot", "plane");
     let mut rows: Vec<(String, &str, String)> = Vec::new();
-    for model in subsets() {
+    for model in subsets().iter().map(ModelSpec::to_string) {
         let label = match model.as_str() {
             "projective" => "with lens, all parameters".to_owned(),
             "none" => "with lens, no depth correction".to_owned(),

@@ -1,12 +1,14 @@
 //! Variants: the combinations of depth model, lens model and estimator that are compared.
 
+use depthcal_model::{ModelSpec, PieceSpec};
+
 use crate::calibrate::{CalibrateOptions, Estimator};
 
 /// A depth model with the lens model and the estimator that it is fitted with.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Variant {
     /// The depth model.
-    pub model: String,
+    pub model: ModelSpec,
     /// `brown-conrady` or `none`.
     pub lens: String,
     /// [`Estimator::name`].
@@ -14,8 +16,8 @@ pub struct Variant {
 }
 
 impl Variant {
-    pub(super) fn new(model: &str, lens: &str, estimator: Estimator) -> Self {
-        Self { model: model.to_owned(), lens: lens.to_owned(), estimator: estimator.name() }
+    pub(super) fn new(model: &ModelSpec, lens: &str, estimator: Estimator) -> Self {
+        Self { model: model.clone(), lens: lens.to_owned(), estimator: estimator.name() }
     }
 
     /// `base` with the variant's model, lens and estimator.
@@ -23,29 +25,30 @@ impl Variant {
         let all = [Estimator::Joint, Estimator::Linear, Estimator::Irls, Estimator::Nonlinear];
         let estimator = all.into_iter().find(|e| e.name() == self.estimator).unwrap_or_default();
         // Without a depth model, depth has no information about the camera: its errors would only bias the image calibration.
-        let estimator = if self.model == "none" { Estimator::Linear } else { estimator };
+        let estimator = if self.model.is_none() { Estimator::Linear } else { estimator };
         CalibrateOptions { model: self.model.clone(), lens: self.lens.clone(), estimator, ..base.clone() }
     }
 }
 
-/// The 16 subsets of D's parameters as model names: `projective`, then fewer and fewer parameters in the thesis' order, then
-/// `none`.
-pub fn subsets() -> Vec<String> {
+/// The 16 subsets of D's parameters as models: `projective`, then fewer and fewer parameters in the thesis' order, then `none`.
+pub fn subsets() -> Vec<ModelSpec> {
     let letters = ["xyzw", "xyz", "xyw", "xzw", "yzw", "xy", "xz", "xw", "yz", "yw", "zw", "x", "y", "z", "w"];
-    let name = |l: &&str| if *l == "xyzw" { "projective".to_owned() } else { format!("projective:{l}") };
-    letters.iter().map(name).chain(["none".to_owned()]).collect()
+    let d = || PieceSpec::new("projective");
+    let model = |l: &&str| ModelSpec::of(if *l == "xyzw" { d() } else { d().only(*l) });
+    letters.iter().map(model).chain([ModelSpec::none()]).collect()
 }
 
 /// The variants that the thesis' tables contain.
 pub(super) fn thesis_variants() -> Vec<Variant> {
     let mut variants = Vec::new();
+    let d = || PieceSpec::new("projective");
     for estimator in [Estimator::Nonlinear, Estimator::Joint] {
         variants.extend(subsets().iter().map(|m| Variant::new(m, "brown-conrady", estimator)));
-        variants.push(Variant::new("projective", "none", estimator));
+        variants.push(Variant::new(&ModelSpec::of(d()), "none", estimator));
     }
     for estimator in [Estimator::Linear, Estimator::Irls] {
-        for model in ["projective", "projective:xw"] {
-            variants.push(Variant::new(model, "brown-conrady", estimator));
+        for model in [d(), d().only("xw")] {
+            variants.push(Variant::new(&ModelSpec::of(model), "brown-conrady", estimator));
         }
     }
     variants

@@ -1,5 +1,6 @@
 //! The declared model with the effects that the loop has added: fits, held-out errors, effects added and removed.
 
+use depthcal_model::PieceSpec;
 use tracing::info;
 
 use super::constant_search::refined_constant;
@@ -72,7 +73,8 @@ impl<'a> AugmentedModel<'a> {
     /// Reports to the progress what is being done, and with which model.
     pub fn report(&self, what: &str, model: &CalibrateOptions) {
         let added = model.effects.get(self.declared().effects.len()..).unwrap_or_default();
-        let model = if added.is_empty() { "the declared model".to_owned() } else { added.join(" + ") };
+        let words: Vec<String> = added.iter().map(|spec| model.register.words(spec)).collect();
+        let model = if words.is_empty() { "the declared model".to_owned() } else { words.join(" + ") };
         match self.round {
             0 => self.job.doing(format!("diagnosing: {what} ({model})")),
             round => self.job.doing(format!("diagnosing, round {round}: {what} ({model})")),
@@ -179,7 +181,7 @@ impl<'a> AugmentedModel<'a> {
 
     /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them.
     /// Returns the specs of the removed ones.
-    pub fn remove_unnecessary(&mut self, present: &mut Fitted, tests: usize) -> Result<Vec<String>, CalibrateError> {
+    pub fn remove_unnecessary(&mut self, present: &mut Fitted, tests: usize) -> Result<Vec<PieceSpec>, CalibrateError> {
         let mut removed = Vec::new();
         let mut i = 0;
         while i + 1 < self.added.len() {

@@ -1,6 +1,6 @@
 //! Candidates as held blocks of a fitted camera's chain, and the linearisation that score tests are made from.
 
-use depthcal_model::{Block, Camera, Register};
+use depthcal_model::{Block, Camera, PieceSpec, Register};
 use depthcal_solver::score::{Linearization, ScoreError};
 use nalgebra::DMatrix;
 
@@ -12,8 +12,8 @@ use crate::calibrate::Calibrated;
 pub(super) struct CandidateBlock {
     /// Name of the effect or of the free function.
     pub name: String,
-    /// As on the command line, with the constant; the name for free functions.
-    pub spec: String,
+    /// Its specification, with the constant; the name alone for free functions.
+    pub spec: PieceSpec,
     /// Value of the constant, where it was searched.
     pub value: Option<f64>,
     /// Covariate of a free function; `None` for effects.
@@ -26,9 +26,9 @@ pub(super) struct CandidateBlock {
 
 impl CandidateBlock {
     /// An effect of the register; `None` where the spec is wrong.
-    pub fn effect(register: &Register, name: &str, spec: String) -> Option<Self> {
-        let block = register.block(&spec, None).ok()?;
-        Some(Self { name: name.to_owned(), spec, value: None, along: None, block, smoothness: None })
+    pub fn effect(register: &Register, spec: PieceSpec) -> Option<Self> {
+        let block = register.make(&spec, None).ok()?;
+        Some(Self { name: spec.name.clone(), spec, value: None, along: None, block, smoothness: None })
     }
 }
 
@@ -41,7 +41,7 @@ pub(super) fn linearize(fit: &Calibrated, candidates: &[CandidateBlock]) -> Resu
     let (camera, places) = with_candidates(&fit.camera, candidates.iter().map(|c| &c.block));
     let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
     let held = candidates.iter().zip(places);
-    adjustment.linearize(held.map(|(c, place)| (c.spec.clone(), place, c.smoothness.clone())))
+    adjustment.linearize(held.map(|(c, place)| (c.spec.to_string(), place, c.smoothness.clone())))
 }
 
 /// A camera with candidates held before its own pieces, and the places of the candidates among its blocks.

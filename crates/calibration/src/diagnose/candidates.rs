@@ -1,7 +1,7 @@
 //! The effects that a model may lack: every effect of the register that is not among its pieces, with the values of its
 //! constant that are searched.
 
-use depthcal_model::{Camera, Covariate, Register, Role, Scan, ScanKind};
+use depthcal_model::{Camera, Covariate, PieceSpec, Register, Role, Scan, ScanKind};
 
 use super::observed_states::{ObservedStates, Range};
 
@@ -36,11 +36,12 @@ pub struct Effect {
 }
 
 impl Effect {
-    /// `NAME` or `NAME@CONSTANT=VALUE`, as on the command line.
-    pub fn spec(&self, value: Option<f64>) -> String {
+    /// Its specification, with a value of its constant where it has one.
+    pub fn spec(&self, value: Option<f64>) -> PieceSpec {
+        let spec = PieceSpec::new(self.name);
         match (self.constant, value) {
-            (Some(constant), Some(value)) => format!("{}@{constant}={value}", self.name),
-            _ => self.name.to_owned(),
+            (Some(constant), Some(value)) => spec.with(constant, value),
+            _ => spec,
         }
     }
 }

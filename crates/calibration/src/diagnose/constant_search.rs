@@ -33,7 +33,7 @@ pub(super) fn best_constant(
         let chunks: Result<Vec<Vec<(f64, f64)>>, ScoreError> = values
             .par_chunks(VALUES_PER_LINEARIZATION)
             .map(|chunk| {
-                let candidate = |v: &f64| CandidateBlock::effect(register, effect.name, effect.spec(Some(*v)));
+                let candidate = |v: &f64| CandidateBlock::effect(register, effect.spec(Some(*v)));
                 let candidates: Vec<CandidateBlock> = chunk.iter().filter_map(candidate).collect();
                 let linearization = linearize(fit, &candidates)?;
                 Ok(chunk.iter().enumerate().map(|(i, v)| (*v, linearization.score(i).statistic)).collect())
@@ -64,7 +64,7 @@ pub(super) fn refined_constant(fit: &Calibrated, register: &Register, added: &Ev
     } else {
         effect.afterwards.clone()
     };
-    let candidate = |v: &f64| Some((*v, CandidateBlock::effect(register, effect.name, effect.spec(Some(*v)))?));
+    let candidate = |v: &f64| Some((*v, CandidateBlock::effect(register, effect.spec(Some(*v)))?));
     let (values, candidates): (Vec<f64>, Vec<CandidateBlock>) = values.iter().filter_map(candidate).unzip();
     let linearization = linearize(&without, &candidates).ok()?;
     let best = (0..candidates.len())

@@ -1,6 +1,6 @@
 //! The evidence for one candidate in the residuals of a fit.
 
-use depthcal_model::Block;
+use depthcal_model::{Block, PieceSpec};
 use depthcal_solver::score::Score;
 
 use super::free_functions::Along;
@@ -10,12 +10,12 @@ use super::free_functions::Along;
 pub struct Evidence {
     /// Name of the effect or of the free function.
     pub name: String,
-    /// As on the command line, with the constant; the name for free functions.
-    pub spec: String,
+    /// Its specification, with the constant; the name alone for free functions.
+    pub spec: PieceSpec,
     /// Value of the constant, where it was searched.
     pub value: Option<f64>,
     /// The spec with those parameters held that the data do not determine; `None` where they determine all.
-    pub reduced: Option<String>,
+    pub reduced: Option<PieceSpec>,
     /// Covariate of a free function; `None` for effects.
     pub along: Option<Along>,
     /// The score test.

@@ -1,6 +1,6 @@
 //! Examination of a fit: the evidence for every effect that its camera lacks, and for free functions that compete with them.
 
-use depthcal_model::Register;
+use depthcal_model::{PieceSpec, Register};
 use depthcal_solver::score::{Linearization, Score, ScoreError};
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -63,7 +63,7 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
     let mut corrections = Vec::new();
     for effect in missing_effects(register, &fit.camera, &states) {
         let (value, correction) = best_constant(fit, register, &effect, thresholds)?;
-        if let Some(candidate) = CandidateBlock::effect(register, effect.name, effect.spec(value)) {
+        if let Some(candidate) = CandidateBlock::effect(register, effect.spec(value)) {
             candidates.push(CandidateBlock { value, ..candidate });
             corrections.push(correction);
         }
@@ -78,7 +78,7 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
         let FreeFunction { name, along, block, smoothness } = function;
         let (name, smoothness) = (name.to_owned(), Some(smoothness));
         candidates.push(CandidateBlock {
-            spec: name.clone(),
+            spec: PieceSpec::new(name.as_str()),
             name,
             value: None,
             along: Some(along),
@@ -105,17 +105,17 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
 /// # Errors
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
-pub fn scores(fit: &Calibrated, register: &Register, specs: &[&str]) -> Result<Vec<Score>, ScoreError> {
+pub fn scores(fit: &Calibrated, register: &Register, specs: &[PieceSpec]) -> Result<Vec<Score>, ScoreError> {
     let candidates: Vec<CandidateBlock> =
-        specs.iter().filter_map(|s| CandidateBlock::effect(register, s, (*s).to_owned())).collect();
+        specs.iter().filter_map(|s| CandidateBlock::effect(register, s.clone())).collect();
     let linearization = linearize(fit, &candidates)?;
     Ok((0..candidates.len()).map(|i| linearization.score(i)).collect())
 }
 
 /// Score test of one effect, with the constants of its spec and no search, and its gain on every frame; `None` where the
 /// problem cannot be evaluated.
-pub(super) fn score_and_gains(fit: &Calibrated, register: &Register, spec: &str) -> Option<(Score, Vec<f64>)> {
-    let linearization = linearize(fit, &[CandidateBlock::effect(register, spec, spec.to_owned())?]).ok()?;
+pub(super) fn score_and_gains(fit: &Calibrated, register: &Register, spec: &PieceSpec) -> Option<(Score, Vec<f64>)> {
+    let linearization = linearize(fit, &[CandidateBlock::effect(register, spec.clone())?]).ok()?;
     Some((linearization.score(0), linearization.held_out_gain(&[0])))
 }
 
@@ -167,7 +167,7 @@ impl Test<'_> {
     /// The spec with as many parameters free as the data determine combinations, the best determined ones first (pivoted
     /// Cholesky decomposition of the information, scaled by the parameters' typical sizes); `None` where all are determined,
     /// or none.
-    fn reduced_spec(&self, score: &Score) -> Option<String> {
+    fn reduced_spec(&self, score: &Score) -> Option<PieceSpec> {
         let parameters = self.candidate.block.parameters();
         if self.candidate.along.is_some() || score.rank == 0 || score.rank == parameters.len() {
             return None;
@@ -190,12 +190,7 @@ impl Test<'_> {
         let letters: String = free.iter().filter_map(|i| letter(*i)).collect();
         // A spec names free parameters by their last letters: these have to be unambiguous.
         let named = (0..parameters.len()).filter(|i| letter(*i).is_some_and(|c| letters.contains(c))).count();
-        let spec = self.candidate.spec.as_str();
-        let (name, constants) = spec.split_once('@').map_or((spec, None), |(n, c)| (n, Some(c)));
-        (named == free.len()).then(|| match constants {
-            Some(constants) => format!("{name}:{letters}@{constants}"),
-            None => format!("{name}:{letters}"),
-        })
+        (named == free.len()).then(|| self.candidate.spec.clone().only(letters))
     }
 
     /// Size that a test at `level` detects with [`Thresholds::power`], mm: the median over random directions in the space of

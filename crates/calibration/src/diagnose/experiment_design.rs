@@ -1,7 +1,7 @@
 //! Experiment design: captures that would answer what these captures leave open. Frames that would distinguish effects, and
 //! covariates that were not recorded.
 
-use depthcal_model::{Context, Covariate, Register, Role};
+use depthcal_model::{Context, Covariate, PieceSpec, Register, Role};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use super::candidate_blocks::{CandidateBlock, linearize};
@@ -150,9 +150,9 @@ fn distinguish(
     let name = step.effects.first()?;
     let fitted = fit.camera.block(name)?;
     let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != name), ..fit.clone() };
-    let candidates: Vec<CandidateBlock> = [(name.as_str(), step.spec.clone()), (rival, rival.to_owned())]
+    let candidates: Vec<CandidateBlock> = [step.spec.clone(), PieceSpec::new(rival)]
         .into_iter()
-        .filter_map(|(n, s)| CandidateBlock::effect(register, n, s))
+        .filter_map(|spec| CandidateBlock::effect(register, spec))
         .collect();
     let nominal = candidates.first()?.block.theta.clone();
     let effect = DVector::from_iterator(nominal.len(), fitted.theta.iter().zip(&nominal).map(|(a, b)| a - b));

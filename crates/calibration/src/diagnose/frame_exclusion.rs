@@ -1,5 +1,6 @@
 //! Exclusion of frames that do not fit the model, and their readmission once effects explain them.
 
+use depthcal_model::{ModelSpec, PieceSpec};
 use tracing::info;
 
 use super::augmented_model::AugmentedModel;
@@ -9,18 +10,20 @@ use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
 use crate::observe::{Capture, DetectedFrame};
 
 /// A depth model of one parameter, the scale: it cannot bend towards frames whose depth is wrong, so that these stand out.
-const RIGID_MODEL: &str = "projective:w";
+fn rigid_model() -> ModelSpec {
+    ModelSpec::of(PieceSpec::new("projective").only("w"))
+}
 
 impl AugmentedModel<'_> {
     /// Fits the declared model. Where depth that belongs to other frames bends it so far that the fit cannot be trusted, frames
-    /// that are outlying under [`RIGID_MODEL`] are excluded first.
+    /// that are outlying under the rigid model `projective:w` are excluded first.
     pub fn fit_declared(&mut self, bad_frames: &mut Vec<BadFrame>) -> Result<Calibrated, CalibrateError> {
         let declared = self.declared();
         let error = match self.fit(declared) {
             Err(error) if error.is_untrusted_fit() => error,
             other => return other,
         };
-        let rigid = CalibrateOptions { model: RIGID_MODEL.to_owned(), effects: Vec::new(), ..declared.clone() };
+        let rigid = CalibrateOptions { model: rigid_model(), effects: Vec::new(), ..declared.clone() };
         let Ok(fit) = self.fit(&rigid) else { return Err(error) };
         let planes = frame_planes(&fit);
         let bad = outlying(&planes, self.thresholds().gross_plane_mm, self.thresholds());

@@ -73,7 +73,7 @@ fn step(step: &Step) -> DiagnosisStep {
     DiagnosisStep {
         effects: step.effects.clone(),
         indistinguishable: step.indistinguishable.clone(),
-        with: step.spec.clone(),
+        with: step.spec.to_string(),
         parameters: step.parameters.clone(),
         size_mm: step.size_mm,
         p_value: step.p_value,

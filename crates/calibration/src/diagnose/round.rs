@@ -1,5 +1,7 @@
 //! The rounds of the loop: what was tested, what was decided, and what came of it.
 
+use depthcal_model::PieceSpec;
+
 use super::decision::Decision;
 use super::evidence::Evidence;
 use super::examination::Examination;
@@ -18,7 +20,7 @@ pub struct Round {
 }
 
 /// What came of a decision. `Display` words it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum RoundOutcome {
     /// What no named effect explains is too small to be reported.
     Negligible,
@@ -34,7 +36,7 @@ pub enum RoundOutcome {
     /// The effect is added, and effects added before are removed because it makes them unnecessary.
     MadeUnnecessary {
         /// Specs of the removed effects.
-        effects: Vec<String>,
+        effects: Vec<PieceSpec>,
     },
 }
 

@@ -74,7 +74,7 @@ impl Display for Round {
                 self.evidence[*effect].spec,
             )?,
             Decision::Add { effect, jointly_with, explained, of_planes, .. } => {
-                f.write_str(&self.evidence[*effect].spec)?;
+                self.evidence[*effect].spec.fmt(f)?;
                 if !jointly_with.is_empty() {
                     write!(f, " with {}", self.names(jointly_with).join(", "))?;
                 }
@@ -103,7 +103,10 @@ impl Display for RoundOutcome {
             Self::LimitReached => f.write_str("no more rounds"),
             Self::NoHeldOutGain => f.write_str("added, it brings nothing on held-out frames"),
             Self::NotFitted { error } => write!(f, "it cannot be fitted: {error}"),
-            Self::MadeUnnecessary { effects } => write!(f, "beside it nothing is left for {}", effects.join(", ")),
+            Self::MadeUnnecessary { effects } => {
+                let effects: Vec<String> = effects.iter().map(ToString::to_string).collect();
+                write!(f, "beside it nothing is left for {}", effects.join(", "))
+            }
         }
     }
 }

@@ -6,7 +6,7 @@
 //! [`super::experiment_design`] proposes them.
 
 use depthcal_io::Separability;
-use depthcal_model::Register;
+use depthcal_model::{PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
 use nalgebra::DVector;
 
@@ -21,8 +21,8 @@ use super::free_map::FREE_MAP;
 /// [`ScoreError`] where the declared model cannot be linearised.
 pub fn separability(d: &Diagnosis, register: &Register) -> Result<Separability, ScoreError> {
     let (mut candidates, mut changes): (Vec<CandidateBlock>, Vec<DVector<f64>>) = (Vec::new(), Vec::new());
-    let mut add = |name: &str, spec: &str, theta: &[f64]| {
-        let candidate = CandidateBlock::effect(register, name, spec.to_owned());
+    let mut add = |name: &str, spec: &PieceSpec, theta: &[f64]| {
+        let candidate = CandidateBlock::effect(register, spec.clone());
         let candidate = candidate.filter(|c| c.block.theta.len() == theta.len());
         let Some(candidate) = candidate.filter(|_| d.first.camera.block(name).is_none()) else { return };
         let nominal = candidate.block.theta.iter();

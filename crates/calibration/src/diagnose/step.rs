@@ -1,7 +1,7 @@
 //! The effects that were added, with what each brought.
 
 use depthcal_io::{DiagnosisParameter, GainInterval, HeldOutErrors, Interval};
-use depthcal_model::Block;
+use depthcal_model::{Block, PieceSpec};
 
 use super::augmented_model::{AddedEffect, AugmentedModel};
 use super::error::DiagnoseError;
@@ -17,7 +17,7 @@ pub struct Step {
     /// Names of the effects that explained the residuals together, the added one first.
     pub effects: Vec<String>,
     /// The added effect, as for `calibrate --with`.
-    pub spec: String,
+    pub spec: PieceSpec,
     /// Effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
     /// Its fitted parameters; none of a free map.
@@ -136,7 +136,7 @@ mod tests {
         let mut present = model.fitted(&model.present()).unwrap();
         // The last effect stays: the loop tests it when it is added.
         let removed = model.remove_unnecessary(&mut present, examination.tests).unwrap();
-        assert_eq!(removed, ["incidence_bias"]);
+        assert_eq!(removed, [PieceSpec::new("incidence_bias")]);
         let names: Vec<&str> = model.added.iter().map(|a| a.evidence.name.as_str()).collect();
         assert_eq!(names, ["cyclic_depth", "radial_range"]);
         // Every step begins with the errors with which the one before ended.
