@@ -24,7 +24,7 @@ pub struct BadFrame {
     pub reason: BadFrameReason,
 }
 
-/// Why a frame is excluded. `Display` words it.
+/// Why a frame is excluded.
 #[derive(Debug, Clone, PartialEq)]
 pub enum BadFrameReason {
     /// Its depth image fits the pose of another excluded frame: the two depth images seem to be exchanged.

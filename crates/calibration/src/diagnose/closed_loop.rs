@@ -12,6 +12,7 @@ use super::examination::{Examination, examine};
 use super::experiment_design::{distinguishing_frames, missing_covariates};
 use super::frame_planes::{frame_planes, share_with_own_plane};
 use super::free_functions::Along;
+use super::free_map::FREE_MAP;
 use super::held_out::HeldOut;
 use super::left_over::LeftOver;
 use super::merit::merit;
@@ -59,10 +60,12 @@ pub fn diagnose(
         rounds.push(Round::new(&examination, decision.clone()));
         match &decision {
             Decision::Nothing => break examination,
-            Decision::Unexplained { free, explained } => {
+            Decision::Unexplained { free, explained, .. } => {
                 let found = &examination.evidence[*free];
-                if !rejected.is_empty() && merit(found) < thresholds.least_unexplained_share * examination.cost() {
-                    conclude(&mut rounds, RoundOutcome::Negligible);
+                let share_of_cost = merit(found) / examination.cost();
+                let least_share = thresholds.least_unexplained_share;
+                if !rejected.is_empty() && merit(found) < least_share * examination.cost() {
+                    conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
                     break examination;
                 }
                 left_over.extend(LeftOver::free_function(found, *explained));
@@ -70,14 +73,25 @@ pub fn diagnose(
                     let tested = examination.free_functions().count() as f64;
                     model.add_free_map(found, &mut present, (found.p_value * tested).min(1.0));
                 }
+                let map = model.added.last().filter(|added| added.evidence.name == FREE_MAP);
+                let outcome = map.map_or(RoundOutcome::Reported, |m| RoundOutcome::FreeMapAdded {
+                    map: m.evidence.spec.clone(),
+                });
+                conclude(&mut rounds, outcome);
                 break examination;
             }
             Decision::Add { effect, jointly_with, indistinguishable, .. } => {
                 let found = &examination.evidence[*effect];
-                if rounds.len() >= thresholds.most_rounds || rejected.len() >= thresholds.most_rejected {
-                    conclude(&mut rounds, RoundOutcome::LimitReached);
+                if rounds.len() >= thresholds.most_rounds {
+                    let outcome = RoundOutcome::RoundLimit { rounds: rounds.len() };
+                    conclude(&mut rounds, outcome);
                     break examination;
                 }
+                if rejected.len() >= thresholds.most_rejected {
+                    conclude(&mut rounds, RoundOutcome::RejectionLimit { rejected: rejected.len() });
+                    break examination;
+                }
+                let before = model.added.len();
                 let effects = effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
                 match model.add(effects, &present) {
                     Ok(Some(fitted)) => present = fitted,
@@ -94,10 +108,9 @@ pub fn diagnose(
                 }
                 explained = explained.max(merit(found) / examination.cost());
                 rejected.clear();
-                let effects = model.remove_unnecessary(&mut present, examination.tests)?;
-                if !effects.is_empty() {
-                    conclude(&mut rounds, RoundOutcome::MadeUnnecessary { effects });
-                }
+                let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
+                let removed = model.remove_unnecessary(&mut present, examination.tests)?;
+                conclude(&mut rounds, RoundOutcome::Added { effects, removed });
                 if model.exclude_bad_frames(&mut present.fit, &mut bad_frames, 0.0)? {
                     // Errors before and after have to be about the same frames.
                     first = model.fitted(model.declared())?;

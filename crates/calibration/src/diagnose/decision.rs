@@ -38,9 +38,20 @@ pub enum Decision {
     Unexplained {
         /// The free function with the largest merit.
         free: usize,
-        /// Share of it that the best named effects explain.
+        /// Share of the competitor that the best named effects explain.
         explained: f64,
+        /// What named effects were compared with.
+        competitor: Competitor,
     },
+}
+
+/// What named effects have to explain most of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Competitor {
+    /// The best free function of a covariate.
+    FreeFunction,
+    /// A plane of its own in every frame.
+    FramePlanes,
 }
 
 /// Decides on an examination and on the planes by which single frames deviate from the same model.
@@ -68,7 +79,11 @@ pub fn decide(
     let ranked = ranked(examination, &effects, rejected);
     let named = ranked.iter().copied().find(|i| is_significant(&all[*i], examination.tests));
     let Some(first) = named else {
-        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained { free, explained: 0.0 });
+        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained {
+            free,
+            explained: 0.0,
+            competitor: Competitor::FreeFunction,
+        });
     };
     let mut selected = SelectedEffects::stepwise(examination, &effects, first, thresholds);
     // An effect that was rejected is added jointly with another one at most: the first that was not tried moves to the front.
@@ -91,7 +106,7 @@ pub fn decide(
     // The gain of the frames' planes, half of χ² less its three degrees of freedom: an effect that is present takes it up.
     let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
     let with_unexplained =
-        |free: usize, explained: f64| match robust_effect(examination, &ranked, &significant_free, least, thresholds) {
+        |free: usize, explained: f64, competitor: Competitor| match robust_effect(examination, &ranked, &significant_free, least, thresholds) {
             Some(effect) => Decision::Add {
                 effect,
                 jointly_with: Vec::new(),
@@ -100,12 +115,12 @@ pub fn decide(
                 of_planes: 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE),
                 leaves_unexplained: true,
             },
-            None => Decision::Unexplained { free, explained },
+            None => Decision::Unexplained { free, explained, competitor },
         };
     if let Some((free, left)) = left {
         share = explained / (explained + left);
         if share < thresholds.least_explained {
-            return with_unexplained(best_free.unwrap_or(free), share);
+            return with_unexplained(best_free.unwrap_or(free), share, Competitor::FreeFunction);
         }
     }
     // Standard deviation of half the sum of χ² with three degrees of freedom each.
@@ -113,7 +128,7 @@ pub fn decide(
     let of_planes = 0.5 * selected.statistic / (own_planes - thresholds.plane_scatter * scatter).max(f64::MIN_POSITIVE);
     if of_planes < thresholds.least_explained_of_planes {
         let free = best_free.unwrap_or_else(|| free[0]);
-        return with_unexplained(free, of_planes);
+        return with_unexplained(free, of_planes, Competitor::FramePlanes);
     }
     Decision::Add {
         effect: first,

@@ -8,7 +8,7 @@ use crate::observe::board_region::{BoardRegion, board_pixels};
 /// Every how many columns and rows of a depth image are compared with the board.
 const STRIDE: usize = 7;
 
-/// Depth and image disagree in scale by more than a depth camera's error. `Display` words it.
+/// Depth and image disagree in scale by more than a depth camera's error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImplausibleScale {
     /// Median of measured depth over the depth at which the image sees the board.

@@ -21,7 +21,7 @@ const TILT_DEG: f64 = 45.0;
 /// Rise of the temperature over the highest one of the captures that a proposed frame may have, °C.
 const WARMER_C: f64 = 10.0;
 
-/// A capture that would answer an open question. `Display` words it.
+/// A capture that would answer an open question.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CaptureProposal {
     /// A frame that would distinguish an effect from another one that these captures cannot distinguish from it.
@@ -34,8 +34,6 @@ pub enum CaptureProposal {
         frame: ProposedFrame,
         /// Number of such frames with which the noncentrality is sufficient.
         frames: f64,
-        /// Whether this number can be captured: [`Thresholds::most_proposed_frames`].
-        practicable: bool,
         /// Noncentrality of the effect given the other one (squared distance in standard deviations) with these captures.
         noncentrality: f64,
         /// Noncentrality with one frame more.
@@ -87,7 +85,7 @@ impl ImagePlace {
         [Self::Middle, Self::LeftEdge, Self::RightEdge, Self::Top, Self::UpperLeft, Self::LowerRight];
 
     /// Column and row as shares of the image's width and height.
-    fn position(self) -> [f64; 2] {
+    pub fn position(self) -> [f64; 2] {
         match self {
             Self::Middle => [0.5, 0.5],
             Self::LeftEdge => [0.2, 0.5],
@@ -114,7 +112,7 @@ impl BoardTilt {
     const ALL: [Self; 3] = [Self::Parallel, Self::AboutVertical(TILT_DEG), Self::AboutHorizontal(TILT_DEG)];
 
     /// Angles about the horizontal (x) and the vertical (y) axis, degrees.
-    fn angles_deg(self) -> [f64; 2] {
+    pub fn angles_deg(self) -> [f64; 2] {
         match self {
             Self::Parallel => [0.0, 0.0],
             Self::AboutVertical(angle) => [0.0, angle],
@@ -171,7 +169,6 @@ fn distinguish(
         rival: rival.to_owned(),
         frame: frames[best],
         frames: number,
-        practicable: number <= thresholds.most_proposed_frames,
         noncentrality: now,
         noncentrality_with_frame: then,
         sufficient_noncentrality: sufficient,

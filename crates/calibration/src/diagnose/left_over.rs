@@ -4,7 +4,7 @@ use super::evidence::Evidence;
 use super::frame_planes::FramePlane;
 use super::free_functions::Along;
 
-/// Structure in the residuals that no named effect explains. `Display` words it.
+/// Structure in the residuals that no named effect explains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LeftOver {
     /// A free function gains on held-out frames.

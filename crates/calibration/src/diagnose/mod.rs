@@ -16,7 +16,7 @@
 //! | effects that these captures can distinguish | [`separability`] |
 //! | the record for files | [`record`] |
 //!
-//! Every threshold of the rules is in [`Thresholds`]. Findings are data; their wording is in one file, `sentences`.
+//! Every threshold of the rules is in [`Thresholds`]. Findings are data; `depthcal-report` words them.
 
 pub mod account;
 mod augmented_model;
@@ -43,7 +43,6 @@ pub mod observed_states;
 mod options;
 pub mod record;
 mod round;
-mod sentences;
 pub mod separability;
 mod step;
 mod stepwise_selection;

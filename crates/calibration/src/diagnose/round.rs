@@ -6,7 +6,7 @@ use super::decision::Decision;
 use super::evidence::Evidence;
 use super::examination::Examination;
 
-/// A round of the loop. `Display` words decision and outcome.
+/// A round of the loop.
 #[derive(Debug, Clone)]
 pub struct Round {
     /// The candidates by falling gain; those of the decision are places in this list.
@@ -15,17 +15,20 @@ pub struct Round {
     pub cost: f64,
     /// The decision.
     pub decision: Decision,
-    /// What came of the decision, where it could not just be carried out.
+    /// What came of the decision; `None` where nothing is missing.
     pub outcome: Option<RoundOutcome>,
 }
 
-/// What came of a decision. `Display` words it.
+/// What came of a decision.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RoundOutcome {
-    /// What no named effect explains is too small to be reported.
-    Negligible,
-    /// The effect is not added: the loop has reached its limit of rounds or of rejected effects.
-    LimitReached,
+    /// Effects are added.
+    Added {
+        /// Their specifications, the found one among them.
+        effects: Vec<PieceSpec>,
+        /// Effects of earlier rounds that these make unnecessary, and that are removed.
+        removed: Vec<PieceSpec>,
+    },
     /// The effect is not added: with it the errors on held-out frames are no smaller.
     NoHeldOutGain,
     /// The effect is not added: the model with it cannot be fitted.
@@ -33,10 +36,29 @@ pub enum RoundOutcome {
         /// Why.
         error: String,
     },
-    /// The effect is added, and effects added before are removed because it makes them unnecessary.
-    MadeUnnecessary {
-        /// Specs of the removed effects.
-        effects: Vec<PieceSpec>,
+    /// The effect is not added: the loop has reached its largest number of rounds.
+    RoundLimit {
+        /// Number of rounds.
+        rounds: usize,
+    },
+    /// The effect is not added: too many effects before it reduced no error.
+    RejectionLimit {
+        /// Number of effects rejected since the last one was added.
+        rejected: usize,
+    },
+    /// What no named effect explains is reported.
+    Reported,
+    /// What no named effect explains is corrected by a free map.
+    FreeMapAdded {
+        /// The form of the map.
+        map: PieceSpec,
+    },
+    /// What no named effect explains is too small to be reported.
+    Negligible {
+        /// Its merit over the cost.
+        share_of_cost: f64,
+        /// The least share that is reported.
+        least_share: f64,
     },
 }
 

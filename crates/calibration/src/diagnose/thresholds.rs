@@ -117,9 +117,6 @@ pub struct Thresholds {
     /// Noncentrality at which two effects count as distinguished (11.7: power 0.8 at level 0.01 with one parameter). Guards
     /// against proposing captures after which the effects would still look alike.
     pub distinguishing_noncentrality: f64,
-    /// Number of proposed frames beyond which more of them are no remedy (100). Guards against proposals that nobody can carry
-    /// out.
-    pub most_proposed_frames: f64,
     /// Least range of temperature, °C, in which a temperature drift can show (0.5). Guards against the conclusion that there is
     /// no drift where the temperature was constant.
     pub informative_temperature_span_c: f64,
@@ -165,7 +162,6 @@ impl Default for Thresholds {
             least_time_span_s: 1e-3,
             least_temperature_span_c: 0.05,
             distinguishing_noncentrality: 11.7,
-            most_proposed_frames: 100.0,
             informative_temperature_span_c: 0.5,
         }
     }
