@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use depthcal_io::Calibration;
-use depthcal_model::Block;
+use depthcal_model::{Block, Parameter};
 
 use serde_json::{Value, json};
 
@@ -18,6 +18,7 @@ use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, c
 use depthcal_calibration::judge::cross_validation::{cross_validate, split};
 use depthcal_calibration::judge::evaluate::{evaluate, table};
 use depthcal_calibration::load::declared_camera;
+use depthcal_report::format::{Measured, count, interval, measured, number, quantity};
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
 /// Every `every`-th frame from number `first` on.
@@ -171,29 +172,38 @@ impl Calibrate {
 /// Blocks of more parameters than this are printed by their fields.
 const MOST_PRINTED: usize = 24;
 
-/// Every field of a block by its range, its roughness, and what determines it.
+/// One line: a name, a value, what is known about it, a unit.
+fn print_parameter(parameter: &Parameter, shown: &Measured, unknown: &str) {
+    let std = shown.std.as_ref().map_or_else(|| unknown.to_owned(), |std| format!("± {std}"));
+    let unit = if parameter.unit == "1" { "" } else { parameter.unit };
+    let line = format!("  {:6} {:>12} {std:<12} {unit}", parameter.name, shown.value);
+    say!("{}", line.trim_end());
+}
+
+/// Every field of a block: its range, its roughness, and how much of it the data determine; then the parameters that are the
+/// same at all pixels.
 fn print_fields(result: &Calibrated, block: &Block) {
     let Some(layout) = block.piece().and_then(|p| p.field()) else { return };
     for field in result.smoothness.fields.iter().filter(|f| f.piece == block.name()) {
         let values = || indices(&layout, field.index).map(|i| block.theta[i]);
         let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-        let effective = field.effective.map_or_else(String::new, |e| format!(", {e:.1} effective parameters"));
+        let effective = field.effective.map_or_else(String::new, |e| format!(", {} effective parameters", number(e)));
         say!(
-            "  {:6} {least:>14.6e} to {most:.6e}  {} nodes with data{effective}, roughness {:.2e}; {} without data stay neutral",
+            "  {:6} {}  {} nodes with data{effective}, roughness {}; {} without data stay neutral",
             field.field,
+            interval(least, most, ""),
             field.nodes,
-            field.roughness,
+            number(field.roughness),
             field.untouched
         );
     }
     for i in layout.parameter_count() - layout.shared..layout.parameter_count() {
-        let parameter = &block.parameters()[i];
-        say!("  {:6} {:>14.6e} {}", parameter.name, block.theta[i], parameter.unit);
+        print_parameter(&block.parameters()[i], &measured(block.theta[i], None), "");
     }
 }
 
 /// Parameters with standard deviations, and how the fit went.
-pub(super) fn print_parameters(result: &Calibrated) {
+fn print_parameters(result: &Calibrated) {
     let mut stds = result.std_devs().into_iter();
     for block in result.camera.blocks() {
         say!("{}", block.name());
@@ -203,29 +213,27 @@ pub(super) fn print_parameters(result: &Calibrated) {
             continue;
         }
         for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
-            let std = match stds.next().flatten() {
-                Some(std) => format!("± {std:.2e}"),
-                None if *free => "no std. dev.".to_owned(),
-                None => "held".to_owned(),
-            };
-            say!("  {:6} {value:>14.6e} {std:>13}  {}", parameter.name, parameter.unit);
+            let shown = measured(*value, stds.next().flatten());
+            print_parameter(parameter, &shown, if *free { "no std. dev." } else { "fixed" });
         }
     }
     let noise = &result.noise;
     let depth = if result.with_depth {
-        format!(", depth σρ² = ({:.2e}/mm)² + ({:.2} mm · ρ²)²", noise.depth.a_per_mm, noise.depth.b_mm)
+        let (a, b) = (number(noise.depth.a_per_mm), number(noise.depth.b_mm));
+        format!("; of inverse depth ρ: σ² = ({a}/mm)² + ({b} mm · ρ²)²")
     } else {
         String::new()
     };
-    say!("noise: {:.3} px{depth}", noise.pixel_sigma);
+    say!("noise of a marker: {} per coordinate{depth}", quantity(noise.pixel_sigma, "px"));
     let samples: usize = result.capture.frames.iter().map(|f| f.samples.len()).sum();
     let apart = result.correlation_length_px.unwrap_or(1);
     say!(
-        "{} frames, {samples} depth pixels at least {apart} px apart ({} outliers left out); {} after {} iterations",
-        result.capture.frames.len(),
-        result.outliers,
+        "{}, {} at least {apart} px apart ({} excluded); {} after {}",
+        count(result.capture.frames.len(), "frame"),
+        count(samples, "depth pixel"),
+        count(result.outliers, "outlier"),
         result.termination,
-        result.iterations
+        count(result.iterations, "iteration")
     );
     for frame in &result.capture.dropped {
         say!("not used: {} ({})", frame.name, frame.reason);

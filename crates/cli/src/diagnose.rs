@@ -11,12 +11,12 @@ use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
 use depthcal_calibration::calibrate::CalibrateOptions;
-use depthcal_calibration::diagnose::account::{text, to_file};
+use depthcal_calibration::diagnose::account::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::load::{Loaded, declared_camera};
-use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role};
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text};
 
 /// Finds what a camera's model lacks: fits it, looks at what is left, traces that to an effect, adds it, fits again and
 /// reports the error before and after on frames that the fit did not see.
@@ -124,14 +124,14 @@ pub(super) fn tell(
     session: &Session,
     out: &Path,
 ) -> Result<Value, Failure> {
-    let mut account = to_file(d, loaded.reference.clone(), told.model);
+    let mut record = to_file(d, loaded.reference.clone(), told.model);
     // Without the matrix the account is as good; the diagnosis itself has linearised the same model.
-    account.separability = separability(d, &session.register).ok();
+    record.separability = separability(d, &session.register).ok();
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
     say!("fitted to {used} of {all} frames; those left out, and why, are in the account");
-    say!("\n{}", text(d));
+    say!("\n{}", diagnosis_text(&record));
     let file = out.join("diagnosis.json");
-    account.write(&file).map_err(input)?;
+    record.write(&file).map_err(input)?;
     let fitted = evaluate(&d.last.camera, &d.last.capture);
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
@@ -146,13 +146,13 @@ pub(super) fn tell(
         command_line: told.command_line,
         calibrated: Some(&d.last),
         evaluations: &shown,
-        diagnosis: Some(ReportDiagnosis { account: &account, first: &d.first, before: &d.before.evaluated }),
+        diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated }),
         story: &told.story,
     };
     let report = write_report(&report, out)?;
     say!("written: {} and {}", file.display(), report.display());
     let capture = &d.last.capture;
     let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
-    frames["left_out"] = value_of(&account.bad_frames)?;
-    Ok(json!({ "frames": frames, "diagnosis": value_of(&account)?, "written": [file, calibration, report] }))
+    frames["left_out"] = value_of(&record.bad_frames)?;
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": [file, calibration, report] }))
 }

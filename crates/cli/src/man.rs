@@ -1,13 +1,12 @@
-use std::io::{Write, stdout};
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory};
+use clap::Args;
 use clap_mangen::Man;
 use depthcal_io::write_atomically;
 use serde_json::{Value, json};
 
 use super::common::{Failure, input};
-use super::voice::say;
+use super::voice::{document, say};
 
 /// Prints the manual page, or writes one for every command into a folder.
 #[derive(Debug, Args)]
@@ -21,8 +20,8 @@ pub(super) struct ManPage {
 }
 
 impl ManPage {
-    pub(super) fn run(&self) -> Result<Value, Failure> {
-        let mut command = super::Arguments::command();
+    /// `command` is the whole command line.
+    pub(super) fn run(&self, mut command: clap::Command) -> Result<Value, Failure> {
         command.build();
         let page = |command: clap::Command| -> Result<Vec<u8>, Failure> {
             let mut text = Vec::new();
@@ -30,7 +29,7 @@ impl ManPage {
             Ok(text)
         };
         let Some(out) = &self.out else {
-            let _ = stdout().write_all(&page(command)?);
+            document(&page(command)?);
             return Ok(Value::Null);
         };
         let mut written = Vec::new();

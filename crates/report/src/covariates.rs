@@ -1,6 +1,6 @@
 //! What an error may depend on.
 
-use super::ReportInput;
+use super::input::ReportInput;
 use super::pool::Pool;
 use depthcal_calibration::judge::evaluate::PixelError;
 

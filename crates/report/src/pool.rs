@@ -1,7 +1,7 @@
 //! The frames of all datasets, and the choice of those that a statement is made on.
 
+use super::input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 use super::statistics::{Change, Estimate, Kind, Total, change, estimate};
-use super::{ReportDataset, ReportInput, Role};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
 
 /// A frame and where it comes from.
@@ -49,6 +49,16 @@ impl<'a> Pool<'a> {
             }
         }
         (Self::of(input, |_| true), Role::Fitted)
+    }
+
+    /// Frames of a diagnosis with their errors under the last model: those that its headline speaks of.
+    pub(super) fn last(input: &ReportInput<'a>) -> Self {
+        Self::headline(input).0
+    }
+
+    /// The same frames with their errors under the declared model.
+    pub(super) fn declared(d: &ReportDiagnosis<'a>) -> Self {
+        Self::one(&ReportDataset { evaluated: d.before, role: Role::HeldOut })
     }
 
     /// Whether any frame has a depth error.

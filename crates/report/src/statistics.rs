@@ -125,6 +125,12 @@ pub(super) fn quantile(values: impl Iterator<Item = f64>, q: f64) -> f64 {
     quantile_of_sorted(&sorted, q)
 }
 
+/// Root mean square of finite values; NaN of none.
+pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let total = Total::of(values.map(|v| v * v));
+    (total.sum / total.count as f64).sqrt()
+}
+
 /// Median of values, which are reordered; NaN of none.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
@@ -160,6 +166,21 @@ pub(super) fn student(degrees: usize) -> f64 {
                 + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * n * n * n)
         }
     }
+}
+
+/// Probability that a mean of `n` squared standard normal numbers exceeds `ratio` (Wilson and Hilferty 1931).
+pub(super) fn chi_square_tail(ratio: f64, n: f64) -> f64 {
+    let v = 2.0 / (9.0 * n);
+    normal_tail((ratio.cbrt() - (1.0 - v)) / v.sqrt())
+}
+
+/// Probability that a standard normal number exceeds `z`, to 10⁻⁷ (Abramowitz and Stegun 1964, 26.2.17).
+fn normal_tail(z: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
+    let series = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let sum = series.iter().rev().fold(0.0, |s, b| (s + b) * t);
+    let tail = (-z * z / 2.0).exp() / std::f64::consts::TAU.sqrt() * sum;
+    if z < 0.0 { 1.0 - tail } else { tail }
 }
 
 #[cfg(test)]
@@ -210,5 +231,18 @@ mod tests {
         for (n, t) in [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042)] {
             assert!((student(n) / t - 1.0).abs() < 0.011, "{n}: {}", student(n));
         }
+    }
+
+    #[test]
+    fn tails_agree_with_tables() {
+        assert!((normal_tail(1.96) - 0.025).abs() < 1e-4 && (normal_tail(-1.96) - 0.975).abs() < 1e-4);
+        // The 95 % point of chi-square with 20 degrees of freedom is 31.41.
+        assert!((chi_square_tail(31.41 / 20.0, 20.0) - 0.05).abs() < 1e-3);
+    }
+
+    #[test]
+    fn root_mean_squares_leave_out_what_is_no_number() {
+        assert_eq!(rms([3.0, f64::NAN, -4.0].into_iter()), 12.5_f64.sqrt());
+        assert!(rms(std::iter::empty()).is_nan());
     }
 }

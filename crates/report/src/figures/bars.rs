@@ -2,10 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, axis, plain, short, whiskers};
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, axis, plain, short, whiskers};
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
 use crate::statistics::{Change, Estimate};
-use crate::{ReportInput, Role};
 
 fn bar(name: &str, colour: &str, labels: &[String], values: &[Estimate], hatched: bool) -> Value {
     let interval = |e: &Estimate, side: f64| if e.has_interval() { short((side - e.value).abs()) } else { json!(0) };

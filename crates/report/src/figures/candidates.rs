@@ -3,9 +3,10 @@
 use depthcal_io::{DiagnosisCandidate, DiagnosisRound};
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, OTHER, Variant, colour_bar, plain, rounded, sequential, short};
-use crate::diagnosis::ReportDiagnosis;
-use crate::html::{count, number};
+use super::figure::{Figure, Variant};
+use super::plotly::{AFTER, NEUTRAL, OTHER, colour_bar, plain, rounded, sequential, short};
+use crate::format::{count, number};
+use crate::input::ReportDiagnosis;
 use crate::parameters::free_function;
 
 /// Bars to the left are cut off at this share of the longest one: a candidate that does harm may do any amount of it.
@@ -30,12 +31,12 @@ fn ranked(round: &DiagnosisRound) -> Vec<(&DiagnosisCandidate, bool)> {
 }
 
 fn round_name(i: usize, d: &ReportDiagnosis<'_>) -> String {
-    if i == 0 { format!("1: beside {}", d.account.model) } else { format!("{}", i + 1) }
+    if i == 0 { format!("1: beside {}", d.record.model) } else { format!("{}", i + 1) }
 }
 
 /// Gains on left-out frames, a round at a time; `None` without rounds.
 pub(crate) fn ranking(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let rounds = &d.account.rounds;
+    let rounds = &d.record.rounds;
     let first = rounds.first().filter(|r| !r.effects.is_empty())?;
     let most = rounds.iter().flat_map(ranked).map(|c| c.0.held_out_gain_percent).fold(0.1, f64::max);
     let least = -MOST_HARM * most;
@@ -91,7 +92,7 @@ pub(crate) fn ranking(d: &ReportDiagnosis<'_>) -> Option<Figure> {
 
 /// Size that the data give each effect against the smallest that would have been found, beside the last model.
 pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let round = d.account.rounds.last()?;
+    let round = d.record.rounds.last()?;
     let seen: Vec<(&DiagnosisCandidate, f64)> = round
         .effects
         .iter()
@@ -147,7 +148,7 @@ pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
 
 /// Which effects can pass for each other; `None` where the account has no matrix.
 pub(crate) fn separability(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let s = d.account.separability.as_ref().filter(|s| s.effects.len() > 1)?;
+    let s = d.record.separability.as_ref().filter(|s| s.effects.len() > 1)?;
     let names: Value = s.effects.iter().map(|n| plain(n)).collect();
     let z: Value = s.mimicry.iter().map(|r| r.iter().map(|c| rounded(*c, 2)).collect::<Value>()).collect();
     let data = json!({

@@ -2,8 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::{Figure, colour_bar, diverging, rounded};
-use crate::html::fixed;
+use super::figure::Figure;
+use super::plotly::{colour_bar, diverging, rounded};
+use crate::format::fixed;
 use depthcal_calibration::calibrate::Calibrated;
 
 /// More parameters than this cannot be read.

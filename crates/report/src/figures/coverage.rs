@@ -2,11 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, OTHER, colour_bar, image_axes, plain, rounded, sequential, short};
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, OTHER, colour_bar, image_axes, plain, rounded, sequential, short};
 use crate::covariates::Image;
-use crate::html::count;
+use crate::format::count;
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
-use crate::{ReportInput, Role};
 
 /// Number of frames that saw each part of the image.
 pub(crate) fn coverage(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {

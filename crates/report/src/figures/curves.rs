@@ -2,12 +2,15 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, rounded, short};
-use crate::ReportInput;
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, rounded, short};
 use crate::binned::{Axis, Binned, Cell};
 use crate::covariates::{BINS, Covariate, Image};
-use crate::html::{escape, number};
+use crate::format::number;
+use crate::html::escape;
+use crate::input::ReportInput;
 use crate::leftover::{judged, noise_mm};
+use crate::pool::Pool;
 use crate::statistics::quantile;
 use depthcal_calibration::judge::evaluate::PixelError;
 
@@ -86,7 +89,7 @@ pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Fi
 
 /// Reprojection errors along the radius against the radius: what lens distortion leaves.
 pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
-    let pool = crate::pool::Pool::of(input, |_| true);
+    let pool = Pool::of(input, |_| true);
     let radial = |e: &[f64; 4]| {
         let (x, y) = (e[0] - image.centre[0], e[1] - image.centre[1]);
         let r = x.hypot(y);
@@ -119,7 +122,7 @@ pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figu
         "type": "scatter", "mode": "markers", "hoverinfo": "skip", "showlegend": false,
         "x": all.iter().step_by(step).map(|p| short(p.0)).collect::<Value>(),
         "y": all.iter().step_by(step).map(|p| short(p.1)).collect::<Value>(),
-        "marker": {"color": super::NEUTRAL, "size": 3, "opacity": 0.4},
+        "marker": {"color": super::plotly::NEUTRAL, "size": 3, "opacity": 0.4},
     });
     let line = json!({
         "type": "scatter", "mode": "lines+markers", "name": "mean of a bin", "showlegend": false,

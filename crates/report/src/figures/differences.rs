@@ -2,10 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::{Figure, Variant, colour_bar, diverging, rounded};
-use crate::ReportInput;
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::{count, number};
+use super::figure::{Figure, Variant};
+use super::plotly::{colour_bar, diverging, rounded};
+use crate::format::{count, number};
+use crate::input::ReportDiagnosis;
+use crate::input::ReportInput;
 use crate::pool::{Pool, Pooled, usable};
 use crate::statistics::{median, quantile};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
@@ -165,7 +166,7 @@ pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
 
 /// Three figures of the frames that judge a diagnosis: as measured, and under the declared and the last model.
 pub(crate) fn differences_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
-    let mut pool = last(input);
+    let mut pool = Pool::last(input);
     pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
     if pool.frames.is_empty() {
         return Vec::new();

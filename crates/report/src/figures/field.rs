@@ -2,12 +2,13 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, image_axes, rounded};
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, image_axes, rounded};
 use crate::covariates::Image;
-use crate::html::{number, significant};
+use crate::format::{number, significant};
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
 use crate::statistics::quantile;
-use crate::{ReportInput, Role};
 
 /// Most single arrows.
 const ARROWS: usize = 1500;

@@ -2,15 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::{Figure, colour_bar, diverging, image_axes, short};
-use crate::ReportInput;
+use super::figure::Figure;
+use super::plotly::{colour_bar, diverging, image_axes, short};
 use crate::binned::{Binned, Cell};
 use crate::covariates::Image;
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::number;
+use crate::format::{capital, number};
+use crate::input::ReportDiagnosis;
+use crate::input::ReportInput;
 use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, judged, noise_mm};
 use crate::pool::Pool;
-use crate::statistics::quantile;
+use crate::statistics::{quantile, rms};
 use depthcal_calibration::judge::evaluate::PixelError;
 
 /// A map of cells, row by row.
@@ -124,7 +125,7 @@ pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
 
 /// Maps over the image: as measured, and under the declared and the last model on one scale.
 pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, image: &Image) -> Vec<Figure> {
-    let (declared, now) = (d.declared(), last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(input));
     if !now.has_depth() {
         return Vec::new();
     }
@@ -185,7 +186,7 @@ pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
 
 /// What the declared and the last model leave over the board, on one scale; empty without depth.
 pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
-    let (declared, now) = (d.declared(), last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(input));
     let Some([ax, ay]) = board_axes(&now) else { return Vec::new() };
     let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
     let bins = |pool: &Pool<'_>| {
@@ -205,10 +206,7 @@ pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
         let data = vec![heat(cells, BOARD_GRID[0], &x, &y, shared), marks(cells, at)];
         Figure::new(id, title, data, layout.clone()).caption(caption).alt(format!("{title}: a map.")).aspect(1.3)
     };
-    let rms = |cells: &[Cell]| {
-        let used: Vec<f64> = cells.iter().map(|c| c.value).filter(|v| v.is_finite()).collect();
-        number((used.iter().map(|v| v * v).sum::<f64>() / used.len().max(1) as f64).sqrt())
-    };
+    let rms = |cells: &[Cell]| number(rms(cells.iter().map(|c| c.value)));
     vec![
         figure(
             "map-board-declared",
@@ -226,9 +224,4 @@ pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
             format!("{} mm rms over the cells, each known to ± {} mm.", rms(&after), number(noise_level(&after))),
         ),
     ]
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
 }

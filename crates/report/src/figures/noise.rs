@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, plain, short, shorts};
-use crate::ReportInput;
-use crate::html::number;
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, plain, short, shorts};
+use crate::format::number;
+use crate::input::ReportInput;
 use crate::pool::{Pool, usable};
 use crate::statistics::median;
 use depthcal_calibration::observe::noise::clipped_sigma;

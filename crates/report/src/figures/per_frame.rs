@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, plain, short};
-use crate::html::{count, number};
-use crate::{ReportDataset, Role};
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, plain, short};
+use crate::format::{count, number};
+use crate::input::{ReportDataset, Role};
 
 /// Mean plane error per frame, with the pixels' standard deviation; `None` without depth.
 pub(crate) fn per_frame(dataset: &ReportDataset<'_>, index: usize) -> Option<Figure> {

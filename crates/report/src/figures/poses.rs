@@ -3,10 +3,11 @@
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, OTHER, plain, rounded};
-use crate::html::{count, number};
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, OTHER, plain, rounded};
+use crate::format::{count, number};
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
-use crate::{ReportInput, Role};
 
 /// A frame's name and pose.
 type Named = (String, Isometry3<f64>);
@@ -115,6 +116,6 @@ fn frustum(camera: &depthcal_model::Camera, depth: f64) -> Value {
     json!({
         "type": "scatter3d", "mode": "lines", "name": "camera", "x": part(0, 1.0), "y": part(2, 1.0), "z": part(1,
          -1.0),
-        "line": {"color": super::BEFORE, "width": 4}, "hoverinfo": "name",
+        "line": {"color": super::plotly::BEFORE, "width": 4}, "hoverinfo": "name",
     })
 }

@@ -2,10 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, NEUTRAL, plain, short, whiskers};
-use crate::ReportInput;
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::{fixed, number};
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, NEUTRAL, plain, short, whiskers};
+use crate::format::{fixed, number};
+use crate::input::{ReportDiagnosis, ReportInput};
+use crate::pool::Pool;
 
 /// One bar.
 struct Stage {
@@ -17,7 +18,7 @@ struct Stage {
 }
 
 fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
-    let (declared, now) = (d.declared().depth_rms()?, last(input).depth_rms()?);
+    let (declared, now) = (Pool::declared(d).depth_rms()?, Pool::last(input).depth_rms()?);
     let interval = |e: &crate::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
     let mut list = vec![
         Stage {
@@ -27,13 +28,13 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
             colour: BEFORE,
         },
         Stage {
-            label: format!("model:<br>{}", plain(&d.account.model)),
+            label: format!("model:<br>{}", plain(&d.record.model)),
             value: declared.after.value,
             interval: interval(&declared.after),
             colour: NEUTRAL,
         },
     ];
-    let steps = &d.account.steps;
+    let steps = &d.record.steps;
     for (i, step) in steps.iter().enumerate() {
         let is_last = i + 1 == steps.len();
         let (value, ends) = match (is_last, step.depth_rms_after_mm) {
@@ -94,7 +95,7 @@ pub(crate) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Op
 /// What each step took off the depth error, per cent, with intervals; `None` without steps.
 pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let list: Vec<_> =
-        d.account.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
+        d.record.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
     if list.is_empty() {
         return None;
     }

@@ -5,16 +5,18 @@ use std::collections::HashMap;
 use serde_json::{Value, json};
 
 use super::curves::bins;
-use super::{AFTER, BEFORE, Figure, NEUTRAL, OTHER, plain, short};
-use crate::ReportInput;
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, NEUTRAL, OTHER, plain, short};
 use crate::binned::{Axis, Binned, Cell};
 use crate::covariates::{BINS, Covariate};
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::{count, escape, number};
+use crate::format::{count, number};
+use crate::html::escape;
+use crate::input::ReportDiagnosis;
+use crate::input::ReportInput;
 use crate::leftover::noise_mm;
-use crate::pool::usable;
-use crate::statistics::median;
-use depthcal_calibration::judge::evaluate::PixelError;
+use crate::pool::{Pool, usable};
+use crate::statistics::{median, rms};
+use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
 
 /// Pixels that the line of the added effects is made from, at most.
 const PIXELS: usize = 60_000;
@@ -29,10 +31,10 @@ pub(crate) struct Taken<'a>(Vec<Vec<(&'a PixelError, f64)>>);
 impl<'a> Taken<'a> {
     /// Over the frames that the headline speaks of, by fits that did not see them; `None` where nothing was added.
     pub(crate) fn of(input: &ReportInput<'a>, d: &ReportDiagnosis<'a>) -> Option<Self> {
-        if d.account.steps.is_empty() {
+        if d.record.steps.is_empty() {
             return None;
         }
-        let pool = last(input);
+        let pool = Pool::last(input);
         let step = pool.pixels().count().div_ceil(PIXELS).max(1);
         let key = |p: &PixelError| p.context.pixel.map(f64::to_bits);
         let taken = pool.frames.iter().map(|f| {
@@ -79,9 +81,9 @@ pub(crate) fn model_curve(
     taken: Option<&Taken<'_>>,
     covariate: &Covariate,
 ) -> Option<Figure> {
-    let (declared, now) = (d.declared(), last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(input));
     let axis = Axis::over(now.pixels().map(&covariate.value), BINS)?;
-    let cells = |pool: &crate::pool::Pool<'_>| {
+    let cells = |pool: &Pool<'_>| {
         Binned::new(pool, BINS, |p| axis.bin((covariate.value)(p)), |p| p.after_mm, noise_mm(input)).cells()
     };
     let (before, after) = (cells(&declared), cells(&now));
@@ -90,10 +92,7 @@ pub(crate) fn model_curve(
         bins(&after, &axis, 0.08, "last model", AFTER, "circle"),
     ];
     data.extend(taken.map(|t| t.line(&axis, covariate)));
-    let rms = |cells: &[Cell]| {
-        let used: Vec<f64> = cells.iter().map(|c| c.value).filter(|v| v.is_finite()).collect();
-        (used.iter().map(|v| v * v).sum::<f64>() / used.len().max(1) as f64).sqrt()
-    };
+    let rms = |cells: &[Cell]| rms(cells.iter().map(|c| c.value));
     let told = format!(
         "Bins: {} mm rms under the declared model, {} mm under the last one",
         number(rms(&before)),
@@ -113,17 +112,16 @@ pub(crate) fn model_curve(
 
 /// Depth error of every frame under both models, and the plane that the frame has for itself.
 pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let rms = |f: &depthcal_calibration::judge::evaluate::EvaluatedFrame| {
-        let (sum, n) =
-            f.pixels.iter().filter(|p| usable(p)).fold((0.0, 0_usize), |(s, n), p| (s + p.after_mm.powi(2), n + 1));
-        (n > 0).then(|| (sum / n as f64).sqrt())
+    let rms = |f: &EvaluatedFrame| {
+        let rms = rms(f.pixels.iter().filter(|p| usable(p)).map(|p| p.after_mm));
+        rms.is_finite().then_some(rms)
     };
-    let of = |frames: &[depthcal_calibration::judge::evaluate::EvaluatedFrame]| -> Vec<(String, f64)> {
+    let of = |frames: &[EvaluatedFrame]| -> Vec<(String, f64)> {
         frames.iter().filter_map(|f| Some((plain(&f.name), rms(f)?))).collect()
     };
     let before = of(&d.before.frames);
     let now: Vec<(String, f64)> =
-        last(input).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
+        Pool::last(input).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
     if now.is_empty() {
         return None;
     }
@@ -135,7 +133,7 @@ pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) 
             "hovertemplate": "%{x}: %{y:.3~g} mm<extra>%{fullData.name}</extra>",
         })
     };
-    let planes: Vec<(String, f64)> = d.account.frame_planes.iter().map(|p| (plain(&p.name), p.rms_mm)).collect();
+    let planes: Vec<(String, f64)> = d.record.frame_planes.iter().map(|p| (plain(&p.name), p.rms_mm)).collect();
     let mut data = Vec::new();
     if !planes.is_empty() {
         data.push(json!({

@@ -12,8 +12,8 @@ use std::time::SystemTime;
 use depthcal_io::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
-use super::apply::stem;
-use super::common::{Failure, input};
+use super::images::stem;
+use crate::common::{Failure, input};
 
 const FILE: &str = ".depthcal-apply.json";
 

@@ -2,8 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, Variant, colour_bar, sequential, shorts};
-use crate::html::number;
+use super::figure::{Figure, Variant};
+use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
+use crate::format::number;
 use crate::statistics::quantile;
 use crate::uncertainty::Uncertainty;
 use depthcal_calibration::calibrate::Calibrated;

@@ -8,8 +8,9 @@ use std::thread;
 use clap::{Args, ValueEnum};
 use depthcal_io::{DepthImage, GrayImage};
 
-use super::common::Failure;
+use crate::common::Failure;
 use crate::progress::Progress;
+use crate::voice::{self, complaint, note};
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
 
 /// A raw frame's values: little-endian, row by row, nothing between frames.
@@ -85,7 +86,7 @@ impl StreamArgs {
         let progress = Progress::endless("correcting");
         thread::scope(|scope| {
             let reader = scope.spawn(move || read_frames(io::stdin().lock(), &to_fill, &full));
-            let writer = scope.spawn(move || write_frames(io::stdout().lock(), &to_write, &flushed));
+            let writer = scope.spawn(move || write_frames(voice::frames(), &to_write, &flushed));
             let mut job = Job::new(self, &context, written);
             let mut summary = CorrectionSummary::default();
             let mut frames = 0;
@@ -156,8 +157,12 @@ impl StreamArgs {
             (needs.amplitude && !self.stream_amplitude, "infrared amplitude", "--stream-amplitude"),
         ];
         for (_, what, remedy) in missing.iter().filter(|(missing, ..)| *missing) {
-            eprintln!(
-                "warning: the calibration has an effect that depends on the {what}: it is not corrected; give {remedy}"
+            complaint(
+                "warning",
+                0,
+                format_args!(
+                    "the calibration has an effect that depends on the {what}: it is not corrected; give {remedy}"
+                ),
             );
         }
         Ok(())
@@ -303,8 +308,8 @@ fn write_frames(mut stream: impl Write, full: &Receiver<Vec<u8>>, empty: &SyncSe
 /// On standard error, because the frames are on standard output.
 fn report(frames: usize, summary: CorrectionSummary) {
     let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-    eprintln!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+    note!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
     if not_correctable > 0 || saturated > 0 {
-        eprintln!("{not_correctable} pixels are not correctable, {saturated} were beyond the range of their type");
+        note!("{not_correctable} pixels are not correctable, {saturated} were beyond the range of their type");
     }
 }

@@ -1,25 +1,24 @@
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+//! `apply`: corrects depth images.
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut};
 use depthcal_io::dataset_file::DATASET_FILE;
-use depthcal_io::{
-    Cloud, Dataset, DepthImage, GrayImage, PlyFormat, RgbImage, check_same_size, read_depth, read_gray, read_rgb,
-    write_depth, write_ply,
-};
+use depthcal_io::{Cloud, Dataset, GrayImage, PlyFormat, RgbImage, write_depth, write_ply};
 use depthcal_model::Camera;
 use rayon::prelude::*;
-
-use super::apply_resume::Resume;
-use super::apply_stream::{StreamArgs, StreamContext};
 use serde_json::{Value, json};
 
-use super::common::{Failure, input, read_calibration};
-use super::session::Session;
-use super::voice::{complaint, is_json, say};
+use super::images::{by_stem, images_in, read_color, stem};
+use super::job::Job;
+use super::resume::Resume;
+use super::stream::{StreamArgs, StreamContext};
+use crate::common::{Failure, input, read_calibration};
 use crate::progress::Progress;
-use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut};
+use crate::session::Session;
+use crate::voice::{complaint, is_json, say};
 
 /// Corrects depth images with a calibration.
 ///
@@ -31,7 +30,7 @@ use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut}
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
   depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times from dataset.toml
   depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/")]
-pub(super) struct Apply {
+pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
     /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, which then gives the depth unit, the
@@ -60,48 +59,8 @@ pub(super) struct Apply {
     color: Vec<PathBuf>,
 }
 
-/// A depth image to be corrected, and what is known about it.
-struct Job {
-    depth: PathBuf,
-    image: Option<PathBuf>,
-    color: Option<PathBuf>,
-    unit_mm: f64,
-    time_s: Option<f64>,
-    temperature_c: Option<f64>,
-}
-
-impl Job {
-    /// All that its results depend on beside the calibration and the contents of its files.
-    fn key(&self, cloud: bool) -> String {
-        let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
-    }
-
-    fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
-        let depth = read_depth(&self.depth).map_err(input)?;
-        if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
-            return Err(Failure::Input(format!(
-                "{}: the depth image has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated \
-                 camera at its full resolution",
-                self.depth.display(),
-                depth.width,
-                depth.height,
-                corrector.width(),
-                corrector.height()
-            )));
-        }
-        if let Some(color) = &self.color {
-            read_color(color, &depth)?;
-        }
-        let Some(path) = &self.image else { return Ok((depth, None)) };
-        let image = read_gray(path).map_err(input)?;
-        check_same_size((path, &image), (&self.depth, &depth)).map_err(input)?;
-        Ok((depth, Some(image)))
-    }
-}
-
 impl Apply {
-    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+    pub(crate) fn run(&self, session: &Session) -> Result<Value, Failure> {
         if let Some(unit) = self.unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
             return Err(Failure::Input(format!(
                 "--unit-mm is {unit}: give the millimetres per step, such as 1 or 0.25"
@@ -355,32 +314,6 @@ fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
     }
 }
 
-/// A colour image of the size of a depth image.
-fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Failure> {
-    let image = read_rgb(path).map_err(input)?;
-    if (image.width, image.height) != (depth.width, depth.height) {
-        return Err(Failure::Input(format!(
-            "{}: the colour image has {}×{} px, the depth {}×{}: register the colour to the depth first",
-            path.display(),
-            image.width,
-            image.height,
-            depth.width,
-            depth.height
-        )));
-    }
-    Ok(image)
-}
-
-/// Images and folders of images by the stems of their names.
-fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Failure> {
-    let mut images = BTreeMap::new();
-    for path in paths {
-        let found = if path.is_dir() { images_in(path, &["png", "jpg", "jpeg", "pgm"])? } else { vec![path.clone()] };
-        images.extend(found.into_iter().map(|path| (stem(&path), path)));
-    }
-    Ok(images)
-}
-
 fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>, color: Option<&RgbImage>) -> Cloud {
     let seen = || (0..points.len()).filter(|i| !points[*i][2].is_nan());
     Cloud {
@@ -388,31 +321,4 @@ fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>, color: Option<&RgbImage
         intensity: image.map(|image| seen().map(|i| f32::from(image.data[i])).collect()),
         color: color.map(|color| seen().map(|i| color.data[i]).collect()),
     }
-}
-
-/// The images of a folder in the order of their names. Hidden files are temporary or the operating system's.
-fn images_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
-    let unreadable = |error| Failure::Input(format!("{}: cannot read the folder: {error}", folder.display()));
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-        let known = path.extension().is_some_and(|e| extensions.iter().any(|known| e.eq_ignore_ascii_case(known)));
-        if known && !hidden && path.is_file() {
-            found.push(path);
-        }
-    }
-    if found.is_empty() {
-        let kinds = extensions.join(", ");
-        return Err(Failure::Input(format!(
-            "{}: the folder holds no images ({kinds}); check the path",
-            folder.display()
-        )));
-    }
-    found.sort();
-    Ok(found)
-}
-
-pub(super) fn stem(path: &Path) -> String {
-    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
