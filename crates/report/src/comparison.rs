@@ -145,7 +145,7 @@ fn thesis(content: &mut Content, c: &Comparison, tables: &[Table]) {
     if rest.is_empty() {
         return;
     }
-    content.open("tables", ["Tables", "The tables of Sjöholm 2017, and more"], "");
+    content.open("tables", ["Tables", "All tables"], "");
     if let Some(stability) = &c.stability {
         let items: String = stability.verdict.iter().map(|s| format!("<li>{}</li>\n", escape(s))).collect();
         let _ = writeln!(content.body, "<ul>{items}</ul>");

@@ -1,5 +1,4 @@
-//! Whether whole frames are off by more than noise allows: the noise of pixels, of the pose from the image, and of the
-//! calibration itself.
+//! Test whether whole frames deviate by more than the noise of pixels, of the pose from the image, and of the calibration.
 
 use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
 
@@ -13,14 +12,14 @@ use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::judge::evaluate::PixelError;
 use depthcal_calibration::observe::board_region::BoardPlane;
 
-/// Fewest pixels of a frame that is looked at.
+/// Fewest pixels of a tested frame.
 const FEWEST: usize = 20;
-/// Rays on which the depth of a pose is compared.
+/// Rays over which the depth of a pose is averaged.
 const RAYS: usize = 25;
-/// Frames must be off by this many times what noise allows: the allowance is an estimate itself.
+/// Deviations up to this multiple of the expected noise are accepted, since that is an estimate itself.
 const CLEARLY: f64 = 1.5;
 
-/// A frame's error and the standard deviation that noise gives it.
+/// A frame's median error and its standard deviation by noise, mm.
 struct Offset<'a> {
     frame: &'a Pooled<'a>,
     depth_mm: f64,
@@ -28,12 +27,13 @@ struct Offset<'a> {
     allowed: f64,
 }
 
-/// The finding, not yet judged; `None` where the calibration has no depth or too few frames can be looked at.
+/// The finding about whole frames; its `found` is not decided yet. `None` where the calibration has no depth or too few
+/// frames have enough pixels.
 pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<Finding> {
     if !c.with_depth {
         return None;
     }
-    // The fit's own marker noise may have taken up what the depth model lacks; with poses free it has not.
+    // From poses by the image alone: marker noise of a joint fit may contain errors of the depth model.
     let reprojection = |f: &Pooled<'_>| f.frame.record().reprojection_px.rms;
     let sigma_px = quantile(pool.frames.iter().map(reprojection).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
     let seen: Vec<(&Pooled<'_>, Vec<&PixelError>)> = pool
@@ -78,7 +78,7 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
             hidden_mm: CLEARLY * allowed,
         },
         worst: format!(
-            "in frame {} at {} mm: {} mm, where noise, pose and fit allow ± {} mm",
+            "in frame {} at {} mm: {} mm, with a standard deviation of {} mm by noise, pose and fit",
             worst.frame.frame.name,
             number(worst.depth_mm),
             signed(worst.value),
@@ -124,7 +124,7 @@ fn pose_std(c: &Calibrated, pose: &Isometry3<f64>, pixels: &[&PixelError], marke
         }
         normal += rows.tr_mul(&rows);
     }
-    // Markers that were not found do not help.
+    // As if the found markers were spread like all markers.
     let share = points.len() as f64 / markers.max(1) as f64;
     let variance = (gradient.transpose() * normal.try_inverse()? * gradient).x * share;
     (variance > 0.0).then(|| variance.sqrt())

@@ -33,7 +33,7 @@ pub(super) fn interval(e: &Estimate, unit: &str) -> Option<String> {
 fn whose(role: Role) -> &'static str {
     match role {
         Role::HeldOut => "Held-out",
-        Role::Other => "On captures that the fit did not see, the",
+        Role::Other => "On captures that are not part of the fit, the",
         Role::Fitted => "On the frames that the camera was fitted to, the",
     }
 }

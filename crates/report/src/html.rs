@@ -1,6 +1,6 @@
 //! Text that is safe in HTML and in scripts.
 
-/// Text that is safe in HTML content and in quoted attributes.
+/// Escapes text for HTML content and quoted attributes.
 pub(super) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -16,7 +16,7 @@ pub(super) fn escape(text: &str) -> String {
     out
 }
 
-/// JSON that is safe inside a script element: it can neither end the element nor open a comment.
+/// JSON for a script element: it can neither end the element nor open a comment.
 pub(super) fn script_json(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }

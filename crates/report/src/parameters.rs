@@ -1,6 +1,6 @@
-//! What parameters mean, in plain words.
+//! Parameters, effects and free functions in words.
 
-/// What a parameter of a piece means to a person who has a camera and a board.
+/// The meaning of a piece's parameter, in a sentence; `None` for pieces from outside depthcal.
 pub(super) fn meaning(piece: &str, parameter: &str) -> Option<&'static str> {
     Some(match (piece, parameter) {
         ("pinhole", "fx" | "fy") => "Focal length: pixels per unit of slope, across and down.",
@@ -28,10 +28,10 @@ pub(super) fn meaning(piece: &str, parameter: &str) -> Option<&'static str> {
         ("quadratic_depth", _) => "The error grows with the square (or cube) of the distance.",
         ("cyclic_depth", _) => "Time-of-flight wiggling: depth waves over distance.",
         ("radial_range", _) => "Range along the ray is reported as depth, in part.",
-        ("incidence_bias", _) => "The error grows on surfaces that are seen at a slant.",
+        ("incidence_bias", _) => "The error grows with the angle of incidence.",
         ("reflectivity_bias", _) => "The error depends on how bright the surface is.",
         ("signal_mixing", "m1" | "m2") => {
-            "Bright neighbours pull at dark pixels: grows with surroundings over own signal."
+            "Bright neighbours shift the depth of dark pixels; grows with the surroundings' signal over the pixel's own."
         }
         ("signal_mixing", _) => "The same at edges: the slope of the brightness across and down.",
         ("temporal_drift", _) => "Scale (s) and offset (o) drift while the camera settles.",
@@ -40,7 +40,7 @@ pub(super) fn meaning(piece: &str, parameter: &str) -> Option<&'static str> {
     })
 }
 
-/// What an effect is, in plain words that follow a name and a colon.
+/// An effect in words that follow its name and a colon.
 pub(super) fn effect_meaning(effect: &str) -> &'static str {
     match effect {
         "board_bow" => "the board is bent",
@@ -56,17 +56,17 @@ pub(super) fn effect_meaning(effect: &str) -> &'static str {
         "quadratic_depth" => "the error grows with the square of the distance",
         "cyclic_depth" => "depth waves over distance (time-of-flight wiggling)",
         "radial_range" => "range along the ray is reported as depth, in part",
-        "incidence_bias" => "surfaces seen at a slant are measured wrong",
+        "incidence_bias" => "the error grows with the angle of incidence",
         "reflectivity_bias" => "depth depends on how bright the pixel is",
-        "signal_mixing" => "bright neighbours pull at the depth of darker pixels",
+        "signal_mixing" => "bright neighbours shift the depth of darker pixels",
         "temporal_drift" => "depth drifts while the camera settles",
         "temperature_drift" => "depth changes with temperature",
-        "free_map" | "bspline" => "a smooth map over the image, which corrects but explains nothing",
-        _ => "an effect of your own",
+        "free_map" | "bspline" => "a smooth map over the image, which corrects depth without naming a cause",
+        _ => "an effect from outside depthcal",
     }
 }
 
-/// What a free function of the diagnosis is a function of.
+/// The quantity that a free function of the diagnosis depends on.
 pub(super) fn free_function(name: &str) -> &str {
     match name {
         "map" | "free_map" => "the position in the image",
@@ -83,7 +83,7 @@ pub(super) fn free_function(name: &str) -> &str {
     }
 }
 
-/// What a piece is called in print.
+/// The title of a piece.
 pub(super) fn piece_title(piece: &str) -> String {
     match piece {
         "pinhole" => "Pinhole K".to_owned(),
@@ -93,8 +93,8 @@ pub(super) fn piece_title(piece: &str) -> String {
     }
 }
 
-/// What a board cannot tell apart, where the calibration has a projective piece.
-pub(super) const CONFOUNDED: &str = "A board cannot tell apart what D takes up: dw is baseline, focal scale and the \
-board's print scale together (a print that is 0.1 % too large makes every depth 0.1 % too large), dz is any constant \
-offset of the disparity, dy any roll of the projector. The standard deviations say how well the frames determine the \
-number, not its cause.";
+/// Causes that a board cannot separate, for calibrations with a projective piece.
+pub(super) const CONFOUNDED: &str = "A board cannot separate the causes behind D: dw is the product of baseline, focal scale and the \
+board's print scale (a print that is 0.1 % too large makes every depth 0.1 % too large), dz is any constant offset of the \
+disparity, dy any roll of the projector. The standard deviations tell how well the frames determine a number, not its \
+cause.";

@@ -1,32 +1,32 @@
-//! Errors with intervals, resampled by frames.
+//! Quantiles, tails, root mean squares, and errors with intervals by resampling frames.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Resamples of an interval.
+/// Number of resamples of an interval.
 const RESAMPLES: usize = 2000;
-/// Fewest frames that are resampled.
+/// Fewest frames of an interval.
 const FEWEST_FRAMES: usize = 3;
-/// Same input, same report.
+/// Fixed, so that the same input gives the same report.
 const SEED: u64 = 0x6465_7074_6863_616c;
 
 /// Sum and count of one frame's contributions to a mean.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Total {
-    /// Of the values, or of their squares.
+    /// Sum of the values, or of their squares.
     pub sum: f64,
     /// Number of values.
     pub count: usize,
 }
 
 impl Total {
-    /// Of finite values.
+    /// Sum and count of the finite values.
     pub(super) fn of(values: impl Iterator<Item = f64>) -> Self {
         values.filter(|v| v.is_finite()).fold(Self::default(), |t, v| Self { sum: t.sum + v, count: t.count + 1 })
     }
 }
 
-/// How totals become an error.
+/// How totals are combined to an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// The mean.
@@ -35,7 +35,7 @@ pub(super) enum Kind {
     Rms,
 }
 
-/// An error and the interval that holds it with 95 % confidence; NaN where there is none.
+/// An error and its 95 % interval; ends are NaN where there is no interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Estimate {
     pub value: f64,
@@ -49,8 +49,8 @@ impl Estimate {
     }
 }
 
-/// An error before and after, and the difference after − before with an interval of its own: both are made from the
-/// same frames, so that the difference is known better than either.
+/// An error before and after, and the difference after − before. Its interval comes from the same resamples of frames, so
+/// that it is narrower than those of the two errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Change {
     pub before: Estimate,
@@ -71,7 +71,8 @@ fn pooled(totals: &[Total], kind: Kind, weight: impl Fn(usize) -> f64) -> f64 {
     }
 }
 
-/// Before and after over frames, with intervals; `None` without any value.
+/// An error before and after correction with intervals, from the totals of each frame (bootstrap over frames, percentile
+/// intervals). `None` where no frame has a value.
 pub(super) fn change(before: &[Total], after: &[Total], kind: Kind) -> Option<Change> {
     let used: Vec<usize> = (0..before.len()).filter(|i| before[*i].count > 0 && after[*i].count > 0).collect();
     let before: Vec<Total> = used.iter().map(|i| before[*i]).collect();
@@ -104,7 +105,7 @@ pub(super) fn change(before: &[Total], after: &[Total], kind: Kind) -> Option<Ch
     Some(Change { before: interval(b, db), after: interval(a, da), difference: interval(a - b, dd), frames })
 }
 
-/// One error with its interval.
+/// One error with its interval, and the number of frames.
 pub(super) fn estimate(totals: &[Total], kind: Kind) -> Option<(Estimate, usize)> {
     change(totals, totals, kind).map(|c| (c.after, c.frames))
 }
@@ -146,7 +147,7 @@ fn greatest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// A generator for tests that flip signs; not the one of the intervals.
+/// The generator of tests that flip signs; its seed differs from that of the intervals.
 pub(super) fn sign_generator() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(SEED ^ 1)
 }

@@ -1,4 +1,4 @@
-//! The declared model beside the last one: frame by frame, and against what errors may depend on.
+//! Errors under the declared and under the last model: frame by frame, and against what they may depend on.
 
 use std::collections::HashMap;
 
@@ -18,14 +18,13 @@ use crate::pool::{Pool, usable};
 use crate::statistics::{median, rms};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
 
-/// Pixels that the line of the added effects is made from, at most.
+/// Most pixels of the line of the added effects.
 const PIXELS: usize = 60_000;
-/// Fewest of a frame in a bin.
+/// Fewest pixels of a frame in a bin.
 const FEWEST: usize = 5;
 
-/// What the added effects, with everything fitted anew beside them, take off the depth error of single pixels, mm, frame by
-/// frame: the error under the declared model less that under the last one. The measured depth falls out of it, so that it
-/// has the models' shapes and no noise.
+/// Change of the depth error of single pixels from the declared to the last model, mm, frame by frame: the error under the
+/// declared model minus that under the last one. The measured depth cancels, so that the difference has no noise.
 pub(crate) struct Taken<'a>(Vec<Vec<(&'a PixelError, f64)>>);
 
 impl<'a> Taken<'a> {
@@ -65,7 +64,7 @@ impl<'a> Taken<'a> {
         let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len() as f64;
         let used: Vec<usize> = (0..axis.bins).filter(|b| !medians[*b].is_empty()).collect();
         json!({
-            "type": "scatter", "mode": "lines", "name": "what was added takes off",
+            "type": "scatter", "mode": "lines", "name": "change by the added effects",
             "line": {"color": OTHER, "width": 3, "dash": "dot"},
             "x": used.iter().map(|b| short(axis.middle(*b))).collect::<Value>(),
             "y": used.iter().map(|b| short(mean(&medians[*b]))).collect::<Value>(),
@@ -74,7 +73,8 @@ impl<'a> Taken<'a> {
     }
 }
 
-/// Errors of both models against a covariate, with what was added drawn through; `None` where it does not vary.
+/// Errors under both models against a covariate, with the change by the added effects; `None` where the covariate does not
+/// vary.
 pub(crate) fn model_curve(
     input: &ReportInput<'_>,
     d: &ReportDiagnosis<'_>,
@@ -94,23 +94,23 @@ pub(crate) fn model_curve(
     data.extend(taken.map(|t| t.line(&axis, covariate)));
     let rms = |cells: &[Cell]| rms(cells.iter().map(|c| c.value));
     let told = format!(
-        "Bins: {} mm rms under the declared model, {} mm under the last one",
+        "Rms over the bins: {} mm under the declared model, {} mm under the last one",
         number(rms(&before)),
         number(rms(&after))
     );
     let layout = json!({
         "xaxis": {"title": {"text": format!("{} / {}", covariate.name, covariate.unit)}},
-        "yaxis": {"title": {"text": "what is left / mm"}, "zeroline": true},
+        "yaxis": {"title": {"text": "depth error / mm"}, "zeroline": true},
     });
     Some(
         Figure::new(format!("against-{}", covariate.id), format!("Against the {}", covariate.name), data, layout)
             .caption(format!("{} {told}.", escape(covariate.hint)))
-            .alt(format!("What both models leave against the {}. {told}.", covariate.name))
+            .alt(format!("Depth error under both models against the {}. {told}.", covariate.name))
             .aspect(1.45),
     )
 }
 
-/// Depth error of every frame under both models, and the plane that the frame has for itself.
+/// Depth error of every frame under both models, and the size of the frame's own plane.
 pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let rms = |f: &EvaluatedFrame| {
         let rms = rms(f.pixels.iter().filter(|p| usable(p)).map(|p| p.after_mm));
@@ -137,7 +137,7 @@ pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) 
     let mut data = Vec::new();
     if !planes.is_empty() {
         data.push(json!({
-            "type": "bar", "name": "plane of the frame's own, beside the last model", "marker": {"color": NEUTRAL, "opacity": 0.45},
+            "type": "bar", "name": "the frame's own plane, given the last model", "marker": {"color": NEUTRAL, "opacity": 0.45},
             "x": planes.iter().map(|f| f.0.clone()).collect::<Value>(), "y": planes.iter().map(|f| short(f.1)).collect::<Value>(),
             "hovertemplate": "%{x}: %{y:.3~g} mm<extra>%{fullData.name}</extra>",
         }));
@@ -146,17 +146,18 @@ pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) 
     data.push(side(&now, "last model", AFTER, "circle"));
     let better = now.iter().filter(|f| before.iter().any(|b| b.0 == f.0 && f.1 < b.1)).count();
     let worst = now.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    let worst = worst.map_or(String::new(), |w| format!(" Worst now: {} with {} mm.", w.0, number(w.1)));
+    let worst =
+        worst.map_or(String::new(), |w| format!(" Largest under the last model: {} with {} mm.", w.0, number(w.1)));
     let layout = json!({
         "xaxis": {"type": "category", "title": {"text": "frame"}, "nticks": 20},
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
     });
     Some(
-        Figure::new("frames-by-model", "Every frame, by a fit that did not see it", data, layout)
+        Figure::new("frames-by-model", "Held-out error of every frame", data, layout)
             .caption(format!(
-                "{better} of {} are better than under the declared model.{worst} Grey: how far the frame's depth as a whole \
-                 deviates from the pose that its image shows; high bars in many frames are something that changes from frame \
-                 to frame.",
+                "{better} of {} have a smaller error than under the declared model.{worst} Grey: the part of the error that is \
+                 a plane of the frame's own, that is, an error of its pose or of its depth as a whole. High bars in many \
+                 frames mean that something changes from frame to frame.",
                 count(now.len(), "frame")
             ))
             .alt(format!("Depth error of {} under the declared and the last model.", count(now.len(), "frame")))

@@ -10,9 +10,9 @@ pub(crate) struct Figure {
     /// Unique in the page.
     pub id: String,
     pub title: String,
-    /// What is seen and how to read it; HTML.
+    /// How to read it, with its main numbers; HTML.
     pub caption: String,
-    /// What it shows, for those who cannot see it.
+    /// What it shows, for readers who cannot see it.
     pub alt: String,
     /// Width over height.
     pub aspect: f64,
@@ -22,14 +22,14 @@ pub(crate) struct Figure {
     pub variants: Vec<Variant>,
 }
 
-/// What a picker can show.
+/// One choice of a picker.
 #[derive(Debug, Clone)]
 pub(crate) struct Variant {
     /// Its name in the picker.
     pub label: String,
-    /// What is said about it beside the picker.
+    /// The sentence next to the picker.
     pub note: String,
-    /// Replaces the first trace's fields.
+    /// Fields that replace those of the first trace.
     pub trace: Value,
 }
 
@@ -62,7 +62,7 @@ impl Figure {
         self
     }
 
-    /// The element that the script fills.
+    /// The HTML element that the script draws into.
     pub(crate) fn html(&self) -> String {
         format!(
             "<figure id=\"figure-{id}\"><h3>{title}</h3>\n<div class=\"plot\" id=\"{id}\" role=\"img\" \
@@ -76,7 +76,7 @@ impl Figure {
         )
     }
 
-    /// What the script draws.
+    /// The figure as the page's script reads it.
     pub(crate) fn json(&self) -> Value {
         let mut value = json!({"id": self.id, "aspect": self.aspect, "data": self.data, "layout": self.layout});
         if !self.variants.is_empty() {

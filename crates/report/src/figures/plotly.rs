@@ -11,17 +11,17 @@ use crate::html::escape;
 pub(super) const BEFORE: &str = "#d9730d";
 /// Corrected depth.
 pub(super) const AFTER: &str = "#1f86c7";
-/// What is neither.
+/// Anything that is neither measured nor corrected depth.
 pub(super) const NEUTRAL: &str = "#808793";
-/// A second neutral thing.
+/// A second colour for such things.
 pub(super) const OTHER: &str = "#a05fb4";
 
-/// Whiskers that reach by `above` and `below` beyond their values.
+/// Whiskers from `below` under each value to `above` over it.
 pub(super) fn whiskers(above: Value, below: Value) -> Value {
     json!({"type": "data", "symmetric": false, "thickness": 1.5, "width": 4, "array": above, "arrayminus": below})
 }
 
-/// A number with a few significant digits, to keep the file small; null where there is none.
+/// A number with four significant digits, to keep the file small; null for NaN and infinity.
 pub(super) fn short(value: f64) -> Value {
     if !value.is_finite() {
         return Value::Null;
@@ -34,7 +34,7 @@ pub(super) fn short(value: f64) -> Value {
     if rounded.fract() == 0.0 && rounded.abs() < 1e9 { json!(rounded as i64) } else { json!(rounded) }
 }
 
-/// Many of them.
+/// Several numbers, as [`short`].
 pub(super) fn shorts(values: impl IntoIterator<Item = f64>) -> Value {
     values.into_iter().map(short).collect()
 }
@@ -50,7 +50,7 @@ pub(super) fn rounded(value: f64, decimals: i32) -> Value {
     }
 }
 
-/// Text as plotly.js shows it, which understands some markup.
+/// Text that plotly.js, which understands some markup, shows as it is.
 pub(super) fn plain(text: &str) -> String {
     escape(text)
 }
@@ -70,8 +70,8 @@ pub(super) fn image_axes(image: &Image) -> Value {
     })
 }
 
-/// Blue (too near) over white to orange-red (too far): told apart by all common kinds of colour blindness, and darker
-/// towards both ends.
+/// Blue (too near) over white to orange-red (too far), darker towards both ends: readable with all common kinds of colour
+/// blindness.
 pub(super) fn diverging() -> Value {
     json!([
         [0.0, "#0b3c6f"],
@@ -84,7 +84,7 @@ pub(super) fn diverging() -> Value {
     ])
 }
 
-/// A sequential scale that all can read.
+/// A sequential colour scale that is readable with all common kinds of colour blindness.
 pub(super) fn sequential() -> &'static str {
     "Cividis"
 }

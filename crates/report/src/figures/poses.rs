@@ -88,15 +88,15 @@ pub(crate) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
     });
     let boards: usize = groups.iter().map(|g| g.1.len()).sum();
     Some(
-        Figure::new("poses", "The boards before the camera", data, layout)
+        Figure::new("poses", "The boards in front of the camera", data, layout)
             .caption(format!(
-                "Outlines of the markers of {}, between {} and {} mm from the camera (the pyramid). Drag to turn. \
-                 Errors are only known within this volume.",
+                "Outlines of the markers of {}, {} to {} mm from the camera (the pyramid). Drag to turn. Errors are known within \
+                 this volume only.",
                 count(boards, "board"),
                 number(reach[0]),
                 number(reach[1])
             ))
-            .alt(format!("{} drawn in space before the camera.", count(boards, "board")))
+            .alt(format!("{} drawn in space in front of the camera.", count(boards, "board")))
             .aspect(1.35),
     )
 }

@@ -1,10 +1,10 @@
-//! The way of the depth error from what was measured to the last model, and what each step brought.
+//! Depth error as measured, under the declared model and after every step, and the gain by each step.
 
 use serde_json::{Value, json};
 
 use super::figure::Figure;
 use super::plotly::{AFTER, BEFORE, NEUTRAL, plain, short, whiskers};
-use crate::format::{fixed, number};
+use crate::format::{interval, number, percent};
 use crate::input::{ReportDiagnosis, ReportInput};
 use crate::pool::Pool;
 
@@ -83,16 +83,16 @@ pub(crate) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Op
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
     });
     let told: Vec<String> =
-        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), fixed(s.value, 2))).collect();
+        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), number(s.value))).collect();
     Some(
-        Figure::new("stages", "Depth error on frames that the fit did not see", data, layout)
-            .caption("Each bar is a model fitted anew. Whiskers: 95 % intervals from resampling whole frames.")
+        Figure::new("stages", "Depth error on held-out frames", data, layout)
+            .caption("Every model is fitted separately. Whiskers: 95 % intervals from resampling whole frames.")
             .alt(format!("Bars of the depth error: {}.", told.join("; ")))
             .aspect(1.35),
     )
 }
 
-/// What each step took off the depth error, per cent, with intervals; `None` without steps.
+/// Decrease of the depth error by each step, per cent, with intervals; `None` without steps.
 pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let list: Vec<_> =
         d.record.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
@@ -112,20 +112,18 @@ pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     });
     let layout = json!({
         "yaxis": {"type": "category", "autorange": "reversed"}, "showlegend": false,
-        "xaxis": {"title": {"text": "fall of the depth error / %"}, "zeroline": true},
+        "xaxis": {"title": {"text": "decrease of the depth error / %"}, "zeroline": true},
     });
-    let told: Vec<String> = list
-        .iter()
-        .map(|(n, g)| format!("{n} {} % ({} to {})", fixed(g.value, 1), fixed(g.low, 1), fixed(g.high, 1)))
-        .collect();
+    let told: Vec<String> =
+        list.iter().map(|(n, g)| format!("{n} {} ({})", percent(g.value), interval(g.low, g.high, "%"))).collect();
     Some(
-        Figure::new("step-gains", "What each step brought", vec![data], layout)
+        Figure::new("step-gains", "Gain by each step", vec![data], layout)
             .caption(format!(
-                "Fall of the depth error from one model to the next, with 95 % intervals from resampling frames in pairs: \
-                 {}. Grey: the interval holds zero.",
+                "Decrease of the depth error from one model to the next, with 95 % intervals from resampling the same frames for \
+                 both: {}. Grey: not significant.",
                 told.join("; ")
             ))
-            .alt(format!("Bars of what each step brought: {}.", told.join("; ")))
+            .alt(format!("Bars of the gain by each step: {}.", told.join("; ")))
             .aspect(2.4),
     )
 }

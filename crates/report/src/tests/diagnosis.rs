@@ -49,11 +49,7 @@ impl Diagnosed {
             command_line: "depthcal diagnose captures --out result".to_owned(),
             calibrated: Some(&self.diagnosis.last),
             evaluations: &datasets,
-            diagnosis: Some(ReportDiagnosis {
-                account,
-                first: &self.diagnosis.first,
-                before: &self.diagnosis.before.evaluated,
-            }),
+            diagnosis: Some(ReportDiagnosis { record: account, before: &self.diagnosis.before.evaluated }),
             story: &[],
         };
         render(&input).unwrap()
@@ -76,14 +72,14 @@ fn every_question_is_answered_on_the_first_screen() {
         "Why?",
         "What was added?",
         "How wrong is it now?",
-        "How sure is that?",
+        "How certain is that?",
         "What to capture next?",
     ] {
         assert!(first.contains(question), "{question}");
     }
     assert!(first.contains("with cyclic_depth it is"), "the headline names the effect");
     assert!(first.contains("depth waves over distance"), "in plain words");
-    assert!(first.contains("Effect: what was missing is found and added"));
+    assert!(first.contains("Effect: what was missing was found and added"));
     let ids = figure_ids(&html);
     for id in [
         "stages",
@@ -193,11 +189,11 @@ fn other_verdicts_have_words_of_their_own() {
         vec![DiagnosisFrame { name: "0007".to_owned(), reason: "its image is that of 0006".to_owned() }];
     let html = d.render(&account);
     assert!(html.contains("something is left that no known effect explains"));
-    assert!(html.contains("1 frame left out") && html.contains("its image is that of 0006"));
+    assert!(html.contains("1 frame excluded") && html.contains("its image is that of 0006"));
     assert!(html.contains("a free function of depth takes up"));
 
     account.declarations = vec!["depth is 20 % of what the board's declared size says".to_owned()];
-    assert!(d.render(&account).contains("Check the declarations"));
+    assert!(d.render(&account).contains("Check the dataset file"));
 }
 
 #[test]
