@@ -17,46 +17,46 @@ use super::man::ManPage;
 use super::session::Session;
 use super::simulate::Simulate;
 
-/// Calibrates depth cameras: intrinsics, lens, depth distortion and poses in one joint adjustment.
+/// Calibrates depth cameras: intrinsics, lens, depth distortion and board poses in one joint adjustment.
 ///
 /// A dataset is a folder with a dataset.toml that declares the board, the images and the depth
-/// images. Without captures of your own, `depthcal demo` makes some and shows the whole way.
+/// images. Without captures of your own, start with `depthcal demo`, which simulates some.
 #[derive(Debug, Parser)]
 #[command(name = "depthcal", version, verbatim_doc_comment, max_term_width = 120, after_help = GUIDE)]
 pub(super) struct Arguments {
     #[command(subcommand)]
     pub(super) command: Command,
-    /// Number of threads; RAYON_NUM_THREADS is respected too. Results do not depend on it.
+    /// Number of threads [default: RAYON_NUM_THREADS, else all cores]. Results do not depend on it.
     #[arg(long, global = true, value_name = "N")]
     pub(super) threads: Option<usize>,
-    /// Writes the result as JSON to standard output; everything else goes to standard error.
+    /// Writes the result as JSON to standard output; messages go to standard error.
     #[arg(long, global = true)]
     pub(super) json: bool,
-    /// Says more about what is done (twice: even more).
+    /// More log messages (-v: info, -vv: debug).
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     pub(super) verbose: u8,
 }
 
-/// What to do in which order, and what exit codes mean.
+/// The usual order of commands, exit codes, and environment variables.
 const GUIDE: &str = "\
 From captures to corrected depth:
   depthcal detect captures/                        is the board found in every image?
   depthcal calibrate captures/ --cross-validate 3 --out result/
-  depthcal diagnose captures/ --out result/        what does the model lack? adds it
+  depthcal diagnose captures/ --out result/        which effects does the model lack? adds them
   depthcal evaluate result/calibration.json other-captures/ --out check/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud
-Every --out folder receives the command's JSON file and a report.html; open that first.
+Every command writes its JSON file and, where it measures errors, report.html into --out; open the latter first.
 
 Exit codes:
   0  done
-  1  the input or the arguments are at fault, and what to do about it
-  2  the fit cannot be trusted (not converged, parameters undetermined, folded), and why
+  1  invalid input or arguments; the message says how to correct them
+  2  the fit cannot be trusted (not converged, parameters undetermined, model not invertible); the message says why
 
 Environment:
-  DEPTHCAL_CACHE     folder for detections (default: the user's cache folder)
-  DEPTHCAL_LOG       what to log, such as info or depthcal=debug (as --verbose)
+  DEPTHCAL_CACHE     folder for detected boards (default: the user's cache folder)
+  DEPTHCAL_LOG       log filter, such as info or depthcal=debug (as --verbose)
   RAYON_NUM_THREADS  number of threads (as --threads)
-  NO_COLOR           no colours, whatever the terminal";
+  NO_COLOR           no colours on terminals";
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
@@ -91,7 +91,7 @@ impl Command {
         }
     }
 
-    /// Runs the command; gives what `--json` writes.
+    /// Runs the command; returns the result that `--json` writes.
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         match self {
             Command::Detect(command) => command.run(session),

@@ -1,3 +1,5 @@
+//! `calibrate`: fits a camera to a dataset.
+
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -21,7 +23,7 @@ use depthcal_calibration::load::declared_camera;
 use depthcal_report::format::{Measured, count, interval, measured, number, quantity};
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
-/// Every `every`-th frame from number `first` on.
+/// Every `every`-th frame, beginning with number `first` (from 0).
 #[derive(Debug, Clone, Copy)]
 struct HoldOut {
     every: usize,
@@ -46,17 +48,17 @@ enum EstimatorName {
     Nonlinear,
 }
 
-/// Fits a depth camera to the captures of a board: intrinsics, lens, depth distortion and poses.
+/// Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses.
 ///
 /// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json and report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal calibrate captures/ --out result/                       K, lens and projective D
-  depthcal calibrate captures/ --cross-validate 3 --out result/    errors on frames that no fit saw
-  depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame judges
+  depthcal calibrate captures/ --cross-validate 3 --out result/    errors on held-out frames
+  depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame is held out
   depthcal calibrate captures/ --model projective:xw --out r/      only dx and dw free
   depthcal calibrate captures/ --with cyclic_depth@period_mm=300 --out r/
-  depthcal calibrate captures/ --rrd result.rrd --out result/      a recording for the rerun viewer too
+  depthcal calibrate captures/ --rrd result.rrd --out result/      also a recording for the rerun viewer
   depthcal calibrate captures/ --json --out r/ | jq .calibration.camera")]
 pub(super) struct Calibrate {
     /// Folder with a dataset.toml.
@@ -64,21 +66,20 @@ pub(super) struct Calibrate {
     /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,
-    /// Further effects by name, at whatever hook they act.
+    /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model.
     #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
     lens: String,
-    /// How the depth model is estimated: everything jointly, or D alone with camera and poses from the images.
+    /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
     estimator: EstimatorName,
-    /// Evaluates on frames that the fit did not see: leaves every N-th frame out of the fit, counted from the K-th
-    /// (from the first where K is not given).
+    /// Holds out every N-th frame, beginning with the K-th [default: the first]: these frames are not fitted but evaluated.
     #[arg(long, value_name = "N[:K]", value_parser = parse_hold_out)]
     hold_out: Option<HoldOut>,
-    /// Judges the model by N more fits, each without every N-th frame in turn: every frame is evaluated by a fit that
-    /// did not see it. The calibration itself is fitted to all frames.
+    /// Evaluates every frame with a model that was fitted without it: N further fits, each without every N-th frame. The
+    /// calibration itself is fitted to all frames.
     #[arg(long, visible_alias = "folds", value_name = "N", conflicts_with = "hold_out", value_parser = clap::value_parser!(u16).range(2..))]
     cross_validate: Option<u16>,
     #[command(flatten)]
@@ -103,7 +104,7 @@ impl Calibrate {
             },
             ..session.calibrate_options()
         };
-        // Names are checked before the images are read, which takes its time.
+        // Before the images are read, which takes time.
         options.check_names().map_err(input)?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
@@ -117,7 +118,7 @@ impl Calibrate {
         let (width, height) = (loaded.capture.width, loaded.capture.height);
         options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
         if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
-            say!("no depth images: camera and lens alone are fitted");
+            say!("no depth images: only camera and lens are fitted");
             options.model = "none".to_owned();
         }
         let busy = Progress::busy("fitting");
@@ -155,7 +156,7 @@ impl Calibrate {
         };
         let report = write_report(&report, &self.output.out)?;
         say!("written: {} and {}", written.display(), report.display());
-        // Cross-validation has a camera for every part; a recording is of one.
+        // A recording is of one camera; cross-validation has one for every part.
         let detected = result.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         recorded.extend(held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));

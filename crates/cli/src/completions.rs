@@ -1,3 +1,5 @@
+//! `completions`: scripts for shells.
+
 use clap::Args;
 use clap_complete::{Shell, generate};
 use serde_json::Value;

@@ -1,3 +1,5 @@
+//! `man`: manual pages.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::common::{Failure, input};
 use super::voice::{document, say};
+use depthcal_report::format::count;
 
 /// Prints the manual page, or writes one for every command into a folder.
 #[derive(Debug, Args)]
@@ -14,7 +17,7 @@ use super::voice::{document, say};
   depthcal man | man -l -
   depthcal man --out ~/.local/share/man/man1")]
 pub(super) struct ManPage {
-    /// Folder for the pages of all commands; without it the main page goes to standard output.
+    /// Folder for the pages of all commands [default: the main page, to standard output].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -41,7 +44,7 @@ impl ManPage {
             write_atomically(&path, |file| file.write_all(&text)).map_err(input)?;
             written.push(path);
         }
-        say!("{} pages written: {}", written.len(), out.display());
+        say!("{} written: {}", count(written.len(), "page"), out.display());
         Ok(json!({ "written": written }))
     }
 }

@@ -12,7 +12,8 @@ use super::common::Failure;
 use super::session::Session;
 use super::voice;
 
-/// Parses the process' arguments, runs the command with the pieces of `register`, and says with the exit code how it went.
+/// Runs the program: parses the arguments of the process, runs the command with the pieces of `register`, writes messages and
+/// results, and returns the exit code: 0 done, 1 invalid input or arguments, 2 a fit that cannot be trusted.
 pub fn run(register: Register) -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
@@ -35,7 +36,7 @@ pub fn run(register: Register) -> ExitCode {
             voice::complaint("error", 1, "--threads is 0; give at least 1");
             return ExitCode::from(1);
         }
-        // Fails only where the pool exists already, which nothing before this makes.
+        // Fails only where the thread pool exists already, which is not the case this early.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     }
     voice::keep_stdout_for_json(arguments.json);

@@ -8,6 +8,7 @@ use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut}
 use depthcal_io::dataset_file::DATASET_FILE;
 use depthcal_io::{Cloud, Dataset, GrayImage, PlyFormat, RgbImage, write_depth, write_ply};
 use depthcal_model::Camera;
+use depthcal_report::format::count;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -22,39 +23,41 @@ use crate::voice::{complaint, is_json, say};
 
 /// Corrects depth images with a calibration.
 ///
-/// Corrected images have the names, the size and the unit of their originals. All input is read once before anything is
-/// written, so that a damaged image among many shows at once.
+/// Corrected images have the names, sizes and units of their originals. All input is read once before anything is written,
+/// so that a damaged image is reported at once.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal apply result/calibration.json depth/ --out corrected/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
-  depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times from dataset.toml
+  depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times as in dataset.toml
   depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/")]
 pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
-    /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, which then gives the depth unit, the
-    /// images and the times and temperatures of the frames.
+    /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, from which depth unit, images, times and
+    /// temperatures of the frames are then taken.
     /// `-` alone reads raw frames from standard input and writes them, corrected, to standard output.
     #[arg(required = true)]
     depth: Vec<PathBuf>,
-    /// Folder for the results; it is made where it does not exist. A run that was interrupted goes on where it ended.
+    /// Folder for the results; created if it does not exist. An interrupted run continues where it ended.
     #[arg(long, value_name = "DIR", required_unless_present = "stream_output")]
     out: Option<PathBuf>,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Writes a point cloud per frame too: binary PLY in mm, with the image's values where there is an image.
+    /// Also writes a point cloud of every frame: binary PLY in mm, with the image's values as intensity where there is an
+    /// image.
     #[arg(long)]
     cloud: bool,
-    /// Millimetres per step of the depth images that belong to no dataset; by default those of the dataset that the
-    /// calibration was fitted to.
+    /// Millimetres per step of depth images outside datasets [default: as in the dataset that the calibration was fitted
+    /// to].
     #[arg(long, value_name = "X")]
     unit_mm: Option<f64>,
-    /// Infrared image, or a folder of them, for the depth image of the same file stem; may be given several times.
+    /// Infrared image of the depth image with the same name (without extension), or a folder of such images; may be given
+    /// several times.
     #[arg(long, value_name = "PATH")]
     image: Vec<PathBuf>,
-    /// Colour image on the pixel grid of the depth image, or a folder of them, for the depth image of the same file stem:
-    /// its colours go into the clouds; may be given several times.
+    /// Colour image on the pixel grid of the depth image with the same name (without extension), or a folder of such images:
+    /// colours of the point cloud; may be given several times.
     #[arg(long, value_name = "PATH", requires = "cloud")]
     color: Vec<PathBuf>,
 }
@@ -82,7 +85,7 @@ impl Apply {
         let all = jobs.len();
         let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
         if jobs.len() < all {
-            say!("{} of {all} frames were complete already", all - jobs.len());
+            say!("{} of {} were complete already", all - jobs.len(), count(all, "frame"));
         }
 
         let progress = Progress::new("checking images", jobs.len());
@@ -135,7 +138,7 @@ impl Apply {
         self.out.as_deref().unwrap_or(Path::new("."))
     }
 
-    /// The files that a frame ends in.
+    /// The files that a frame's results are written to.
     fn outputs(&self, job: &Job) -> Vec<PathBuf> {
         let image = self.target(&job.depth);
         let cloud = self.cloud.then(|| image.with_extension("ply"));
@@ -167,17 +170,19 @@ impl Apply {
 
     fn print(&self, frames: usize, summary: CorrectionSummary) {
         let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-        say!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+        say!("{}: {corrected} pixels corrected, {invalid} without depth", count(frames, "frame"));
         if not_correctable > 0 {
-            say!("{not_correctable} pixels are not correctable (no ray, or the model has no inverse there) and are 0");
+            say!(
+                "{not_correctable} pixels cannot be corrected (no ray, or the model has no inverse there) and are set to 0"
+            );
         }
         if saturated > 0 {
-            say!("{saturated} corrected depths lie beyond the range of 16 bits and were set to its end");
+            say!("{saturated} corrected depths are beyond the range of 16 bits and are set to its end");
         }
         say!("written: {}", self.folder().display());
     }
 
-    /// Where the corrected image of `depth` goes.
+    /// The path of the corrected image of `depth`.
     fn target(&self, depth: &Path) -> PathBuf {
         depth.file_name().map_or_else(|| self.folder().to_owned(), |name| self.folder().join(name))
     }
@@ -261,7 +266,7 @@ impl Apply {
         Ok(jobs.collect())
     }
 
-    /// Corrected images must neither replace each other nor their originals.
+    /// Refuses input whose corrected images would replace each other or their originals.
     fn check_names(&self, jobs: &[Job]) -> Result<(), Failure> {
         let out = self.folder().canonicalize().ok();
         let mut names = BTreeSet::new();
@@ -287,7 +292,7 @@ impl Apply {
     }
 }
 
-/// Says which effects of the calibration stay without effect because the frames do not tell what they depend on.
+/// Warns of effects of the calibration that cannot be corrected because frames lack the quantity that they depend on.
 fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
     let needs = corrector.needs();
     let cases = [
