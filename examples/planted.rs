@@ -8,10 +8,12 @@ use std::error::Error;
 use std::path::Path;
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::account;
+use depthcal::calibration::diagnose::record::to_file;
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal::calibration::simulated;
+use depthcal::io::FileReference;
+use depthcal::report::diagnosis_text;
 use depthcal_simulate::Effect;
 
 const DEFAULT: &str = "none,cyclic_depth=4,temporal_drift=6,depth_registration=3,range_offset=15,radial_range=8,\
@@ -39,7 +41,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let d = diagnose(&planted, None, &DiagnoseOptions::default())?;
         println!("| {text} | {rms_mm:.2} | {}", row(&d));
-        eprintln!("{text}\n{}", account::text(&d));
+        let record = to_file(&d, FileReference::default(), "projective");
+        eprintln!("{text}\n{}", diagnosis_text(&record));
     }
     Ok(())
 }

@@ -79,7 +79,7 @@ fn faults_of_a_stream_are_named() {
         (
             &bytes[..bytes.len() - 3],
             &["--unit-mm", "1", "--stream-output", "u16"],
-            &["standard input", "after 1 frames"],
+            &["standard input", "after 1 frame of"],
         ),
         (&bytes, &["--stream-output", "u16"], &["depth unit", "--unit-mm"]),
         (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--stream-size", "48x64"], &["48x64", "64x48"]),
@@ -124,7 +124,7 @@ fn an_interrupted_run_goes_on_where_it_ended() {
     write_depth(folder.path("out/a.png"), &mark).unwrap();
     write_depth(folder.path("out/b.png"), &mark).unwrap();
     let text = stdout(&apply("1"));
-    assert!(text.contains("2 of 3 frames were complete already") && text.contains("1 frames"), "{text}");
+    assert!(text.contains("2 of 3 frames were complete already") && text.contains("\n1 frame: "), "{text}");
     assert_eq!(read_depth(folder.path("out/a.png")).unwrap(), mark);
     assert_eq!(folder.names("out"), ["a.png", "b.png", "c.png"]);
 

@@ -27,9 +27,9 @@ fn names(d: &Diagnosis) -> Vec<&str> {
     d.steps.iter().map(|s| s.effects[0].as_str()).collect()
 }
 
-/// Decision and outcome of every round, in words.
+/// Decision and outcome of every round, for messages.
 fn decisions(d: &Diagnosis) -> Vec<String> {
-    d.rounds.iter().map(ToString::to_string).collect()
+    d.rounds.iter().map(|r| format!("{:?}: {:?}", r.decision, r.outcome)).collect()
 }
 
 /// Effects well above their detectable sizes: each is found, alone, and what is left is the noise.
@@ -201,8 +201,9 @@ fn a_wrong_square_size_is_said_to_be_just_that() {
     // Squares declared a quarter too large: the image sees the board a quarter too far, up to the depth camera's own scale.
     assert_eq!(d.declarations.len(), 1);
     assert!((d.declarations[0].scale * 1.25 - 1.0).abs() < 0.08, "{:?}", d.declarations);
-    let sentence = d.declarations[0].to_string();
-    assert!(sentence.contains("spacing_mm") && sentence.contains("unit_mm"), "{sentence}");
+    // The value that would fit is the true spacing, up to the same scale.
+    let found = &d.declarations[0];
+    assert!((found.fitting_spacing_mm() * 1.25 / found.spacing_mm - 1.0).abs() < 0.08, "{found:?}");
     assert!(run(&simulation(&[], 6)).declarations.is_empty());
 }
 

@@ -1,8 +1,10 @@
+//! `calibrate`: fits a camera to a dataset.
+
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use depthcal_io::Calibration;
-use depthcal_model::{Block, ModelSpec};
+use depthcal_model::{Block, ModelSpec, Parameter};
 
 use serde_json::{Value, json};
 
@@ -18,9 +20,10 @@ use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, c
 use depthcal_calibration::judge::cross_validation::{cross_validate, split};
 use depthcal_calibration::judge::evaluate::{evaluate, table};
 use depthcal_calibration::load::declared_camera;
+use depthcal_report::format::{Measured, count, interval, measured, number, quantity};
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
-/// Every `every`-th frame from number `first` on.
+/// Every `every`-th frame, beginning with number `first` (from 0).
 #[derive(Debug, Clone, Copy)]
 struct HoldOut {
     every: usize,
@@ -45,17 +48,17 @@ enum EstimatorName {
     Nonlinear,
 }
 
-/// Fits a depth camera to the captures of a board: intrinsics, lens, depth distortion and poses.
+/// Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses.
 ///
 /// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json and report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal calibrate captures/ --out result/                       K, lens and projective D
-  depthcal calibrate captures/ --cross-validate 3 --out result/    errors on frames that no fit saw
-  depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame judges
+  depthcal calibrate captures/ --cross-validate 3 --out result/    errors on held-out frames
+  depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame is held out
   depthcal calibrate captures/ --model projective:xw --out r/      only dx and dw free
   depthcal calibrate captures/ --with cyclic_depth@period_mm=300 --out r/
-  depthcal calibrate captures/ --rrd result.rrd --out result/      a recording for the rerun viewer too
+  depthcal calibrate captures/ --rrd result.rrd --out result/      also a recording for the rerun viewer
   depthcal calibrate captures/ --json --out r/ | jq .calibration.camera")]
 pub(super) struct Calibrate {
     /// Folder with a dataset.toml.
@@ -63,21 +66,20 @@ pub(super) struct Calibrate {
     /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,
-    /// Further effects by name, at whatever hook they act.
+    /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model.
     #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
     lens: String,
-    /// How the depth model is estimated: everything jointly, or D alone with camera and poses from the images.
+    /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
     estimator: EstimatorName,
-    /// Evaluates on frames that the fit did not see: leaves every N-th frame out of the fit, counted from the K-th
-    /// (from the first where K is not given).
+    /// Holds out every N-th frame, beginning with the K-th [default: the first]: these frames are not fitted but evaluated.
     #[arg(long, value_name = "N[:K]", value_parser = parse_hold_out)]
     hold_out: Option<HoldOut>,
-    /// Judges the model by N more fits, each without every N-th frame in turn: every frame is evaluated by a fit that
-    /// did not see it. The calibration itself is fitted to all frames.
+    /// Evaluates every frame with a model that was fitted without it: N further fits, each without every N-th frame. The
+    /// calibration itself is fitted to all frames.
     #[arg(long, visible_alias = "folds", value_name = "N", conflicts_with = "hold_out", value_parser = clap::value_parser!(u16).range(2..))]
     cross_validate: Option<u16>,
     #[command(flatten)]
@@ -114,7 +116,7 @@ impl Calibrate {
         let (width, height) = (loaded.capture.width, loaded.capture.height);
         options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
         if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
-            say!("no depth images: camera and lens alone are fitted");
+            say!("no depth images: only camera and lens are fitted");
             options.model = ModelSpec::none();
         }
         let busy = Progress::busy("fitting");
@@ -152,7 +154,7 @@ impl Calibrate {
         };
         let report = write_report(&report, &self.output.out)?;
         say!("written: {} and {}", written.display(), report.display());
-        // Cross-validation has a camera for every part; a recording is of one.
+        // A recording is of one camera; cross-validation has one for every part.
         let detected = result.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         recorded.extend(held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));
@@ -169,29 +171,38 @@ impl Calibrate {
 /// Blocks of more parameters than this are printed by their fields.
 const MOST_PRINTED: usize = 24;
 
-/// Every field of a block by its range, its roughness, and what determines it.
+/// One line: a name, a value, what is known about it, a unit.
+fn print_parameter(parameter: &Parameter, shown: &Measured, unknown: &str) {
+    let std = shown.std.as_ref().map_or_else(|| unknown.to_owned(), |std| format!("± {std}"));
+    let unit = if parameter.unit == "1" { "" } else { parameter.unit };
+    let line = format!("  {:6} {:>12} {std:<12} {unit}", parameter.name, shown.value);
+    say!("{}", line.trim_end());
+}
+
+/// Every field of a block: its range, its roughness, and how much of it the data determine; then the parameters that are the
+/// same at all pixels.
 fn print_fields(result: &Calibrated, block: &Block) {
     let Some(layout) = block.piece().and_then(|p| p.field()) else { return };
     for field in result.smoothness.fields.iter().filter(|f| f.piece == block.name()) {
         let values = || indices(&layout, field.index).map(|i| block.theta[i]);
         let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-        let effective = field.effective.map_or_else(String::new, |e| format!(", {e:.1} effective parameters"));
+        let effective = field.effective.map_or_else(String::new, |e| format!(", {} effective parameters", number(e)));
         say!(
-            "  {:6} {least:>14.6e} to {most:.6e}  {} nodes with data{effective}, roughness {:.2e}; {} without data stay neutral",
+            "  {:6} {}  {} nodes with data{effective}, roughness {}; {} without data stay neutral",
             field.field,
+            interval(least, most, ""),
             field.nodes,
-            field.roughness,
+            number(field.roughness),
             field.untouched
         );
     }
     for i in layout.parameter_count() - layout.shared..layout.parameter_count() {
-        let parameter = &block.parameters()[i];
-        say!("  {:6} {:>14.6e} {}", parameter.name, block.theta[i], parameter.unit);
+        print_parameter(&block.parameters()[i], &measured(block.theta[i], None), "");
     }
 }
 
 /// Parameters with standard deviations, and how the fit went.
-pub(super) fn print_parameters(result: &Calibrated) {
+fn print_parameters(result: &Calibrated) {
     let mut stds = result.std_devs().into_iter();
     for block in result.camera.blocks() {
         say!("{}", block.name());
@@ -201,29 +212,27 @@ pub(super) fn print_parameters(result: &Calibrated) {
             continue;
         }
         for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
-            let std = match stds.next().flatten() {
-                Some(std) => format!("± {std:.2e}"),
-                None if *free => "no std. dev.".to_owned(),
-                None => "held".to_owned(),
-            };
-            say!("  {:6} {value:>14.6e} {std:>13}  {}", parameter.name, parameter.unit);
+            let shown = measured(*value, stds.next().flatten());
+            print_parameter(parameter, &shown, if *free { "no std. dev." } else { "fixed" });
         }
     }
     let noise = &result.noise;
     let depth = if result.with_depth {
-        format!(", depth σρ² = ({:.2e}/mm)² + ({:.2} mm · ρ²)²", noise.depth.a_per_mm, noise.depth.b_mm)
+        let (a, b) = (number(noise.depth.a_per_mm), number(noise.depth.b_mm));
+        format!("; of inverse depth ρ: σ² = ({a}/mm)² + ({b} mm · ρ²)²")
     } else {
         String::new()
     };
-    say!("noise: {:.3} px{depth}", noise.pixel_sigma);
+    say!("noise of a marker: {} per coordinate{depth}", quantity(noise.pixel_sigma, "px"));
     let samples: usize = result.capture.frames.iter().map(|f| f.samples.len()).sum();
     let apart = result.correlation_length_px.unwrap_or(1);
     say!(
-        "{} frames, {samples} depth pixels at least {apart} px apart ({} outliers left out); {} after {} iterations",
-        result.capture.frames.len(),
-        result.outliers,
+        "{}, {} at least {apart} px apart ({} excluded); {} after {}",
+        count(result.capture.frames.len(), "frame"),
+        count(samples, "depth pixel"),
+        count(result.outliers, "outlier"),
         result.termination,
-        result.iterations
+        count(result.iterations, "iteration")
     );
     for frame in &result.capture.dropped {
         say!("not used: {} ({})", frame.name, frame.reason);

@@ -1,4 +1,4 @@
-//! What the commands share.
+//! Options, files and failures that several commands share.
 
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -13,31 +13,32 @@ use depthcal_calibration::calibration_record::{calibration_record, camera_from_r
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
 use depthcal_calibration::observe::DroppedFrame;
+use depthcal_report::format::count;
 use depthcal_report::{ReportInput, render};
 use serde_json::{Value, json};
 
 use super::session::Session;
 use super::voice::say;
 
-/// Why a command ends with another exit code than 0.
+/// Why a command fails, by exit code.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// Exit code 1.
+    /// Invalid input or arguments: exit code 1.
     Input(String),
-    /// Exit code 2.
+    /// A fit that cannot be trusted: exit code 2.
     Untrusted(String),
 }
 
-/// Frames that were used and those that were not, with reasons.
+/// For `--json`: the number of used frames, and the others with reasons.
 pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Value {
     let dropped: Vec<Value> = dropped.iter().map(|d| json!({ "name": d.name, "reason": d.reason })).collect();
     json!({ "dataset": name, "used": used, "dropped": dropped })
 }
 
-/// Says which frames of an evaluation could not be judged that the capture itself had.
+/// Prints the frames that could not be evaluated, without those of `known`, which are printed already.
 pub(super) fn say_not_judged(evaluated: &Evaluated, known: &[DroppedFrame]) {
     for frame in evaluated.dropped.iter().filter(|f| known.iter().all(|k| k.name != f.name)) {
-        say!("  not judged: {} ({})", frame.name, frame.reason);
+        say!("  not evaluated: {} ({})", frame.name, frame.reason);
     }
 }
 
@@ -57,10 +58,10 @@ impl From<CalibrateError> for Failure {
     }
 }
 
-/// Where results go.
+/// The folder of the results.
 #[derive(Debug, Args)]
 pub(super) struct Output {
-    /// Folder for the results; it is made where it does not exist.
+    /// Folder for the results; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
 }
@@ -72,13 +73,13 @@ impl Output {
     }
 }
 
-/// How datasets are read.
+/// Options of reading datasets.
 #[derive(Debug, Args)]
 pub(super) struct Reading {
-    /// Looks for the board again, even where an earlier detection of the same images is cached.
+    /// Detects the board again, even if a detection of the same images is cached.
     #[arg(long)]
     pub(super) refresh: bool,
-    /// Neither reads nor writes cached detections.
+    /// Does not use the cache of detections.
     #[arg(long)]
     pub(super) no_cache: bool,
 }
@@ -94,14 +95,14 @@ impl Reading {
         }
     }
 
-    /// Reads a dataset and says what was found.
+    /// Reads a dataset and prints in how many frames the board was found.
     pub(super) fn load(&self, path: &Path, session: &Session) -> Result<Loaded, Failure> {
         let busy = Progress::busy("reading");
         let loaded = load(path, &self.options(session)).map_err(input)?;
         drop(busy);
         let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len());
         let cached = if loaded.from_cache { " (cached)" } else { "" };
-        say!("{}: the board was found in {found} of {} frames{cached}", loaded.dataset.name, found + dropped);
+        say!("{}: the board was found in {found} of {}{cached}", loaded.dataset.name, count(found + dropped, "frame"));
         for frame in &loaded.capture.dropped {
             say!("  not used: {} ({})", frame.name, frame.reason);
         }
@@ -135,7 +136,7 @@ pub(super) fn write_report(report: &ReportInput<'_>, out: &Path) -> Result<PathB
     Ok(path)
 }
 
-/// The command as it was given, for the record.
+/// The command line, for the report.
 pub(super) fn command_line() -> String {
     let words = std::env::args().skip(1);
     std::iter::once("depthcal".to_owned()).chain(words).collect::<Vec<_>>().join(" ")

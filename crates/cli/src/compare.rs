@@ -1,3 +1,5 @@
+//! `compare`: compares depth models.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -15,21 +17,21 @@ use depthcal_calibration::compare::{CompareOptions, compare};
 use depthcal_calibration::load::declared_camera;
 use depthcal_report::render_comparison;
 
-/// Compares depth models on data that their fits did not see.
+/// Compares depth models on held-out data.
 ///
-/// Each model is fitted to TRAIN and judged on the datasets of --verify, or, without any, on frames of TRAIN that several
-/// fits leave out in turn. Prints the ranking with intervals from resampled frames, says which differences are real, and
-/// prints the tables of Sjöholm 2017 for all subsets of D. Writes comparison.json and report.html.
+/// Each model is fitted to TRAIN and evaluated on the datasets of --verify or, without any, by cross-validation on TRAIN.
+/// Prints the ranking with intervals from resampled frames, which differences are significant, and the tables of Sjöholm
+/// 2017 for all subsets of D. Writes comparison.json and report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  depthcal compare captures/ --out compared/                       frames left out in turn judge
+  depthcal compare captures/ --out compared/                       cross-validation
   depthcal compare captures/ --verify other/ third/ --out compared/
   depthcal compare captures/ --models none,projective,projective+bspline --no-thesis --out compared/
   depthcal compare captures/ --json --out compared/ | jq '.comparison.models[].model'")]
 pub(super) struct Compare {
-    /// Folder with a dataset.toml: what the models are fitted to.
+    /// Folder with a dataset.toml: the dataset that the models are fitted to.
     train: PathBuf,
-    /// Datasets that the models are judged on.
+    /// Datasets that the models are evaluated on.
     #[arg(long, num_args = 1.., value_name = "DATASET")]
     verify: Vec<PathBuf>,
     /// Depth models: none, projective, projective:xw, bspline, projective+bspline, multiplier@columns=16@rows=12, …
@@ -40,19 +42,19 @@ pub(super) struct Compare {
         default_value = "none,projective:xw,projective,bspline,multiplier,disparity_decay,polynomial_map,projective+bspline"
     )]
     models: Vec<String>,
-    /// Further effects that every model is given.
+    /// Further effects that are part of every model.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model.
     #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
     lens: String,
-    /// Parts into which the frames of TRAIN are divided where there is no --verify.
+    /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
-    /// Leaves out the thesis' tables: subsets of D, lens or none, four estimators, stability of D.
+    /// Omits the tables of Sjöholm 2017: subsets of D, with and without lens, four estimators, stability of D.
     #[arg(long)]
     no_thesis: bool,
-    /// Fits per number of frames in the learning curve; 0 for no learning curve.
+    /// Fits per number of frames in the learning curve; 0: no learning curve.
     #[arg(long, default_value = "3", value_name = "N")]
     learning: u16,
     #[command(flatten)]
@@ -94,7 +96,7 @@ impl Compare {
         let captures: Vec<_> = verify.into_iter().map(|v| v.capture).collect();
         let busy = Progress::busy("comparing models");
         let comparison = compare(&train.capture, &captures, &options).map_err(input)?;
-        // Its map is a figure of the report; the comparison itself keeps no cameras.
+        // Fitted again for its maps in the report: the comparison keeps no cameras.
         let best = comparison.models.first().filter(|m| m.failed.is_none()).and_then(|best| {
             let model = session.register.model_spec(&best.model).ok()?;
             let options = CalibrateOptions { model, ..options.calibrate.clone() };

@@ -1,10 +1,11 @@
-use std::io::{Write, stdout};
+//! `completions`: scripts for shells.
 
-use clap::{Args, CommandFactory};
+use clap::Args;
 use clap_complete::{Shell, generate};
 use serde_json::Value;
 
 use super::common::Failure;
+use super::voice::document;
 
 /// Prints a script that completes commands and options in a shell.
 #[derive(Debug, Args)]
@@ -18,10 +19,11 @@ pub(super) struct Completions {
 }
 
 impl Completions {
-    pub(super) fn run(&self) -> Result<Value, Failure> {
+    /// `command` is the whole command line.
+    pub(super) fn run(&self, mut command: clap::Command) -> Result<Value, Failure> {
         let mut script = Vec::new();
-        generate(self.shell, &mut super::Arguments::command(), "depthcal", &mut script);
-        let _ = stdout().write_all(&script);
+        generate(self.shell, &mut command, "depthcal", &mut script);
+        document(&script);
         Ok(Value::Null)
     }
 }

@@ -1,3 +1,5 @@
+//! `demo`: simulates captures and diagnoses them.
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -13,18 +15,18 @@ use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::diagnose::{DiagnoseOptions, diagnose};
 
-/// What the demo's camera has and its model does not declare.
+/// The effect that the demo's camera has and the declared model lacks.
 const EFFECT: &str = "cyclic_depth";
-/// Its size, mm: the amplitude of a time-of-flight camera's wave, some of which D takes up.
+/// Its size, mm: the amplitude of the wave, a part of which D compensates.
 const SIZE_MM: f64 = 6.0;
 const SEED: u64 = 1;
-/// Tells captures that an earlier demo made, which may be replaced, from everything else.
+/// Marks a folder as made by an earlier demo, so that it may be replaced.
 const MARK: &str = ".made-by-depthcal-demo";
 
-/// Simulates captures of a camera with an error that nobody declares, finds the error, and reports.
+/// Simulates captures of a camera with an undeclared error, finds the error, and writes the report.
 ///
-/// Two captures are rendered: one to fit, one that only judges the result. The camera is camera 1 of the thesis, with depth
-/// that waves over distance on top, which the usual model does not have: `diagnose` has to find that from the captures.
+/// Two captures are rendered: one to fit, one to evaluate the result. The camera is camera 1 of Sjöholm 2017 with depth that
+/// also waves over distance, which the usual model lacks; `diagnose` finds it from the captures.
 #[derive(Debug, Args)]
 pub(super) struct Demo {
     /// Folder for captures and results.
@@ -37,7 +39,7 @@ impl Demo {
         let captures = self.out.join("captures");
         clear(&captures)?;
         let (fitted, other) = (captures.join("general1"), captures.join("general2"));
-        say!("rendering two captures of a camera with {EFFECT}, which the model will not declare");
+        say!("rendering two captures of a camera with {EFFECT}, which the declared model lacks");
         render(&fitted, Kind::General(1))?;
         render(&other, Kind::General(2))?;
 
@@ -45,7 +47,7 @@ impl Demo {
         let (loaded, judge) = (reading.load(&fitted, session)?, reading.load(&other, session)?);
         let options = DiagnoseOptions { calibrate: session.calibrate_options(), ..DiagnoseOptions::default() };
         let d = diagnose(&loaded.capture, Some(&judge.capture), &options)?;
-        let title = "Demo: a depth camera with an error that nobody declared".to_owned();
+        let title = "Demo: a depth camera with an undeclared error".to_owned();
         let told = Told {
             title,
             command_line: "depthcal demo".to_owned(),
@@ -60,8 +62,8 @@ impl Demo {
 fn story() -> Vec<String> {
     vec![format!(
         "The captures were simulated: camera 1 of Sjöholm 2017 with its published lens and depth distortion, and the effect \
-         '{EFFECT}' on top of it. Neither the dataset nor the model that was declared ('projective') says so. One capture \
-         (general1) was fitted; the other (general2) was seen by nothing but the evaluation."
+         '{EFFECT}'. Neither the dataset nor the declared model ('projective') contains this effect. One capture (general1) \
+         was fitted; the other (general2) was used for evaluation only."
     )]
 }
 
@@ -73,13 +75,15 @@ fn render(folder: &Path, kind: Kind) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Makes room for new captures; nothing that is not an earlier demo's goes.
+/// Removes the captures of an earlier demo; refuses any other folder.
 fn clear(captures: &Path) -> Result<(), Failure> {
     let unwritable = |e: std::io::Error| Failure::Input(format!("{}: cannot write here: {e}", captures.display()));
     if captures.exists() {
         if !captures.join(MARK).exists() {
             let shown = captures.display();
-            return Err(Failure::Input(format!("{shown} exists and is not an earlier demo's: give another --out")));
+            return Err(Failure::Input(format!(
+                "{shown} exists and was not made by an earlier demo: give another --out"
+            )));
         }
         fs::remove_dir_all(captures).map_err(unwritable)?;
     }

@@ -1,3 +1,5 @@
+//! `detect`: finds the board in the images of a dataset.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -7,14 +9,15 @@ use serde_json::{Value, json};
 use super::common::{Failure, Reading, frames_of, input};
 use super::session::Session;
 use super::voice::say;
+use depthcal_report::format::count;
 
 /// Finds the board in every image of a dataset and caches what was found.
 ///
-/// Says of every image in which the board was not found why; the other commands do this themselves.
+/// Prints why the board was not found, for every image without it. The other commands detect boards themselves.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal detect captures/
-  depthcal detect captures/ --refresh --out found/    look again, and write observations.json")]
+  depthcal detect captures/ --refresh --out found/    detect again, and write observations.json")]
 pub(super) struct Detect {
     /// Folder with a dataset.toml.
     dataset: PathBuf,
@@ -29,7 +32,7 @@ impl Detect {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let loaded = self.reading.load(&self.dataset, session)?;
         let markers: usize = loaded.capture.frames.iter().map(|f| f.markers.len()).sum();
-        say!("{markers} markers");
+        say!("{}", count(markers, "marker"));
         if let Some(out) = &self.out {
             loaded.observations().write(out.join("observations.json")).map_err(input)?;
         }

@@ -1,3 +1,5 @@
+//! `diagnose`: finds what a model lacks.
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -11,19 +13,19 @@ use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
 use depthcal_calibration::calibrate::CalibrateOptions;
-use depthcal_calibration::diagnose::account::text;
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::load::{Loaded, declared_camera};
-use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role};
+use depthcal_report::format::count;
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text};
 
-/// Finds what a camera's model lacks: fits it, looks at what is left, traces that to an effect, adds it, fits again and
-/// reports the error before and after on frames that the fit did not see.
+/// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
+/// them, fits again, and reports held-out errors before and after.
 ///
-/// Nothing to find is a verdict too, given with the smallest effects that the captures would have shown. Writes
-/// diagnosis.json (the account), calibration.json (the last model), evaluation.json, observations.json and report.html.
+/// Where nothing is missing, it reports the smallest effects that these captures would have shown. Writes diagnosis.json (the
+/// record), calibration.json (the last model), evaluation.json, observations.json and report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal diagnose captures/ --out result/                  start from K, lens and projective D
@@ -33,20 +35,19 @@ use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 pub(super) struct Diagnose {
     /// Folder with a dataset.toml.
     dataset: PathBuf,
-    /// Another dataset of the same camera, on which the errors are reported; without it every frame is judged by a fit
-    /// that did not see it.
+    /// Another dataset of the same camera, on which the errors are reported [default: cross-validation].
     #[arg(long, value_name = "DATASET")]
     verify: Option<PathBuf>,
     /// Depth model to start from: none, projective, projective:xw, or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,
-    /// Effects that the model is to have from the start.
+    /// Effects that are part of the model from the start.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model.
     #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
     lens: String,
-    /// Fits per cross-validation where --verify is not given.
+    /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
     #[command(flatten)]
@@ -95,7 +96,7 @@ impl Diagnose {
         let fitted = evaluate(&d.last.camera, &d.last.capture);
         let detected = d.last.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
-        // Left-out frames of the dataset itself were judged by cameras of their own.
+        // Held-out frames of the dataset itself were evaluated with several cameras.
         recorded.extend(verify.as_ref().map(|v| (&v.capture, &d.after.evaluated)));
         if let (Some(path), Some(written)) =
             (self.recording.write(&d.last.camera, &recorded)?, result["written"].as_array_mut())
@@ -106,19 +107,19 @@ impl Diagnose {
     }
 }
 
-/// What the results say beside the diagnosis itself.
+/// What the results contain besides the diagnosis itself.
 pub(super) struct Told<'a> {
     pub(super) title: String,
     pub(super) command_line: String,
     /// The declared model.
     pub(super) model: &'a str,
-    /// Whether another dataset judged.
+    /// Whether the errors are those of another dataset.
     pub(super) verified: bool,
     /// Sentences that introduce the report.
     pub(super) story: Vec<String>,
 }
 
-/// Says and writes what a diagnosis found: the account, the last model's calibration, its errors, the report.
+/// Prints a diagnosis and writes its files: record, calibration of the last model, errors, report.
 pub(super) fn tell(
     d: &Diagnosis,
     loaded: &Loaded,
@@ -126,14 +127,14 @@ pub(super) fn tell(
     session: &Session,
     out: &Path,
 ) -> Result<Value, Failure> {
-    let mut account = to_file(d, loaded.reference.clone(), told.model);
-    // Without the matrix the account is as good; the diagnosis itself has linearised the same model.
-    account.separability = separability(d, &session.register).ok();
+    let mut record = to_file(d, loaded.reference.clone(), told.model);
+    // The matrix is optional in the record; the diagnosis itself has linearised the same model.
+    record.separability = separability(d, &session.register).ok();
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
-    say!("fitted to {used} of {all} frames; those left out, and why, are in the account");
-    say!("\n{}", text(d));
+    say!("fitted to {used} of {}", count(all, "frame"));
+    say!("\n{}", diagnosis_text(&record));
     let file = out.join("diagnosis.json");
-    account.write(&file).map_err(input)?;
+    record.write(&file).map_err(input)?;
     let fitted = evaluate(&d.last.camera, &d.last.capture);
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
@@ -148,18 +149,13 @@ pub(super) fn tell(
         command_line: told.command_line,
         calibrated: Some(&d.last),
         evaluations: &shown,
-        diagnosis: Some(ReportDiagnosis {
-            account: &account,
-            first: &d.first,
-            before: &d.before.evaluated,
-            register: &session.register,
-        }),
+        diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated, register: &session.register }),
         story: &told.story,
     };
     let report = write_report(&report, out)?;
     say!("written: {} and {}", file.display(), report.display());
     let capture = &d.last.capture;
     let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
-    frames["left_out"] = value_of(&account.bad_frames)?;
-    Ok(json!({ "frames": frames, "diagnosis": value_of(&account)?, "written": [file, calibration, report] }))
+    frames["left_out"] = value_of(&record.bad_frames)?;
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": [file, calibration, report] }))
 }

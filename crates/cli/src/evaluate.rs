@@ -1,3 +1,5 @@
+//! `evaluate`: errors of a calibration on datasets.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -13,11 +15,13 @@ use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::judge::evaluate::{evaluate, table};
+use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
 /// Measures a calibration's errors on datasets, before and after correction.
 ///
-/// Poses come from the images alone, with the calibration's camera and lens held. Writes evaluation.json and report.html.
+/// Poses are estimated from the images alone, with camera and lens of the calibration fixed. Writes evaluation.json and
+/// report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal evaluate result/calibration.json other-captures/ --out check/
@@ -69,7 +73,7 @@ impl Evaluate {
             frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
             let uncorrectable: usize = evaluated.frames.iter().map(|f| f.uncorrectable).sum();
             if uncorrectable > 0 {
-                say!("  {uncorrectable} depth pixels cannot be corrected by this model and are left out");
+                say!("  {} cannot be corrected by this model and are excluded", count(uncorrectable, "depth pixel"));
             }
             datasets.push(evaluated.record());
             all.push((evaluated, role, loaded.capture));

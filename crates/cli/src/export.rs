@@ -1,3 +1,5 @@
+//! `export`: calibrations for other programs.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -10,7 +12,7 @@ use super::voice::{complaint, say};
 
 /// Writes a calibration in the format of another program.
 ///
-/// What that program cannot represent is said on standard error.
+/// Warns on standard error of everything that the format cannot represent.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal export result/calibration.json --format opencv --out camera.yml

@@ -1,13 +1,15 @@
-use std::io::{Write, stdout};
+//! `man`: manual pages.
+
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory};
+use clap::Args;
 use clap_mangen::Man;
 use depthcal_io::write_atomically;
 use serde_json::{Value, json};
 
 use super::common::{Failure, input};
-use super::voice::say;
+use super::voice::{document, say};
+use depthcal_report::format::count;
 
 /// Prints the manual page, or writes one for every command into a folder.
 #[derive(Debug, Args)]
@@ -15,14 +17,14 @@ use super::voice::say;
   depthcal man | man -l -
   depthcal man --out ~/.local/share/man/man1")]
 pub(super) struct ManPage {
-    /// Folder for the pages of all commands; without it the main page goes to standard output.
+    /// Folder for the pages of all commands [default: the main page, to standard output].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
 impl ManPage {
-    pub(super) fn run(&self) -> Result<Value, Failure> {
-        let mut command = super::Arguments::command();
+    /// `command` is the whole command line.
+    pub(super) fn run(&self, mut command: clap::Command) -> Result<Value, Failure> {
         command.build();
         let page = |command: clap::Command| -> Result<Vec<u8>, Failure> {
             let mut text = Vec::new();
@@ -30,7 +32,7 @@ impl ManPage {
             Ok(text)
         };
         let Some(out) = &self.out else {
-            let _ = stdout().write_all(&page(command)?);
+            document(&page(command)?);
             return Ok(Value::Null);
         };
         let mut written = Vec::new();
@@ -42,7 +44,7 @@ impl ManPage {
             write_atomically(&path, |file| file.write_all(&text)).map_err(input)?;
             written.push(path);
         }
-        say!("{} pages written: {}", written.len(), out.display());
+        say!("{} written: {}", count(written.len(), "page"), out.display());
         Ok(json!({ "written": written }))
     }
 }

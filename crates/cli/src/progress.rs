@@ -1,15 +1,15 @@
-//! Progress on a terminal, silence elsewhere.
+//! Progress bars on a terminal; nothing elsewhere.
 
 use std::sync::LazyLock;
 use std::time::Duration;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// All bars of the process: those that run inside each other stand one below the other.
+/// All bars of the process, one below the other.
 static ALL: LazyLock<MultiProgress> =
     LazyLock::new(|| MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(5)));
 
-/// Draws the progress of the library's jobs.
+/// Draws the progress of the library's jobs as bars.
 #[derive(Debug, Clone, Copy)]
 pub struct Bars;
 
@@ -42,12 +42,12 @@ impl Progress {
         Self::styled(what, ProgressBar::new(total as u64), "{msg} {bar:30} {pos}/{len} {eta}")
     }
 
-    /// The same where nobody knows how many there are.
+    /// A counter for an unknown number of steps.
     pub fn endless(what: &'static str) -> Self {
         Self::styled(what, ProgressBar::no_length(), "{msg} {spinner} {pos} ({per_sec})")
     }
 
-    /// For a job whose steps nobody can count beforehand: says that it is at work and for how long.
+    /// A spinner with the elapsed time, for a job without countable steps.
     pub fn busy(what: &'static str) -> Self {
         let progress = Self::styled(what, ProgressBar::new_spinner(), "{spinner} {msg} {elapsed}");
         if !progress.0.is_hidden() {
@@ -65,7 +65,7 @@ impl Progress {
         Self(bar)
     }
 
-    /// One step is done.
+    /// Counts one step.
     pub fn advance(&self) {
         self.0.inc(1);
     }

@@ -9,17 +9,17 @@ use super::common::Failure;
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::observe::Capture;
 
-/// Where a recording goes.
+/// The file of a recording.
 #[derive(Debug, Args)]
 pub(super) struct Recording {
-    /// Writes a recording for the rerun viewer: boards, camera, images, depth, and clouds before and after correction,
-    /// frame by frame. Needs a depthcal that was built with `--features rerun`.
+    /// Writes a recording for the rerun viewer: boards, camera, images, depth, and point clouds before and after correction,
+    /// frame by frame. Requires a depthcal that was built with `--features rerun`.
     #[arg(long, value_name = "FILE")]
     rrd: Option<PathBuf>,
 }
 
 impl Recording {
-    /// Refuses what this depthcal cannot write, before any work is done.
+    /// Refuses --rrd where this depthcal cannot write it, before any work is done.
     pub(super) fn check(&self) -> Result<(), Failure> {
         match &self.rrd {
             Some(path) if !cfg!(feature = "rerun") => Err(Failure::Input(format!(
@@ -31,7 +31,7 @@ impl Recording {
         }
     }
 
-    /// Writes the recording where one is asked for; gives its path.
+    /// Writes the recording if one was asked for; returns its path.
     #[cfg(feature = "rerun")]
     pub(super) fn write(
         &self,
@@ -50,7 +50,7 @@ impl Recording {
         Ok(Some(path.clone()))
     }
 
-    /// Nothing: [`Recording::check`] has refused what could be asked for.
+    /// Without the feature, [`Recording::check`] has refused every --rrd already.
     #[cfg(not(feature = "rerun"))]
     pub(super) fn write(&self, _: &Camera, _: &[(&Capture, &Evaluated)]) -> Result<Option<PathBuf>, Failure> {
         Ok(None)

@@ -1,4 +1,4 @@
-//! What every command of one run shares.
+//! The register and the progress bars that the commands of one run share.
 
 use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::progress::ProgressHandle;
@@ -7,10 +7,10 @@ use depthcal_model::{ModelSpec, PieceSpec, Register};
 use super::common::Failure;
 use crate::progress::Bars;
 
-/// The pieces that names may mean, and where progress is shown.
+/// The known pieces, and where progress is shown.
 #[derive(Debug)]
 pub(crate) struct Session {
-    /// Pieces of depthcal, and those of the program that runs the command line.
+    /// Pieces of depthcal and of the program that runs the command line.
     pub(crate) register: Register,
     /// Bars on terminals.
     pub(crate) progress: ProgressHandle,

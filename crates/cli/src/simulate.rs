@@ -1,3 +1,5 @@
+//! `simulate`: datasets of cameras whose errors are known.
+
 use std::fmt::Write as _;
 use std::path::{Component, Path, PathBuf};
 use std::{fs, io};
@@ -11,41 +13,41 @@ use serde_json::{Value, json};
 use super::common::{Failure, Output, input};
 use super::voice::say;
 use crate::progress::Progress;
+use depthcal_report::format::count;
 
 /// Renders captures of a board by a depth camera whose errors are known, as a dataset.
 ///
-/// Nothing in the dataset tells which effects were simulated; --truth writes that to a file elsewhere. The same seed
-/// gives the same bytes.
+/// The dataset does not contain which effects were simulated; --truth writes them to a file elsewhere. The same seed gives
+/// the same bytes.
 #[derive(Debug, Args)]
 #[command(after_long_help = effects_help())]
 pub(super) struct Simulate {
-    /// Camera of the thesis: 1, 2, 3 or 4.
+    /// Camera of Sjöholm 2017: 1, 2, 3 or 4.
     #[arg(long, value_name = "N", default_value_t = 1)]
     camera: usize,
-    /// How the board is held: general1 (any generalN is another such capture), centered1, longplywood1, longplywood2,
+    /// Poses of the board: general1 (any generalN is another such capture), centered1, longplywood1, longplywood2,
     /// plywood1, sameheight1, sameheight2 or vertical1.
     #[arg(long, default_value = "general1")]
     kind: String,
-    /// Something that is wrong with camera or board, at its usual size or at SIZE; may be given several times. --help
-    /// lists them.
+    /// An error of camera or board, of its usual size or of SIZE; may be given several times. --help lists them.
     #[arg(long, value_name = "NAME[=SIZE]")]
     effect: Vec<String>,
-    /// Decides poses, times and noise.
+    /// Seed of poses, times and noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Number of frames instead of the kind's own.
+    /// Number of frames [default: that of the kind].
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
-    /// File (JSON) that receives what was simulated; it must lie outside the dataset.
+    /// JSON file for what was simulated; outside the dataset.
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
 }
 
-/// Frames are rendered here, inside the dataset's folder, and renamed when all are complete.
+/// Folder inside the dataset's folder, in which frames are rendered until all are complete.
 const STAGING: &str = ".depthcal-simulate.tmp";
-/// What a dataset consists of; `dataset.toml`, which makes it one, comes last.
+/// The parts of a dataset. `dataset.toml`, without which a folder is no dataset, comes last.
 const PARTS: [&str; 4] = ["image", "depth", "frames.csv", "dataset.toml"];
 
 impl Simulate {
@@ -65,14 +67,14 @@ impl Simulate {
         let busy = Progress::busy("rendering");
         let frames = self.render(&simulation, &staging);
         drop(busy);
-        // What is left of the staging folder is this command's own; the dataset's folder goes only where it is empty and
-        // was not there before.
+        // The staging folder belongs to this command; the dataset's folder is removed only if this command created it and it
+        // is empty.
         let _ = fs::remove_dir_all(&staging);
         if frames.is_err() && !existed {
             let _ = fs::remove_dir(out);
         }
         let frames = frames?;
-        say!("{frames} frames written: {}", out.display());
+        say!("{} written: {}", count(frames, "frame"), out.display());
         Ok(json!({ "frames": frames, "written": [out] }))
     }
 
@@ -87,7 +89,7 @@ impl Simulate {
             Some(frames) => simulation.frames(frames),
             None => simulation,
         };
-        // Whatever makes it impossible shows before a folder is made.
+        // Errors of the simulation show before a folder is created.
         simulation.truth().map_err(input)?;
         Ok(simulation)
     }
@@ -107,7 +109,7 @@ impl Simulate {
     }
 }
 
-/// Refuses a folder that holds anything: nothing of the user's is overwritten or mixed with the dataset.
+/// Refuses a folder that is not empty, so that nothing of the user's is overwritten or mixed with the dataset.
 fn check_empty(out: &Path) -> Result<(), Failure> {
     let entries = match fs::read_dir(out) {
         Ok(entries) => entries,
@@ -127,7 +129,7 @@ fn check_empty(out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Removes what an interrupted run has left.
+/// Removes the staging folder of an interrupted run.
 fn remove(staging: &Path) -> Result<(), Failure> {
     match fs::remove_dir_all(staging) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(unwritable(staging, &error)),
@@ -139,7 +141,7 @@ fn unwritable(path: &Path, error: &io::Error) -> Failure {
     Failure::Input(format!("{}: cannot write here: {error}; give --out a folder that can be written", path.display()))
 }
 
-/// The path without links, `.` and `..`, whether it exists or not.
+/// The path without links, `.` and `..`; it need not exist.
 fn resolved(path: &Path) -> PathBuf {
     let mut resolved = PathBuf::new();
     for component in std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).components() {
@@ -169,7 +171,7 @@ fn effects_help() -> String {
                 writeln!(text, "  {:22} {:>5} {}  {}", effect.name, effect.default_size, effect.unit, effect.size_is);
         }
     };
-    list("Effects that the model has pieces for, with their usual sizes", catalogue());
-    list("\nEffects beyond them", uncatalogued());
+    list("Effects that depthcal has models for, with their usual sizes", catalogue());
+    list("\nOther effects", uncatalogued());
     text
 }

@@ -1,4 +1,7 @@
-//! Where a command's words go: to standard output, or, when that carries a result for machines, to standard error.
+//! Everything that the program writes to standard output and standard error, but for progress bars and log messages.
+//!
+//! Messages go to standard output, or to standard error where standard output carries a result: JSON or frames. A reader that
+//! has gone away (`| head`) is no error.
 
 use std::fmt::{Arguments, Display};
 use std::io::{IsTerminal, Write, stderr, stdout};
@@ -19,7 +22,7 @@ pub(super) fn is_json() -> bool {
     JSON.load(Ordering::Relaxed)
 }
 
-/// Says a line; a reader that has gone away (`| head`) is no error.
+/// Writes a line of a message.
 pub(super) fn line(words: Arguments<'_>) {
     let _ = if is_json() { writeln!(stderr(), "{words}") } else { writeln!(stdout(), "{words}") };
 }
@@ -30,6 +33,32 @@ macro_rules! say {
 }
 pub(super) use say;
 
+/// Writes a line to standard error.
+pub(super) fn note_line(words: Arguments<'_>) {
+    let _ = writeln!(stderr(), "{words}");
+}
+
+/// `eprintln!` for commands whose standard output carries frames.
+macro_rules! note {
+    ($($words:tt)*) => { $crate::voice::note_line(format_args!($($words)*)) };
+}
+pub(super) use note;
+
+/// Writes a document, such as a manual page, to standard output.
+pub(super) fn document(bytes: &[u8]) {
+    let _ = stdout().write_all(bytes);
+}
+
+/// Standard output, for frames.
+pub(super) fn frames() -> impl Write {
+    stdout().lock()
+}
+
+/// Writes the usage, the help or the version, as clap words and colours them.
+pub(super) fn usage(message: &clap::Error) {
+    let _ = message.print();
+}
+
 /// Writes the result of `--json`.
 pub(super) fn result(value: &Value) {
     if is_json() {
@@ -37,12 +66,12 @@ pub(super) fn result(value: &Value) {
     }
 }
 
-/// Colours are for terminals whose user has not refused them (<https://no-color.org>).
+/// Whether standard error shows colours: on a terminal whose user has not refused them (<https://no-color.org>).
 pub(super) fn coloured() -> bool {
     stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
 }
 
-/// Says what is wrong, on standard error.
+/// Writes an error (`code` above 0) or a warning (0) to standard error.
 pub(super) fn complaint(kind: &str, code: u8, message: impl Display) {
     let (on, off) = match (coloured(), code) {
         (false, _) => ("", ""),

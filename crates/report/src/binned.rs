@@ -1,4 +1,4 @@
-//! Errors in bins: every frame contributes its median, and the frames' disagreement is the uncertainty.
+//! Errors in bins: every frame contributes its median; the scatter of the medians is the uncertainty.
 
 use super::pool::{Pool, usable};
 use super::statistics::{median, sign_generator, student};
@@ -6,11 +6,11 @@ use depthcal_calibration::judge::evaluate::PixelError;
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 
-/// Fewest pixels of a frame that make a median.
+/// Fewest pixels of a frame in a bin.
 const FEWEST_PIXELS: usize = 4;
-/// Fewest frames whose disagreement is an uncertainty.
+/// Fewest frames of an interval.
 const FEWEST_FRAMES: usize = 3;
-/// Sign patterns of a test.
+/// Random sign patterns of a test.
 const FLIPS: usize = 1999;
 
 /// A frame's median in a cell.
@@ -21,12 +21,12 @@ struct Median {
     pixels: usize,
 }
 
-/// What is known of a cell.
+/// The error in one cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cell {
     /// Mean of the frames' medians; NaN of an empty cell.
     pub value: f64,
-    /// Half the width of its 95 % interval, from the frames' disagreement; NaN below [`FEWEST_FRAMES`] frames.
+    /// Half the width of its 95 % interval, from the scatter of the frames' medians; NaN below [`FEWEST_FRAMES`] frames.
     pub half: f64,
     /// Frames that contribute.
     pub frames: usize,
@@ -35,7 +35,7 @@ pub(super) struct Cell {
 }
 
 impl Cell {
-    /// Whether it differs from zero by more than its interval.
+    /// Whether its interval does not contain zero.
     pub(super) fn stands_out(&self) -> bool {
         self.value.abs() > self.half
     }
@@ -50,14 +50,14 @@ pub(super) struct Binned {
     variances: Vec<f64>,
 }
 
-/// The answer of a test for structure.
+/// The outcome of a test for a systematic error.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Structure {
-    /// Probability of that much structure if every frame's errors were as likely negative as positive.
+    /// Probability of a pattern of this size if the sign of each frame's errors were random.
     pub p_value: f64,
-    /// Root mean square of the smooth pattern beyond what chance gives, mm; 0 where chance gives as much.
+    /// Root mean square of the smooth pattern, less what chance gives, mm; 0 where chance gives as much.
     pub size_mm: f64,
-    /// Root mean square of a pattern that chance hides in nineteen of twenty cases, mm.
+    /// Detection limit, mm rms: 95 % of the patterns by chance are smaller.
     pub hidden_mm: f64,
 }
 
@@ -94,7 +94,7 @@ impl Binned {
         Self { cells, frames, variances }
     }
 
-    /// The cells, every frame counting the same.
+    /// The cells; every frame has the same weight.
     pub(super) fn cells(&self) -> Vec<Cell> {
         let mut lists: Vec<Vec<Median>> = vec![Vec::new(); self.cells];
         for m in self.frames.iter().flatten() {
@@ -103,12 +103,12 @@ impl Binned {
         lists.iter().map(|list| summary(list)).collect()
     }
 
-    /// Whether a smooth pattern over the cells, spanned by the functions whose values `basis` gives for every cell, is
-    /// left that does not average out over the frames.
+    /// Tests for a smooth pattern over the cells that does not average out over the frames. `basis` has the values of the
+    /// functions that span the pattern: one row per cell, one column per function.
     ///
-    /// The score of the pattern is compared with what it is when the signs of whole frames are flipped at random:
-    /// correlation between the pixels of a frame, errors of its pose, and noise that differs from frame to frame do no
-    /// harm. For the probability frames weigh by their noise, for the size in mm they count the same.
+    /// The sum of squares that the pattern explains is compared with its distribution under random signs of whole frames, so
+    /// that correlated pixels, errors of poses, and noise that differs between frames do not bias the test. Frames are
+    /// weighted by their noise for the p-value, and equally for the size in mm.
     pub(super) fn structure(&self, basis: &[Vec<f64>]) -> Structure {
         // Frames disagree by more than the noise of their pixels; sizes do not change when signs do.
         let mut sizes: Vec<f64> = self.frames.iter().flatten().map(|m| m.value.abs()).collect();
@@ -125,7 +125,7 @@ impl Binned {
         let (mut exceeding, mut sizes) = (0, Vec::with_capacity(FLIPS));
         for _ in 0..FLIPS {
             signs.iter_mut().for_each(|s| *s = if rng.random::<bool>() { 1.0 } else { -1.0 });
-            // Rounding must not make the same pattern of signs count as smaller.
+            // The tolerance keeps rounding from counting the same pattern of signs as smaller.
             exceeding += usize::from(weighted.of(&signs) >= found * (1.0 - 1e-9));
             sizes.push(plain.of(&signs));
         }
@@ -141,7 +141,7 @@ impl Binned {
     }
 }
 
-/// The score b' (X'WX)⁻¹ b of a pattern with b the sum of the frames' X'Wy: the sum of squares that it explains.
+/// The sum of squares bᵀ(XᵀWX)⁻¹b that a pattern explains; b is the sum of the frames' XᵀWy.
 struct Score {
     inverse: DMatrix<f64>,
     frames: Vec<DVector<f64>>,
@@ -162,7 +162,7 @@ impl Score {
             }
             frames.push(right);
         }
-        // Functions that the cells cannot tell apart count once.
+        // The pseudo-inverse counts functions that are equal on these cells once.
         let scale = normal.diagonal().max();
         let inverse = normal.pseudo_inverse(1e-9 * scale).unwrap_or_else(|_| DMatrix::zeros(n, n));
         Self { inverse, frames, sum: DVector::zeros(n) }

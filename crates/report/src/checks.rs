@@ -1,15 +1,16 @@
-//! May I trust this calibration? What an experienced eye would look at, one answer each.
+//! Checks whether a calibration may be trusted: the questions that an experienced engineer asks, one answer each.
 
 use super::covariates::Image;
+use super::format::join;
+use super::format::{count, fixed, number};
 use super::headline::{Direction, direction};
-use super::html::{count, fixed, number};
-use super::leftover::{Leftover, join};
+use super::input::{ReportInput, Role};
+use super::leftover::Leftover;
 use super::pool::Pool;
-use super::{ReportInput, Role};
 
-/// How an answer turned out.
+/// The outcome of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub(crate) enum Level {
     /// As it should be.
     Good,
     /// Worth a thought before relying on the result.
@@ -20,7 +21,7 @@ pub enum Level {
 
 impl Level {
     /// A word for people and for style sheets.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Level::Good => "good",
             Level::Care => "care",
@@ -31,27 +32,30 @@ impl Level {
 
 /// One question with its answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Check {
-    /// How it turned out.
+pub(crate) struct Check {
+    /// The outcome.
     pub level: Level,
-    /// What was asked.
+    /// The question.
     pub question: &'static str,
     /// The answer in a sentence.
     pub answer: String,
 }
 
-/// Held-out errors may exceed fitted ones by this factor before it is remarked on.
+/// Held-out errors above this multiple of the fitted ones count as overfitting.
 const OVERFIT: f64 = 1.3;
-/// Frames below which an interval is too narrow.
+/// Fewer frames than this make an interval too narrow.
 const FEW_FRAMES: usize = 8;
-/// Share of the image that the markers should reach.
+/// Share of the image that markers have to reach.
 const COVERED: f64 = 0.7;
-/// Ratio of farthest to nearest depth below which offset and scale cannot be told apart.
+/// Ratio of farthest to nearest board below which offset and scale of depth are not separable.
 const DEPTH_RATIO: f64 = 1.5;
-/// Tilt of the board, degrees, below which focal length and distance are hard to tell apart.
+/// Tilt of the board, degrees, below which focal length and distance are hardly separable.
 const TILT: f64 = 20.0;
+const IMAGE_COVERED: &str = "Is the image covered?";
+const RANGE_COVERED: &str = "Is the range of distances covered?";
+const BOARDS_TILTED: &str = "Were the boards tilted?";
 
-/// All answers that these data allow.
+/// All checks that the input allows, the worst first. `leftover` is absent where too few frames have depth.
 pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&Leftover>) -> Vec<Check> {
     let mut list = Vec::new();
     let mut add = |level, question, answer: String| list.push(Check { level, question, answer });
@@ -69,8 +73,8 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         let (level, answer) = match (role, frames) {
             (Role::Fitted, _) => (
                 Level::Care,
-                "No: all errors here are on frames that the fit has seen, which flatters them. Calibrate with \
-                 --hold-out, or evaluate on another capture."
+                "No: all errors are those of fitted frames and are too small as an estimate for new ones. Calibrate with \
+                 --cross-validate or --hold-out, or evaluate on another capture."
                     .to_owned(),
             ),
             (_, n) if n < FEW_FRAMES => {
@@ -78,13 +82,15 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
             }
             (_, n) => (Level::Good, format!("Yes, on {}.", count(n, "frame"))),
         };
-        add(level, "Was it judged on frames that the fit did not see?", answer);
+        add(level, "Was it evaluated on held-out frames?", answer);
     }
     if let Some(change) = &depth {
         let (level, answer) = match direction(change) {
-            Direction::Fell => (Level::Good, "Yes, by more than the frames disagree."),
-            Direction::Same => (Level::Care, "Not by more than the frames disagree."),
-            Direction::Rose => (Level::Bad, "No: it makes the depth worse."),
+            Direction::Fell => (Level::Good, "Yes: the 95 % interval of the change in error lies below zero."),
+            Direction::Same => {
+                (Level::Care, "Not significantly: the 95 % interval of the change in error contains zero.")
+            }
+            Direction::Rose => (Level::Bad, "No: it makes depth worse."),
         };
         add(level, "Does the correction help?", answer.to_owned());
     }
@@ -95,22 +101,22 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         let overfit = ratio > OVERFIT && unseen.after.low > seen.after.value;
         let level = if overfit { Level::Care } else { Level::Good };
         let numbers = format!(
-            "{} mm rms on frames that it did not see, {} mm on those that it did",
+            "{} mm rms on held-out frames, {} mm on fitted ones",
             number(unseen.after.value),
             number(seen.after.value)
         );
         let answer = if overfit { format!("No: {numbers}.") } else { format!("Yes: {numbers}.") };
-        add(level, "Is it as good on new frames as on fitted ones?", answer);
+        add(level, "Is it as accurate on held-out frames as on fitted ones?", answer);
     }
     match leftover {
         Some(l) => {
             let doubt = l.found().next().is_some() || l.could_hide_much();
             let level = if doubt { Level::Care } else { Level::Good };
-            add(level, "Is the rest noise?", l.sentence());
+            add(level, "Is the remaining error noise?", l.sentence());
         }
         None if depth.is_some() => {
-            let answer = "Unknown: too few frames with depth to tell a pattern from chance.".to_owned();
-            add(Level::Care, "Is the rest noise?", answer);
+            let answer = "Unknown: too few frames with depth to tell a systematic error from chance.".to_owned();
+            add(Level::Care, "Is the remaining error noise?", answer);
         }
         None => {}
     }
@@ -120,7 +126,7 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         if c.with_depth && samples > 0 {
             let share = c.outliers as f64 / (samples + c.outliers) as f64;
             let level = if share < 0.02 { Level::Good } else { Level::Care };
-            let answer = format!("{} of {} depth samples were left out as outliers.", c.outliers, samples + c.outliers);
+            let answer = format!("{} of {} depth samples were excluded as outliers.", c.outliers, samples + c.outliers);
             add(level, "Were there many outliers?", answer);
         }
     }
@@ -132,14 +138,12 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         0 => "No.".to_owned(),
         n => format!("{} of {}; the reasons are listed below.", n, count(n + used, "frame")),
     };
-    add(level, "Were frames dropped?", answer);
+    add(level, "Were frames excluded?", answer);
     let lost: usize = Pool::of(input, |_| true).frames.iter().map(|f| f.frame.uncorrectable).sum();
     if lost > 0 {
-        let answer =
-            format!("No: {} of the board cannot be corrected, the model folds there.", count(lost, "depth pixel"));
+        let answer = format!("No: the model cannot be inverted at {} of the board.", count(lost, "depth pixel"));
         add(Level::Care, "Can every pixel be corrected?", answer);
     }
-    // What needs thought comes first.
     list.sort_by_key(|c| std::cmp::Reverse(c.level));
     list
 }
@@ -181,42 +185,46 @@ fn coverage(input: &ReportInput<'_>, image: &Image, add: &mut impl FnMut(Level, 
     .flatten()
     .collect();
     let level = if share >= COVERED { Level::Good } else { Level::Care };
-    let mut answer = format!("Markers reached {} % of it", fixed(100.0 * share, 0));
+    let mut answer = format!("Markers reached {} % of the image", fixed(100.0 * share, 0));
     if !missing.is_empty() {
         let edge = if missing.len() == 1 { "edge" } else { "edges" };
-        answer += &format!("; the {} {edge} of the image saw few: capture boards there", join(&missing));
+        answer += &format!("; few of them at the {} {edge}: capture boards there", join(&missing));
     }
-    add(level, "Is the image covered?", answer + ".");
+    add(level, IMAGE_COVERED, answer + ".");
 
     let depths: Vec<f64> = poses.iter().map(|p| p.translation.vector.z).filter(|z| z.is_finite() && *z > 0.0).collect();
     let (near, far) = depths.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), z| (a.min(*z), b.max(*z)));
     if far > 0.0 && fitted.has_depth() {
         let level = if far / near >= DEPTH_RATIO { Level::Good } else { Level::Care };
         let answer = format!("Boards stood between {} and {} mm", number(near), number(far));
-        let more = if level == Level::Good { "." } else { ": too little to tell an offset from a scale of the depth." };
-        add(level, "Is the range of distances covered?", answer + more);
+        let more = if level == Level::Good {
+            "."
+        } else {
+            ": too small a range to separate an offset of depth from a scale of depth."
+        };
+        add(level, RANGE_COVERED, answer + more);
     }
     let tilt = poses.iter().map(|p| (p.rotation * nalgebra::Vector3::z()).z.abs().min(1.0).acos().to_degrees());
     let steepest = tilt.filter(|t| t.is_finite()).fold(0.0, f64::max);
     let level = if steepest >= TILT { Level::Good } else { Level::Care };
     let answer = format!("Boards were tilted by up to {}°", fixed(steepest, 0));
-    let more = if level == Level::Good { "." } else { ": too little to tell the focal length from the distance." };
-    add(level, "Were the boards tilted?", answer + more);
+    let more = if level == Level::Good { "." } else { ": too little to separate the focal length from the distance." };
+    add(level, BOARDS_TILTED, answer + more);
 }
 
-/// What the frames do not cover and further captures would mend, in sentences.
+/// Gaps in the coverage of image, distances and tilts that further captures would close, in sentences.
 pub(super) fn coverage_gaps(checks: &[Check]) -> Vec<String> {
-    let questions = ["Is the image covered?", "Is the range of distances covered?", "Were the boards tilted?"];
-    let gaps = checks.iter().filter(|c| c.level != Level::Good && questions.contains(&c.question));
-    gaps.map(|c| c.answer.replace(" of it", " of the image")).collect()
+    let coverage = [IMAGE_COVERED, RANGE_COVERED, BOARDS_TILTED];
+    let gaps = checks.iter().filter(|c| c.level != Level::Good && coverage.contains(&c.question));
+    gaps.map(|c| c.answer.clone()).collect()
 }
 
-/// The overall answer.
+/// The outcome of all checks together: the worst of them.
 pub(super) fn overall(checks: &[Check]) -> (Level, String) {
     let level = checks.iter().map(|c| c.level).max().unwrap_or(Level::Care);
     let n = checks.iter().filter(|c| c.level == level).count();
     let text = match level {
-        Level::Good => "May be trusted within the volume that it covers".to_owned(),
+        Level::Good => "May be trusted within the measured volume".to_owned(),
         Level::Care => format!("Use with care: {} to consider", count(n, "point")),
         Level::Bad => "Do not use it as it is".to_owned(),
     };

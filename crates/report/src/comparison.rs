@@ -1,17 +1,19 @@
-//! The page of a comparison of depth models.
+//! The report of a comparison of depth models.
 
 use std::fmt::Write;
 
 use depthcal_io::{Comparison, Interval};
 
-use super::html::{escape, fixed, number};
-use super::sections::Content;
-use super::{ReportError, figures, page};
+use super::content::Content;
+use super::format::{fixed, interval, number, percent, pieces};
+use super::html::escape;
+use super::input::ReportError;
+use super::{figures, page};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::compare::tables::Table;
 
-/// Renders a comparison as one self-contained HTML file. `best` is the best model fitted to all training frames, whose map
-/// is shown.
+/// Renders a comparison as one self-contained HTML file. `tables` are the comparison's tables, the ranking first; `best` is
+/// the best model fitted to all training frames, whose correction is shown as maps; `command` is shown below the heading.
 ///
 /// # Errors
 ///
@@ -29,21 +31,21 @@ pub fn render_comparison(
     first_screen(&mut content, c);
     ranked(&mut content, c);
     if !c.learning_curve.is_empty() {
-        let intro = "Fits to some of the frames, judged on the others or on the other datasets: where the lines are level, \
-                     more captures of this kind bring nothing.";
-        content.open("learning", ["Captures needed", "How many captures does a model need?"], intro);
+        let intro = "Fits to some of the frames, evaluated on the others or on the other datasets. Where a line is level, \
+                     more captures of this kind do not help.";
+        content.open("learning", ["Learning curve", "How many captures does a model need?"], intro);
         content.grid(&[figures::learning_curve(c)], "one");
         content.close();
     }
     let maps = best.map(figures::correction_maps).unwrap_or_default();
     if !maps.is_empty() {
-        content.open("map", ["The winner's map", "What the best model does to depth"], "");
+        content.open("map", ["Best model", "The correction by the best model"], "");
         content.picker("map-picker", "Distance", &maps, 1);
         content.grid(&maps, "two");
         content.close();
     }
     thesis(&mut content, c, tables);
-    page::shell(&format!("Depth models on {}", c.train), command, &content.navigation, &content.body, &content.figures)
+    page::render(&format!("Depth models on {}", c.train), command, &content)
 }
 
 fn first_screen(content: &mut Content, c: &Comparison) {
@@ -52,9 +54,9 @@ fn first_screen(content: &mut Content, c: &Comparison) {
     let first = sentences.next().map_or("", String::as_str);
     let rest: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
     let judged = if c.verify.is_empty() {
-        format!("Judged on frames of {} that each fit left out.", escape(&c.train))
+        format!("Evaluated on held-out frames of {}.", escape(&c.train))
     } else {
-        format!("Judged on {}.", escape(&c.verify.join(", ")))
+        format!("Evaluated on {}.", escape(&c.verify.join(", ")))
     };
     let _ = writeln!(
         content.body,
@@ -69,22 +71,25 @@ fn first_screen(content: &mut Content, c: &Comparison) {
 }
 
 fn ranked(content: &mut Content, c: &Comparison) {
-    let intro = "Means on data that the fits did not see, with 95 % intervals from resampled frames, best first. Effective \
-                 parameters are those that the data rather than priors determine. The criteria take pixels for independent, \
-                 which they are not, and so favour large models.";
-    content.open("models", ["All numbers", "Which model"], intro);
+    let intro = "Errors on held-out data with 95 % intervals from resampled frames, best model first. Effective parameters: \
+                 how many of the parameters the data determine, rather than the prior. AIC and BIC assume independent \
+                 pixels, which they are not, and therefore favour models with many parameters.";
+    content.open("models", ["All numbers", "All models"], intro);
     let show = |value: Option<Interval>| {
         value.map_or_else(
             || "<td>–</td>".to_owned(),
             |i| {
-                let (mean, low, high) = (fixed(i.mean, 2), fixed(i.low, 2), fixed(i.high, 2));
-                format!("<td><b>{mean}</b> <span class=\"interval\">{low} to {high}</span></td>")
+                format!(
+                    "<td><b>{}</b> <span class=\"interval\">{}</span></td>",
+                    number(i.mean),
+                    interval(i.low, i.high, "")
+                )
             },
         )
     };
     let mut rows = String::new();
     for m in &c.models {
-        let name = escape(&m.model);
+        let name = escape(&pieces(&m.model));
         if let Some(reason) = &m.failed {
             let _ = writeln!(
                 rows,
@@ -93,7 +98,7 @@ fn ranked(content: &mut Content, c: &Comparison) {
             );
             continue;
         }
-        let worse = if m.really_worse { "<span class=\"hint\">really worse</span>" } else { "" };
+        let worse = if m.really_worse { "<span class=\"hint\">significantly worse</span>" } else { "" };
         let criterion = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), |v| fixed(v, 0));
         let held = &m.held_out;
         let _ = writeln!(
@@ -113,34 +118,34 @@ fn ranked(content: &mut Content, c: &Comparison) {
     let _ = writeln!(
         content.body,
         "<div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th scope=\"col\">model</th><th scope=\"col\">effective \
-         parameters</th><th scope=\"col\">dot error / mm</th><th scope=\"col\">plane error / mm</th><th scope=\"col\">depth, \
-         rms / mm</th><th scope=\"col\">dot error less the best's / mm</th><th scope=\"col\">ΔAIC</th><th \
+         parameters</th><th scope=\"col\">dot error / mm</th><th scope=\"col\">plane error / mm</th><th scope=\"col\">depth error, \
+         rms / mm</th><th scope=\"col\">dot error minus that of the best / mm</th><th scope=\"col\">ΔAIC</th><th \
          scope=\"col\">ΔBIC</th></tr></thead><tbody>{rows}</tbody></table></div>"
     );
     let refused: Vec<String> = c
         .models
         .iter()
         .filter(|m| m.not_correctable > 0.0)
-        .map(|m| format!("{} ({} %)", m.model, number(100.0 * m.not_correctable)))
+        .map(|m| format!("{} ({})", pieces(&m.model), percent(100.0 * m.not_correctable)))
         .collect();
     if !refused.is_empty() {
         let _ = writeln!(
             content.body,
-            "<p class=\"note\">Pixels that a model cannot correct are left out of its errors: {}.</p>",
+            "<p class=\"note\">Pixels that a model cannot correct are excluded from its errors: {}.</p>",
             escape(&refused.join(", "))
         );
     }
     content.close();
 }
 
-/// The thesis' tables and the stability of D.
+/// The tables of Sjöholm 2017 and the stability of D.
 fn thesis(content: &mut Content, c: &Comparison, tables: &[Table]) {
     // The first table is the ranking, and the learning curve is a figure.
     let rest: Vec<&Table> = tables.iter().skip(1).collect();
     if rest.is_empty() {
         return;
     }
-    content.open("tables", ["Tables", "The tables of Sjöholm 2017, and more"], "");
+    content.open("tables", ["Tables", "All tables"], "");
     if let Some(stability) = &c.stability {
         let items: String = stability.verdict.iter().map(|s| format!("<li>{}</li>\n", escape(s))).collect();
         let _ = writeln!(content.body, "<ul>{items}</ul>");

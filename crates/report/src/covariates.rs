@@ -1,13 +1,13 @@
-//! What an error may depend on.
+//! Quantities that a depth error may depend on, and the image as a grid.
 
-use super::ReportInput;
+use super::input::ReportInput;
 use super::pool::Pool;
 use depthcal_calibration::judge::evaluate::PixelError;
 
 /// Bins of a covariate.
 pub(super) const BINS: usize = 14;
 
-/// The image that errors are drawn over.
+/// The size of the image, and its division into cells.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Image {
     pub width: f64,
@@ -17,7 +17,7 @@ pub(super) struct Image {
 }
 
 impl Image {
-    /// From the camera, else from the pixels that were seen.
+    /// From the calibrated camera; without one, from the pixels of the evaluated frames.
     pub(super) fn of(input: &ReportInput<'_>) -> Self {
         if let Some(c) = input.calibrated {
             let [_, _, cx, cy, _] = c.camera.pinhole();
@@ -63,17 +63,17 @@ impl Image {
 
 /// A quantity that an error may depend on.
 pub(super) struct Covariate {
-    /// For identifiers.
+    /// Identifier in the page, such as `depth` in `against-depth`.
     pub id: &'static str,
     /// As in "against the distance".
     pub name: &'static str,
     pub unit: &'static str,
-    /// What it is and what a trend would point to.
+    /// What it is, and what a dependence on it indicates.
     pub hint: &'static str,
     pub value: Box<dyn Fn(&PixelError) -> f64>,
 }
 
-/// All covariates; those that are unknown or constant in some data have no axis there.
+/// All covariates. Data in which one is unknown or constant have no axis for it.
 pub(super) fn all(image: &Image) -> Vec<Covariate> {
     let centre = image.centre;
     let new = |id, name, unit, hint, value: Box<dyn Fn(&PixelError) -> f64>| Covariate { id, name, unit, hint, value };
@@ -82,49 +82,49 @@ pub(super) fn all(image: &Image) -> Vec<Covariate> {
             "depth",
             "distance",
             "mm",
-            "A straight trend in inverse distance is what D takes up; waves or a bend are not.",
+            "D describes a straight line in inverse distance, but neither waves nor a bend.",
             Box::new(|p| p.board_depth_mm),
         ),
         new(
             "incidence",
             "angle of incidence",
             "°",
-            "0° is a board that faces the camera. A trend points to the surface or to the emitter's geometry.",
+            "0°: a board that faces the camera. A trend indicates an effect of the surface or of the emitter's geometry.",
             Box::new(|p| p.cos_incidence.clamp(-1.0, 1.0).abs().acos().to_degrees()),
         ),
         new(
             "radius",
             "radius in the image",
             "px",
-            "Distance from the principal point. A trend points to the lens, or to range that is reported as depth.",
+            "Distance from the principal point. A trend indicates a lens error, or range that is reported as depth.",
             Box::new(move |p| (p.context.pixel[0] - centre[0]).hypot(p.context.pixel[1] - centre[1])),
         ),
         new(
             "amplitude",
             "infrared amplitude",
             "image steps",
-            "Brightness of the pixel. A trend points to an error that depends on reflectivity or exposure.",
+            "Brightness of the pixel. A trend indicates an error that depends on reflectivity or exposure.",
             Box::new(|p| p.context.amplitude),
         ),
         new(
             "surround",
             "brightness of the surroundings",
             "ln of surroundings over own amplitude",
-            "Above zero: a dark pixel among brighter ones. A trend points to signals of neighbours that mix.",
+            "Above zero: a dark pixel among brighter ones. A trend indicates that signals of neighbouring pixels mix.",
             Box::new(|p| (p.context.surround / p.context.amplitude).ln()),
         ),
         new(
             "time",
             "time",
             "s",
-            "Since the first frame. A trend points to a camera that was still warming up.",
+            "Since the first frame. A trend indicates a camera that was still warming up.",
             Box::new(|p| p.context.time_s),
         ),
         new(
             "temperature",
             "temperature",
             "°C",
-            "Of the frame, where the dataset declares it.",
+            "Temperature of the frame, as the dataset declares it.",
             Box::new(|p| p.context.temperature_c),
         ),
     ]

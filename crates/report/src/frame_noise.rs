@@ -1,26 +1,25 @@
-//! Whether whole frames are off by more than noise allows: the noise of pixels, of the pose from the image, and of the
-//! calibration itself.
+//! Test whether whole frames deviate by more than the noise of pixels, of the pose from the image, and of the calibration.
 
 use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
 
 use super::binned::Structure;
-use super::html::{number, signed};
-use super::leftover::{Finding, WHOLE_FRAMES};
+use super::finding::{Finding, WHOLE_FRAMES};
+use super::format::{number, signed};
 use super::pool::{Pool, Pooled, usable};
-use super::statistics::{median, quantile};
+use super::statistics::{chi_square_tail, median, quantile, rms};
 use super::uncertainty::standard_deviations;
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::judge::evaluate::PixelError;
 use depthcal_calibration::observe::board_region::BoardPlane;
 
-/// Fewest pixels of a frame that is looked at.
+/// Fewest pixels of a tested frame.
 const FEWEST: usize = 20;
-/// Rays on which the depth of a pose is compared.
+/// Rays over which the depth of a pose is averaged.
 const RAYS: usize = 25;
-/// Frames must be off by this many times what noise allows: the allowance is an estimate itself.
+/// Deviations up to this multiple of the expected noise are accepted, since that is an estimate itself.
 const CLEARLY: f64 = 1.5;
 
-/// A frame's error and the standard deviation that noise gives it.
+/// A frame's median error and its standard deviation by noise, mm.
 struct Offset<'a> {
     frame: &'a Pooled<'a>,
     depth_mm: f64,
@@ -28,14 +27,15 @@ struct Offset<'a> {
     allowed: f64,
 }
 
-/// The finding, not yet judged; `None` where the calibration has no depth or too few frames can be looked at.
+/// The finding about whole frames; its `found` is not decided yet. `None` where the calibration has no depth or too few
+/// frames have enough pixels.
 pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<Finding> {
     if !c.with_depth {
         return None;
     }
-    // The fit's own marker noise may have taken up what the depth model lacks; with poses free it has not.
-    let rms = |f: &Pooled<'_>| f.frame.record().reprojection_px.rms;
-    let sigma_px = quantile(pool.frames.iter().map(rms).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
+    // From poses by the image alone: marker noise of a joint fit may contain errors of the depth model.
+    let reprojection = |f: &Pooled<'_>| f.frame.record().reprojection_px.rms;
+    let sigma_px = quantile(pool.frames.iter().map(reprojection).filter(|r| *r > 0.0), 0.5) / std::f64::consts::SQRT_2;
     let seen: Vec<(&Pooled<'_>, Vec<&PixelError>)> = pool
         .frames
         .iter()
@@ -67,8 +67,8 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
     }
     let n = list.len() as f64;
     let ratio = list.iter().map(|o| (o.value / o.allowed).powi(2)).sum::<f64>() / n / CLEARLY.powi(2);
-    let allowed = (list.iter().map(|o| o.allowed.powi(2)).sum::<f64>() / n).sqrt();
-    let off = (list.iter().map(|o| o.value.powi(2)).sum::<f64>() / n).sqrt();
+    let allowed = rms(list.iter().map(|o| o.allowed));
+    let off = rms(list.iter().map(|o| o.value));
     let worst = list.iter().max_by(|a, b| (a.value / a.allowed).abs().total_cmp(&(b.value / b.allowed).abs()))?;
     Some(Finding {
         over: WHOLE_FRAMES.to_owned(),
@@ -78,7 +78,7 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
             hidden_mm: CLEARLY * allowed,
         },
         worst: format!(
-            "in frame {} at {} mm: {} mm, where noise, pose and fit allow ± {} mm",
+            "in frame {} at {} mm: {} mm, with a standard deviation of {} mm by noise, pose and fit",
             worst.frame.frame.name,
             number(worst.depth_mm),
             signed(worst.value),
@@ -124,35 +124,8 @@ fn pose_std(c: &Calibrated, pose: &Isometry3<f64>, pixels: &[&PixelError], marke
         }
         normal += rows.tr_mul(&rows);
     }
-    // Markers that were not found do not help.
+    // As if the found markers were spread like all markers.
     let share = points.len() as f64 / markers.max(1) as f64;
     let variance = (gradient.transpose() * normal.try_inverse()? * gradient).x * share;
     (variance > 0.0).then(|| variance.sqrt())
-}
-
-/// Probability that a mean of `n` squared standard normal numbers exceeds `ratio` (Wilson and Hilferty 1931).
-fn chi_square_tail(ratio: f64, n: f64) -> f64 {
-    let v = 2.0 / (9.0 * n);
-    normal_tail((ratio.cbrt() - (1.0 - v)) / v.sqrt())
-}
-
-/// Probability that a standard normal number exceeds `z`, to 10⁻⁷ (Abramowitz and Stegun 1964, 26.2.17).
-fn normal_tail(z: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
-    let series = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
-    let sum = series.iter().rev().fold(0.0, |s, b| (s + b) * t);
-    let tail = (-z * z / 2.0).exp() / std::f64::consts::TAU.sqrt() * sum;
-    if z < 0.0 { 1.0 - tail } else { tail }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tails_agree_with_tables() {
-        assert!((normal_tail(1.96) - 0.025).abs() < 1e-4 && (normal_tail(-1.96) - 0.975).abs() < 1e-4);
-        // The 95 % point of chi-square with 20 degrees of freedom is 31.41.
-        assert!((chi_square_tail(31.41 / 20.0, 20.0) - 0.05).abs() < 1e-3);
-    }
 }

@@ -1,22 +1,22 @@
-//! The verdict: one sentence made from the numbers.
+//! The verdict of a report without a diagnosis: one sentence about the errors before and after correction.
 
-use super::html::{count, number};
+use super::format::{self, count, number};
+use super::input::{ReportInput, Role};
 use super::pool::Pool;
 use super::statistics::{Change, Estimate};
-use super::{ReportInput, Role};
 
-/// Which way an error went by the correction.
+/// How the correction changed an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
-    /// Smaller, by more than the frames' disagreement.
+pub(super) enum Direction {
+    /// Smaller: the 95 % interval of the change lies below zero.
     Fell,
-    /// No difference beyond the frames' disagreement.
+    /// No significant change: the interval contains zero, or there is none.
     Same,
-    /// Larger, by more than the frames' disagreement.
+    /// Larger: the interval lies above zero.
     Rose,
 }
 
-/// Which way an error went.
+/// How an error changed.
 pub(super) fn direction(change: &Change) -> Direction {
     match change.difference {
         Estimate { high, .. } if high < 0.0 => Direction::Fell,
@@ -25,20 +25,20 @@ pub(super) fn direction(change: &Change) -> Direction {
     }
 }
 
-/// `95 % interval 1.9–2.4 mm`, where there is one.
+/// `95 % interval 1.90 to 2.41 mm`, where there is one.
 pub(super) fn interval(e: &Estimate, unit: &str) -> Option<String> {
-    e.has_interval().then(|| format!("95 % interval {}–{} {unit}", number(e.low), number(e.high)))
+    e.has_interval().then(|| format!("95 % interval {}", format::interval(e.low, e.high, unit)))
 }
 
 fn whose(role: Role) -> &'static str {
     match role {
         Role::HeldOut => "Held-out",
-        Role::Other => "On captures that the fit did not see, the",
-        Role::Fitted => "On the very frames that the camera was fitted to, the",
+        Role::Other => "On captures that are not part of the fit, the",
+        Role::Fitted => "On the frames that the camera was fitted to, the",
     }
 }
 
-/// The sentence.
+/// The sentence, about held-out frames where there are any.
 pub(super) fn sentence(input: &ReportInput<'_>) -> String {
     let (pool, role) = Pool::headline(input);
     let what = whose(role);
@@ -48,17 +48,14 @@ pub(super) fn sentence(input: &ReportInput<'_>) -> String {
         let unit = interval(&change.after, "mm").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
         return match direction(&change) {
             _ if !change.after.has_interval() => format!(
-                "{what} depth error went from {before} mm to {after} mm rms over {frames}: too few frames to say how \
-                 sure that is."
+                "{what} depth error went from {before} mm to {after} mm rms over {frames}: too few frames for an interval."
             ),
             Direction::Fell => format!("{what} depth error fell from {before} mm to {after} mm rms ({unit})."),
             Direction::Rose => format!(
-                "{what} depth error rose from {before} mm to {after} mm rms ({unit}): the \
-                                        correction does harm there."
+                "{what} depth error rose from {before} mm to {after} mm rms ({unit}): the correction makes depth worse there."
             ),
             Direction::Same => format!(
-                "{what} depth error did not change measurably: {before} mm rms before and {after} mm after correction \
-                 ({unit})."
+                "{what} depth error did not change significantly: {before} mm rms before and {after} mm after correction ({unit})."
             ),
         };
     }
@@ -66,13 +63,13 @@ pub(super) fn sentence(input: &ReportInput<'_>) -> String {
         let frames = count(frames, "frame");
         let unit = interval(&e, "px").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
         return format!(
-            "{what} reprojection error is {} px rms ({unit}); there is no depth here, so nothing is said about it.",
+            "{what} reprojection error is {} px rms ({unit}). There are no depth images, so depth errors are unknown.",
             number(e.value)
         );
     }
     match input.calibrated {
         Some(c) => format!(
-            "A camera was fitted to {} with {} px rms, but it was not evaluated on any frame.",
+            "A camera was fitted to {} with a reprojection error of {} px rms, but it was not evaluated on any frame.",
             count(c.capture.frames.len(), "frame"),
             number(c.reprojection_rms_px)
         ),

@@ -1,54 +1,44 @@
-//! What is left after correction, and whether noise explains it.
+//! Tests for systematic errors that are left after correction.
 //!
-//! A simple test, not a diagnosis: errors are binned over everything that is known of a pixel, and a bin in which the
-//! frames agree on an error that is not zero shows something that the model does not describe.
+//! Errors are binned over every known quantity of a pixel. A smooth pattern over the bins on which the frames agree is an
+//! error that the model does not describe. The tests name no cause; that is what a diagnosis does.
 
-use super::binned::{Axis, Binned, Structure, smooth, smooth_over};
+use super::binned::{Axis, Binned, smooth, smooth_over};
 use super::covariates::{BINS, Image, all};
+use super::finding::{Finding, WHOLE_FRAMES};
+use super::format::join;
+use super::format::{count, number, signed};
 use super::frame_noise::offsets;
-use super::html::{count, number, signed};
+use super::input::{ReportInput, Role};
 use super::pool::Pool;
-use super::{ReportInput, Role};
 use depthcal_calibration::judge::evaluate::PixelError;
 
 /// Columns of the map over the image.
 pub(super) const MAP_COLUMNS: usize = 20;
 /// Columns and rows of the map over the board.
 pub(super) const BOARD_GRID: [usize; 2] = [12, 12];
-/// Fewest frames for which a test is made: with less, too few patterns of signs exist.
+/// Fewest frames for a test: 2⁸ patterns of signs are enough for its level.
 const FEWEST_FRAMES: usize = 8;
-/// Held-out frames are enough for the test from here on; else all frames take part.
+/// With at least this many held-out frames they alone are tested; else all frames.
 const ENOUGH_HELD_OUT: usize = 12;
-/// Order of the smooth patterns over one quantity, and over image and board.
+/// Order of the polynomials over one quantity.
 const ORDER: usize = 6;
+/// Total order of the polynomials over image and board.
 const ORDER_OVER: usize = 4;
-/// What the test of whole frames is over.
-pub(super) const WHOLE_FRAMES: &str = "whole frames";
-/// Probability of a false alarm over all tests together.
+/// Probability of a false alarm, over all tests together.
 const FALSE_ALARM: f64 = 0.05;
-/// A structure is worth words when it is this share of the total error.
+/// A systematic error is reported from this share of the total error on.
 const WORTH: f64 = 0.1;
-/// A test that finds nothing says little when it would miss this share of the total error.
+/// Tests that could miss this share of the total error are inconclusive.
 const HIDDEN: f64 = 0.8;
 
-/// Structure over one quantity.
-#[derive(Debug, Clone)]
-pub(super) struct Finding {
-    /// `the position in the image`, `the distance`.
-    pub over: String,
-    pub structure: Structure,
-    /// Where it is largest, in words, with the value there.
-    pub worst: String,
-    /// Whether noise fails to explain it.
-    pub found: bool,
-}
-
-/// All findings, the largest first.
+/// The outcome of all tests, those that found something first.
 #[derive(Debug, Clone)]
 pub(super) struct Leftover {
     pub findings: Vec<Finding>,
-    /// Frames that were looked at, and whether fitted ones are among them.
+    /// Number of tested frames.
     pub frames: usize,
+    /// Whether fitted frames are among them.
     pub with_fitted: bool,
     /// Root mean square of all corrected errors, mm.
     total_mm: f64,
@@ -60,14 +50,14 @@ pub(super) fn noise_mm(input: &ReportInput<'_>) -> impl Fn(&PixelError) -> f64 +
     move |p| noise.map_or(1.0, |n| n.sigma(1.0 / p.board_depth_mm) * p.board_depth_mm.powi(2))
 }
 
-/// The frames that maps of what is left are made from.
+/// The frames of tests and maps: held-out ones where there are enough of them.
 pub(super) fn judged<'a>(input: &ReportInput<'a>) -> Pool<'a> {
     let unseen = Pool::of(input, |r| r != Role::Fitted);
     if unseen.frames.len() >= ENOUGH_HELD_OUT { unseen } else { Pool::of(input, |_| true) }
 }
 
 impl Leftover {
-    /// Looks for structure; `None` without depth, or with too few frames for an answer.
+    /// Runs all tests; `None` without depth, or with too few frames.
     pub(super) fn of(input: &ReportInput<'_>, image: &Image) -> Option<Self> {
         let pool = judged(input);
         let frames = pool.frames.iter().filter(|f| !f.frame.pixels.is_empty()).count();
@@ -115,22 +105,22 @@ impl Leftover {
         Some(Self { findings, frames, with_fitted, total_mm: total })
     }
 
-    /// The findings that noise does not explain.
+    /// The systematic errors that noise does not explain.
     pub(super) fn found(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|f| f.found)
     }
 
-    /// The largest pattern that chance hides, mm rms.
+    /// The largest systematic error that the tests could miss, mm rms.
     fn hidden_mm(&self) -> f64 {
         self.findings.iter().map(|f| f.structure.hidden_mm).fold(0.0, f64::max)
     }
 
-    /// Whether the silence of the tests says little: what they would miss is most of the error.
+    /// Whether the tests could miss a systematic error comparable to the total error.
     pub(super) fn could_hide_much(&self) -> bool {
         self.hidden_mm() > HIDDEN * self.total_mm
     }
 
-    /// The answer in a sentence or two.
+    /// The outcome in a sentence or two.
     pub(super) fn sentence(&self) -> String {
         let frames = count(self.frames, "frame");
         let found: Vec<&Finding> = self.found().collect();
@@ -138,47 +128,47 @@ impl Leftover {
             let hidden = number(self.hidden_mm());
             return if self.could_hide_much() {
                 format!(
-                    "Nothing was found beyond noise, but these {frames} would hide a pattern of {hidden} mm rms: too \
-                     few to tell."
+                    "No systematic error was found, but these {frames} could hide one of {hidden} mm rms: too few \
+                     frames to decide."
                 )
             } else {
                 format!(
-                    "Nothing is left that the noise of these {frames} does not explain; a pattern of less than \
-                     {hidden} mm rms could hide in it."
+                    "Nothing is left that the noise of these {frames} does not explain; a systematic error below \
+                     {hidden} mm rms would go unnoticed."
                 )
             };
         };
-        // A pattern says more than the bare fact that frames are off.
+        // A pattern says more about the cause than frames that are off as a whole.
         let first = found.iter().find(|f| f.over != WHOLE_FRAMES).unwrap_or(first);
         let size = number(first.structure.size_mm);
         if first.over == WHOLE_FRAMES {
             let patterns = self.findings.iter().filter(|f| f.over != WHOLE_FRAMES);
             let likely = patterns.min_by(|a, b| a.structure.p_value.total_cmp(&b.structure.p_value));
             let follows = match likely.filter(|f| f.structure.p_value < FALSE_ALARM) {
-                Some(f) => format!("It follows {} most, but not beyond doubt.", f.over),
-                None => "These frames do not single out what it depends on.".to_owned(),
+                Some(f) => format!("It depends most on {}, but not significantly.", f.over),
+                None => "These frames do not show what it depends on.".to_owned(),
             };
             return format!(
-                "Something is left that this model does not describe: whole frames are off by {size} mm rms beyond \
-                 what noise explains, worst {}. {follows}",
+                "Something is left that this model does not describe: whole frames are off by {size} mm rms more than \
+                 noise explains, most {}. {follows}",
                 first.worst
             );
         }
         let mut text = format!(
-            "Something is left that this model does not describe: a pattern of {size} mm rms over {}, worst {}.",
+            "Something is left that this model does not describe: a systematic error of {size} mm rms over {}, largest {}.",
             first.over, first.worst
         );
         let others = || found.iter().filter(|f| f.over != first.over && f.over != WHOLE_FRAMES);
         if others().next().is_some() {
             let others: Vec<String> =
                 others().map(|f| format!("{} ({} mm rms)", f.over, number(f.structure.size_mm))).collect();
-            text += &format!(" It also shows over {}.", join(&others));
+            text += &format!(" There is also one over {}.", join(&others));
         }
         text
     }
 }
 
-/// Axes of the board, from the pixels on it.
+/// Bins along both sides of the board, from the pixels on it.
 pub(super) fn board_axes(pool: &Pool<'_>) -> Option<[Axis; 2]> {
     let axis = |i: usize| Axis::over(pool.pixels().map(move |p| p.board[i]), BOARD_GRID[i]);
     Some([axis(0)?, axis(1)?])
@@ -194,16 +184,7 @@ fn finding(over: &str, binned: &Binned, basis: &[Vec<f64>], place: impl Fn(usize
     Finding {
         over: over.to_owned(),
         structure: binned.structure(basis),
-        worst: worst.unwrap_or_else(|| "nowhere in particular".to_owned()),
+        worst: worst.unwrap_or_else(|| "at no single place".to_owned()),
         found: false,
-    }
-}
-
-/// `a`, `a and b`, `a, b and c`.
-pub(super) fn join(words: &[String]) -> String {
-    match words {
-        [] => String::new(),
-        [one] => one.clone(),
-        [rest @ .., last] => format!("{} and {last}", rest.join(", ")),
     }
 }

@@ -1,9 +1,10 @@
-//! The page: template, style, scripts and content put together.
+//! The page: template, style sheet, scripts and content put together.
 
 use serde_json::Value;
 
+use super::content::Content;
 use super::html::{escape, script_json};
-use super::{ReportError, ReportInput, sections};
+use super::input::ReportError;
 
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("report.css");
@@ -17,20 +18,8 @@ fn library() -> Option<String> {
     (!script.trim().is_empty()).then(|| script.to_owned())
 }
 
-/// The whole file.
-pub(super) fn page(input: &ReportInput<'_>) -> Result<String, ReportError> {
-    let content = sections::content(input);
-    shell(&input.title, &input.command_line, &content.navigation, &content.body, &content.figures)
-}
-
-/// The template around navigation, body and figures, which are HTML and JSON already.
-pub(super) fn shell(
-    title: &str,
-    command_line: &str,
-    navigation: &str,
-    body: &str,
-    figures: &[Value],
-) -> Result<String, ReportError> {
+/// The whole file: the template filled with a title, the command line, and content.
+pub(super) fn render(title: &str, command_line: &str, content: &Content) -> Result<String, ReportError> {
     let library = library().ok_or(ReportError::NoScript)?;
     let title = if title.trim().is_empty() { "Calibration report" } else { title.trim() };
     let command = if command_line.is_empty() {
@@ -38,7 +27,7 @@ pub(super) fn shell(
     } else {
         format!("<p class=\"command\"><code>{}</code></p>", escape(command_line))
     };
-    let figures = script_json(&Value::Array(figures.to_vec()));
+    let figures = script_json(&Value::Array(content.figures.clone()));
     let escaped = escape(title);
     // One pass over the template, so that nothing inside the content can be taken for a placeholder.
     let fill = |name: &str| -> &str {
@@ -46,8 +35,8 @@ pub(super) fn shell(
             "title" => &escaped,
             "style" => STYLE,
             "command" => &command,
-            "navigation" => navigation,
-            "body" => body,
+            "navigation" => &content.navigation,
+            "body" => &content.body,
             "library" => &library,
             "figures" => &figures,
             "script" => SCRIPT,
@@ -55,7 +44,7 @@ pub(super) fn shell(
             _ => "",
         }
     };
-    let mut out = String::with_capacity(library.len() + figures.len() + body.len() + 64_000);
+    let mut out = String::with_capacity(library.len() + figures.len() + content.body.len() + 64_000);
     let mut rest = TEMPLATE;
     while let Some((before, after)) = rest.split_once("{{") {
         out.push_str(before);

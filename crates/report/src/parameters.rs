@@ -16,7 +16,7 @@ pub(super) fn summary(register: &Register, effect: &str) -> &'static str {
     register.find(effect).map(|piece| piece.summary()).filter(|s| !s.is_empty()).unwrap_or("an effect of your own")
 }
 
-/// What a free function of the diagnosis is a function of.
+/// The quantity that a free function of the diagnosis depends on.
 pub(super) fn free_function(name: &str) -> &str {
     match name {
         "map" | "free_map" => "the position in the image",

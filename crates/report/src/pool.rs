@@ -1,10 +1,10 @@
-//! The frames of all datasets, and the choice of those that a statement is made on.
+//! Sets of evaluated frames, and their errors with intervals.
 
+use super::input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 use super::statistics::{Change, Estimate, Kind, Total, change, estimate};
-use super::{ReportDataset, ReportInput, Role};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
 
-/// A frame and where it comes from.
+/// A frame with its dataset and role.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pooled<'a> {
     pub frame: &'a EvaluatedFrame,
@@ -18,7 +18,7 @@ pub(super) struct Pool<'a> {
     pub frames: Vec<Pooled<'a>>,
 }
 
-/// Whether a pixel may be counted: depth that is infinite or missing must not spoil sums.
+/// Whether all errors of a pixel are finite.
 pub(super) fn usable(p: &PixelError) -> bool {
     p.before_mm.is_finite() && p.after_mm.is_finite() && p.board_depth_mm.is_finite()
 }
@@ -51,6 +51,16 @@ impl<'a> Pool<'a> {
         (Self::of(input, |_| true), Role::Fitted)
     }
 
+    /// Frames of a diagnosis with their errors under the last model: those that its headline speaks of.
+    pub(super) fn last(input: &ReportInput<'a>) -> Self {
+        Self::headline(input).0
+    }
+
+    /// The same frames with their errors under the declared model.
+    pub(super) fn declared(d: &ReportDiagnosis<'a>) -> Self {
+        Self::one(&ReportDataset { evaluated: d.before, role: Role::HeldOut })
+    }
+
     /// Whether any frame has a depth error.
     pub(super) fn has_depth(&self) -> bool {
         self.pixels().next().is_some()
@@ -65,27 +75,27 @@ impl<'a> Pool<'a> {
         self.frames.iter().map(|f| of(f.frame)).collect()
     }
 
-    /// Mean dot error.
+    /// Mean dot error, mm; `None` without depth.
     pub(super) fn dot_error(&self) -> Option<Change> {
         let side = |i: usize| self.totals(|f| Total::of(f.dots.iter().map(|d| d[i])));
         change(&side(0), &side(1), Kind::Mean)
     }
 
-    /// Mean plane error.
+    /// Mean plane error, mm; `None` without depth.
     pub(super) fn plane_error(&self) -> Option<Change> {
         let before = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.height_before_mm.abs())));
         let after = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.height_after_mm.abs())));
         change(&before, &after, Kind::Mean)
     }
 
-    /// Root mean square of the depth error.
+    /// Root mean square depth error, mm; `None` without depth.
     pub(super) fn depth_rms(&self) -> Option<Change> {
         let before = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.before_mm.powi(2))));
         let after = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.after_mm.powi(2))));
         change(&before, &after, Kind::Rms)
     }
 
-    /// Root mean square of the reprojection error.
+    /// Root mean square reprojection error, px, and the number of frames.
     pub(super) fn reprojection(&self) -> Option<(Estimate, usize)> {
         let squares = |f: &EvaluatedFrame| Total::of(f.reprojection.iter().map(|e| e[2].powi(2) + e[3].powi(2)));
         estimate(&self.totals(squares), Kind::Rms)

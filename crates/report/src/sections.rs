@@ -1,78 +1,22 @@
-//! The page's sections, from top to bottom.
+//! The sections of a report, from top to bottom.
 
-use serde_json::Value;
-
+use super::content::Content;
 use super::covariates::{Image, all};
+use super::diagnosis::sentences::left_over;
 use super::figures::{self, Figure};
-use super::html::{count, escape, number};
+use super::format::{count, number, p_value};
+use super::html::escape;
+use super::input::{ReportDiagnosis, ReportInput, Role};
 use super::leftover::{Leftover, judged};
 use super::uncertainty::Uncertainty;
-use super::{ReportDiagnosis, ReportInput, Role, checks, diagnosis, headline, tables};
+use super::{checks, diagnosis, headline, tables};
 
-/// Doubts that the first screen repeats.
+/// Failed checks that the first screen shows.
 const DOUBTS: usize = 3;
 
 /// Keeps numbers and units on one line.
 fn tie(text: &str) -> String {
     [" mm", " px", " %"].iter().fold(text.to_owned(), |t, unit| t.replace(unit, &unit.replace(' ', "\u{a0}")))
-}
-
-/// What the page is filled with.
-#[derive(Debug, Default)]
-pub(super) struct Content {
-    pub body: String,
-    pub navigation: String,
-    pub figures: Vec<Value>,
-}
-
-impl Content {
-    pub(super) fn open(&mut self, id: &str, [short, title]: [&str; 2], intro: &str) {
-        self.navigation += &format!("<li><a href=\"#{id}\">{short}</a></li>\n");
-        self.body +=
-            &format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n");
-        if !intro.is_empty() {
-            self.body += &format!("<p class=\"intro\">{intro}</p>\n");
-        }
-    }
-
-    pub(super) fn close(&mut self) {
-        self.body += "</section>\n";
-    }
-
-    pub(super) fn figure(&mut self, figure: &Figure) {
-        self.body += &figure.html();
-        self.figures.push(figure.json());
-    }
-
-    pub(super) fn grid(&mut self, list: &[Figure], class: &str) {
-        if list.is_empty() {
-            return;
-        }
-        self.body += &format!("<div class=\"grid {class}\">\n");
-        list.iter().for_each(|f| self.figure(f));
-        self.body += "</div>\n";
-    }
-
-    /// A picker that switches figures to their variants, beginning with one of them.
-    pub(super) fn picker(&mut self, id: &str, label: &str, figures: &[Figure], start: usize) {
-        let Some(first) = figures.first().filter(|f| f.variants.len() > 1) else { return };
-        let options: String = first
-            .variants
-            .iter()
-            .enumerate()
-            .map(|(i, v)| format!("<option value=\"{i}\">{}</option>", escape(&v.label)))
-            .collect();
-        let ids: Vec<&str> = figures.iter().map(|f| f.id.as_str()).collect();
-        self.body += &format!(
-            "<div class=\"picker\" data-figures=\"{ids}\" data-start=\"{start}\"><label for=\"{id}\">{label}</label>\
-             <button type=\"button\" data-step=\"-1\" aria-label=\"Previous\">‹</button>\
-             <select id=\"{id}\">{options}</select>\
-             <button type=\"button\" data-step=\"1\" aria-label=\"Next\">›</button>\
-             <output for=\"{id}\" aria-live=\"polite\">{note}</output></div>\n",
-            ids = ids.join(" "),
-            note = escape(&first.variants[start.min(first.variants.len() - 1)].note),
-        );
-    }
 }
 
 /// Builds all sections.
@@ -83,7 +27,7 @@ pub(super) fn content(input: &ReportInput<'_>) -> Content {
     let mut page = Content::default();
     if let Some(d) = &input.diagnosis {
         let coverage = checks::coverage_gaps(&checks);
-        account(&mut page, input, d, &coverage);
+        diagnosis_screen(&mut page, input, d, &coverage);
         left_by_model(&mut page, input, d, &image, leftover.as_ref());
         tested(&mut page, d);
         next(&mut page, d, &coverage);
@@ -149,8 +93,8 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
     page.close();
 }
 
-/// The first screen of a diagnosis: the questions that a reader has, and the steps.
-fn account(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) {
+/// The first screen of a diagnosis: questions with answers, and the steps.
+fn diagnosis_screen(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) {
     let (level, text) = diagnosis::pill(d);
     let story = story(input);
     page.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
@@ -184,7 +128,7 @@ fn account(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>,
     page.close();
 }
 
-/// What the declared and the last model leave: maps, trends with what was added drawn through, frames.
+/// Errors under the declared and under the last model: maps, trends, single frames.
 fn left_by_model(
     page: &mut Content,
     input: &ReportInput<'_>,
@@ -192,7 +136,8 @@ fn left_by_model(
     image: &Image,
     leftover: Option<&Leftover>,
 ) {
-    let mut intro: Vec<String> = d.account.left_over.iter().map(|s| format!("Left: {}.", escape(s))).collect();
+    let mut intro: Vec<String> =
+        d.record.left_over.iter().map(|s| format!("Left: {}.", escape(&left_over(s)))).collect();
     intro.extend(leftover.map(|l| escape(&l.sentence())));
     page.open("where", ["What is left", "Where was it wrong, and what is left?"], &intro.join(" "));
     page.grid(&figures::image_maps_by_model(input, d, image), "three");
@@ -208,24 +153,24 @@ fn left_by_model(
     let list: Vec<Figure> =
         all(image).iter().filter_map(|c| figures::model_curve(input, d, taken.as_ref(), c)).collect();
     if !list.is_empty() {
-        let intro = "Points with whiskers: mean over the frames of each frame's median in the bin, with its 95 % interval. \
-                     Dotted: what the added effects, with everything fitted anew beside them, take off there: where they are \
-                     the cause, it runs through the points of the declared model.";
-        page.open("against", ["Trends", "What did the error depend on, and does the added effect follow?"], intro);
+        let intro = "Points: mean over the frames of each frame's median error in the bin; whiskers: its 95 % interval. Dotted: \
+                     change of the error from the declared to the last model. Where the added effects are the cause, the \
+                     dotted line runs through the points of the declared model.";
+        page.open("against", ["Trends", "What does the error depend on, and do the added effects explain it?"], intro);
         page.grid(&list, "two fill");
         page.close();
     }
     single_frames(page, figures::differences_by_model(input, d));
-    page.open("outliers", ["Odd frames", "Frames that do not belong"], "");
+    page.open("outliers", ["Excluded frames", "Frames that were excluded"], "");
     page.body += &diagnosis::frames(d);
     page.grid(&figures::frames_by_model(input, d).into_iter().collect::<Vec<_>>(), "one");
     page.close();
 }
 
-/// Candidates, and which of them these captures can tell apart.
+/// Candidates, and which of them these captures can separate.
 fn tested(page: &mut Content, d: &ReportDiagnosis<'_>) {
-    let intro = "Every effect of the catalogue, and free functions that take up anything along one quantity, tested beside the \
-                 model without fitting them.";
+    let intro = "Each effect of the catalogue, and free functions of one quantity each, tested jointly with the model from one \
+                 linearisation, without a new fit.";
     page.open("candidates", ["Candidates", "What was tested"], intro);
     if let Some(ranking) = figures::ranking(d) {
         let list = [ranking];
@@ -237,7 +182,7 @@ fn tested(page: &mut Content, d: &ReportDiagnosis<'_>) {
     page.body += &diagnosis::candidates(d);
     page.close();
     if let Some(figure) = figures::separability(d) {
-        page.open("apart", ["Told apart", "What these captures cannot tell apart"], "");
+        page.open("apart", ["Separability", "Which effects these captures cannot separate"], "");
         page.body += &diagnosis::apart(d);
         page.grid(&[figure], "two fill");
         page.close();
@@ -299,20 +244,19 @@ fn leftover_table(l: &Leftover) -> String {
                 escape(&f.over),
                 number(f.structure.size_mm),
                 number(f.structure.hidden_mm),
-                p_value(f.structure.p_value),
+                escape(&p_value(f.structure.p_value)),
                 escape(&f.worst)
             )
         })
         .collect();
-    let whose = if l.with_fitted { "fitted ones among them" } else { "none of them seen by the fit" };
+    let whose = if l.with_fitted { "fitted ones among them" } else { "all of them held out" };
     format!(
-        "<details><summary>The tests behind this sentence</summary><div class=\"scroll\" \
-         tabindex=\"0\"><table><caption>Corrected depth \
-         error in bins, over {} ({whose}). Size: rms of a smooth pattern beyond what chance gives. Hidden: what chance \
-         would hide. p: chance of as much when every frame's errors were as likely negative as positive; it must stay \
-         below {:.4} here, since {} tests are made.</caption><thead><tr><th scope=\"col\">pattern over</th><th \
-         scope=\"col\">size / mm</th>\
-         <th scope=\"col\">hidden / mm</th><th scope=\"col\">p</th><th scope=\"col\" class=\"text\">verdict</th><th \
+        "<details><summary>The tests behind this sentence</summary><div class=\"scroll\" tabindex=\"0\"><table>\
+         <caption>Systematic part of the corrected depth error, over {} ({whose}). Size: rms of a smooth function over the \
+         bins, less what chance gives. Detection limit: 95 % of chance patterns are smaller. p: probability of such a pattern \
+         if each frame's errors had a random sign; found where below {:.4}, which makes a false alarm of any of the {} tests \
+         5 % likely.</caption><thead><tr><th scope=\"col\">over</th><th scope=\"col\">size / mm</th><th \
+         scope=\"col\">detection limit / mm</th><th scope=\"col\">p</th><th scope=\"col\" class=\"text\">verdict</th><th \
          scope=\"col\" class=\"text\">largest</th></tr></thead>\
          <tbody>{rows}</tbody></table></div></details>\n",
         count(l.frames, "frame"),
@@ -321,15 +265,11 @@ fn leftover_table(l: &Leftover) -> String {
     )
 }
 
-fn p_value(p: f64) -> String {
-    if p <= 0.0005 { "≤ 0.0005".to_owned() } else { format!("{p:.4}") }
-}
-
 fn single_frames(page: &mut Content, list: Vec<Figure>) {
     if list.is_empty() {
         return;
     }
-    let intro = "Choose a frame; ‹ and › step through them, and so do the arrow keys on the list.";
+    let intro = "Choose a frame from the list, or step through them with ‹ and › or the arrow keys.";
     page.open("frames", ["Frames", "Frame by frame"], intro);
     page.picker("frame-picker", "Frame", &list, 0);
     page.grid(&list, if list.len() == 3 { "three" } else { "two" });
@@ -345,8 +285,8 @@ fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     }
     let intro = if with_depth {
         format!(
-            "Points with whiskers: mean over the {} of each frame's median in the bin, with its 95 % interval. Small \
-             dots: single pixels. A correct model leaves the blue points on zero within their whiskers.",
+            "Points: mean over {} of each frame's median error in the bin; whiskers: its 95 % interval. Small dots: single \
+             pixels. Under a complete model the blue points agree with zero within their whiskers.",
             count(judged(input).frames.len(), "frame")
         )
     } else {
@@ -379,7 +319,7 @@ fn volume(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     if list.is_empty() {
         return;
     }
-    page.open("volume", ["Volume", "The volume that was measured"], "");
+    page.open("volume", ["Volume", "The measured volume"], "");
     page.grid(&list, "two fill");
     page.close();
 }
@@ -389,14 +329,15 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
     if let Some(u) = Uncertainty::of(c) {
         let unseen = input.evaluations.iter().any(|d| d.role != Role::Fitted);
         let intro = if unseen {
-            "The parameters' covariance, carried through the correction. It holds if the model is right: what is left \
-             above comes on top of it."
+            "Standard deviation of corrected depth, propagated from the covariance of the parameters. It assumes that the \
+             model is complete: any systematic error that is left (above) comes on top of it."
         } else {
-            "The parameters' covariance, carried through the correction. It holds if the model is right."
+            "Standard deviation of corrected depth, propagated from the covariance of the parameters. It assumes that the \
+             model is complete."
         };
-        page.open("uncertainty", ["Uncertainty", "How sure is corrected depth?"], intro);
+        page.open("uncertainty", ["Uncertainty", "How certain is corrected depth?"], intro);
         let map = [figures::uncertainty_map(c, &u)];
-        page.picker("distance-picker", "Distance of the map", &map, 1);
+        page.picker("distance-picker", "Distance", &map, 1);
         let [map] = map;
         page.grid(&[figures::uncertainty_curves(c, &u), map], "two");
         page.close();
@@ -413,7 +354,7 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
 }
 
 fn reading(page: &mut Content) {
-    page.open("reading", ["Definitions", "How the numbers are made"], "");
+    page.open("reading", ["Definitions", "How the numbers are defined"], "");
     page.body += include_str!("reading.html");
     page.close();
 }

@@ -1,32 +1,32 @@
-//! Errors with intervals, resampled by frames.
+//! Quantiles, tails, root mean squares, and errors with intervals by resampling frames.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Resamples of an interval.
+/// Number of resamples of an interval.
 const RESAMPLES: usize = 2000;
-/// Fewest frames that are resampled.
+/// Fewest frames of an interval.
 const FEWEST_FRAMES: usize = 3;
-/// Same input, same report.
+/// Fixed, so that the same input gives the same report.
 const SEED: u64 = 0x6465_7074_6863_616c;
 
 /// Sum and count of one frame's contributions to a mean.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Total {
-    /// Of the values, or of their squares.
+    /// Sum of the values, or of their squares.
     pub sum: f64,
     /// Number of values.
     pub count: usize,
 }
 
 impl Total {
-    /// Of finite values.
+    /// Sum and count of the finite values.
     pub(super) fn of(values: impl Iterator<Item = f64>) -> Self {
         values.filter(|v| v.is_finite()).fold(Self::default(), |t, v| Self { sum: t.sum + v, count: t.count + 1 })
     }
 }
 
-/// How totals become an error.
+/// How totals are combined to an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     /// The mean.
@@ -35,7 +35,7 @@ pub(super) enum Kind {
     Rms,
 }
 
-/// An error and the interval that holds it with 95 % confidence; NaN where there is none.
+/// An error and its 95 % interval; ends are NaN where there is no interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Estimate {
     pub value: f64,
@@ -49,8 +49,8 @@ impl Estimate {
     }
 }
 
-/// An error before and after, and the difference after − before with an interval of its own: both are made from the
-/// same frames, so that the difference is known better than either.
+/// An error before and after, and the difference after − before. Its interval comes from the same resamples of frames, so
+/// that it is narrower than those of the two errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Change {
     pub before: Estimate,
@@ -71,7 +71,8 @@ fn pooled(totals: &[Total], kind: Kind, weight: impl Fn(usize) -> f64) -> f64 {
     }
 }
 
-/// Before and after over frames, with intervals; `None` without any value.
+/// An error before and after correction with intervals, from the totals of each frame (bootstrap over frames, percentile
+/// intervals). `None` where no frame has a value.
 pub(super) fn change(before: &[Total], after: &[Total], kind: Kind) -> Option<Change> {
     let used: Vec<usize> = (0..before.len()).filter(|i| before[*i].count > 0 && after[*i].count > 0).collect();
     let before: Vec<Total> = used.iter().map(|i| before[*i]).collect();
@@ -104,7 +105,7 @@ pub(super) fn change(before: &[Total], after: &[Total], kind: Kind) -> Option<Ch
     Some(Change { before: interval(b, db), after: interval(a, da), difference: interval(a - b, dd), frames })
 }
 
-/// One error with its interval.
+/// One error with its interval, and the number of frames.
 pub(super) fn estimate(totals: &[Total], kind: Kind) -> Option<(Estimate, usize)> {
     change(totals, totals, kind).map(|c| (c.after, c.frames))
 }
@@ -125,6 +126,12 @@ pub(super) fn quantile(values: impl Iterator<Item = f64>, q: f64) -> f64 {
     quantile_of_sorted(&sorted, q)
 }
 
+/// Root mean square of finite values; NaN of none.
+pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let total = Total::of(values.map(|v| v * v));
+    (total.sum / total.count as f64).sqrt()
+}
+
 /// Median of values, which are reordered; NaN of none.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
@@ -140,7 +147,7 @@ fn greatest(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// A generator for tests that flip signs; not the one of the intervals.
+/// The generator of tests that flip signs; its seed differs from that of the intervals.
 pub(super) fn sign_generator() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(SEED ^ 1)
 }
@@ -160,6 +167,21 @@ pub(super) fn student(degrees: usize) -> f64 {
                 + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * n * n * n)
         }
     }
+}
+
+/// Probability that a mean of `n` squared standard normal numbers exceeds `ratio` (Wilson and Hilferty 1931).
+pub(super) fn chi_square_tail(ratio: f64, n: f64) -> f64 {
+    let v = 2.0 / (9.0 * n);
+    normal_tail((ratio.cbrt() - (1.0 - v)) / v.sqrt())
+}
+
+/// Probability that a standard normal number exceeds `z`, to 10⁻⁷ (Abramowitz and Stegun 1964, 26.2.17).
+fn normal_tail(z: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * z.abs());
+    let series = [0.319_381_530, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let sum = series.iter().rev().fold(0.0, |s, b| (s + b) * t);
+    let tail = (-z * z / 2.0).exp() / std::f64::consts::TAU.sqrt() * sum;
+    if z < 0.0 { 1.0 - tail } else { tail }
 }
 
 #[cfg(test)]
@@ -210,5 +232,18 @@ mod tests {
         for (n, t) in [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042)] {
             assert!((student(n) / t - 1.0).abs() < 0.011, "{n}: {}", student(n));
         }
+    }
+
+    #[test]
+    fn tails_agree_with_tables() {
+        assert!((normal_tail(1.96) - 0.025).abs() < 1e-4 && (normal_tail(-1.96) - 0.975).abs() < 1e-4);
+        // The 95 % point of chi-square with 20 degrees of freedom is 31.41.
+        assert!((chi_square_tail(31.41 / 20.0, 20.0) - 0.05).abs() < 1e-3);
+    }
+
+    #[test]
+    fn root_mean_squares_leave_out_what_is_no_number() {
+        assert_eq!(rms([3.0, f64::NAN, -4.0].into_iter()), 12.5_f64.sqrt());
+        assert!(rms(std::iter::empty()).is_nan());
     }
 }

@@ -2,18 +2,19 @@
 
 use std::fmt::Write;
 
+use super::format::{count, fixed, interval, measured, number, pieces, significant};
 use super::headline::{Direction, direction};
-use super::html::{count, escape, measured, number, significant};
+use super::html::escape;
+use super::input::{ReportInput, Role};
 use super::pool::Pool;
 use super::statistics::{Change, Estimate, quantile};
 use super::uncertainty::{distances, typical};
-use super::{ReportInput, Role};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_model::hook::HookKind;
 
 fn cell(e: &Estimate) -> String {
     let interval = if e.has_interval() {
-        format!(" <span class=\"interval\">{}–{}</span>", number(e.low), number(e.high))
+        format!(" <span class=\"interval\">{}</span>", interval(e.low, e.high, ""))
     } else {
         String::new()
     };
@@ -24,9 +25,9 @@ fn row(name: &str, hint: &str, unit: &str, change: Option<Change>) -> String {
     let Some(c) = change else { return String::new() };
     let percent = 100.0 * (c.after.value / c.before.value - 1.0);
     let (class, text) = match direction(&c) {
-        Direction::Fell => ("good", format!("{} %", super::html::fixed(percent, 0))),
-        Direction::Rose => ("bad", format!("+{} %", super::html::fixed(percent, 0))),
-        Direction::Same if c.after.has_interval() => ("same", "no clear change".to_owned()),
+        Direction::Fell => ("good", format!("{} %", fixed(percent, 0))),
+        Direction::Rose => ("bad", format!("+{} %", fixed(percent, 0))),
+        Direction::Same if c.after.has_interval() => ("same", "not significant".to_owned()),
         Direction::Same => ("same", "too few frames".to_owned()),
     };
     format!(
@@ -37,38 +38,38 @@ fn row(name: &str, hint: &str, unit: &str, change: Option<Change>) -> String {
     )
 }
 
-/// The headline's numbers.
+/// Errors of the headline's frames, before and after correction.
 pub(super) fn headline(input: &ReportInput<'_>) -> String {
     let (pool, role) = Pool::headline(input);
     if pool.frames.is_empty() {
         return String::new();
     }
     let mut rows = String::new();
-    rows += &row("Depth, rms", "over all board pixels", "mm", pool.depth_rms());
-    rows += &row("Plane error, mean", "height of pixels over the board", "mm", pool.plane_error());
-    rows += &row("Dot error, mean", "markers in space", "mm", pool.dot_error());
+    rows += &row("Depth error, rms", "over all board pixels", "mm", pool.depth_rms());
+    rows += &row("Plane error, mean", "absolute height of depth pixels above the board", "mm", pool.plane_error());
+    rows += &row("Dot error, mean", "distance of markers from their places in space", "mm", pool.dot_error());
     if let Some((e, _)) = pool.reprojection() {
         let _ = writeln!(
             rows,
-            "<tr><th scope=\"row\">Reprojection, rms <span class=\"unit\">px</span><span class=\"hint\">markers in the \
+            "<tr><th scope=\"row\">Reprojection error, rms <span class=\"unit\">px</span><span class=\"hint\">markers in the \
              image</span></th><td>–</td>{}<td class=\"change same\">image only</td></tr>",
             cell(&e)
         );
     }
     let whose = match role {
-        Role::HeldOut => "held-out frames, which the fit did not see",
-        Role::Other => "captures that the fit did not see",
+        Role::HeldOut => "held-out frames",
+        Role::Other => "captures that are not part of the fit",
         Role::Fitted => "the frames that the camera was fitted to",
     };
     format!(
-        "<table class=\"numbers\"><caption>On {} ({whose}); small: 95 % interval</caption><thead><tr><td></td>\
+        "<table class=\"numbers\"><caption>On {} ({whose}); in small type: 95 % interval</caption><thead><tr><td></td>\
          <th scope=\"col\">as measured</th><th scope=\"col\">corrected</th><th scope=\"col\">change</th></tr></thead>\n\
          <tbody>{rows}</tbody></table>\n",
         count(pool.frames.len(), "frame")
     )
 }
 
-/// The thesis' table of every dataset.
+/// Errors of every dataset, in the columns of Sjöholm 2017.
 pub(super) fn datasets(input: &ReportInput<'_>) -> String {
     let mut rows = String::new();
     for d in input.evaluations {
@@ -107,13 +108,13 @@ pub(super) fn datasets(input: &ReportInput<'_>) -> String {
     format!(
         "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors of every dataset, mm (reprojection: px)</caption>\
          <thead><tr><th scope=\"col\">dataset</th>\
-         <th scope=\"col\">frames</th><th scope=\"col\">reprojection</th><th scope=\"col\" class=\"text\">depth</th>\
-         <th scope=\"col\">dot, mean</th><th scope=\"col\">std</th><th scope=\"col\">plane, mean</th>\
-         <th scope=\"col\">std</th><th scope=\"col\">depth, rms</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+         <th scope=\"col\">frames</th><th scope=\"col\">reprojection error, rms</th><th scope=\"col\" class=\"text\">depth</th>\
+         <th scope=\"col\">dot error, mean</th><th scope=\"col\">std. dev.</th><th scope=\"col\">plane error, mean</th>\
+         <th scope=\"col\">std. dev.</th><th scope=\"col\">depth error, rms</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
 }
 
-/// Parameters with standard deviations, units, and what they mean.
+/// Parameters with standard deviations, units, effect on depth, and meaning.
 pub(super) fn parameters(c: &Calibrated) -> String {
     let mut stds = c.std_devs().into_iter();
     let theta = c.camera.theta();
@@ -133,7 +134,7 @@ pub(super) fn parameters(c: &Calibrated) -> String {
         );
         for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
             let std = stds.next().flatten();
-            let held = if *free { "" } else { " <span class=\"hint\">held</span>" };
+            let held = if *free { "" } else { " <span class=\"hint\">fixed</span>" };
             let unit = if parameter.unit == "1" { "" } else { parameter.unit };
             let effect = (block.hook() == HookKind::Depth && *free)
                 .then(|| shift(c, &theta, index, parameter.nominal))
@@ -154,16 +155,16 @@ pub(super) fn parameters(c: &Calibrated) -> String {
     let z = number(quantile(distances(c).into_iter(), 0.5));
     format!(
         "<div class=\"scroll\" tabindex=\"0\"><table class=\"parameters\"><caption>Values ± one standard deviation. \
-         Moves depth by: the largest change over the image at {z} mm that this parameter makes.</caption><thead><tr>\
+         Effect on depth: \
+         largest change of corrected depth over the image, at {z} mm, if the parameter is set to its neutral value.</caption><thead><tr>\
          <th scope=\"col\">name</th><th scope=\"col\">value</th><th scope=\"col\">unit</th>\
-         <th scope=\"col\">moves depth by</th><th \
+         <th scope=\"col\">effect on depth</th><th \
          scope=\"col\">meaning</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
 }
 
-/// The largest change of depth over the image, at the middle of the fitted distances, that a parameter makes against
-/// its
-/// nominal value, mm.
+/// The largest change of corrected depth over the image, mm, between a parameter's fitted and its nominal value, at the
+/// median of the fitted distances. `None` where depth cannot be corrected.
 fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f64> {
     let z = quantile(distances(c).into_iter(), 0.5);
     let mut without = theta.to_vec();
@@ -186,22 +187,22 @@ fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f6
     largest
 }
 
-/// How the fit went and what noise it found.
+/// Data, residuals, noise and termination of the fit.
 pub(super) fn fit(c: &Calibrated) -> String {
     let mut items: Vec<(String, String)> = vec![
-        ("Model".into(), escape(&c.model.to_string())),
+        ("Model".into(), escape(&pieces(&c.model.to_string()))),
         ("Estimator".into(), c.estimator.name().to_owned()),
         ("Frames".into(), c.capture.frames.len().to_string()),
         ("Markers".into(), c.capture.frames.iter().map(|f| f.markers.len()).sum::<usize>().to_string()),
-        ("Reprojection".into(), format!("{} px rms", number(c.reprojection_rms_px))),
-        ("Noise of a marker".into(), format!("{} px per coordinate", number(c.noise.pixel_sigma))),
+        ("Reprojection error".into(), format!("{} px rms", number(c.reprojection_rms_px))),
+        ("Marker noise".into(), format!("{} px per coordinate (standard deviation)", number(c.noise.pixel_sigma))),
     ];
     if c.with_depth {
         let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
         let apart = c.correlation_length_px.map_or(String::new(), |n| format!(", at least {n} px apart"));
-        items.push(("Depth samples".into(), format!("{samples}{apart}, {} outliers left out", c.outliers)));
+        items.push(("Depth samples".into(), format!("{samples}{apart}, {} outliers excluded", c.outliers)));
         if let Some(rms) = c.depth_rms_mm {
-            items.push(("Depth at the samples".into(), format!("{} mm rms", number(rms))));
+            items.push(("Depth error at the samples".into(), format!("{} mm rms", number(rms))));
         }
         let d = c.noise.depth;
         items.push((
@@ -209,10 +210,8 @@ pub(super) fn fit(c: &Calibrated) -> String {
             format!("σ² = ({} / mm)² + ({} mm · ρ²)²", significant(d.a_per_mm, 3), significant(d.b_mm, 3)),
         ));
     }
-    items.push((
-        "End of the fit".into(),
-        format!("{} after {}", escape(&c.termination), count(c.iterations, "iteration")),
-    ));
+    items
+        .push(("Termination".into(), format!("{} after {}", escape(&c.termination), count(c.iterations, "iteration"))));
     let items: String = items.iter().map(|(k, v)| format!("<div><dt>{k}</dt><dd>{v}</dd></div>\n")).collect();
     format!("<dl class=\"facts\">{items}</dl>\n")
 }
@@ -222,7 +221,7 @@ pub(super) fn dropped(input: &ReportInput<'_>) -> Vec<[String; 3]> {
     let mut list: Vec<[String; 3]> = Vec::new();
     let mut add = |dataset: &str, name: &str, reason: &str| {
         let row = [dataset.to_owned(), name.to_owned(), reason.to_owned()];
-        // The calibration's frames come back in the evaluation of the same dataset.
+        // The evaluation of the fitted dataset lists the same frames again.
         if !list.contains(&row) {
             list.push(row);
         }
@@ -236,11 +235,11 @@ pub(super) fn dropped(input: &ReportInput<'_>) -> Vec<[String; 3]> {
     list
 }
 
-/// The same as a table.
+/// Frames that were not used, as a table.
 pub(super) fn dropped_table(input: &ReportInput<'_>) -> String {
     let list = dropped(input);
     if list.is_empty() {
-        return "<p>None: every frame was used.</p>\n".to_owned();
+        return "<p>All frames were used.</p>\n".to_owned();
     }
     let rows: String = list
         .iter()
@@ -257,7 +256,7 @@ pub(super) fn dropped_table(input: &ReportInput<'_>) -> String {
         "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} not used</caption><thead><tr><th \
          scope=\"col\">dataset</th>\
          <th scope=\"col\" class=\"text\">frame</th><th scope=\"col\" \
-         class=\"text\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
+         class=\"text\">reason</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
         count(list.len(), "frame")
     )
 }

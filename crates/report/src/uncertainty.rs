@@ -1,4 +1,4 @@
-//! How sure corrected depth is: the parameters' covariance carried through the correction.
+//! Uncertainty of corrected depth: the covariance of the parameters propagated through the correction.
 
 use depthcal_model::Context;
 use nalgebra::DMatrix;
@@ -7,13 +7,13 @@ use rayon::prelude::*;
 use super::statistics::quantile;
 use depthcal_calibration::calibrate::Calibrated;
 
-/// Parameters beyond which fewer points are looked at.
+/// With more parameters than this, maps and curves have fewer points.
 const MANY: usize = 60;
 
 /// Standard deviations of corrected depth.
 #[derive(Debug, Clone)]
 pub(super) struct Uncertainty {
-    /// Distances of the maps, mm: near, middle and far of the fitted boards.
+    /// Distances of the maps, mm: near, median and far of the fitted boards.
     pub distances: Vec<f64>,
     /// Columns and rows of the maps.
     pub grid: [usize; 2],
@@ -33,7 +33,7 @@ pub(super) fn distances(c: &Calibrated) -> Vec<f64> {
     if samples.is_empty() { c.capture.poses().map(|p| p.translation.vector.z).collect() } else { samples }
 }
 
-/// A pixel under the conditions in the middle of those that were fitted.
+/// A pixel under the median conditions of the fit: amplitude, time and temperature.
 pub(super) fn typical(c: &Calibrated, pixel: [f64; 2]) -> Context {
     let contexts = || c.capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| s.context));
     Context {
@@ -46,7 +46,7 @@ pub(super) fn typical(c: &Calibrated, pixel: [f64; 2]) -> Context {
 }
 
 impl Uncertainty {
-    /// `None` where the calibration has no depth or no covariance.
+    /// Maps and curves; `None` where the calibration has no depth or no covariance.
     pub(super) fn of(c: &Calibrated) -> Option<Self> {
         let covariance = c.covariance.as_ref().filter(|_| c.with_depth)?;
         let at = distances(c);
@@ -87,7 +87,8 @@ impl Uncertainty {
     }
 }
 
-/// Standard deviation of the corrected depth at pixels with a measured depth.
+/// Standard deviation of corrected depth, mm, at pixels with a measured depth (mm); NaN where depth cannot be corrected.
+/// `covariance` is that of all parameters, with zeros for fixed ones.
 pub(super) fn standard_deviations(c: &Calibrated, covariance: &DMatrix<f64>, points: &[(Context, f64)]) -> Vec<f64> {
     let theta = c.camera.theta();
     let free: Vec<usize> = (0..theta.len()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
@@ -100,7 +101,7 @@ pub(super) fn standard_deviations(c: &Calibrated, covariance: &DMatrix<f64>, poi
     let columns: Vec<Vec<f64>> = free
         .par_iter()
         .map(|i| {
-            // A tenth of a standard deviation: small against the curvature, large against rounding.
+            // Small against the curvature of the correction, large against rounding.
             let step = 0.1 * covariance[(*i, *i)].sqrt();
             let shifted = |s: f64| {
                 let mut t = theta.clone();

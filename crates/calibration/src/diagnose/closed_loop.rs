@@ -74,9 +74,8 @@ pub fn diagnose(
                     model.add_free_map(found, &mut present, (found.p_value * tested).min(1.0));
                 }
                 let map = model.added.last().filter(|added| added.evidence.name == FREE_MAP);
-                let outcome = map.map_or(RoundOutcome::Reported, |m| RoundOutcome::FreeMapAdded {
-                    map: m.evidence.spec.clone(),
-                });
+                let outcome =
+                    map.map_or(RoundOutcome::Reported, |m| RoundOutcome::FreeMapAdded { map: m.evidence.spec.clone() });
                 conclude(&mut rounds, outcome);
                 break examination;
             }

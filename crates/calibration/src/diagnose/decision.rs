@@ -105,18 +105,23 @@ pub fn decide(
     let mut share = 1.0;
     // The gain of the frames' planes, half of χ² less its three degrees of freedom: an effect that is present takes it up.
     let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
-    let with_unexplained =
-        |free: usize, explained: f64, competitor: Competitor| match robust_effect(examination, &ranked, &significant_free, least, thresholds) {
-            Some(effect) => Decision::Add {
-                effect,
-                jointly_with: Vec::new(),
-                indistinguishable: indistinguishable(examination, effect, &[effect], thresholds),
-                explained,
-                of_planes: 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE),
-                leaves_unexplained: true,
-            },
-            None => Decision::Unexplained { free, explained, competitor },
-        };
+    let with_unexplained = |free: usize, explained: f64, competitor: Competitor| match robust_effect(
+        examination,
+        &ranked,
+        &significant_free,
+        least,
+        thresholds,
+    ) {
+        Some(effect) => Decision::Add {
+            effect,
+            jointly_with: Vec::new(),
+            indistinguishable: indistinguishable(examination, effect, &[effect], thresholds),
+            explained,
+            of_planes: 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE),
+            leaves_unexplained: true,
+        },
+        None => Decision::Unexplained { free, explained, competitor },
+    };
     if let Some((free, left)) = left {
         share = explained / (explained + left);
         if share < thresholds.least_explained {

@@ -18,7 +18,6 @@
 //!
 //! Every threshold of the rules is in [`Thresholds`]. Findings are data; `depthcal-report` words them.
 
-pub mod account;
 mod augmented_model;
 pub mod bad_frames;
 mod candidate_blocks;

@@ -171,11 +171,9 @@ fn covariate(covariate: Covariate) -> DiagnosisCovariate {
 
 fn left_over(left: &LeftOver) -> DiagnosisLeftOver {
     match left {
-        LeftOver::FreeFunction { along: a, size_mm, explained } => DiagnosisLeftOver::FreeFunction {
-            along: along(*a),
-            rms_mm: finite(*size_mm),
-            explained_share: *explained,
-        },
+        LeftOver::FreeFunction { along: a, size_mm, explained } => {
+            DiagnosisLeftOver::FreeFunction { along: along(*a), rms_mm: finite(*size_mm), explained_share: *explained }
+        }
         LeftOver::FramePlanes { share, rms_mm } => {
             DiagnosisLeftOver::FramePlanes { share_of_frames: *share, rms_mm: *rms_mm }
         }

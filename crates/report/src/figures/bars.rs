@@ -2,10 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, axis, plain, short, whiskers};
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, axis, plain, short, whiskers};
+use crate::format::number;
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
 use crate::statistics::{Change, Estimate};
-use crate::{ReportInput, Role};
 
 fn bar(name: &str, colour: &str, labels: &[String], values: &[Estimate], hatched: bool) -> Value {
     let interval = |e: &Estimate, side: f64| if e.has_interval() { short((side - e.value).abs()) } else { json!(0) };
@@ -35,11 +37,11 @@ fn layout() -> Value {
     json!({"barmode": "group", "bargap": 0.3, "yaxis": y, "xaxis": {"type": "category"}})
 }
 
-/// The three errors of the headline's frames.
+/// Depth, plane and dot error of the headline's frames, before and after correction.
 pub(crate) fn headline_bars(input: &ReportInput<'_>) -> Option<Figure> {
     let (pool, role) = Pool::headline(input);
     let errors =
-        [("depth, rms", pool.depth_rms()), ("plane, mean", pool.plane_error()), ("dots, mean", pool.dot_error())];
+        [("depth, rms", pool.depth_rms()), ("plane, mean", pool.plane_error()), ("dot, mean", pool.dot_error())];
     let (labels, changes): (Vec<String>, Vec<Change>) =
         errors.into_iter().filter_map(|(name, c)| Some((name.to_owned(), c?))).unzip();
     if changes.is_empty() {
@@ -48,12 +50,12 @@ pub(crate) fn headline_bars(input: &ReportInput<'_>) -> Option<Figure> {
     let title = match role {
         Role::Fitted => "Errors on the fitted frames",
         Role::HeldOut => "Errors on held-out frames",
-        Role::Other => "Errors on captures that the fit did not see",
+        Role::Other => "Errors on captures that are not part of the fit",
     };
     let told: Vec<String> = labels
         .iter()
         .zip(&changes)
-        .map(|(l, c)| format!("{l}: {:.2} mm before, {:.2} mm after", c.before.value, c.after.value))
+        .map(|(l, c)| format!("{l}: {} mm before, {} mm after", number(c.before.value), number(c.after.value)))
         .collect();
     Some(
         Figure::new("errors", title, pair(&labels, &changes), layout())
@@ -63,7 +65,7 @@ pub(crate) fn headline_bars(input: &ReportInput<'_>) -> Option<Figure> {
     )
 }
 
-/// Mean dot and plane error of every dataset.
+/// Mean dot and plane error of every dataset; empty with less than two datasets.
 pub(crate) fn by_dataset(input: &ReportInput<'_>) -> Vec<Figure> {
     if input.evaluations.len() < 2 {
         return Vec::new();

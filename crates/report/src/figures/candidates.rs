@@ -1,16 +1,18 @@
-//! What was tested: candidates by their gain on left-out frames, and sizes against what could have been seen.
+//! The tested candidates: their gains on held-out frames, their sizes against detectable ones, and their separability.
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisRound};
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, OTHER, Variant, colour_bar, plain, rounded, sequential, short};
-use crate::diagnosis::ReportDiagnosis;
-use crate::html::{count, number};
+use super::figure::{Figure, Variant};
+use super::plotly::{AFTER, NEUTRAL, OTHER, colour_bar, plain, rounded, sequential, short};
+use crate::diagnosis::sentences::decision;
+use crate::format::{capital, count, percent, pieces};
+use crate::input::ReportDiagnosis;
 use crate::parameters::free_function;
 
-/// Bars to the left are cut off at this share of the longest one: a candidate that does harm may do any amount of it.
+/// Negative bars are cut off at this share of the longest positive one: a loss may be arbitrarily large.
 const MOST_HARM: f64 = 0.25;
-/// Significance of a score test before the number of tests is allowed for.
+/// Significance level of a score test, before the correction for the number of tests.
 const LEVEL: f64 = 0.01;
 
 fn name(c: &DiagnosisCandidate, free: bool) -> String {
@@ -30,12 +32,12 @@ fn ranked(round: &DiagnosisRound) -> Vec<(&DiagnosisCandidate, bool)> {
 }
 
 fn round_name(i: usize, d: &ReportDiagnosis<'_>) -> String {
-    if i == 0 { format!("1: beside {}", d.account.model) } else { format!("{}", i + 1) }
+    if i == 0 { format!("1: given {}", pieces(&d.record.model)) } else { format!("{}", i + 1) }
 }
 
-/// Gains on left-out frames, a round at a time; `None` without rounds.
+/// Gains on held-out frames, one round at a time; `None` without rounds.
 pub(crate) fn ranking(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let rounds = &d.account.rounds;
+    let rounds = &d.record.rounds;
     let first = rounds.first().filter(|r| !r.effects.is_empty())?;
     let most = rounds.iter().flat_map(ranked).map(|c| c.0.held_out_gain_percent).fold(0.1, f64::max);
     let least = -MOST_HARM * most;
@@ -52,8 +54,8 @@ pub(crate) fn ranking(d: &ReportDiagnosis<'_>) -> Option<Figure> {
         json!({
             "y": list.iter().map(|c| name(c.0, c.1)).collect::<Value>(),
             "x": list.iter().map(|c| short(c.0.held_out_gain_percent.max(least))).collect::<Value>(),
-            "text": list.iter().map(|c| format!("{} %", number(c.0.held_out_gain_percent))).collect::<Value>(),
-            // Beside a bar that is cut off there is no room.
+            "text": list.iter().map(|c| percent(c.0.held_out_gain_percent)).collect::<Value>(),
+            // There is no room next to a bar that is cut off.
             "textposition": list.iter().map(|c| if c.0.held_out_gain_percent < least { "inside" } else { "outside" }).collect::<Value>(),
             "marker": {"color": list.iter().map(colour).collect::<Value>()},
         })
@@ -66,32 +68,36 @@ pub(crate) fn ranking(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     data["hovertemplate"] = json!("%{y}: %{text}<extra></extra>");
     let layout = json!({
         "yaxis": {"type": "category", "autorange": "reversed", "tickfont": {"size": 11}, "dtick": 1}, "showlegend": false,
-        "xaxis": {"title": {"text": "gain on left-out frames / %"}, "range": [1.3 * least, 1.2 * most], "zeroline": true},
+        "xaxis": {"title": {"text": "gain on held-out frames / %"}, "range": [1.3 * least, 1.2 * most], "zeroline": true},
     });
     let best: Vec<String> = ranked(first)
         .iter()
         .take(3)
-        .map(|c| format!("{} {} %", name(c.0, c.1), number(c.0.held_out_gain_percent)))
+        .map(|c| format!("{} {}", name(c.0, c.1), percent(c.0.held_out_gain_percent)))
         .collect();
-    let mut figure = Figure::new("candidates-gain", "Candidates by what they take off left-out frames", vec![data], layout)
+    let mut figure = Figure::new("candidates-gain", "Candidates by their gain on held-out frames", vec![data], layout)
         .caption(
-            "Fall of the weighted residual when the candidate is estimated from the other frames, from one linearisation. \
-             Blue: significant effects of the catalogue; grey: the others; violet, slanted: free functions of one quantity, \
-             which compete and name nothing. Bars that do much harm are cut off.",
+            "Decrease of the weighted residual of held-out frames when the candidate is added, from one linearisation. Blue: \
+             significant effects; grey: other effects; violet, slanted: free functions of one quantity, which compete with \
+             the effects but name no cause. Long negative bars are cut off.",
         )
         .alt(format!("Ranking of the candidates. First round: {}.", best.join(", ").replace("<i>", "").replace("</i>", "")))
         .aspect(0.95);
     figure.variants = rounds
         .iter()
         .enumerate()
-        .map(|(i, r)| Variant { label: round_name(i, d), note: format!("{}.", r.decision), trace: trace(r) })
+        .map(|(i, r)| Variant {
+            label: round_name(i, d),
+            note: format!("{}.", capital(&decision(&r.decision))),
+            trace: trace(r),
+        })
         .collect();
     Some(figure)
 }
 
-/// Size that the data give each effect against the smallest that would have been found, beside the last model.
+/// Estimated size of each effect and the smallest detectable one, given the last model; `None` without detectable effects.
 pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let round = d.account.rounds.last()?;
+    let round = d.record.rounds.last()?;
     let seen: Vec<(&DiagnosisCandidate, f64)> = round
         .effects
         .iter()
@@ -108,15 +114,15 @@ pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
         .collect();
     let names: Value = seen.iter().map(|c| plain(&c.0.effect)).collect();
     let bars = json!({
-        "type": "bar", "orientation": "h", "name": "hidden: smaller than this would not have been found", "y": names,
+        "type": "bar", "orientation": "h", "name": "not detectable", "y": names,
         "x": seen.iter().map(|c| short(c.1)).collect::<Value>(), "marker": {"color": NEUTRAL, "opacity": 0.45},
         "hovertemplate": "%{y}: %{x:.3~g} mm<extra>detectable</extra>",
     });
     let points = json!({
-        "type": "scatter", "mode": "markers", "name": "what the data would give it", "y": names,
+        "type": "scatter", "mode": "markers", "name": "estimated size", "y": names,
         "x": seen.iter().map(|c| c.0.expected_size_mm.map_or(Value::Null, short)).collect::<Value>(),
         "marker": {"color": AFTER, "size": 9, "symbol": "diamond"},
-        "hovertemplate": "%{y}: %{x:.3~g} mm<extra>from the data</extra>",
+        "hovertemplate": "%{y}: %{x:.3~g} mm<extra>estimated</extra>",
     });
     let low = seen
         .iter()
@@ -131,42 +137,43 @@ pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let unseen = if blind.is_empty() {
         String::new()
     } else {
-        format!(" These captures say nothing at all about {}.", plain(&blind.join(", ")))
+        format!(" Not detectable at any size: {}.", plain(&blind.join(", ")))
     };
     Some(
-        Figure::new("candidates-size", "What could have been seen, beside the last model", vec![bars, points], layout)
+        Figure::new("candidates-size", "Which sizes would have been detected, given the last model", vec![bars, points], layout)
             .caption(format!(
-                "Bars: the smallest size that is found in four of five such captures (level 1 %, corrected for the number of \
-                 effects). A diamond inside its bar is noise; one outside is significant, which alone does not make it a \
-                 cause.{unseen}"
+                "A bar ends at the smallest size that is found in four of five such captures (level 1 %, corrected for the number \
+                 of effects). A diamond inside its bar is within noise; one outside is significant, which by itself does \
+                 not make the effect the cause.{unseen}"
             ))
             .alt(format!("Detectable sizes of {}.", count(seen.len(), "effect")))
             .aspect(0.95),
     )
 }
 
-/// Which effects can pass for each other; `None` where the account has no matrix.
+/// Which effects can be mistaken for each other; `None` where the record has no matrix.
 pub(crate) fn separability(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let s = d.account.separability.as_ref().filter(|s| s.effects.len() > 1)?;
+    let s = d.record.separability.as_ref().filter(|s| s.effects.len() > 1)?;
     let names: Value = s.effects.iter().map(|n| plain(n)).collect();
     let z: Value = s.mimicry.iter().map(|r| r.iter().map(|c| rounded(*c, 2)).collect::<Value>()).collect();
     let data = json!({
         "type": "heatmap", "x": names, "y": names, "z": z, "zmin": 0, "zmax": 1, "colorscale": sequential(),
         "reversescale": true, "colorbar": colour_bar("cos"),
-        "hovertemplate": "%{x} can pass for %{y}: %{z}<extra></extra>",
+        "hovertemplate": "%{y} can be mistaken for %{x}: %{z}<extra></extra>",
     });
     let layout = json!({
         "xaxis": {"type": "category", "tickangle": -50, "showgrid": false, "tickfont": {"size": 11}, "dtick": 1},
         "yaxis": {"type": "category", "autorange": "reversed", "showgrid": false, "tickfont": {"size": 11}, "dtick": 1},
     });
     Some(
-        Figure::new("separability", "Which effects these captures cannot tell apart", vec![data], layout)
+        Figure::new("separability", "Which effects can be mistaken for each other", vec![data], layout)
             .caption(
-                "Row: what is there, at the parameters that the data give it and as far as the declared model leaves it. \
-                 Column: what may be taken for it. 1: no difference on these captures; 0: nothing in common. Further \
-                 captures lower a number, at other distances, tilts and places in the image.",
+                "Row: the effect that is present, at its estimated parameters and without what the declared model compensates. \
+                 Column: the effect that it could be mistaken for. Cosine of the angle between the two: 1, \
+                 indistinguishable on these captures; 0, nothing in common. Captures at other distances, tilts and places \
+                 in the image lower it.",
             )
-            .alt("Matrix of how well effects can pass for each other.")
+            .alt("Matrix of how similar the effects are on these captures.")
             .aspect(1.2),
     )
 }

@@ -2,14 +2,15 @@
 
 use serde_json::{Value, json};
 
-use super::{Figure, colour_bar, diverging, rounded};
-use crate::html::fixed;
+use super::figure::Figure;
+use super::plotly::{colour_bar, diverging, rounded};
+use crate::format::fixed;
 use depthcal_calibration::calibrate::Calibrated;
 
-/// More parameters than this cannot be read.
+/// Most parameters whose matrix is readable.
 const MOST: usize = 40;
 
-/// The matrix; `None` without covariance or with too many parameters.
+/// The correlation matrix; `None` without covariance or with too many parameters.
 pub(crate) fn correlation(c: &Calibrated) -> Option<Figure> {
     let covariance = c.covariance.as_ref()?;
     let short: Vec<&str> = c.camera.blocks().iter().flat_map(|b| b.parameters().iter().map(|p| &*p.name)).collect();
@@ -49,8 +50,7 @@ pub(crate) fn correlation(c: &Calibrated) -> Option<Figure> {
     Some(
         Figure::new("correlation", "Correlations of the parameters", vec![data], layout)
             .caption(format!(
-                "Strongest: {told}. Pairs near ± 1 were told apart only just: their sum is better known \
-                              than either."
+                "Strongest: {told}. Of a pair near ± 1 only a combination is well determined, not each by itself."
             ))
             .alt(format!("Correlation matrix of the parameters. Strongest: {told}."))
             .aspect(1.2),

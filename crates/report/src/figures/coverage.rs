@@ -2,11 +2,12 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, OTHER, colour_bar, image_axes, plain, rounded, sequential, short};
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, OTHER, colour_bar, image_axes, plain, rounded, sequential, short};
 use crate::covariates::Image;
-use crate::html::count;
+use crate::format::count;
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
-use crate::{ReportInput, Role};
 
 /// Number of frames that saw each part of the image.
 pub(crate) fn coverage(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
@@ -43,12 +44,12 @@ pub(crate) fn coverage(input: &ReportInput<'_>, image: &Image) -> Option<Figure>
     let share = 100 * (frames.len() - empty) / frames.len();
     let what = if depth { "depth on the board" } else { "a marker" };
     Some(
-        Figure::new("coverage", "Where the boards were in the image", vec![data], image_axes(image))
+        Figure::new("coverage", "Coverage of the image", vec![data], image_axes(image))
             .caption(format!(
-                "Frames with {what} in each part of the image: {share} % of it were reached. Empty cells \
-                              were never seen: there the model extrapolates."
+                "Number of frames with {what} in each part of the image; {share} % of it were reached. In empty cells the model \
+                 extrapolates."
             ))
-            .alt(format!("Map of the image: {share} per cent of it were reached by a board."))
+            .alt(format!("Map of the image: boards reached {share} per cent of it."))
             .aspect(image.width / image.height * 1.02),
     )
 }
@@ -84,8 +85,8 @@ pub(crate) fn distance_and_tilt(input: &ReportInput<'_>) -> Option<Figure> {
     (!data.is_empty()).then(|| {
         Figure::new("distance-tilt", "Distance and tilt of the boards", data, layout)
             .caption(
-                "One mark per frame. Boards at several distances tell an offset from a scale of the depth; tilted \
-                      boards tell the focal length from the distance.",
+                "One mark per frame. Several distances separate an offset of depth from a scale of depth; tilted boards \
+                 separate the focal length from the distance.",
             )
             .alt(format!("Distance and tilt of {}.", count(pool.frames.len(), "board")))
             .aspect(1.45)

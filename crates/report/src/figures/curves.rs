@@ -2,21 +2,24 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, rounded, short};
-use crate::ReportInput;
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, rounded, short};
 use crate::binned::{Axis, Binned, Cell};
 use crate::covariates::{BINS, Covariate, Image};
-use crate::html::{escape, number};
+use crate::format::number;
+use crate::html::escape;
+use crate::input::ReportInput;
 use crate::leftover::{judged, noise_mm};
+use crate::pool::Pool;
 use crate::statistics::quantile;
 use depthcal_calibration::judge::evaluate::PixelError;
 
-/// Single pixels that are drawn behind the bins, per side.
+/// Most single pixels that are drawn behind the bins, before and after correction each.
 const POINTS: usize = 700;
 
 /// Bins as points with intervals.
 pub(super) fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: &str, symbol: &str) -> Value {
-    // A thin line for depth as measured: it is the background of what corrected depth shows.
+    // A thin line for depth as measured, which is the background of corrected depth.
     let width = if colour == AFTER { 2.5 } else { 1.0 };
     let used: Vec<(usize, &Cell)> = cells.iter().enumerate().filter(|(_, c)| c.value.is_finite()).collect();
     json!({
@@ -75,7 +78,7 @@ pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Fi
             |f: fn(f64, f64) -> f64, from: f64| cells.iter().map(|c| c.value).filter(|v| v.is_finite()).fold(from, f);
         format!("{} to {}", number(at(f64::min, f64::INFINITY)), number(at(f64::max, f64::NEG_INFINITY)))
     };
-    let told = format!("Bins run from {} mm as measured and {} mm corrected", spread(&before), spread(&after));
+    let told = format!("Bins range from {} mm as measured and from {} mm corrected", spread(&before), spread(&after));
     Some(
         Figure::new(format!("against-{}", covariate.id), format!("Against the {}", covariate.name), data, layout)
             .caption(format!("{} {told}.", escape(covariate.hint)))
@@ -84,9 +87,9 @@ pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Fi
     )
 }
 
-/// Reprojection errors along the radius against the radius: what lens distortion leaves.
+/// Radial reprojection errors against the radius, which show lens distortion that the model lacks.
 pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
-    let pool = crate::pool::Pool::of(input, |_| true);
+    let pool = Pool::of(input, |_| true);
     let radial = |e: &[f64; 4]| {
         let (x, y) = (e[0] - image.centre[0], e[1] - image.centre[1]);
         let r = x.hypot(y);
@@ -119,7 +122,7 @@ pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figu
         "type": "scatter", "mode": "markers", "hoverinfo": "skip", "showlegend": false,
         "x": all.iter().step_by(step).map(|p| short(p.0)).collect::<Value>(),
         "y": all.iter().step_by(step).map(|p| short(p.1)).collect::<Value>(),
-        "marker": {"color": super::NEUTRAL, "size": 3, "opacity": 0.4},
+        "marker": {"color": super::plotly::NEUTRAL, "size": 3, "opacity": 0.4},
     });
     let line = json!({
         "type": "scatter", "mode": "lines+markers", "name": "mean of a bin", "showlegend": false,
@@ -137,8 +140,8 @@ pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figu
     Some(
         Figure::new("reprojection-radius", "Reprojection error against the radius", vec![cloud, line], layout)
             .caption(
-                "The part of each error that points away from the principal point. A bend is lens distortion that \
-                      the model does not describe.",
+                "Component of each reprojection error away from the principal point. A bend is lens distortion that the \
+                 model does not describe.",
             )
             .alt("Radial reprojection error against the radius in the image.")
             .aspect(1.45),

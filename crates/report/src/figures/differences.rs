@@ -2,15 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::{Figure, Variant, colour_bar, diverging, rounded};
-use crate::ReportInput;
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::{count, number};
+use super::figure::{Figure, Variant};
+use super::plotly::{colour_bar, diverging, rounded};
+use crate::format::{count, number};
+use crate::input::ReportDiagnosis;
+use crate::input::ReportInput;
 use crate::pool::{Pool, Pooled, usable};
 use crate::statistics::{median, quantile};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
 
-/// Cells of all frames together, which bounds the size of the file.
+/// Most cells of all frames together, which bounds the size of the file.
 const CELLS: usize = 70_000;
 /// Most cells of one frame.
 const CELLS_PER_FRAME: usize = 2500;
@@ -61,7 +62,7 @@ fn note(f: &Pooled<'_>) -> String {
     let cos = quantile(f.frame.pixels.iter().map(|p| p.cos_incidence), 0.5);
     let mut text = format!("{} at {} mm", count(f.frame.pixels.len(), "pixel"), number(z));
     if cos.is_finite() {
-        text += &format!(", seen at {}°", number(cos.clamp(-1.0, 1.0).acos().to_degrees()));
+        text += &format!(", angle of incidence {}°", number(cos.clamp(-1.0, 1.0).acos().to_degrees()));
     }
     if let Some(rms) = record.depth_rms_mm {
         text += &format!(". Depth error {} → {} mm rms", number(rms.before), number(rms.after));
@@ -84,7 +85,7 @@ fn as_measured(rasters: Vec<Option<(Raster, bool)>>) -> Series<'static> {
     Series {
         id: "difference-before",
         title: "As measured",
-        caption: "Measured depth minus the board's depth, pixel by pixel. Holes are markers and missing depth.",
+        caption: "Measured depth minus the board's depth. Holes are markers and missing depth.",
         rasters,
         group: 0,
     }
@@ -137,7 +138,7 @@ fn figures(labels: &[(String, String)], series: Vec<Series<'_>>) -> Vec<Figure> 
 /// Two figures, before and after, with the same variants; empty without depth.
 pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
     let mut pool = Pool::of(input, |_| true);
-    // Frames that the fit did not see come first: they are what counts.
+    // Held-out frames first: their errors are those to expect on new frames.
     pool.frames.sort_by_key(|f| f.role == crate::Role::Fitted);
     pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
     if pool.frames.is_empty() {
@@ -155,7 +156,7 @@ pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
         Series {
             id: "difference-after",
             title: "Corrected",
-            caption: "Corrected depth minus the board's depth, same frame, same colours.",
+            caption: "Corrected depth minus the board's depth, in the same colours.",
             rasters: side(true),
             group: 0,
         },
@@ -163,9 +164,9 @@ pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
     figures(&labels, series)
 }
 
-/// Three figures of the frames that judge a diagnosis: as measured, and under the declared and the last model.
+/// Three figures of the held-out frames of a diagnosis: as measured, and under the declared and the last model.
 pub(crate) fn differences_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
-    let mut pool = last(input);
+    let mut pool = Pool::last(input);
     pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
     if pool.frames.is_empty() {
         return Vec::new();
@@ -185,14 +186,14 @@ pub(crate) fn differences_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<
         Series {
             id: "difference-declared",
             title: "Corrected by the declared model",
-            caption: "Corrected depth minus the board's depth, on a scale of its own.",
+            caption: "Corrected depth minus the board's depth, on a colour scale of its own.",
             rasters: pool.frames.iter().map(|f| Some((raster(declared(f)?, cells)?, true))).collect(),
             group: 1,
         },
         Series {
             id: "difference-after",
             title: "Corrected by the last model",
-            caption: "The same with what was added, same colours.",
+            caption: "The same after the added effects, in the same colours.",
             rasters: of(true),
             group: 1,
         },

@@ -2,18 +2,19 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, image_axes, rounded};
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, image_axes, rounded};
 use crate::covariates::Image;
-use crate::html::{number, significant};
+use crate::format::{number, significant};
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
 use crate::statistics::quantile;
-use crate::{ReportInput, Role};
 
-/// Most single arrows.
+/// Most arrows of single markers.
 const ARROWS: usize = 1500;
 /// Length that a typical arrow gets, as a share of the image's width.
 const LENGTH: f64 = 0.025;
-/// Fewest markers that a mean arrow is made of.
+/// Fewest markers of a mean arrow.
 const FEWEST: usize = 4;
 
 /// Lines from a to b, separated by gaps.
@@ -39,7 +40,7 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
         return None;
     }
     let typical = quantile(errors.iter().map(|e| e[2].hypot(e[3])), 0.75).max(1e-6);
-    // A factor that people can remember: 1, 2 or 5 times a power of ten.
+    // A round factor: 1, 2 or 5 times a power of ten.
     let wanted = LENGTH * image.width / typical;
     let decade = 10_f64.powf(wanted.log10().floor());
     let factor = [5.0, 2.0, 1.0].into_iter().map(|m| m * decade).find(|f| *f <= wanted).unwrap_or(decade);
@@ -67,7 +68,7 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
         .filter(|s| s.2 >= FEWEST)
         .map(|(at, d, n)| (at.map(|v| v / n as f64), d.map(|v| v / n as f64), n))
         .collect();
-    // Means are shorter than single errors by the root of their number: drawn longer, or they would not be seen.
+    // Means are shorter than single errors by the root of their number, and would be too short to see.
     let emphasis = 3.0;
     let (x, y) = lines(means.iter().map(|(at, d, _)| arrow(*at, *d, emphasis * factor)));
     let shafts = json!({
@@ -88,8 +89,7 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
     });
     let rms = pool.reprojection().map_or(f64::NAN, |e| e.0.value);
     let unseen = Pool::of(input, |r| r != Role::Fitted).reprojection();
-    let unseen =
-        unseen.map_or(String::new(), |e| format!(", {} px on frames that the fit did not see", number(e.0.value)));
+    let unseen = unseen.map_or(String::new(), |e| format!(", {} px on held-out frames", number(e.0.value)));
     let shown = if step > 1 { format!("; one marker in {step} is drawn") } else { String::new() };
     Some(
         Figure::new(
@@ -99,9 +99,9 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
             image_axes(image),
         )
         .caption(format!(
-            "Found minus projected position, exaggerated {} × (means of cells {} ×){shown}. Rms {} px over {} \
-             markers{unseen}. Blue arrows that point the same way over a region are a lens or focal error that the \
-             model lacks; arrows at random are noise.",
+            "Detected minus projected position, enlarged {} × (means of cells {} ×){shown}. Rms {} px over {} \
+             markers{unseen}. Blue arrows that point the same way over a region show an error of lens or focal length that \
+             the model lacks; arrows in random directions are noise.",
             significant(factor, 1),
             significant(emphasis * factor, 1),
             number(rms),

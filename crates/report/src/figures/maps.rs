@@ -2,15 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::{Figure, colour_bar, diverging, image_axes, short};
-use crate::ReportInput;
+use super::figure::Figure;
+use super::plotly::{colour_bar, diverging, image_axes, short};
 use crate::binned::{Binned, Cell};
 use crate::covariates::Image;
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::number;
+use crate::format::{capital, number};
+use crate::input::ReportDiagnosis;
+use crate::input::ReportInput;
 use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, judged, noise_mm};
 use crate::pool::Pool;
-use crate::statistics::quantile;
+use crate::statistics::{quantile, rms};
 use depthcal_calibration::judge::evaluate::PixelError;
 
 /// A map of cells, row by row.
@@ -29,7 +30,7 @@ fn heat(cells: &[Cell], columns: usize, x: &Value, y: &Value, limit: f64) -> Val
     })
 }
 
-/// Marks cells that differ from zero beyond their interval.
+/// Dots on cells whose interval does not contain zero.
 fn marks(cells: &[Cell], at: impl Fn(usize) -> [f64; 2]) -> Value {
     let sure: Vec<[f64; 2]> = cells.iter().enumerate().filter(|(_, c)| c.stands_out()).map(|(i, _)| at(i)).collect();
     json!({
@@ -49,7 +50,7 @@ fn noise_level(cells: &[Cell]) -> f64 {
     quantile(cells.iter().map(|c| c.half), 0.5)
 }
 
-/// Maps over the image: as measured, corrected on the same scale, and corrected on a scale of its own.
+/// Maps over the image: as measured, corrected in the same colours, and corrected on a colour scale of its own.
 pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> {
     let pool = judged(input);
     if !pool.has_depth() {
@@ -69,7 +70,7 @@ pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> 
     let aspect = image.width / image.height * 1.02;
     let range = |cells: &[Cell]| {
         let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
-        format!("from {} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+        format!("{} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
     };
     let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool| {
         let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
@@ -81,21 +82,20 @@ pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> 
     let frames = pool.frames.len();
     vec![
         figure("map-before", "Depth error as measured", &before, shared, false).caption(format!(
-            "Mean over {frames} frames of each frame's median error in the cell, measured minus true depth: orange is \
+            "Mean over {frames} frames of each frame's median error in the cell, measured minus the board's depth: orange is \
              too far, blue too near. {}.",
             capital(&range(&before))
         )),
         figure("map-after", "After correction, same colours", &after, shared, false)
-            .caption(format!("{}. What is white here is gone.", capital(&range(&after)))),
-        figure("map-left", "What is left, on a scale of its own", &after, own, true).caption(format!(
-            "The same map, stretched. Dots mark cells that differ from zero beyond their 95 % interval, which is \
-             typically ± {} mm wide; by chance alone, one cell in twenty would carry a dot.",
+            .caption(format!("{}. White: corrected.", capital(&range(&after)))),
+        figure("map-left", "After correction, on a colour scale of its own", &after, own, true).caption(format!(
+            "Dots: the cell's 95 % interval, typically ± {} mm, does not contain zero. By chance one cell in twenty has a dot.",
             number(noise_level(&after))
         )),
     ]
 }
 
-/// What is left over the board: a bent board or a bad print would show here.
+/// Corrected error over the board, where a bent board or a bad print shows; `None` without depth.
 pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
     let pool: Pool<'_> = judged(input);
     let [ax, ay] = board_axes(&pool)?;
@@ -111,10 +111,10 @@ pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
     let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
     let data = vec![heat(&cells, BOARD_GRID[0], &x, &y, limit(&cells)), marks(&cells, at)];
     Some(
-        Figure::new("map-board", "What is left, over the board", data, layout)
+        Figure::new("map-board", "After correction, over the board", data, layout)
             .caption(format!(
-                "Corrected depth error where it was seen on the board. A bent board shows as a bowl or a saddle. Cells \
-                 are known to ± {} mm.",
+                "Corrected depth error over the board. A bent board shows as a bowl or a saddle, brightness of the print as its \
+                 pattern. 95 % interval of a cell: ± {} mm.",
                 number(noise_level(&cells))
             ))
             .alt("Map of the corrected depth error over the board.")
@@ -122,9 +122,9 @@ pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
     )
 }
 
-/// Maps over the image: as measured, and under the declared and the last model on one scale.
+/// Maps over the image: as measured, and under the declared and the last model in the same colours.
 pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, image: &Image) -> Vec<Figure> {
-    let (declared, now) = (d.declared(), last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(input));
     if !now.has_depth() {
         return Vec::new();
     }
@@ -139,7 +139,7 @@ pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
     let shared = limit(&before).max(limit(&after));
     let range = |cells: &[Cell]| {
         let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
-        format!("From {} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+        format!("{} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
     };
     let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool, caption: String| {
         let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
@@ -166,26 +166,26 @@ pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
         ),
         figure(
             "map-declared",
-            "Left by the declared model",
+            "Corrected by the declared model",
             &before,
             shared,
             true,
-            format!("{}. Dots: beyond the cell's 95 % interval.", range(&before)),
+            format!("{}. Dots: the cell's 95 % interval does not contain zero.", range(&before)),
         ),
         figure(
             "map-after",
-            "Left by the last model, same colours",
+            "Corrected by the last model, same colours",
             &after,
             shared,
             true,
-            format!("{}. By chance alone one cell in twenty would carry a dot.", range(&after)),
+            format!("{}. By chance one cell in twenty has a dot.", range(&after)),
         ),
     ]
 }
 
-/// What the declared and the last model leave over the board, on one scale; empty without depth.
+/// Errors over the board under the declared and the last model, in the same colours; empty without depth.
 pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
-    let (declared, now) = (d.declared(), last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(input));
     let Some([ax, ay]) = board_axes(&now) else { return Vec::new() };
     let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
     let bins = |pool: &Pool<'_>| {
@@ -205,17 +205,14 @@ pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
         let data = vec![heat(cells, BOARD_GRID[0], &x, &y, shared), marks(cells, at)];
         Figure::new(id, title, data, layout.clone()).caption(caption).alt(format!("{title}: a map.")).aspect(1.3)
     };
-    let rms = |cells: &[Cell]| {
-        let used: Vec<f64> = cells.iter().map(|c| c.value).filter(|v| v.is_finite()).collect();
-        number((used.iter().map(|v| v * v).sum::<f64>() / used.len().max(1) as f64).sqrt())
-    };
+    let rms = |cells: &[Cell]| number(rms(cells.iter().map(|c| c.value)));
     vec![
         figure(
             "map-board-declared",
             "Over the board, declared model",
             &before,
             format!(
-                "{} mm rms over the cells. What follows the print is the pattern's; a bowl or a saddle is a bent board.",
+                "{} mm rms over the cells. A bent board shows as a bowl or a saddle, brightness of the print as its pattern.",
                 rms(&before)
             ),
         ),
@@ -223,12 +220,11 @@ pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
             "map-board",
             "Over the board, last model, same colours",
             &after,
-            format!("{} mm rms over the cells, each known to ± {} mm.", rms(&after), number(noise_level(&after))),
+            format!(
+                "{} mm rms over the cells; 95 % interval of a cell: ± {} mm.",
+                rms(&after),
+                number(noise_level(&after))
+            ),
         ),
     ]
-}
-
-fn capital(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
 }

@@ -1,15 +1,16 @@
-//! The noise law beside what the frames show.
+//! The fitted law of depth noise and the scatter of each frame.
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, plain, short, shorts};
-use crate::ReportInput;
-use crate::html::number;
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, plain, short, shorts};
+use crate::format::number;
+use crate::input::ReportInput;
 use crate::pool::{Pool, usable};
 use crate::statistics::median;
 use depthcal_calibration::observe::noise::clipped_sigma;
 
-/// Fewest pixels of a frame whose scatter is shown.
+/// Fewest pixels of a frame in the figure.
 const FEWEST: usize = 30;
 
 /// Scatter of each frame's pixels about its own median against the distance; `None` without depth noise.
@@ -58,8 +59,8 @@ pub(crate) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
     Some(
         Figure::new("noise", "Noise of depth", vec![found, law], layout)
             .caption(format!(
-                "One standard deviation of a pixel: the fitted law ({told}), and the scatter of each frame about its \
-                 own median. Frames far above the law have structure that noise does not explain."
+                "Standard deviation of a depth pixel: the fitted law ({told}), and the scatter of each frame about its median. \
+                 Frames far above the law have systematic errors."
             ))
             .alt(format!("Noise of depth against distance: {told}."))
             .aspect(1.45),

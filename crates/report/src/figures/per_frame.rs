@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, plain, short};
-use crate::html::{count, number};
-use crate::{ReportDataset, Role};
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, plain, short};
+use crate::format::{count, number};
+use crate::input::{ReportDataset, Role};
 
 /// Mean plane error per frame, with the pixels' standard deviation; `None` without depth.
 pub(crate) fn per_frame(dataset: &ReportDataset<'_>, index: usize) -> Option<Figure> {
@@ -34,11 +35,11 @@ pub(crate) fn per_frame(dataset: &ReportDataset<'_>, index: usize) -> Option<Fig
         caption += &format!(" Largest after correction: frame {name} with {} mm.", number(error.after.mean));
     }
     caption += &match worse.len() {
-        0 => " Correction made every frame better.".to_owned(),
+        0 => " Correction lowered the error of every frame.".to_owned(),
         n if n <= 5 => {
-            format!(" Worse after correction: {}.", worse.iter().map(|w| w.as_str()).collect::<Vec<_>>().join(", "))
+            format!(" Larger after correction: {}.", worse.iter().map(|w| w.as_str()).collect::<Vec<_>>().join(", "))
         }
-        n => format!(" Worse after correction: {}.", count(n, "frame")),
+        n => format!(" Larger after correction: {}.", count(n, "frame")),
     };
     let role = match dataset.role {
         Role::Fitted => ", fitted",

@@ -3,10 +3,11 @@
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, OTHER, plain, rounded};
-use crate::html::{count, number};
+use super::figure::Figure;
+use super::plotly::{AFTER, NEUTRAL, OTHER, plain, rounded};
+use crate::format::{count, number};
+use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
-use crate::{ReportInput, Role};
 
 /// A frame's name and pose.
 type Named = (String, Isometry3<f64>);
@@ -87,15 +88,15 @@ pub(crate) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
     });
     let boards: usize = groups.iter().map(|g| g.1.len()).sum();
     Some(
-        Figure::new("poses", "The boards before the camera", data, layout)
+        Figure::new("poses", "The boards in front of the camera", data, layout)
             .caption(format!(
-                "Outlines of the markers of {}, between {} and {} mm from the camera (the pyramid). Drag to turn. \
-                 Errors are only known within this volume.",
+                "Outlines of the markers of {}, {} to {} mm from the camera (the pyramid). Drag to turn. Errors are known within \
+                 this volume only.",
                 count(boards, "board"),
                 number(reach[0]),
                 number(reach[1])
             ))
-            .alt(format!("{} drawn in space before the camera.", count(boards, "board")))
+            .alt(format!("{} drawn in space in front of the camera.", count(boards, "board")))
             .aspect(1.35),
     )
 }
@@ -115,6 +116,6 @@ fn frustum(camera: &depthcal_model::Camera, depth: f64) -> Value {
     json!({
         "type": "scatter3d", "mode": "lines", "name": "camera", "x": part(0, 1.0), "y": part(2, 1.0), "z": part(1,
          -1.0),
-        "line": {"color": super::BEFORE, "width": 4}, "hoverinfo": "name",
+        "line": {"color": super::plotly::BEFORE, "width": 4}, "hoverinfo": "name",
     })
 }

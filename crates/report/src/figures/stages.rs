@@ -1,11 +1,12 @@
-//! The way of the depth error from what was measured to the last model, and what each step brought.
+//! Depth error as measured, under the declared model and after every step, and the gain by each step.
 
 use serde_json::{Value, json};
 
-use super::{AFTER, BEFORE, Figure, NEUTRAL, plain, short, whiskers};
-use crate::ReportInput;
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::{fixed, number};
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, NEUTRAL, plain, short, whiskers};
+use crate::format::{interval, number, percent};
+use crate::input::{ReportDiagnosis, ReportInput};
+use crate::pool::Pool;
 
 /// One bar.
 struct Stage {
@@ -17,7 +18,7 @@ struct Stage {
 }
 
 fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
-    let (declared, now) = (d.declared().depth_rms()?, last(input).depth_rms()?);
+    let (declared, now) = (Pool::declared(d).depth_rms()?, Pool::last(input).depth_rms()?);
     let interval = |e: &crate::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
     let mut list = vec![
         Stage {
@@ -27,13 +28,13 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
             colour: BEFORE,
         },
         Stage {
-            label: format!("model:<br>{}", plain(&d.account.model)),
+            label: format!("model:<br>{}", plain(&d.record.model)),
             value: declared.after.value,
             interval: interval(&declared.after),
             colour: NEUTRAL,
         },
     ];
-    let steps = &d.account.steps;
+    let steps = &d.record.steps;
     for (i, step) in steps.iter().enumerate() {
         let is_last = i + 1 == steps.len();
         let (value, ends) = match (is_last, step.depth_rms_after_mm) {
@@ -82,19 +83,19 @@ pub(crate) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Op
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
     });
     let told: Vec<String> =
-        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), fixed(s.value, 2))).collect();
+        list.iter().map(|s| format!("{} {} mm", s.label.replace("<br>", " "), number(s.value))).collect();
     Some(
-        Figure::new("stages", "Depth error on frames that the fit did not see", data, layout)
-            .caption("Each bar is a model fitted anew. Whiskers: 95 % intervals from resampling whole frames.")
+        Figure::new("stages", "Depth error on held-out frames", data, layout)
+            .caption("Every model is fitted separately. Whiskers: 95 % intervals from resampling whole frames.")
             .alt(format!("Bars of the depth error: {}.", told.join("; ")))
             .aspect(1.35),
     )
 }
 
-/// What each step took off the depth error, per cent, with intervals; `None` without steps.
+/// Decrease of the depth error by each step, per cent, with intervals; `None` without steps.
 pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let list: Vec<_> =
-        d.account.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
+        d.record.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
     if list.is_empty() {
         return None;
     }
@@ -111,20 +112,18 @@ pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     });
     let layout = json!({
         "yaxis": {"type": "category", "autorange": "reversed"}, "showlegend": false,
-        "xaxis": {"title": {"text": "fall of the depth error / %"}, "zeroline": true},
+        "xaxis": {"title": {"text": "decrease of the depth error / %"}, "zeroline": true},
     });
-    let told: Vec<String> = list
-        .iter()
-        .map(|(n, g)| format!("{n} {} % ({} to {})", fixed(g.value, 1), fixed(g.low, 1), fixed(g.high, 1)))
-        .collect();
+    let told: Vec<String> =
+        list.iter().map(|(n, g)| format!("{n} {} ({})", percent(g.value), interval(g.low, g.high, "%"))).collect();
     Some(
-        Figure::new("step-gains", "What each step brought", vec![data], layout)
+        Figure::new("step-gains", "Gain by each step", vec![data], layout)
             .caption(format!(
-                "Fall of the depth error from one model to the next, with 95 % intervals from resampling frames in pairs: \
-                 {}. Grey: the interval holds zero.",
+                "Decrease of the depth error from one model to the next, with 95 % intervals from resampling the same frames for \
+                 both: {}. Grey: not significant.",
                 told.join("; ")
             ))
-            .alt(format!("Bars of what each step brought: {}.", told.join("; ")))
+            .alt(format!("Bars of the gain by each step: {}.", told.join("; ")))
             .aspect(2.4),
     )
 }

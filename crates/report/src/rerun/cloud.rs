@@ -5,7 +5,7 @@ use nalgebra::Point3;
 use re_sdk_types::archetypes::Points3D;
 use re_sdk_types::components::{Color, Radius};
 
-use super::metres;
+use crate::statistics::rms;
 use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 
 /// Points of a cloud at most: every n-th pixel, where there are more.
@@ -28,9 +28,7 @@ pub(super) struct Colours {
 impl Colours {
     /// For these frames.
     pub(super) fn of<'a>(frames: impl Iterator<Item = &'a EvaluatedFrame>) -> Self {
-        let pixels = frames.flat_map(|f| f.pixels.iter()).map(|p| p.after_mm * p.after_mm).filter(|s| s.is_finite());
-        let (sum, n) = pixels.fold((0.0, 0_usize), |(sum, n), square| (sum + square, n + 1));
-        let rms = (sum / n.max(1) as f64).sqrt();
+        let rms = rms(frames.flat_map(|f| f.pixels.iter()).map(|p| p.after_mm));
         Self { span_mm: if rms > 0.0 { SPAN * rms } else { 1.0 } }
     }
 
@@ -64,4 +62,9 @@ pub(super) fn clouds(camera: &Camera, frame: &EvaluatedFrame, colours: &Colours)
     let [before, after] = errors;
     [(measured, before), (corrected, after)]
         .map(|(points, colours)| Points3D::new(points).with_colors(colours).with_radii([Radius::new_ui_points(1.5)]))
+}
+
+/// A point in mm as the viewer's metres.
+pub(super) fn metres(p: &Point3<f64>) -> [f32; 3] {
+    [p.x, p.y, p.z].map(|c| (c / 1000.0) as f32)
 }

@@ -1,6 +1,6 @@
-//! An `.rrd` file: a stream of chunks, each what one entity shows at one frame, or always.
+//! An `.rrd` file: a stream of chunks, each the content of one entity at one frame or at all frames.
 //!
-//! The chunks are encoded straight into the file, without rerun's logging threads: errors are seen where they happen, and
+//! The chunks are encoded straight into the file, without rerun's logging threads: errors are returned where they happen, and
 //! there is no timeline of when the program ran.
 
 use std::fmt::Display;
@@ -12,10 +12,10 @@ use re_log_types::{LogMsg, SetStoreInfo, StoreId, StoreInfo, StoreKind, StoreSou
 use re_sdk_types::AsComponents;
 use re_sdk_types::archetypes::RecordingInfo;
 
-/// The timeline.
+/// Name of the timeline.
 pub(super) const TIMELINE: &str = "frame";
 
-/// What one entity shows, always or at one frame.
+/// The content of one entity, at one frame or, without one, at all.
 pub(super) fn chunk(entity: &str, frame: Option<usize>, shown: &dyn AsComponents) -> io::Result<Chunk> {
     let time = match frame {
         Some(frame) => TimePoint::default().with(Timeline::new_sequence(TIMELINE), frame as i64),
@@ -24,14 +24,14 @@ pub(super) fn chunk(entity: &str, frame: Option<usize>, shown: &dyn AsComponents
     Chunk::builder(entity).with_archetype_auto_row(time, shown).build().map_err(broken)
 }
 
-/// A recording while it is written.
+/// A recording that is being written.
 pub(super) struct Recording<'a> {
     encoder: Encoder<&'a mut dyn Write>,
     store: StoreId,
 }
 
 impl<'a> Recording<'a> {
-    /// Begins a recording of this name.
+    /// Begins a recording with a name.
     pub(super) fn new(file: &'a mut dyn Write, name: &str) -> io::Result<Self> {
         let store = StoreId::random(StoreKind::Recording, "depthcal");
         let info = StoreInfo::new(store.clone(), StoreSource::Other("depthcal".to_owned()));

@@ -1,4 +1,4 @@
-//! What is where: the chunks that always hold, and those of one frame.
+//! The entities of a recording: those that hold for all frames, and those of one frame.
 
 use std::io;
 
@@ -14,9 +14,8 @@ use re_sdk_types::archetypes::{
 use re_sdk_types::components::{Color, LineStrip3D, MediaType, PinholeProjection, Radius};
 use re_sdk_types::datatypes::Quaternion;
 
-use super::cloud::{Colours, MOST_POINTS, clouds};
+use super::cloud::{Colours, MOST_POINTS, clouds, metres};
 use super::file::chunk;
-use super::metres;
 use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_calibration::observe::board_region::BoardRegion;
 use depthcal_calibration::observe::{Capture, DetectedFrame};
@@ -28,10 +27,10 @@ const HALF_PX: f64 = 0.5;
 /// Share of an image's pixels that may be brighter than white.
 const OVEREXPOSED: f64 = 0.005;
 
-/// A frame with all that is known of it.
+/// A frame: its capture, its markers and images, and its errors.
 pub(super) type Known<'a> = (&'a Capture, &'a DetectedFrame, &'a EvaluatedFrame);
 
-/// What does not change.
+/// Entities that hold for all frames.
 pub(super) fn still(camera: &Camera, frames: &[Known<'_>], colours: &Colours) -> io::Result<Vec<Chunk>> {
     let strips = frames.iter().map(|(c, _, e)| strip(c, camera, &e.camera_from_board));
     let poses = LineStrips3D::new(strips).with_colors([Color::from_rgb(110, 110, 110)]);
@@ -52,7 +51,7 @@ pub(super) fn still(camera: &Camera, frames: &[Known<'_>], colours: &Colours) ->
     .collect()
 }
 
-/// What a frame shows.
+/// Entities of frame number `i`.
 pub(super) fn moving(
     i: usize,
     camera: &Camera,
@@ -69,7 +68,7 @@ pub(super) fn moving(
     add("world/board/points", &Points3D::new(points).with_colors([green()]).with_radii([Radius::new_ui_points(2.0)]))?;
     let outline = [strip(capture, camera, &Isometry3::identity())];
     add("world/board/outline", &LineStrips3D::new(outline).with_colors([green()]))?;
-    // What a frame does not have must not stay from the frame before.
+    // Without a clear, the viewer would keep showing the image of the frame before.
     match &frame.image {
         Some(image) => add("world/camera/image", &gray(image))?,
         None => add("world/camera/image", &Clear::flat())?,
@@ -109,7 +108,7 @@ fn document(markdown: String) -> TextDocument {
     TextDocument::new(markdown).with_media_type(MediaType::markdown())
 }
 
-/// The camera without its lens, which the viewer has no place for.
+/// The camera without its lens, which the viewer cannot represent.
 fn pinhole(camera: &Camera) -> Pinhole {
     let [fx, fy, cx, cy, skew] = camera.pinhole();
     let columns = [[fx, 0.0, 0.0], [skew, fy, 0.0], [cx + HALF_PX, cy + HALF_PX, 1.0]];

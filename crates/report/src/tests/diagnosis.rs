@@ -2,7 +2,10 @@
 
 use std::sync::OnceLock;
 
-use depthcal_io::{DiagnosisFile, DiagnosisFrame, FileReference, Verdict};
+use depthcal_io::{
+    DeclaredValue, DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCovariate, DiagnosisDecision, DiagnosisDeclaration,
+    DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, FileReference, Verdict,
+};
 use depthcal_model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use serde_json::Value;
@@ -50,8 +53,7 @@ impl Diagnosed {
             calibrated: Some(&self.diagnosis.last),
             evaluations: &datasets,
             diagnosis: Some(ReportDiagnosis {
-                account,
-                first: &self.diagnosis.first,
+                record: account,
                 before: &self.diagnosis.before.evaluated,
                 register: &Register::builtin(),
             }),
@@ -77,14 +79,14 @@ fn every_question_is_answered_on_the_first_screen() {
         "Why?",
         "What was added?",
         "How wrong is it now?",
-        "How sure is that?",
+        "How certain is that?",
         "What to capture next?",
     ] {
         assert!(first.contains(question), "{question}");
     }
     assert!(first.contains("with cyclic_depth it is"), "the headline names the effect");
     assert!(first.contains("depth waves over distance"), "in plain words");
-    assert!(first.contains("Effect: what was missing is found and added"));
+    assert!(first.contains("Effect: what was missing was found and added"));
     let ids = figure_ids(&html);
     for id in [
         "stages",
@@ -189,16 +191,27 @@ fn other_verdicts_have_words_of_their_own() {
     assert!(!figure_ids(&html).contains(&"separability") && !figure_ids(&html).contains(&"step-gains"));
 
     account.verdict = Verdict::Unexplained;
-    account.left_over = vec!["a free function of depth takes up 2 mm".to_owned()];
-    account.bad_frames =
-        vec![DiagnosisFrame { name: "0007".to_owned(), reason: "its image is that of 0006".to_owned() }];
+    account.left_over = vec![DiagnosisLeftOver::FreeFunction {
+        along: DiagnosisCovariate::Depth,
+        rms_mm: Some(2.0),
+        explained_share: 0.1,
+    }];
+    account.bad_frames = vec![DiagnosisFrame {
+        name: "0007".to_owned(),
+        cause: DiagnosisFrameCause::Duplicate { of: "0006".to_owned(), image: DiagnosisImage::Image },
+    }];
     let html = d.render(&account);
     assert!(html.contains("something is left that no known effect explains"));
-    assert!(html.contains("1 frame left out") && html.contains("its image is that of 0006"));
-    assert!(html.contains("a free function of depth takes up"));
+    assert!(html.contains("1 frame excluded") && html.contains("its image is that of 0006"));
+    assert!(html.contains("a function of the distance of 2.00 mm rms"));
 
-    account.declarations = vec!["depth is 20 % of what the board's declared size says".to_owned()];
-    assert!(d.render(&account).contains("Check the declarations"));
+    let declared = |declared, fitting| DeclaredValue { declared, fitting };
+    account.declarations = vec![DiagnosisDeclaration::DepthScale {
+        scale: 0.2,
+        spacing_mm: declared(17.0, 3.4),
+        unit_mm: declared(1.0, 5.0),
+    }];
+    assert!(d.render(&account).contains("Check the dataset file"));
 }
 
 #[test]
@@ -207,13 +220,22 @@ fn what_an_account_says_cannot_become_markup() {
     let evil = "</script><script>alert('x')</script>".to_owned();
     let mut account = d.account.clone();
     account.model = evil.clone();
-    account.left_over = vec![evil.clone()];
-    account.capture_next = vec![evil.clone()];
-    account.rounds[0].decision = evil.clone();
+    account.capture_next =
+        vec![DiagnosisCapture::Record { covariate: DiagnosisCovariate::Time, effects: vec![evil.clone()] }];
+    account.rounds[0].decision = DiagnosisDecision::Add {
+        effect: evil.clone(),
+        spec: evil.clone(),
+        with: vec![evil.clone()],
+        explained_share: 1.0,
+        of_frame_planes: None,
+        despite_unexplained: false,
+        outcome: DiagnosisAddOutcome::NotFitted { error: evil.clone() },
+    };
     account.rounds[0].effects[0].effect = evil.clone();
     account.steps[0].effects[0] = evil.clone();
     account.steps[0].with = evil.clone();
-    account.bad_frames = vec![DiagnosisFrame { name: evil.clone(), reason: evil.clone() }];
+    account.bad_frames =
+        vec![DiagnosisFrame { name: evil.clone(), cause: DiagnosisFrameCause::ExchangedDepth { with: evil.clone() } }];
     account.separability.as_mut().unwrap().effects[0] = evil;
     let html = d.render(&account);
     assert!(!own_part(&html).contains("<script>alert"));

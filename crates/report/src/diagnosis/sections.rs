@@ -1,44 +1,38 @@
-//! The sections of a diagnosis: steps, candidates, what cannot be told apart, frames, what to capture next.
+//! The sections of a diagnosis: steps, candidates, separability, excluded frames, what to capture next.
 
 use std::fmt::Write;
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 
-use super::ReportDiagnosis;
-use super::words::{arrow, gain};
-use crate::html::{count, escape, measured, number};
-use crate::leftover::join;
+use super::answers::{arrow, gain};
+use super::sentences::{capture, decision, declaration, frame_cause};
+use crate::format::{count, join, measured, number, p_value, percent, pieces};
+use crate::html::escape;
+use crate::input::ReportDiagnosis;
 use crate::parameters::{free_function, meaning, summary};
 
-/// Cosine from which two effects are said to be hard to tell apart.
+/// Cosine from which two effects count as hard to separate.
 const ALIKE: f64 = 0.9;
-
-fn p_value(p: f64) -> String {
-    match p {
-        p if p < 1e-16 => "&lt; 10⁻¹⁶".to_owned(),
-        p if p < 1e-3 => format!("{p:.0e}"),
-        p => format!("{p:.3}"),
-    }
-}
 
 fn mm(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), number)
 }
 
-/// What was added, step by step.
+/// The added effects, step by step, and what each round decided.
 pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
     let mut html = String::new();
-    if d.account.steps.is_empty() {
+    if d.record.steps.is_empty() {
         html += "<p>No effect was added.</p>\n";
     } else {
-        let rows: String = d.account.steps.iter().enumerate().map(|(i, s)| step_row(d, i, s)).collect();
+        let rows: String = d.record.steps.iter().enumerate().map(|(i, s)| step_row(d, i, s)).collect();
         let _ = writeln!(
             html,
-            "<div class=\"scroll\" tabindex=\"0\"><table><caption>Every step, on frames that the fit did not see. Size: \
-             rms over the observations of what the effect alone does; other parameters may take up a part of it.</caption>\
+            "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors before → after every step, on held-out frames. Size: \
+             rms over the observations of the effect by itself; other parameters may compensate a part of it.</caption>\
              <thead><tr><th scope=\"col\">added</th><th scope=\"col\">size / mm</th><th scope=\"col\">p</th>\
-             <th scope=\"col\">depth, rms</th><th scope=\"col\" class=\"text\">change</th><th scope=\"col\">plane, \
-             mean</th><th scope=\"col\">dot, mean</th><th scope=\"col\">reprojection</th></tr></thead><tbody>{rows}</tbody></table></div>"
+             <th scope=\"col\">depth error, rms</th><th scope=\"col\" class=\"text\">change</th><th scope=\"col\">plane \
+             error, mean</th><th scope=\"col\">dot error, mean</th><th scope=\"col\">reprojection error, rms</th></tr>\
+             </thead><tbody>{rows}</tbody></table></div>"
         );
         html += &parameters(d);
     }
@@ -50,10 +44,10 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
     let name = s.effects.first().map_or("", String::as_str);
     let mut notes = vec![summary(d.register, name).to_owned()];
     if s.effects.len() > 1 {
-        notes.push(format!("explains together with {}", join(&s.effects[1..])));
+        notes.push(format!("found together with {}", join(&s.effects[1..])));
     }
     if !s.indistinguishable.is_empty() {
-        notes.push(format!("cannot be told from {}", join(&s.indistinguishable)));
+        notes.push(format!("not distinguishable from {}", join(&s.indistinguishable)));
     }
     let (b, a) = (&s.before, &s.after);
     let gain = s.depth_gain_percent.as_ref().map_or_else(|| "–".to_owned(), gain);
@@ -69,7 +63,7 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
         escape(name),
         escape(&notes.join("; ")),
         number(s.size_mm),
-        p_value(s.p_value),
+        escape(&p_value(s.p_value)),
         arrow(b.depth_rms_mm, a.depth_rms_mm, "mm"),
         escape(&gain),
         arrow(b.plane_error_mm, a.plane_error_mm, "mm"),
@@ -80,12 +74,12 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
 
 fn parameters(d: &ReportDiagnosis<'_>) -> String {
     let mut rows = String::new();
-    for step in d.account.steps.iter().filter(|s| !s.parameters.is_empty()) {
+    for step in d.record.steps.iter().filter(|s| !s.parameters.is_empty()) {
         let name = step.effects.first().map_or("", String::as_str);
         let _ = writeln!(
             rows,
-            "<tr class=\"piece\"><th colspan=\"3\" scope=\"rowgroup\"><code>--with {}</code></th></tr>",
-            escape(&step.with)
+            "<tr class=\"piece\"><th colspan=\"3\" scope=\"rowgroup\"><code>{}</code></th></tr>",
+            escape(&pieces(&step.with))
         );
         for p in &step.parameters {
             let unit = if p.unit == "1" { "" } else { p.unit.as_str() };
@@ -103,31 +97,31 @@ fn parameters(d: &ReportDiagnosis<'_>) -> String {
         return rows;
     }
     format!(
-        "<details><summary>Parameters of what was added</summary><div class=\"scroll\" tabindex=\"0\"><table \
+        "<details><summary>Parameters of the added effects</summary><div class=\"scroll\" tabindex=\"0\"><table \
          class=\"parameters\"><thead><tr><th scope=\"col\">name</th><th scope=\"col\">value ± one standard deviation</th>\
          <th scope=\"col\" class=\"text\">meaning</th></tr></thead><tbody>{rows}</tbody></table></div></details>\n"
     )
 }
 
-/// What every round found and decided.
+/// What each round tested and decided.
 fn rounds(d: &ReportDiagnosis<'_>) -> String {
     let items: String = d
-        .account
+        .record
         .rounds
         .iter()
         .map(|r| {
             format!(
-                "<li>{} and {} were tested: {}.</li>\n",
+                "<li>Of {} and {}: {}.</li>\n",
                 count(r.effects.len(), "effect"),
                 count(r.free.len(), "free function"),
-                escape(&r.decision)
+                escape(&decision(&r.decision))
             )
         })
         .collect();
     if items.is_empty() {
         return items;
     }
-    format!("<details><summary>What every round tested and decided</summary><ol>{items}</ol></details>\n")
+    format!("<details><summary>What each round tested and decided</summary><ol>{items}</ol></details>\n")
 }
 
 /// Candidates of the first and the last round as a table.
@@ -141,37 +135,37 @@ pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
                 format!(" <span class=\"hint\">{}</span>", escape(summary(d.register, &c.effect)))
             };
             let blind = !free && c.minimal_detectable_mm.is_none_or(|m| m <= 0.0);
-            let detectable = if blind { "not seen".to_owned() } else { mm(c.minimal_detectable_mm) };
+            let detectable = if blind { "at no size".to_owned() } else { mm(c.minimal_detectable_mm) };
             format!(
-                "<tr><th scope=\"row\">{}{hint}</th><td>{} %</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                "<tr><th scope=\"row\">{}{hint}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                 escape(&name),
-                number(c.held_out_gain_percent),
+                percent(c.held_out_gain_percent),
                 mm(c.expected_size_mm),
                 if free { "–".to_owned() } else { detectable },
-                p_value(c.p_value)
+                escape(&p_value(c.p_value))
             )
         };
         let rows: String = r.effects.iter().map(|c| row(c, false)).chain(r.free.iter().map(|c| row(c, true))).collect();
         format!(
             "<details><summary>{title}: all numbers</summary><div class=\"scroll\" tabindex=\"0\"><table><caption>Gain: \
-             fall of the weighted residual on frames left out of the estimate. Size: rms that the data would give it. \
-             Detectable: the size that is found in four of five such captures. p: of the score test, which says whether, \
-             not how much.</caption><thead><tr><th scope=\"col\">candidate</th><th scope=\"col\">gain</th><th \
+             decrease of the weighted residual on held-out frames. Size: rms of the effect as estimated from these \
+             captures. Detectable: the size that is found in four of five such captures. p: significance of the score \
+             test, which says nothing about the size.</caption><thead><tr><th scope=\"col\">candidate</th><th scope=\"col\">gain</th><th \
              scope=\"col\">size / mm</th><th scope=\"col\">detectable / mm</th><th scope=\"col\">p</th></tr></thead>\
              <tbody>{rows}</tbody></table></div></details>\n"
         )
     };
-    let rounds = &d.account.rounds;
-    let mut html = rounds.first().map_or(String::new(), |r| table("Beside the declared model", r));
+    let rounds = &d.record.rounds;
+    let mut html = rounds.first().map_or(String::new(), |r| table("Given the declared model", r));
     if rounds.len() > 1 {
-        html += &rounds.last().map_or(String::new(), |r| table("Beside the last model", r));
+        html += &rounds.last().map_or(String::new(), |r| table("Given the last model", r));
     }
     html
 }
 
-/// What these captures cannot tell apart, in sentences.
+/// Effects that these captures cannot separate, in sentences.
 pub(crate) fn apart(d: &ReportDiagnosis<'_>) -> String {
-    let Some(s) = &d.account.separability else { return String::new() };
+    let Some(s) = &d.record.separability else { return String::new() };
     let added = d.added();
     let mut words = Vec::new();
     for (i, effect) in s.effects.iter().enumerate() {
@@ -182,49 +176,48 @@ pub(crate) fn apart(d: &ReportDiagnosis<'_>) -> String {
             rivals.iter().filter(|r| r.0 >= ALIKE).map(|r| format!("{} ({:.2})", r.1, r.0)).collect();
         let own = added.contains(&effect.as_str());
         match (own, like.is_empty(), rivals.first()) {
-            (_, false, _) => words.push(format!("{} can pass for {effect}.", join(&like))),
+            (_, false, _) => words.push(format!("{effect} can be mistaken for {}.", join(&like))),
             (true, true, Some((cosine, rival))) => {
                 words.push(format!(
-                    "{effect}, which was added, is told apart from all others; the nearest is {rival} ({cosine:.2})."
+                    "{effect}, which was added, is separable from all others; the closest is {rival} ({cosine:.2})."
                 ));
             }
             _ => {}
         }
     }
-    // What was added comes first.
+    // Added effects come first.
     words.sort_by_key(|w| !added.iter().any(|a| w.starts_with(*a)));
     let items: String = words.iter().map(|w| format!("<li>{}</li>\n", escape(w))).collect();
     if items.is_empty() {
         return format!(
-            "<p>Every effect that these captures see is told apart from every other (cosines below {ALIKE}).</p>\n"
+            "<p>All effects that these captures show are separable from each other (cosines below {ALIKE}).</p>\n"
         );
     }
     format!("<ul>{items}</ul>\n")
 }
 
-/// Frames that were left out, and why.
+/// Frames that were excluded, and why.
 pub(crate) fn frames(d: &ReportDiagnosis<'_>) -> String {
-    if d.account.bad_frames.is_empty() {
-        return "<p>No frame was left out: none is a copy of another, and none has depth that does not belong to its \
-                image.</p>\n"
+    if d.record.bad_frames.is_empty() {
+        return "<p>No frame was excluded: none is a copy of another, and the depth of each belongs to its image.</p>\n"
             .to_owned();
     }
     let rows: String = d
-        .account
+        .record
         .bad_frames
         .iter()
         .map(|f| {
             format!(
                 "<tr><th scope=\"row\">{}</th><td class=\"text\">{}</td></tr>\n",
                 escape(&f.name),
-                escape(&f.reason)
+                escape(&frame_cause(&f.cause))
             )
         })
         .collect();
     format!(
-        "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} left out of every fit</caption><thead><tr><th \
-         scope=\"col\">frame</th><th scope=\"col\" class=\"text\">why</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
-        count(d.account.bad_frames.len(), "frame")
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>{} excluded from every fit</caption><thead><tr><th \
+         scope=\"col\">frame</th><th scope=\"col\" class=\"text\">reason</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
+        count(d.record.bad_frames.len(), "frame")
     )
 }
 
@@ -232,13 +225,17 @@ pub(crate) fn frames(d: &ReportDiagnosis<'_>) -> String {
 pub(crate) fn next(d: &ReportDiagnosis<'_>, coverage: &[String]) -> String {
     let list = |items: &[String]| -> String { items.iter().map(|s| format!("<li>{}</li>\n", escape(s))).collect() };
     let mut html = String::new();
-    if !d.account.declarations.is_empty() {
-        let _ = writeln!(html, "<p>Check the declarations first:</p><ul>{}</ul>", list(&d.account.declarations));
+    if !d.record.declarations.is_empty() {
+        let _ = writeln!(
+            html,
+            "<p>Check the dataset file first:</p><ul>{}</ul>",
+            list(&d.record.declarations.iter().map(declaration).collect::<Vec<_>>())
+        );
     }
-    let mut items = d.account.capture_next.clone();
+    let mut items: Vec<String> = d.record.capture_next.iter().map(capture).collect();
     items.extend(coverage.iter().cloned());
     if items.is_empty() {
-        html += "<p>Nothing in particular: these captures tell the effects apart and cover the image.</p>\n";
+        html += "<p>Nothing in particular: these captures separate the effects and cover the image and the distances.</p>\n";
     } else {
         let _ = writeln!(html, "<ul>{}</ul>", list(&items));
     }

@@ -1,38 +1,39 @@
-//! The declared model beside the last one: frame by frame, and against what errors may depend on.
+//! Errors under the declared and under the last model: frame by frame, and against what they may depend on.
 
 use std::collections::HashMap;
 
 use serde_json::{Value, json};
 
 use super::curves::bins;
-use super::{AFTER, BEFORE, Figure, NEUTRAL, OTHER, plain, short};
-use crate::ReportInput;
+use super::figure::Figure;
+use super::plotly::{AFTER, BEFORE, NEUTRAL, OTHER, plain, short};
 use crate::binned::{Axis, Binned, Cell};
 use crate::covariates::{BINS, Covariate};
-use crate::diagnosis::{ReportDiagnosis, last};
-use crate::html::{count, escape, number};
+use crate::format::{count, number};
+use crate::html::escape;
+use crate::input::ReportDiagnosis;
+use crate::input::ReportInput;
 use crate::leftover::noise_mm;
-use crate::pool::usable;
-use crate::statistics::median;
-use depthcal_calibration::judge::evaluate::PixelError;
+use crate::pool::{Pool, usable};
+use crate::statistics::{median, rms};
+use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
 
-/// Pixels that the line of the added effects is made from, at most.
+/// Most pixels of the line of the added effects.
 const PIXELS: usize = 60_000;
-/// Fewest of a frame in a bin.
+/// Fewest pixels of a frame in a bin.
 const FEWEST: usize = 5;
 
-/// What the added effects, with everything fitted anew beside them, take off the depth error of single pixels, mm, frame by
-/// frame: the error under the declared model less that under the last one. The measured depth falls out of it, so that it
-/// has the models' shapes and no noise.
+/// Change of the depth error of single pixels from the declared to the last model, mm, frame by frame: the error under the
+/// declared model minus that under the last one. The measured depth cancels, so that the difference has no noise.
 pub(crate) struct Taken<'a>(Vec<Vec<(&'a PixelError, f64)>>);
 
 impl<'a> Taken<'a> {
     /// Over the frames that the headline speaks of, by fits that did not see them; `None` where nothing was added.
     pub(crate) fn of(input: &ReportInput<'a>, d: &ReportDiagnosis<'a>) -> Option<Self> {
-        if d.account.steps.is_empty() {
+        if d.record.steps.is_empty() {
             return None;
         }
-        let pool = last(input);
+        let pool = Pool::last(input);
         let step = pool.pixels().count().div_ceil(PIXELS).max(1);
         let key = |p: &PixelError| p.context.pixel.map(f64::to_bits);
         let taken = pool.frames.iter().map(|f| {
@@ -63,7 +64,7 @@ impl<'a> Taken<'a> {
         let mean = |list: &[f64]| list.iter().sum::<f64>() / list.len() as f64;
         let used: Vec<usize> = (0..axis.bins).filter(|b| !medians[*b].is_empty()).collect();
         json!({
-            "type": "scatter", "mode": "lines", "name": "what was added takes off",
+            "type": "scatter", "mode": "lines", "name": "change by the added effects",
             "line": {"color": OTHER, "width": 3, "dash": "dot"},
             "x": used.iter().map(|b| short(axis.middle(*b))).collect::<Value>(),
             "y": used.iter().map(|b| short(mean(&medians[*b]))).collect::<Value>(),
@@ -72,16 +73,17 @@ impl<'a> Taken<'a> {
     }
 }
 
-/// Errors of both models against a covariate, with what was added drawn through; `None` where it does not vary.
+/// Errors under both models against a covariate, with the change by the added effects; `None` where the covariate does not
+/// vary.
 pub(crate) fn model_curve(
     input: &ReportInput<'_>,
     d: &ReportDiagnosis<'_>,
     taken: Option<&Taken<'_>>,
     covariate: &Covariate,
 ) -> Option<Figure> {
-    let (declared, now) = (d.declared(), last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(input));
     let axis = Axis::over(now.pixels().map(&covariate.value), BINS)?;
-    let cells = |pool: &crate::pool::Pool<'_>| {
+    let cells = |pool: &Pool<'_>| {
         Binned::new(pool, BINS, |p| axis.bin((covariate.value)(p)), |p| p.after_mm, noise_mm(input)).cells()
     };
     let (before, after) = (cells(&declared), cells(&now));
@@ -90,40 +92,36 @@ pub(crate) fn model_curve(
         bins(&after, &axis, 0.08, "last model", AFTER, "circle"),
     ];
     data.extend(taken.map(|t| t.line(&axis, covariate)));
-    let rms = |cells: &[Cell]| {
-        let used: Vec<f64> = cells.iter().map(|c| c.value).filter(|v| v.is_finite()).collect();
-        (used.iter().map(|v| v * v).sum::<f64>() / used.len().max(1) as f64).sqrt()
-    };
+    let rms = |cells: &[Cell]| rms(cells.iter().map(|c| c.value));
     let told = format!(
-        "Bins: {} mm rms under the declared model, {} mm under the last one",
+        "Rms over the bins: {} mm under the declared model, {} mm under the last one",
         number(rms(&before)),
         number(rms(&after))
     );
     let layout = json!({
         "xaxis": {"title": {"text": format!("{} / {}", covariate.name, covariate.unit)}},
-        "yaxis": {"title": {"text": "what is left / mm"}, "zeroline": true},
+        "yaxis": {"title": {"text": "depth error / mm"}, "zeroline": true},
     });
     Some(
         Figure::new(format!("against-{}", covariate.id), format!("Against the {}", covariate.name), data, layout)
             .caption(format!("{} {told}.", escape(covariate.hint)))
-            .alt(format!("What both models leave against the {}. {told}.", covariate.name))
+            .alt(format!("Depth error under both models against the {}. {told}.", covariate.name))
             .aspect(1.45),
     )
 }
 
-/// Depth error of every frame under both models, and the plane that the frame has for itself.
+/// Depth error of every frame under both models, and the size of the frame's own plane.
 pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let rms = |f: &depthcal_calibration::judge::evaluate::EvaluatedFrame| {
-        let (sum, n) =
-            f.pixels.iter().filter(|p| usable(p)).fold((0.0, 0_usize), |(s, n), p| (s + p.after_mm.powi(2), n + 1));
-        (n > 0).then(|| (sum / n as f64).sqrt())
+    let rms = |f: &EvaluatedFrame| {
+        let rms = rms(f.pixels.iter().filter(|p| usable(p)).map(|p| p.after_mm));
+        rms.is_finite().then_some(rms)
     };
-    let of = |frames: &[depthcal_calibration::judge::evaluate::EvaluatedFrame]| -> Vec<(String, f64)> {
+    let of = |frames: &[EvaluatedFrame]| -> Vec<(String, f64)> {
         frames.iter().filter_map(|f| Some((plain(&f.name), rms(f)?))).collect()
     };
     let before = of(&d.before.frames);
     let now: Vec<(String, f64)> =
-        last(input).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
+        Pool::last(input).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
     if now.is_empty() {
         return None;
     }
@@ -135,11 +133,11 @@ pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) 
             "hovertemplate": "%{x}: %{y:.3~g} mm<extra>%{fullData.name}</extra>",
         })
     };
-    let planes: Vec<(String, f64)> = d.account.frame_planes.iter().map(|p| (plain(&p.name), p.rms_mm)).collect();
+    let planes: Vec<(String, f64)> = d.record.frame_planes.iter().map(|p| (plain(&p.name), p.rms_mm)).collect();
     let mut data = Vec::new();
     if !planes.is_empty() {
         data.push(json!({
-            "type": "bar", "name": "plane of the frame's own, beside the last model", "marker": {"color": NEUTRAL, "opacity": 0.45},
+            "type": "bar", "name": "the frame's own plane, given the last model", "marker": {"color": NEUTRAL, "opacity": 0.45},
             "x": planes.iter().map(|f| f.0.clone()).collect::<Value>(), "y": planes.iter().map(|f| short(f.1)).collect::<Value>(),
             "hovertemplate": "%{x}: %{y:.3~g} mm<extra>%{fullData.name}</extra>",
         }));
@@ -148,17 +146,18 @@ pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) 
     data.push(side(&now, "last model", AFTER, "circle"));
     let better = now.iter().filter(|f| before.iter().any(|b| b.0 == f.0 && f.1 < b.1)).count();
     let worst = now.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    let worst = worst.map_or(String::new(), |w| format!(" Worst now: {} with {} mm.", w.0, number(w.1)));
+    let worst =
+        worst.map_or(String::new(), |w| format!(" Largest under the last model: {} with {} mm.", w.0, number(w.1)));
     let layout = json!({
         "xaxis": {"type": "category", "title": {"text": "frame"}, "nticks": 20},
         "yaxis": {"title": {"text": "depth error, rms / mm"}, "rangemode": "tozero"},
     });
     Some(
-        Figure::new("frames-by-model", "Every frame, by a fit that did not see it", data, layout)
+        Figure::new("frames-by-model", "Held-out error of every frame", data, layout)
             .caption(format!(
-                "{better} of {} are better than under the declared model.{worst} Grey: how far the frame's depth as a whole \
-                 deviates from the pose that its image shows; high bars in many frames are something that changes from frame \
-                 to frame.",
+                "{better} of {} have a smaller error than under the declared model.{worst} Grey: the part of the error that is \
+                 a plane of the frame's own, that is, an error of its pose or of its depth as a whole. High bars in many \
+                 frames mean that something changes from frame to frame.",
                 count(now.len(), "frame")
             ))
             .alt(format!("Depth error of {} under the declared and the last model.", count(now.len(), "frame")))

@@ -7,12 +7,14 @@ use std::thread;
 
 use clap::{Args, ValueEnum};
 use depthcal_io::{DepthImage, GrayImage};
+use depthcal_report::format::count;
 
-use super::common::Failure;
+use crate::common::Failure;
 use crate::progress::Progress;
+use crate::voice::{self, complaint, note};
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
 
-/// A raw frame's values: little-endian, row by row, nothing between frames.
+/// Type of a raw frame's values: little-endian, row by row, nothing between frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Raw {
     /// 16-bit steps of --unit-mm; 0 is no depth.
@@ -21,7 +23,7 @@ enum Raw {
     F32,
 }
 
-/// What is written of a frame.
+/// Type of the values that are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Written {
     /// Corrected depth in 16-bit steps of --unit-mm.
@@ -35,16 +37,16 @@ enum Written {
 /// Options of a stream.
 #[derive(Debug, Args)]
 pub(super) struct StreamArgs {
-    /// Values of the frames on standard input.
+    /// Type of the values on standard input.
     #[arg(long, value_name = "TYPE", value_enum, default_value = "u16", requires = "stream_output")]
     stream_input: Raw,
-    /// Values to write to standard output, for DEPTH `-`.
+    /// Type of the values on standard output; required for DEPTH `-`.
     #[arg(long, value_name = "TYPE", value_enum)]
     stream_output: Option<Written>,
-    /// Width and height of the frames, as a check: they are those of the calibration.
+    /// Width and height of the frames, checked against those of the calibration.
     #[arg(long, value_name = "WxH", requires = "stream_output")]
     stream_size: Option<String>,
-    /// Each frame is followed by its infrared amplitude, 16-bit values of the same size.
+    /// Each depth frame on standard input is followed by its infrared image: 16-bit values of the same size.
     #[arg(long, requires = "stream_output")]
     stream_amplitude: bool,
     /// Frames per second, for effects that depend on time; the first frame is at 0 s.
@@ -55,14 +57,14 @@ pub(super) struct StreamArgs {
     stream_temperature: Option<f64>,
 }
 
-/// What a stream is corrected with.
+/// The calibration of a stream.
 pub(super) struct StreamContext<'a> {
     pub(super) corrector: &'a Corrector,
     pub(super) unit_mm: Option<f64>,
     pub(super) calibration: &'a Path,
 }
 
-/// Frames under way between reading, correcting and writing: enough for each to work while the others do.
+/// Buffers between reading, correcting and writing, so that the three run in parallel.
 const UNDER_WAY: usize = 3;
 
 impl StreamArgs {
@@ -79,13 +81,13 @@ impl StreamArgs {
         let (corrected, to_write) = sync_channel::<Vec<u8>>(UNDER_WAY);
         let (flushed, to_reuse) = sync_channel::<Vec<u8>>(UNDER_WAY);
         for _ in 0..UNDER_WAY {
-            // The channels have place for as many.
+            // Cannot fail: the channels have room for as many.
             let _ = (emptied.send(vec![0; frame_bytes]), flushed.send(Vec::new()));
         }
         let progress = Progress::endless("correcting");
         thread::scope(|scope| {
             let reader = scope.spawn(move || read_frames(io::stdin().lock(), &to_fill, &full));
-            let writer = scope.spawn(move || write_frames(io::stdout().lock(), &to_write, &flushed));
+            let writer = scope.spawn(move || write_frames(voice::frames(), &to_write, &flushed));
             let mut job = Job::new(self, &context, written);
             let mut summary = CorrectionSummary::default();
             let mut frames = 0;
@@ -109,7 +111,7 @@ impl StreamArgs {
             drop((corrected, to_reuse, to_correct, emptied));
             let written = writer.join().unwrap_or_else(|_| Err(io::Error::other("the writing thread failed")));
             if let Err(error) = &written {
-                // Whoever reads may have had enough, which is no fault; the reader is left waiting for its input.
+                // The program that reads the output has ended, which is no error. The reading thread still waits for input.
                 if error.kind() == ErrorKind::BrokenPipe {
                     std::process::exit(0);
                 }
@@ -120,8 +122,9 @@ impl StreamArgs {
             report(frames, summary);
             result.and(read.map_err(|error| {
                 Failure::Input(format!(
-                    "standard input: {error} after {frames} frames of {width}×{height} ({frame_bytes} bytes each): check \
-                     --stream-input, and that the frames have the calibrated size"
+                    "standard input: {error} after {} of {width}×{height} ({frame_bytes} bytes each): check --stream-input, \
+                     and that the frames have the calibrated size",
+                    count(frames, "frame")
                 ))
             }))
         })
@@ -156,15 +159,19 @@ impl StreamArgs {
             (needs.amplitude && !self.stream_amplitude, "infrared amplitude", "--stream-amplitude"),
         ];
         for (_, what, remedy) in missing.iter().filter(|(missing, ..)| *missing) {
-            eprintln!(
-                "warning: the calibration has an effect that depends on the {what}: it is not corrected; give {remedy}"
+            complaint(
+                "warning",
+                0,
+                format_args!(
+                    "the calibration has an effect that depends on the {what}: it is not corrected; give {remedy}"
+                ),
             );
         }
         Ok(())
     }
 }
 
-/// Buffers of the frame under work.
+/// Buffers of the current frame.
 struct Job<'a> {
     args: &'a StreamArgs,
     corrector: &'a Corrector,
@@ -303,8 +310,8 @@ fn write_frames(mut stream: impl Write, full: &Receiver<Vec<u8>>, empty: &SyncSe
 /// On standard error, because the frames are on standard output.
 fn report(frames: usize, summary: CorrectionSummary) {
     let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-    eprintln!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+    note!("{}: {corrected} pixels corrected, {invalid} without depth", count(frames, "frame"));
     if not_correctable > 0 || saturated > 0 {
-        eprintln!("{not_correctable} pixels are not correctable, {saturated} were beyond the range of their type");
+        note!("{not_correctable} pixels cannot be corrected, {saturated} are beyond the range of their type");
     }
 }

@@ -1,8 +1,8 @@
-//! Which frames of an interrupted `apply` are complete.
+//! Finds out which frames of an interrupted `apply` are complete.
 //!
-//! While a run lasts, a hidden file in the folder of the results says what it was started with. Results are written to
-//! temporary names and renamed, so that what is there is whole; what is newer than its input, under the same calibration and
-//! with the same settings, need not be made again. A run that ends removes the file.
+//! During a run, a hidden file in the folder of the results records what it was started with. Results are written under
+//! temporary names and renamed, so that a file is either complete or absent. A result that is newer than its input, with the
+//! same calibration and the same settings, is not computed again. The file is removed at the end of a run.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,18 +12,18 @@ use std::time::SystemTime;
 use depthcal_io::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
-use super::apply::stem;
-use super::common::{Failure, input};
+use super::images::stem;
+use crate::common::{Failure, input};
 
 const FILE: &str = ".depthcal-apply.json";
 
-/// What a run was started with.
+/// What a run was started with: version, calibration, frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Started {
     version: String,
     /// Digest of the calibration's file.
     calibration: String,
-    /// What else a frame's results depend on, by the stem of their names.
+    /// Everything else that a frame's results depend on, by the frame's name without extension.
     frames: BTreeMap<String, String>,
 }
 
@@ -35,7 +35,7 @@ pub(super) struct Resume {
 }
 
 impl Resume {
-    /// Looks for an interrupted run in a folder. `frames` are stems and what their results depend on.
+    /// Looks for an interrupted run in a folder. `frames` are names without extension, and what their results depend on.
     pub(super) fn open(
         folder: &Path,
         calibration: &Path,
@@ -49,7 +49,7 @@ impl Resume {
             frames: frames.collect(),
         };
         let file = folder.join(FILE);
-        // A file that cannot be read is that of no run: everything is made again.
+        // Without a readable record everything is computed again.
         let before = if file.is_file() { read_json(&file).ok() } else { None };
         Ok(Self { file, before, now })
     }
@@ -67,8 +67,8 @@ impl Resume {
         same && input.is_some() && outputs.iter().all(|output| changed(output) >= input)
     }
 
-    /// Leaves word of the present run. What the interrupted one made otherwise is removed first, so that no later run takes
-    /// it for this one's.
+    /// Records the present run. Results of the interrupted one that differ from those of this run are removed first, so that
+    /// no later run mistakes them for results of this one.
     pub(super) fn begin(&self) -> Result<(), Failure> {
         if let Some(before) = self.before.as_ref().filter(|before| **before != self.now) {
             let same_run = before.version == self.now.version && before.calibration == self.now.calibration;
@@ -76,7 +76,7 @@ impl Resume {
             for (stem, key) in &before.frames {
                 if !same_run || self.now.frames.get(stem).is_some_and(|now| now != key) {
                     for extension in ["png", "ply"] {
-                        // What is not there needs no removal.
+                        // Fails where there is no such file, which is fine.
                         let _ = fs::remove_file(folder.join(format!("{stem}.{extension}")));
                     }
                 }

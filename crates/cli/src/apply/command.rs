@@ -1,106 +1,68 @@
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+//! `apply`: corrects depth images.
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{
-    Cloud, DATASET_FILE, Dataset, DepthImage, GrayImage, PlyFormat, RgbImage, check_same_size, read_depth, read_gray,
-    read_rgb, write_depth, write_ply,
-};
+use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut};
+use depthcal_io::{Cloud, DATASET_FILE, Dataset, GrayImage, PlyFormat, RgbImage, write_depth, write_ply};
 use depthcal_model::Camera;
+use depthcal_report::format::count;
 use rayon::prelude::*;
-
-use super::apply_resume::Resume;
-use super::apply_stream::{StreamArgs, StreamContext};
 use serde_json::{Value, json};
 
-use super::common::{Failure, input, read_calibration};
-use super::session::Session;
-use super::voice::{complaint, is_json, say};
+use super::images::{by_stem, images_in, read_color, stem};
+use super::job::Job;
+use super::resume::Resume;
+use super::stream::{StreamArgs, StreamContext};
+use crate::common::{Failure, input, read_calibration};
 use crate::progress::Progress;
-use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut};
+use crate::session::Session;
+use crate::voice::{complaint, is_json, say};
 
 /// Corrects depth images with a calibration.
 ///
-/// Corrected images have the names, the size and the unit of their originals. All input is read once before anything is
-/// written, so that a damaged image among many shows at once.
+/// Corrected images have the names, sizes and units of their originals. All input is read once before anything is written,
+/// so that a damaged image is reported at once.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal apply result/calibration.json depth/ --out corrected/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
-  depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times from dataset.toml
+  depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times as in dataset.toml
   depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/")]
-pub(super) struct Apply {
+pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
-    /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, which then gives the depth unit, the
-    /// images and the times and temperatures of the frames.
+    /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, from which depth unit, images, times and
+    /// temperatures of the frames are then taken.
     /// `-` alone reads raw frames from standard input and writes them, corrected, to standard output.
     #[arg(required = true)]
     depth: Vec<PathBuf>,
-    /// Folder for the results; it is made where it does not exist. A run that was interrupted goes on where it ended.
+    /// Folder for the results; created if it does not exist. An interrupted run continues where it ended.
     #[arg(long, value_name = "DIR", required_unless_present = "stream_output")]
     out: Option<PathBuf>,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Writes a point cloud per frame too: binary PLY in mm, with the image's values where there is an image.
+    /// Also writes a point cloud of every frame: binary PLY in mm, with the image's values as intensity where there is an
+    /// image.
     #[arg(long)]
     cloud: bool,
-    /// Millimetres per step of the depth images that belong to no dataset; by default those of the dataset that the
-    /// calibration was fitted to.
+    /// Millimetres per step of depth images outside datasets [default: as in the dataset that the calibration was fitted
+    /// to].
     #[arg(long, value_name = "X")]
     unit_mm: Option<f64>,
-    /// Infrared image, or a folder of them, for the depth image of the same file stem; may be given several times.
+    /// Infrared image of the depth image with the same name (without extension), or a folder of such images; may be given
+    /// several times.
     #[arg(long, value_name = "PATH")]
     image: Vec<PathBuf>,
-    /// Colour image on the pixel grid of the depth image, or a folder of them, for the depth image of the same file stem:
-    /// its colours go into the clouds; may be given several times.
+    /// Colour image on the pixel grid of the depth image with the same name (without extension), or a folder of such images:
+    /// colours of the point cloud; may be given several times.
     #[arg(long, value_name = "PATH", requires = "cloud")]
     color: Vec<PathBuf>,
 }
 
-/// A depth image to be corrected, and what is known about it.
-struct Job {
-    depth: PathBuf,
-    image: Option<PathBuf>,
-    color: Option<PathBuf>,
-    unit_mm: f64,
-    time_s: Option<f64>,
-    temperature_c: Option<f64>,
-}
-
-impl Job {
-    /// All that its results depend on beside the calibration and the contents of its files.
-    fn key(&self, cloud: bool) -> String {
-        let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
-    }
-
-    fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
-        let depth = read_depth(&self.depth).map_err(input)?;
-        if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
-            return Err(Failure::Input(format!(
-                "{}: the depth image has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated \
-                 camera at its full resolution",
-                self.depth.display(),
-                depth.width,
-                depth.height,
-                corrector.width(),
-                corrector.height()
-            )));
-        }
-        if let Some(color) = &self.color {
-            read_color(color, &depth)?;
-        }
-        let Some(path) = &self.image else { return Ok((depth, None)) };
-        let image = read_gray(path).map_err(input)?;
-        check_same_size((path, &image), (&self.depth, &depth)).map_err(input)?;
-        Ok((depth, Some(image)))
-    }
-}
-
 impl Apply {
-    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+    pub(crate) fn run(&self, session: &Session) -> Result<Value, Failure> {
         if let Some(unit) = self.unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
             return Err(Failure::Input(format!(
                 "--unit-mm is {unit}: give the millimetres per step, such as 1 or 0.25"
@@ -122,7 +84,7 @@ impl Apply {
         let all = jobs.len();
         let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
         if jobs.len() < all {
-            say!("{} of {all} frames were complete already", all - jobs.len());
+            say!("{} of {} were complete already", all - jobs.len(), count(all, "frame"));
         }
 
         let progress = Progress::new("checking images", jobs.len());
@@ -175,7 +137,7 @@ impl Apply {
         self.out.as_deref().unwrap_or(Path::new("."))
     }
 
-    /// The files that a frame ends in.
+    /// The files that a frame's results are written to.
     fn outputs(&self, job: &Job) -> Vec<PathBuf> {
         let image = self.target(&job.depth);
         let cloud = self.cloud.then(|| image.with_extension("ply"));
@@ -207,17 +169,19 @@ impl Apply {
 
     fn print(&self, frames: usize, summary: CorrectionSummary) {
         let CorrectionSummary { corrected, saturated, invalid, not_correctable } = summary;
-        say!("{frames} frames: {corrected} pixels corrected, {invalid} had no depth");
+        say!("{}: {corrected} pixels corrected, {invalid} without depth", count(frames, "frame"));
         if not_correctable > 0 {
-            say!("{not_correctable} pixels are not correctable (no ray, or the model has no inverse there) and are 0");
+            say!(
+                "{not_correctable} pixels cannot be corrected (no ray, or the model has no inverse there) and are set to 0"
+            );
         }
         if saturated > 0 {
-            say!("{saturated} corrected depths lie beyond the range of 16 bits and were set to its end");
+            say!("{saturated} corrected depths are beyond the range of 16 bits and are set to its end");
         }
         say!("written: {}", self.folder().display());
     }
 
-    /// Where the corrected image of `depth` goes.
+    /// The path of the corrected image of `depth`.
     fn target(&self, depth: &Path) -> PathBuf {
         depth.file_name().map_or_else(|| self.folder().to_owned(), |name| self.folder().join(name))
     }
@@ -301,7 +265,7 @@ impl Apply {
         Ok(jobs.collect())
     }
 
-    /// Corrected images must neither replace each other nor their originals.
+    /// Refuses input whose corrected images would replace each other or their originals.
     fn check_names(&self, jobs: &[Job]) -> Result<(), Failure> {
         let out = self.folder().canonicalize().ok();
         let mut names = BTreeSet::new();
@@ -327,7 +291,7 @@ impl Apply {
     }
 }
 
-/// Says which effects of the calibration stay without effect because the frames do not tell what they depend on.
+/// Warns of effects of the calibration that cannot be corrected because frames lack the quantity that they depend on.
 fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
     let needs = corrector.needs();
     let cases = [
@@ -354,32 +318,6 @@ fn warn_of_missing(corrector: &Corrector, jobs: &[Job]) {
     }
 }
 
-/// A colour image of the size of a depth image.
-fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Failure> {
-    let image = read_rgb(path).map_err(input)?;
-    if (image.width, image.height) != (depth.width, depth.height) {
-        return Err(Failure::Input(format!(
-            "{}: the colour image has {}×{} px, the depth {}×{}: register the colour to the depth first",
-            path.display(),
-            image.width,
-            image.height,
-            depth.width,
-            depth.height
-        )));
-    }
-    Ok(image)
-}
-
-/// Images and folders of images by the stems of their names.
-fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Failure> {
-    let mut images = BTreeMap::new();
-    for path in paths {
-        let found = if path.is_dir() { images_in(path, &["png", "jpg", "jpeg", "pgm"])? } else { vec![path.clone()] };
-        images.extend(found.into_iter().map(|path| (stem(&path), path)));
-    }
-    Ok(images)
-}
-
 fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>, color: Option<&RgbImage>) -> Cloud {
     let seen = || (0..points.len()).filter(|i| !points[*i][2].is_nan());
     Cloud {
@@ -387,31 +325,4 @@ fn cloud(points: &[[f32; 3]], image: Option<&GrayImage>, color: Option<&RgbImage
         intensity: image.map(|image| seen().map(|i| f32::from(image.data[i])).collect()),
         color: color.map(|color| seen().map(|i| color.data[i]).collect()),
     }
-}
-
-/// The images of a folder in the order of their names. Hidden files are temporary or the operating system's.
-fn images_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
-    let unreadable = |error| Failure::Input(format!("{}: cannot read the folder: {error}", folder.display()));
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let path = entry.map_err(unreadable)?.path();
-        let hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-        let known = path.extension().is_some_and(|e| extensions.iter().any(|known| e.eq_ignore_ascii_case(known)));
-        if known && !hidden && path.is_file() {
-            found.push(path);
-        }
-    }
-    if found.is_empty() {
-        let kinds = extensions.join(", ");
-        return Err(Failure::Input(format!(
-            "{}: the folder holds no images ({kinds}); check the path",
-            folder.display()
-        )));
-    }
-    found.sort();
-    Ok(found)
-}
-
-pub(super) fn stem(path: &Path) -> String {
-    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -2,15 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::{AFTER, Figure, NEUTRAL, Variant, colour_bar, sequential, shorts};
-use crate::html::number;
+use super::figure::{Figure, Variant};
+use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
+use crate::format::number;
 use crate::statistics::quantile;
 use crate::uncertainty::Uncertainty;
 use depthcal_calibration::calibrate::Calibrated;
 
-/// Standard deviation against the distance, at three places of the image, beside the noise of one pixel.
+/// Standard deviation against the distance, at three places of the image, and the noise of one pixel.
 pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
-    let places = [("middle of the image", "solid"), ("half way out", "dash"), ("corner", "dot")];
+    let places = [("middle of the image", "solid"), ("halfway to the corner", "dash"), ("corner", "dot")];
     let mut data: Vec<Value> = places
         .iter()
         .zip(&u.curves)
@@ -50,11 +51,10 @@ pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
         at(&u.curves[0]),
         at(&u.curves[2])
     );
-    Figure::new("uncertainty-curves", "How sure is corrected depth?", data, layout)
+    Figure::new("uncertainty-curves", "Standard deviation of corrected depth", data, layout)
         .caption(format!(
-            "One standard deviation of the correction itself (the same for every pixel of a shot, so averaging does \
-             not remove it), beside the noise of a single pixel, on a logarithmic scale. {told}. Grey: outside the \
-             distances of the fitted boards."
+            "Standard deviation of the correction itself, which is common to all frames and is not removed by averaging, and \
+             the noise of a single pixel. Logarithmic scale. {told}. Grey: outside the distances of the fitted boards."
         ))
         .alt(format!("Standard deviation of corrected depth against distance. {told}."))
         .aspect(1.45)
@@ -91,8 +91,8 @@ pub(crate) fn uncertainty_map(c: &Calibrated, u: &Uncertainty) -> Figure {
     });
     let mut figure = Figure::new("uncertainty-map", "The same over the image", vec![data], layout)
         .caption(
-            "One standard deviation of corrected depth for a flat wall at the chosen distance: near, middle and far \
-                  of the fitted boards.",
+            "Standard deviation of the correction for a flat wall at the chosen distance: near, median or far of the fitted \
+             boards.",
         )
         .alt("Map of the standard deviation of corrected depth over the image.")
         .aspect(1.3);

@@ -1,0 +1,50 @@
+//! One frame of `apply`.
+
+use std::path::PathBuf;
+
+use depthcal_correction::Corrector;
+use depthcal_io::{DepthImage, GrayImage, check_same_size, read_depth, read_gray};
+
+use super::images::read_color;
+use crate::common::{Failure, input};
+
+/// A depth image to be corrected, with the other images and the conditions of its frame.
+pub(super) struct Job {
+    pub(super) depth: PathBuf,
+    pub(super) image: Option<PathBuf>,
+    pub(super) color: Option<PathBuf>,
+    pub(super) unit_mm: f64,
+    pub(super) time_s: Option<f64>,
+    pub(super) temperature_c: Option<f64>,
+}
+
+impl Job {
+    /// Everything that its results depend on, besides the calibration and the contents of its files.
+    pub(super) fn key(&self, cloud: bool) -> String {
+        let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
+    }
+
+    /// Reads the depth image and, where there is one, the infrared image; checks their sizes and the colour image.
+    pub(super) fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
+        let depth = read_depth(&self.depth).map_err(input)?;
+        if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
+            return Err(Failure::Input(format!(
+                "{}: the depth image has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated \
+                 camera at its full resolution",
+                self.depth.display(),
+                depth.width,
+                depth.height,
+                corrector.width(),
+                corrector.height()
+            )));
+        }
+        if let Some(color) = &self.color {
+            read_color(color, &depth)?;
+        }
+        let Some(path) = &self.image else { return Ok((depth, None)) };
+        let image = read_gray(path).map_err(input)?;
+        check_same_size((path, &image), (&self.depth, &depth)).map_err(input)?;
+        Ok((depth, Some(image)))
+    }
+}

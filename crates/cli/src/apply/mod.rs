@@ -1,0 +1,9 @@
+//! `apply`: corrects depth images, or raw frames from standard input.
+
+mod command;
+mod images;
+mod job;
+mod resume;
+mod stream;
+
+pub(crate) use command::Apply;

@@ -1,0 +1,110 @@
+//! The arguments of the program and its commands.
+
+use clap::{CommandFactory, Parser, Subcommand};
+use serde_json::Value;
+
+use super::apply::Apply;
+use super::calibrate::Calibrate;
+use super::common::Failure;
+use super::compare::Compare;
+use super::completions::Completions;
+use super::demo::Demo;
+use super::detect::Detect;
+use super::diagnose::Diagnose;
+use super::evaluate::Evaluate;
+use super::export::Export;
+use super::man::ManPage;
+use super::session::Session;
+use super::simulate::Simulate;
+
+/// Calibrates depth cameras: intrinsics, lens, depth distortion and board poses in one joint adjustment.
+///
+/// A dataset is a folder with a dataset.toml that declares the board, the images and the depth
+/// images. Without captures of your own, start with `depthcal demo`, which simulates some.
+#[derive(Debug, Parser)]
+#[command(name = "depthcal", version, verbatim_doc_comment, max_term_width = 120, after_help = GUIDE)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    pub(super) command: Command,
+    /// Number of threads [default: RAYON_NUM_THREADS, else all cores]. Results do not depend on it.
+    #[arg(long, global = true, value_name = "N")]
+    pub(super) threads: Option<usize>,
+    /// Writes the result as JSON to standard output; messages go to standard error.
+    #[arg(long, global = true)]
+    pub(super) json: bool,
+    /// More log messages (-v: info, -vv: debug).
+    #[arg(long, short, global = true, action = clap::ArgAction::Count)]
+    pub(super) verbose: u8,
+}
+
+/// The usual order of commands, exit codes, and environment variables.
+const GUIDE: &str = "\
+From captures to corrected depth:
+  depthcal detect captures/                        is the board found in every image?
+  depthcal calibrate captures/ --cross-validate 3 --out result/
+  depthcal diagnose captures/ --out result/        which effects does the model lack? adds them
+  depthcal evaluate result/calibration.json other-captures/ --out check/
+  depthcal apply result/calibration.json depth/ --out corrected/ --cloud
+Every command writes its JSON file and, where it measures errors, report.html into --out; open the latter first.
+
+Exit codes:
+  0  done
+  1  invalid input or arguments; the message says how to correct them
+  2  the fit cannot be trusted (not converged, parameters undetermined, model not invertible); the message says why
+
+Environment:
+  DEPTHCAL_CACHE     folder for detected boards (default: the user's cache folder)
+  DEPTHCAL_LOG       log filter, such as info or depthcal=debug (as --verbose)
+  RAYON_NUM_THREADS  number of threads (as --threads)
+  NO_COLOR           no colours on terminals";
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    Detect(Detect),
+    Calibrate(Calibrate),
+    Diagnose(Diagnose),
+    Evaluate(Evaluate),
+    Compare(Compare),
+    Apply(Apply),
+    Export(Export),
+    Simulate(Simulate),
+    Demo(Demo),
+    Completions(Completions),
+    Man(ManPage),
+}
+
+impl Command {
+    /// Its name on the command line.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Command::Detect(_) => "detect",
+            Command::Calibrate(_) => "calibrate",
+            Command::Diagnose(_) => "diagnose",
+            Command::Evaluate(_) => "evaluate",
+            Command::Compare(_) => "compare",
+            Command::Apply(_) => "apply",
+            Command::Export(_) => "export",
+            Command::Simulate(_) => "simulate",
+            Command::Demo(_) => "demo",
+            Command::Completions(_) => "completions",
+            Command::Man(_) => "man",
+        }
+    }
+
+    /// Runs the command; returns the result that `--json` writes.
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        match self {
+            Command::Detect(command) => command.run(session),
+            Command::Calibrate(command) => command.run(session),
+            Command::Diagnose(command) => command.run(session),
+            Command::Evaluate(command) => command.run(session),
+            Command::Compare(command) => command.run(session),
+            Command::Apply(command) => command.run(session),
+            Command::Export(command) => command.run(),
+            Command::Simulate(command) => command.run(),
+            Command::Demo(command) => command.run(session),
+            Command::Completions(command) => command.run(Arguments::command()),
+            Command::Man(command) => command.run(Arguments::command()),
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! The program: arguments in, exit code out.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use depthcal_model::Register;
+use serde_json::json;
+use tracing_subscriber::EnvFilter;
+
+use super::arguments::Arguments;
+use super::common::Failure;
+use super::session::Session;
+use super::voice;
+
+/// Runs the program: parses the arguments of the process, runs the command with the pieces of `register`, writes messages and
+/// results, and returns the exit code: 0 done, 1 invalid input or arguments, 2 a fit that cannot be trusted.
+pub fn run(register: Register) -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            voice::usage(&error);
+            return if error.use_stderr() { ExitCode::from(1) } else { ExitCode::SUCCESS };
+        }
+    };
+    let level = ["warn", "info", "debug"][usize::from(arguments.verbose.min(2))];
+    let filter = EnvFilter::try_from_env("DEPTHCAL_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(voice::coloured())
+        .with_target(false)
+        .without_time()
+        .init();
+    if let Some(threads) = arguments.threads {
+        if threads == 0 {
+            voice::complaint("error", 1, "--threads is 0; give at least 1");
+            return ExitCode::from(1);
+        }
+        // Fails only where the thread pool exists already, which is not the case this early.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    }
+    voice::keep_stdout_for_json(arguments.json);
+    let name = arguments.command.name();
+    let (code, mut value) = match arguments.command.run(&Session::new(register)) {
+        Ok(value) => (0, value),
+        Err(failure) => {
+            let (kind, code, message) = match failure {
+                Failure::Input(message) => ("error", 1, message),
+                Failure::Untrusted(message) => ("the fit cannot be trusted", 2, message),
+            };
+            voice::complaint(kind, code, &message);
+            (code, json!({ "error": message }))
+        }
+    };
+    if !value.is_null() {
+        value["command"] = json!(name);
+        value["exit_code"] = json!(code);
+        voice::result(&value);
+    }
+    ExitCode::from(code)
+}

@@ -1,0 +1,283 @@
+//! The first screen of a diagnosis: headline, verdict, and questions with answers.
+
+use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
+
+use super::sentences::{capture, declaration, left_over};
+use crate::checks::Level;
+use crate::format::{self, count, join, number, percent, pieces};
+use crate::headline::interval;
+use crate::input::{ReportDiagnosis, ReportInput};
+use crate::parameters::{free_function, summary};
+use crate::pool::Pool;
+use crate::statistics::{Estimate, quantile};
+
+/// Free functions are named if they lower the weighted residual by more than this, per cent.
+const WORTH_PERCENT: f64 = 0.5;
+/// Most recommendations of captures on the first screen.
+const NEXT: usize = 3;
+
+/// A question that a reader has, and its answer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Answer {
+    pub question: &'static str,
+    pub answer: String,
+    /// Id of the section with the details.
+    pub more: &'static str,
+}
+
+/// The declared model in words: `K, lens and D`, or its name.
+fn declared_model(d: &ReportDiagnosis<'_>) -> String {
+    match d.record.model.as_str() {
+        "projective" => "K, lens and D".to_owned(),
+        "none" => "K and lens without a depth model".to_owned(),
+        other => format!("the declared model ({})", pieces(other)),
+    }
+}
+
+fn with_interval(e: &Estimate, unit: &str) -> String {
+    match interval(e, unit) {
+        Some(i) => format!("{} {unit} ({i})", number(e.value)),
+        None => format!("{} {unit}", number(e.value)),
+    }
+}
+
+/// The headline: depth error as measured, under the declared model, and under the last one.
+pub(crate) fn sentence(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let Some(change) = Pool::last(input).depth_rms() else {
+        return "No frame with depth could be evaluated.".to_owned();
+    };
+    let declared = Pool::declared(d).depth_rms().map_or(f64::NAN, |c| c.after.value);
+    let frames = count(change.frames, "frame");
+    let sure = interval(&change.after, "mm").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
+    let model = declared_model(d);
+    let added: Vec<String> = d.added().iter().map(|n| (*n).to_owned()).collect();
+    let (raw, now) = (number(change.before.value), number(change.after.value));
+    match (d.record.verdict, added.is_empty()) {
+        (Verdict::Adequate, _) => format!(
+            "The depth error was {raw} mm rms as measured. {model} leave {now} mm on held-out frames ({sure}), and these \
+             captures show nothing that is missing.",
+        ),
+        (_, true) => format!(
+            "The depth error was {raw} mm rms as measured. {model} leave {now} mm on held-out frames ({sure}): something \
+             is left that no known effect explains."
+        ),
+        (_, false) => format!(
+            "The depth error was {raw} mm rms as measured. {model} leave {} mm on held-out frames; with {} it is {now} mm \
+             ({sure}).",
+            number(declared),
+            join(&added)
+        ),
+    }
+}
+
+/// The verdict in a few words, and its level.
+pub(crate) fn pill(d: &ReportDiagnosis<'_>) -> (Level, String) {
+    let frames = d.record.bad_frames.len();
+    let declarations = d.record.declarations.len();
+    let (level, text) = match d.record.verdict {
+        Verdict::Adequate => (Level::Good, "Adequate: nothing is missing that these captures can show"),
+        Verdict::Effect => (Level::Good, "Effect: what was missing was found and added; nothing else is left"),
+        Verdict::Unexplained => (Level::Care, "Unexplained: something is left that no known effect explains"),
+    };
+    if declarations > 0 {
+        return (Level::Bad, "Check the dataset file: board size or depth unit cannot be right".to_owned());
+    }
+    let out = if frames > 0 { format!(" · {} excluded", count(frames, "frame")) } else { String::new() };
+    (level, format!("{text}{out}"))
+}
+
+/// All questions with their answers; `coverage` lists gaps in the coverage of image, distances and tilts.
+pub(crate) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) -> Vec<Answer> {
+    let new = |question, answer: String, more| Answer { question, answer, more };
+    let mut list = Vec::new();
+    if !d.record.declarations.is_empty() {
+        list.push(new("Is the dataset file right?", sentences(&words(&d.record.declarations, declaration)), "next"));
+    }
+    list.push(new("How wrong was the depth?", how_wrong(input), "datasets"));
+    list.push(new("Where?", place(input, d), "where"));
+    list.push(new("Why?", why(d), "candidates"));
+    list.push(new("What was added?", added(d), "steps"));
+    list.push(new("How wrong is it now?", now(input, d), "where"));
+    list.push(new("How certain is that?", sure(input, d), "trust"));
+    list.push(new("What to capture next?", next(d, coverage), "next"));
+    list
+}
+
+fn how_wrong(input: &ReportInput<'_>) -> String {
+    let pool = Pool::last(input);
+    let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
+    let mut text =
+        format!("By {} rms as measured, over all depth pixels of the board", with_interval(&depth.before, "mm"));
+    if let Some(plane) = pool.plane_error() {
+        text += &format!("; the mean plane error is {} mm", number(plane.before.value));
+    }
+    text + "."
+}
+
+fn place(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(input);
+    let at = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
+    let (low, high) = (at(0.05), at(0.95));
+    let side = match (low > 0.0, high < 0.0) {
+        (true, _) => "nearly everywhere too far",
+        (_, true) => "nearly everywhere too near",
+        _ => "both too near and too far",
+    };
+    let mut text = format!("As measured {side}: {} for 90 % of the pixels.", format::interval(low, high, "mm"));
+    let Some(round) = d.record.rounds.first() else { return text };
+    let mut seen: Vec<&str> = Vec::new();
+    let mut words: Vec<String> = Vec::new();
+    for free in round.free.iter().filter(|f| f.held_out_gain_percent > WORTH_PERCENT) {
+        let name = free_function(&free.effect).trim_end_matches(" (in depth)");
+        if !seen.contains(&name) && seen.len() < 3 {
+            seen.push(name);
+            words.push(format!("{name} ({})", percent(free.held_out_gain_percent)));
+        }
+    }
+    text += &if words.is_empty() {
+        " The errors under the declared model depend on no known quantity.".to_owned()
+    } else {
+        format!(
+            " The errors under the declared model depend on {} (in brackets: how much a free function of it lowers the \
+             residual of held-out frames).",
+            join(&words)
+        )
+    };
+    text
+}
+
+fn why(d: &ReportDiagnosis<'_>) -> String {
+    let mut parts: Vec<String> = d
+        .record
+        .steps
+        .iter()
+        .filter_map(|s| Some(format!("{}: {}", s.effects.first()?, summary(d.register, s.effects.first()?))))
+        .collect();
+    if parts.is_empty() {
+        parts.push(match d.record.verdict {
+            Verdict::Adequate => "The declared model describes it; no known effect is missing".to_owned(),
+            _ => "Unknown: no known effect explains the errors under the declared model".to_owned(),
+        });
+    } else if d.record.verdict == Verdict::Unexplained {
+        parts.push("and something that no known effect explains".to_owned());
+    }
+    let rivals: Vec<String> = d
+        .record
+        .steps
+        .iter()
+        .filter(|s| !s.indistinguishable.is_empty())
+        .map(|s| format!(" These captures cannot distinguish {} from {}.", s.effects[0], join(&s.indistinguishable)))
+        .collect();
+    format!("{}.{}", parts.join("; "), rivals.concat())
+}
+
+/// A change of the depth error: `16.5 % less (95 % interval 13.5 to 20.1 %)`.
+pub(crate) fn gain(g: &GainInterval) -> String {
+    let way = if g.value >= 0.0 { "less" } else { "more" };
+    let unsure = if g.is_certain() { "" } else { ", not significant" };
+    format!("{} {way} (95 % interval {}{unsure})", percent(g.value.abs()), format::interval(g.low, g.high, "%"))
+}
+
+/// An error before and after: `6.60 → 5.51 mm`.
+pub(crate) fn arrow(before: Option<f64>, after: Option<f64>, unit: &str) -> String {
+    let show = |v: Option<f64>| number(v.unwrap_or(f64::NAN));
+    format!("{} → {} {unit}", show(before), show(after))
+}
+
+/// One step in a sentence.
+fn step_words(step: &DiagnosisStep) -> String {
+    let change = arrow(step.before.depth_rms_mm, step.after.depth_rms_mm, "mm");
+    let size = if step.size_mm > 0.0 { format!(" ({} mm rms)", number(step.size_mm)) } else { String::new() };
+    let gain = step.depth_gain_percent.as_ref().map_or(String::new(), |g| format!(", {}", gain(g)));
+    format!("{}{size}: {change}{gain}.", step.effects.first().map_or("", String::as_str))
+}
+
+fn added(d: &ReportDiagnosis<'_>) -> String {
+    if d.record.steps.is_empty() {
+        let tested = d.record.rounds.first().map_or(0, |r| r.effects.len());
+        return format!("Nothing; {} were tested.", count(tested, "effect"));
+    }
+    d.record.steps.iter().map(step_words).collect::<Vec<_>>().join(" ")
+}
+
+fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(input);
+    let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
+    let dots =
+        pool.dot_error().map_or(String::new(), |c| format!("; the mean dot error is {} mm", number(c.after.value)));
+    let mut text = format!("By {} mm rms{dots}.", number(depth.after.value));
+    if !d.record.left_over.is_empty() {
+        text += &format!(" Left: {}", sentences(&words(&d.record.left_over, left_over)));
+    }
+    text
+}
+
+fn sure(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(input);
+    let Some(depth) = pool.depth_rms() else { return "Unknown: no depth could be evaluated.".to_owned() };
+    let sure = interval(&depth.after, "mm").unwrap_or_else(|| "too few frames for an interval".to_owned());
+    let mut text =
+        format!("{sure}, over {}, each evaluated by a fit without it.", count(depth.frames, "held-out frame"));
+    let unsure: Vec<String> = d
+        .record
+        .steps
+        .iter()
+        .filter(|s| s.depth_gain_percent.is_some_and(|g| !g.is_certain()))
+        .filter_map(|s| s.effects.first().cloned())
+        .collect();
+    if !unsure.is_empty() {
+        let intervals = if unsure.len() == 1 { "its interval contains" } else { "their intervals contain" };
+        text += &format!(" The gain by {} may be chance: {intervals} zero.", join(&unsure));
+    }
+    if let Some(least) = smallest(d) {
+        text += &format!(" {least}");
+    }
+    text
+}
+
+/// The sizes below which effects would have been missed.
+fn smallest(d: &ReportDiagnosis<'_>) -> Option<String> {
+    let round = d.record.rounds.last()?;
+    let seen = |c: &&DiagnosisCandidate| c.minimal_detectable_mm.is_some_and(|m| m > 0.0);
+    let sizes: Vec<f64> = round.effects.iter().filter(seen).filter_map(|c| c.minimal_detectable_mm).collect();
+    let blind = round.effects.len() - sizes.len();
+    let of = |q: f64| number(quantile(sizes.iter().copied(), q));
+    let blind =
+        if blind == 0 { String::new() } else { format!("; {} would not be found at any size", count(blind, "effect")) };
+    (!sizes.is_empty()).then(|| {
+        format!(
+            "Effects below {} to {} mm rms, depending on the effect, would have been missed{blind}.",
+            of(0.0),
+            of(1.0)
+        )
+    })
+}
+
+/// What to capture next: first what separates effects, then gaps in the coverage.
+fn next(d: &ReportDiagnosis<'_>, coverage: &[String]) -> String {
+    let proposals = d.record.capture_next.iter().take(NEXT).map(capture);
+    let list: Vec<String> = proposals.chain(coverage.iter().cloned()).collect();
+    if list.is_empty() {
+        return "Nothing in particular: these captures separate the effects and cover the image and the distances."
+            .to_owned();
+    }
+    sentences(&list)
+}
+
+/// Every item in words.
+fn words<T>(items: &[T], word: impl Fn(&T) -> String) -> Vec<String> {
+    items.iter().map(word).collect()
+}
+
+/// Sentences from the record, which has them without capital and full stop.
+fn sentences(list: &[String]) -> String {
+    let one = |s: &String| {
+        let mut chars = s.chars();
+        // Names of effects keep their small letter.
+        let name = s.split(':').next().is_some_and(|w| w.contains('_'));
+        let first: String =
+            chars.next().map_or(String::new(), |c| if name { c.to_string() } else { c.to_uppercase().collect() });
+        format!("{first}{}.", chars.as_str().trim_end_matches('.'))
+    };
+    list.iter().map(one).collect::<Vec<_>>().join(" ")
+}

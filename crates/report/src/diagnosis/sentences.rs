@@ -1,0 +1,266 @@
+//! Findings, decisions and proposals of a diagnosis in sentences, worded from their data in the record.
+
+use depthcal_io::{
+    DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate, DiagnosisDecision,
+    DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisProposedFrame,
+    DiagnosisUnexplainedOutcome,
+};
+use depthcal_model::Covariate;
+
+use crate::format::{count, join, number, percent, pieces, quantity, signed};
+
+/// Proposing more frames than this would be no remedy: nobody captures them.
+const MOST_PROPOSED_FRAMES: u64 = 100;
+
+/// The quantity that a free function depends on.
+fn covariate(covariate: DiagnosisCovariate) -> &'static str {
+    match covariate {
+        DiagnosisCovariate::Pixel => "the position in the image",
+        DiagnosisCovariate::Column => "the image column",
+        DiagnosisCovariate::Row => "the image row",
+        DiagnosisCovariate::Depth => "the distance",
+        DiagnosisCovariate::Amplitude => "the infrared amplitude",
+        DiagnosisCovariate::Surroundings => "the infrared amplitude around the pixel",
+        DiagnosisCovariate::Incidence => "the angle of incidence",
+        DiagnosisCovariate::Time => "the time",
+        DiagnosisCovariate::Temperature => "the temperature",
+        DiagnosisCovariate::Board => "the position on the board",
+    }
+}
+
+/// A share in per cent; at most 100 is meant, more says "all of it".
+fn share(share: f64) -> String {
+    percent(100.0 * share)
+}
+
+/// The decision of a round and its outcome, without full stop.
+pub(crate) fn decision(decision: &DiagnosisDecision) -> String {
+    match decision {
+        DiagnosisDecision::Nothing => "these captures show nothing that the model lacks".to_owned(),
+        DiagnosisDecision::Add {
+            spec, with, explained_share, of_frame_planes, despite_unexplained, outcome, ..
+        } => {
+            let effect = pieces(spec);
+            let found = if *despite_unexplained {
+                format!(
+                    "named effects explain {} of what is left, not most of it; {effect} retains its gain jointly with every \
+                     free function",
+                    share(*explained_share)
+                )
+            } else {
+                let with = if with.is_empty() { String::new() } else { format!(" jointly with {}", join(with)) };
+                let planes = of_frame_planes
+                    .map(|ratio| format!(", {} times what a plane of its own in every frame explains", number(ratio)))
+                    .unwrap_or_default();
+                format!("{effect}{with} explains {} of what can be explained{planes}", share(*explained_share))
+            };
+            format!("{found}; {}", added(outcome))
+        }
+        DiagnosisDecision::Unexplained { along, explained_share, competitor, outcome } => {
+            let of = match competitor {
+                DiagnosisCompetitor::FreeFunction => "",
+                DiagnosisCompetitor::FramePlanes => " of what a plane of its own in every frame explains",
+            };
+            format!(
+                "errors depend on {} in a way that no known effect has (the best explain {}{of}); {}",
+                covariate(*along),
+                share(*explained_share),
+                unexplained(outcome)
+            )
+        }
+    }
+}
+
+fn added(outcome: &DiagnosisAddOutcome) -> String {
+    let list = |specs: &[String]| join(&specs.iter().map(|s| pieces(s)).collect::<Vec<_>>());
+    match outcome {
+        DiagnosisAddOutcome::Added { effects, taken_out } if taken_out.is_empty() => {
+            format!("added: {}", list(effects))
+        }
+        DiagnosisAddOutcome::Added { effects, taken_out } => {
+            format!("added: {}; removed, because no longer needed: {}", list(effects), list(taken_out))
+        }
+        DiagnosisAddOutcome::NoHeldOutGain => "not added, because held-out errors do not fall with it".to_owned(),
+        DiagnosisAddOutcome::NotFitted { error } => format!("not added, because it cannot be fitted: {error}"),
+        DiagnosisAddOutcome::RoundLimit { rounds } => {
+            format!("not tried, because this was the last of {}", count(*rounds, "round"))
+        }
+        DiagnosisAddOutcome::RejectionLimit { rejected } => {
+            format!("not tried, because {} before it lowered no held-out error", count(*rejected, "effect"))
+        }
+    }
+}
+
+fn unexplained(outcome: &DiagnosisUnexplainedOutcome) -> String {
+    match outcome {
+        DiagnosisUnexplainedOutcome::Reported => "nothing is added".to_owned(),
+        DiagnosisUnexplainedOutcome::FreeMapAdded { spec } => format!("corrected by a map: {}", pieces(spec)),
+        DiagnosisUnexplainedOutcome::TooSmall { share_of_cost, least_share } => format!(
+            "too small to report: {} of the squared residuals, less than {}",
+            share(*share_of_cost),
+            share(*least_share)
+        ),
+    }
+}
+
+/// What the last model leaves, without full stop.
+pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
+    match left {
+        DiagnosisLeftOver::FreeFunction { along, rms_mm, explained_share } => {
+            let size = rms_mm.map_or_else(String::new, |rms| format!(" of {} rms", quantity(rms, "mm")));
+            format!(
+                "a function of {}{size} that no known effect explains (the best of them: {})",
+                covariate(*along),
+                share(*explained_share)
+            )
+        }
+        DiagnosisLeftOver::FramePlanes { share_of_frames, rms_mm } => format!(
+            "{} of the frames deviate each by a plane of its own, {} rms over all frames: something changes from frame to \
+             frame that no recorded quantity describes",
+            share(*share_of_frames),
+            quantity(*rms_mm, "mm")
+        ),
+    }
+}
+
+/// An implausible declaration, with full stop inside but not at the end.
+pub(crate) fn declaration(declaration: &DiagnosisDeclaration) -> String {
+    let DiagnosisDeclaration::DepthScale { scale, spacing_mm, unit_mm } = declaration;
+    format!(
+        "measured depth is {} times the depth that the board's declared size implies ({} %), more than any depth camera is off. \
+         Check spacing_mm under [board] (declared {}, {} would fit) and unit_mm under [depth] (declared {}, {} would fit). The \
+         parameter dw of D takes up this scale; it is not an effect",
+        number(*scale),
+        signed(100.0 * (scale - 1.0)),
+        quantity(spacing_mm.declared, "mm"),
+        quantity(spacing_mm.fitting, "mm"),
+        quantity(unit_mm.declared, "mm"),
+        quantity(unit_mm.fitting, "mm"),
+    )
+}
+
+/// Why a frame was left out, without full stop.
+pub(crate) fn frame_cause(cause: &DiagnosisFrameCause) -> String {
+    match cause {
+        DiagnosisFrameCause::Duplicate { of, image } => {
+            let image = match image {
+                DiagnosisImage::Image => "image",
+                DiagnosisImage::Depth => "depth image",
+            };
+            format!("its {image} is that of {of}: the frame is stored twice")
+        }
+        DiagnosisFrameCause::ExchangedDepth { with } => {
+            format!("its depth image fits the pose of {with}: the two depth images seem to be exchanged")
+        }
+        DiagnosisFrameCause::Moved { offset_mm, rms_mm } => format!(
+            "its depth deviates from its image by a plane ({} mm on average, {} rms): the board or the camera seems to have \
+             moved between the two",
+            signed(*offset_mm),
+            quantity(*rms_mm, "mm")
+        ),
+    }
+}
+
+/// A capture that would answer an open question, without full stop.
+pub(crate) fn capture(capture: &DiagnosisCapture) -> String {
+    match capture {
+        DiagnosisCapture::TellApart { effect, rival, frame, frames, .. } => {
+            let how_many = if *frames > MOST_PROPOSED_FRAMES {
+                "even many such frames would hardly do".to_owned()
+            } else {
+                format!("about {} would do", count(*frames as usize, "such frame"))
+            };
+            format!("to distinguish {effect} from {rival}: {}; {how_many}", proposed_frame(frame))
+        }
+        DiagnosisCapture::Record { covariate: missing, effects } => match recorded(*missing) {
+            Some(c) => format!("{}: {}; {}", join(effects), c.missing(), c.how_to_record()),
+            None => format!("{}: vary {}", join(effects), covariate(*missing)),
+        },
+    }
+}
+
+/// The covariate of the model that has to be recorded with the frames.
+fn recorded(covariate: DiagnosisCovariate) -> Option<Covariate> {
+    match covariate {
+        DiagnosisCovariate::Amplitude => Some(Covariate::Amplitude),
+        DiagnosisCovariate::Surroundings => Some(Covariate::Surroundings),
+        DiagnosisCovariate::Time => Some(Covariate::Time),
+        DiagnosisCovariate::Temperature => Some(Covariate::Temperature),
+        _ => None,
+    }
+}
+
+fn proposed_frame(frame: &DiagnosisProposedFrame) -> String {
+    let third = |x: f64| (x * 3.0).floor().clamp(0.0, 2.0) as usize;
+    let [u, v] = frame.image_position.map(third);
+    let place = match (["left", "", "right"][u], ["upper", "", "lower"][v]) {
+        ("", "") => "in the middle of the image".to_owned(),
+        ("", vertical) => format!("in the {vertical} part of the image"),
+        (side, "") => format!("at the {side} edge of the image"),
+        (side, vertical) => format!("in the {vertical} {side} corner of the image"),
+    };
+    let tilt = match frame.turned_deg {
+        [x, y] if x == 0.0 && y == 0.0 => "parallel to the image plane".to_owned(),
+        [x, y] if x == 0.0 => format!("turned by {}° about the vertical", number(y)),
+        [x, y] if y == 0.0 => format!("turned by {}° about the horizontal", number(x)),
+        [x, y] => format!("turned by {}° about the horizontal and {}° about the vertical", number(x), number(y)),
+    };
+    let warmer = frame.warmer_c.map_or_else(String::new, |c| {
+        format!(", with the camera {} warmer than in the warmest frame", quantity(c, "°C"))
+    });
+    format!("a frame with the board {} away, {place}, {tilt}{warmer}", quantity(frame.distance_mm / 1000.0, "m"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decisions_are_worded_with_their_outcome() {
+        let add = |outcome| DiagnosisDecision::Add {
+            effect: "cyclic_depth".into(),
+            spec: "cyclic_depth@period_mm=299.90356313997415".into(),
+            with: vec!["radial_range".into()],
+            explained_share: 0.9712,
+            of_frame_planes: Some(3.214),
+            despite_unexplained: false,
+            outcome,
+        };
+        assert_eq!(
+            decision(&add(DiagnosisAddOutcome::NoHeldOutGain)),
+            "cyclic_depth (period 300 mm) jointly with radial_range explains 97.1 % of what can be explained, 3.21 times what a \
+             plane of its own in every frame explains; not added, because held-out errors do not fall with it"
+        );
+        let added =
+            DiagnosisAddOutcome::Added { effects: vec!["board_bow".into()], taken_out: vec!["thin_prism".into()] };
+        assert!(decision(&add(added)).ends_with("added: board_bow; removed, because no longer needed: thin_prism"));
+    }
+
+    #[test]
+    fn proposals_say_where_and_how_many() {
+        let frame = DiagnosisProposedFrame {
+            distance_mm: 1500.0,
+            image_position: [0.2, 0.2],
+            turned_deg: [0.0, 45.0],
+            warmer_c: Some(10.0),
+        };
+        let ask = |frames| DiagnosisCapture::TellApart {
+            effect: "a".into(),
+            rival: "b".into(),
+            frame,
+            frames,
+            noncentrality: 1.0,
+            noncentrality_with_frame: 2.0,
+            noncentrality_needed: 11.7,
+        };
+        assert_eq!(
+            capture(&ask(3)),
+            "to distinguish a from b: a frame with the board 1.50 m away, in the upper left corner of the image, turned by 45.0° \
+             about the vertical, with the camera 10.0 °C warmer than in the warmest frame; about 3 such frames would do"
+        );
+        assert!(capture(&ask(1000)).ends_with("even many such frames would hardly do"));
+        let record =
+            DiagnosisCapture::Record { covariate: DiagnosisCovariate::Time, effects: vec!["temporal_drift".into()] };
+        assert!(capture(&record).starts_with("temporal_drift: the frames have no times; record timestamp_s"));
+    }
+}

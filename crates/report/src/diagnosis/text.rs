@@ -1,0 +1,205 @@
+//! A diagnosis as a page of text for a terminal.
+
+use std::fmt::Write;
+
+use depthcal_io::{DiagnosisCandidate, DiagnosisFile, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
+
+use super::answers::arrow;
+use super::sentences::{capture, declaration, frame_cause, left_over};
+use crate::format::{interval, join, measured, number, p_equals, p_value, percent, pieces, quantity};
+
+/// The verdict of a diagnosis in a sentence, without full stop.
+pub fn verdict_sentence(d: &DiagnosisFile) -> String {
+    let added: Vec<&str> = d.steps.iter().filter_map(|s| s.effects.first().map(String::as_str)).collect();
+    let were = if added.len() == 1 { "was" } else { "were" };
+    let added = format!("{} {were} missing and {were} added", join(&added));
+    match (d.verdict, d.steps.is_empty()) {
+        (Verdict::Adequate, _) => "adequate: these captures show nothing that the model lacks".to_owned(),
+        (Verdict::Effect, _) => format!("effect: {added}; these captures show nothing else"),
+        (Verdict::Unexplained, true) => "unexplained: something is left that no known effect explains".to_owned(),
+        (Verdict::Unexplained, false) => {
+            format!("unexplained: {added}; something is left that no known effect explains")
+        }
+    }
+}
+
+/// A diagnosis as text: verdict, excluded frames, added effects with their gains, held-out errors, what is left, the effects
+/// that were tested given the last model, and what to capture next.
+pub fn diagnosis_text(d: &DiagnosisFile) -> String {
+    let mut t = String::new();
+    let _ = writeln!(t, "{}\n", verdict_sentence(d));
+    for finding in &d.declarations {
+        let _ = writeln!(t, "check the dataset file: {}", declaration(finding));
+    }
+    for frame in &d.bad_frames {
+        let _ = writeln!(t, "excluded: {} ({})", frame.name, frame_cause(&frame.cause));
+    }
+    for (i, step) in d.steps.iter().enumerate() {
+        t += &step_text(i + 1, step);
+    }
+    for left in &d.left_over {
+        let _ = writeln!(t, "left: {}", left_over(left));
+    }
+    let _ = writeln!(t, "\nheld-out frames, declared → last model: {}", errors(&d.held_out.before, &d.held_out.after));
+    if let Some(round) = d.rounds.last() {
+        t += &candidates(&round.effects);
+    }
+    for proposal in &d.capture_next {
+        let _ = writeln!(t, "capture next: {}", capture(proposal));
+    }
+    t
+}
+
+fn step_text(number_of_step: usize, s: &DiagnosisStep) -> String {
+    let mut t = String::new();
+    let (size, p) = (quantity(s.size_mm, "mm"), p_equals(s.p_value));
+    let _ = writeln!(t, "{number_of_step}. added {}: {size} rms, {p}", pieces(&s.with));
+    s.parameters.iter().for_each(|p| t += &parameter(p));
+    let _ = writeln!(t, "   held-out frames: {}", errors(&s.before, &s.after));
+    if let Some(gain) = &s.depth_gain_percent {
+        let range = interval(gain.low, gain.high, "%");
+        let _ = writeln!(t, "   depth error falls by {} (95 % interval over frames {range})", percent(gain.value));
+    }
+    if !s.indistinguishable.is_empty() {
+        let _ = writeln!(t, "   these captures cannot distinguish it from: {}", s.indistinguishable.join(", "));
+    }
+    if s.effects.len() > 1 {
+        let _ = writeln!(t, "   found together with: {}", s.effects[1..].join(", "));
+    }
+    t
+}
+
+fn parameter(p: &DiagnosisParameter) -> String {
+    let shown = measured(p.value, p.std);
+    let std = shown.std.map_or_else(|| "fixed".to_owned(), |std| format!("± {std}"));
+    let unit = if p.unit == "1" { "" } else { &p.unit };
+    let line = format!("     {:6} {:>12} {std:<11} {unit}", p.name, shown.value);
+    format!("{}\n", line.trim_end())
+}
+
+/// Errors before and after, in one line.
+fn errors(before: &HeldOutErrors, after: &HeldOutErrors) -> String {
+    let kinds = [
+        ("depth", "rms", before.depth_rms_mm, after.depth_rms_mm),
+        ("plane", "mean", before.plane_error_mm, after.plane_error_mm),
+        ("dot", "mean", before.dot_error_mm, after.dot_error_mm),
+    ];
+    let depth = kinds.iter().filter(|k| k.2.is_some() || k.3.is_some());
+    let mut parts: Vec<String> =
+        depth.map(|(kind, how, before, after)| format!("{kind} {} {how}", arrow(*before, *after, "mm"))).collect();
+    parts.push(format!("reprojection {} rms", arrow(Some(before.reprojection_px), Some(after.reprojection_px), "px")));
+    parts.join(", ")
+}
+
+/// The table of the effects that were tested given the last model.
+fn candidates(effects: &[DiagnosisCandidate]) -> String {
+    let mut t = String::new();
+    let size = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |v| format!("{} mm", number(v)));
+    let _ = writeln!(t, "\neffects tested given the last model:");
+    let _ = writeln!(
+        t,
+        "  {:22} {:>9} {:>13} {:>14} {:>15}",
+        "", "p-value", "held-out gain", "estimated size", "detectable size"
+    );
+    for c in effects {
+        let _ = writeln!(
+            t,
+            "  {:22} {:>9} {:>13} {:>14} {:>15}",
+            c.effect,
+            p_value(c.p_value),
+            percent(c.held_out_gain_percent),
+            size(c.expected_size_mm),
+            size(c.minimal_detectable_mm)
+        );
+    }
+    t
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use depthcal_io::{DiagnosisRound, GainInterval};
+
+    /// A record of one step, without errors of depth before it.
+    fn record() -> DiagnosisFile {
+        let errors =
+            |mm: Option<f64>| HeldOutErrors { depth_rms_mm: mm, reprojection_px: 0.1234, ..HeldOutErrors::default() };
+        let step = DiagnosisStep {
+            effects: vec!["cyclic_depth".to_owned(), "range_offset".to_owned()],
+            indistinguishable: vec!["disparity_ripple".to_owned()],
+            with: "cyclic_depth@period_mm=299.90356313997415".to_owned(),
+            parameters: vec![
+                DiagnosisParameter { name: "a".into(), value: 2.98123, unit: "mm".into(), std: Some(0.0123) },
+                DiagnosisParameter { name: "b".into(), value: 0.5, unit: "1".into(), std: None },
+            ],
+            size_mm: 2.1,
+            p_value: 1e-30,
+            before: errors(Some(6.604)),
+            after: errors(Some(5.512)),
+            depth_rms_after_mm: None,
+            depth_gain_percent: Some(GainInterval { value: 16.53, low: 13.49, high: 20.1 }),
+        };
+        let candidate = DiagnosisCandidate {
+            effect: "board_bow".to_owned(),
+            p_value: 0.3,
+            expected_size_mm: Some(0.01),
+            minimal_detectable_mm: None,
+            held_out_gain_percent: -0.2,
+        };
+        DiagnosisFile {
+            dataset: depthcal_io::FileReference { path: "captures".to_owned(), digest: "00".to_owned() },
+            model: "projective".to_owned(),
+            verdict: Verdict::Effect,
+            steps: vec![step],
+            candidates: Vec::new(),
+            rounds: vec![DiagnosisRound { effects: vec![candidate], ..DiagnosisRound::default() }],
+            bad_frames: Vec::new(),
+            declarations: Vec::new(),
+            left_over: Vec::new(),
+            capture_next: vec![depthcal_io::DiagnosisCapture::Record {
+                covariate: depthcal_io::DiagnosisCovariate::Time,
+                effects: vec!["temporal_drift".to_owned()],
+            }],
+            frame_planes: Vec::new(),
+            separability: None,
+            held_out: depthcal_io::DiagnosisHeldOut { before: errors(Some(6.604)), after: errors(Some(5.512)) },
+        }
+    }
+
+    #[test]
+    fn the_text_has_numbers_for_people() {
+        let expected = "\
+effect: cyclic_depth was missing and was added; these captures show nothing else
+
+1. added cyclic_depth (period 300 mm): 2.10 mm rms, p < 1e-16
+     a             2.981 ± 0.012     mm
+     b               0.5 fixed
+   held-out frames: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
+   depth error falls by 16.5 % (95 % interval over frames 13.5 to 20.1 %)
+   these captures cannot distinguish it from: disparity_ripple
+   found together with: range_offset
+
+held-out frames, declared → last model: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
+
+effects tested given the last model:
+                           p-value held-out gain estimated size detectable size
+  board_bow                  0.300       −0.20 %      0.0100 mm               –
+capture next: temporal_drift: the frames have no times; record timestamp_s in frames.csv, from the moment when the camera is switched on
+";
+        assert_eq!(diagnosis_text(&record()), expected);
+    }
+
+    #[test]
+    fn every_verdict_has_a_sentence() {
+        let mut d = record();
+        let sentence = |d: &DiagnosisFile, verdict| verdict_sentence(&DiagnosisFile { verdict, ..d.clone() });
+        assert!(
+            sentence(&d, Verdict::Unexplained).starts_with("unexplained: cyclic_depth was missing and was added; ")
+        );
+        d.steps.push(d.steps[0].clone());
+        assert!(sentence(&d, Verdict::Effect).contains("cyclic_depth and cyclic_depth were missing"));
+        d.steps.clear();
+        assert_eq!(sentence(&d, Verdict::Unexplained), "unexplained: something is left that no known effect explains");
+        assert!(sentence(&d, Verdict::Adequate).starts_with("adequate: "));
+    }
+}
