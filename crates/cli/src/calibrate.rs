@@ -9,7 +9,8 @@ use depthcal_model::{Block, ModelSpec, Parameter};
 use serde_json::{Value, json};
 
 use super::common::{
-    Failure, Output, Reading, command_line, frames_of, input, say_not_judged, value_of, write_calibration, write_report,
+    Failure, Output, Reading, command_line, frames_of, input, print_not_evaluated, value_of, write_calibration,
+    write_report,
 };
 use super::recording::Recording;
 use super::session::Session;
@@ -132,9 +133,9 @@ impl Calibrate {
             }
             (None, None) => None,
         };
-        say_not_judged(&fitted, &result.capture.dropped);
+        print_not_evaluated(&fitted, &result.capture.dropped);
         if let Some((how, evaluated)) = &held_out {
-            say_not_judged(evaluated, &loaded.capture.dropped);
+            print_not_evaluated(evaluated, &loaded.capture.dropped);
             let mut record = evaluated.record();
             record.name = format!("{} ({how})", record.name);
             datasets.push(record);

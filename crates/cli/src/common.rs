@@ -36,7 +36,7 @@ pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Va
 }
 
 /// Prints the frames that could not be evaluated, without those of `known`, which are printed already.
-pub(super) fn say_not_judged(evaluated: &Evaluated, known: &[DroppedFrame]) {
+pub(super) fn print_not_evaluated(evaluated: &Evaluated, known: &[DroppedFrame]) {
     for frame in evaluated.dropped.iter().filter(|f| known.iter().all(|k| k.name != f.name)) {
         say!("  not evaluated: {} ({})", frame.name, frame.reason);
     }

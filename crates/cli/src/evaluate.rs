@@ -8,7 +8,8 @@ use depthcal_io::Evaluation;
 use serde_json::{Value, json};
 
 use super::common::{
-    Failure, Output, Reading, command_line, frames_of, input, read_calibration, say_not_judged, value_of, write_report,
+    Failure, Output, Reading, command_line, frames_of, input, print_not_evaluated, read_calibration, value_of,
+    write_report,
 };
 use super::recording::Recording;
 use super::session::Session;
@@ -69,7 +70,7 @@ impl Evaluate {
             let busy = Progress::busy("measuring");
             let evaluated = evaluate(&camera, &loaded.capture);
             drop(busy);
-            say_not_judged(&evaluated, &loaded.capture.dropped);
+            print_not_evaluated(&evaluated, &loaded.capture.dropped);
             frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
             let uncorrectable: usize = evaluated.frames.iter().map(|f| f.uncorrectable).sum();
             if uncorrectable > 0 {

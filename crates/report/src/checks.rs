@@ -94,16 +94,16 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         };
         add(level, "Does the correction help?", answer.to_owned());
     }
-    if let (Some(unseen), Role::HeldOut | Role::Other) = (&depth, role)
-        && let Some(seen) = Pool::of(input, |r| r == Role::Fitted).depth_rms()
+    if let (Some(held_out), Role::HeldOut | Role::Other) = (&depth, role)
+        && let Some(fitted_error) = Pool::of(input, |r| r == Role::Fitted).depth_rms()
     {
-        let ratio = unseen.after.value / seen.after.value;
-        let overfit = ratio > OVERFIT && unseen.after.low > seen.after.value;
+        let ratio = held_out.after.value / fitted_error.after.value;
+        let overfit = ratio > OVERFIT && held_out.after.low > fitted_error.after.value;
         let level = if overfit { Level::Care } else { Level::Good };
         let numbers = format!(
             "{} mm rms on held-out frames, {} mm on fitted ones",
-            number(unseen.after.value),
-            number(seen.after.value)
+            number(held_out.after.value),
+            number(fitted_error.after.value)
         );
         let answer = if overfit { format!("No: {numbers}.") } else { format!("Yes: {numbers}.") };
         add(level, "Is it as accurate on held-out frames as on fitted ones?", answer);

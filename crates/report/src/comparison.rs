@@ -53,7 +53,7 @@ fn first_screen(content: &mut Content, c: &Comparison) {
     let mut sentences = c.verdict.iter();
     let first = sentences.next().map_or("", String::as_str);
     let rest: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
-    let judged = if c.verify.is_empty() {
+    let evaluated = if c.verify.is_empty() {
         format!("Evaluated on held-out frames of {}.", escape(&c.train))
     } else {
         format!("Evaluated on {}.", escape(&c.verify.join(", ")))
@@ -61,7 +61,7 @@ fn first_screen(content: &mut Content, c: &Comparison) {
     let _ = writeln!(
         content.body,
         "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
-         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<div class=\"story\">{rest}<p>{judged}</p></div>",
+         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<div class=\"story\">{rest}<p>{evaluated}</p></div>",
         escape(first)
     );
     let list = [figures::model_ranking(c)];

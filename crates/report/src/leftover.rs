@@ -51,15 +51,15 @@ pub(super) fn noise_mm(input: &ReportInput<'_>) -> impl Fn(&PixelError) -> f64 +
 }
 
 /// The frames of tests and maps: held-out ones where there are enough of them.
-pub(super) fn judged<'a>(input: &ReportInput<'a>) -> Pool<'a> {
-    let unseen = Pool::of(input, |r| r != Role::Fitted);
-    if unseen.frames.len() >= ENOUGH_HELD_OUT { unseen } else { Pool::of(input, |_| true) }
+pub(super) fn tested_frames<'a>(input: &ReportInput<'a>) -> Pool<'a> {
+    let held_out = Pool::of(input, |r| r != Role::Fitted);
+    if held_out.frames.len() >= ENOUGH_HELD_OUT { held_out } else { Pool::of(input, |_| true) }
 }
 
 impl Leftover {
     /// Runs all tests; `None` without depth, or with too few frames.
     pub(super) fn of(input: &ReportInput<'_>, image: &Image) -> Option<Self> {
-        let pool = judged(input);
+        let pool = tested_frames(input);
         let frames = pool.frames.iter().filter(|f| !f.frame.pixels.is_empty()).count();
         if frames < FEWEST_FRAMES {
             return None;

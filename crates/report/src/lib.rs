@@ -1,5 +1,5 @@
-//! `report.html`: one file that shows how wrong depth was, where, how wrong it is after correction on frames that the fit
-//! did not see, how certain these numbers are, and whether the calibration may be trusted.
+//! `report.html`: one file that shows how large the errors of depth are and where, before and after correction, on held-out
+//! frames; how certain these numbers are; and whether the calibration may be trusted.
 //!
 //! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]).
 //! - [`render_comparison`] makes the report of a comparison of depth models.

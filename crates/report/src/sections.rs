@@ -7,7 +7,7 @@ use super::figures::{self, Figure};
 use super::format::{count, number, p_value};
 use super::html::escape;
 use super::input::{ReportDiagnosis, ReportInput, Role};
-use super::leftover::{Leftover, judged};
+use super::leftover::{Leftover, tested_frames};
 use super::uncertainty::Uncertainty;
 use super::{checks, diagnosis, headline, tables};
 
@@ -287,7 +287,7 @@ fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
         format!(
             "Points: mean over {} of each frame's median error in the bin; whiskers: its 95 % interval. Small dots: single \
              pixels. Under a complete model the blue points agree with zero within their whiskers.",
-            count(judged(input).frames.len(), "frame")
+            count(tested_frames(input).frames.len(), "frame")
         )
     } else {
         String::new()
@@ -327,8 +327,8 @@ fn volume(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
 fn camera(page: &mut Content, input: &ReportInput<'_>) {
     let Some(c) = input.calibrated else { return };
     if let Some(u) = Uncertainty::of(c) {
-        let unseen = input.evaluations.iter().any(|d| d.role != Role::Fitted);
-        let intro = if unseen {
+        let has_held_out = input.evaluations.iter().any(|d| d.role != Role::Fitted);
+        let intro = if has_held_out {
             "Standard deviation of corrected depth, propagated from the covariance of the parameters. It assumes that the \
              model is complete: any systematic error that is left (above) comes on top of it."
         } else {

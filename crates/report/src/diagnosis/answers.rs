@@ -50,20 +50,20 @@ pub(crate) fn sentence(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Stri
     let frames = count(change.frames, "frame");
     let sure = interval(&change.after, "mm").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
     let model = declared_model(d);
-    let added: Vec<String> = d.added().iter().map(|n| (*n).to_owned()).collect();
+    let added = d.added();
     let (raw, now) = (number(change.before.value), number(change.after.value));
     match (d.record.verdict, added.is_empty()) {
         (Verdict::Adequate, _) => format!(
-            "The depth error was {raw} mm rms as measured. {model} leave {now} mm on held-out frames ({sure}), and these \
-             captures show nothing that is missing.",
+            "The depth error was {raw} mm rms as measured. With {model} it is {now} mm on held-out frames ({sure}), and \
+             these captures show nothing that is missing.",
         ),
         (_, true) => format!(
-            "The depth error was {raw} mm rms as measured. {model} leave {now} mm on held-out frames ({sure}): something \
-             is left that no known effect explains."
+            "The depth error was {raw} mm rms as measured. With {model} it is {now} mm on held-out frames ({sure}): \
+             something is left that no known effect explains."
         ),
         (_, false) => format!(
-            "The depth error was {raw} mm rms as measured. {model} leave {} mm on held-out frames; with {} it is {now} mm \
-             ({sure}).",
+            "The depth error was {raw} mm rms as measured. With {model} it is {} mm on held-out frames; with {} it is \
+             {now} mm ({sure}).",
             number(declared),
             join(&added)
         ),

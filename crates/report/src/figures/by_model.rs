@@ -28,7 +28,7 @@ const FEWEST: usize = 5;
 pub(crate) struct Taken<'a>(Vec<Vec<(&'a PixelError, f64)>>);
 
 impl<'a> Taken<'a> {
-    /// Over the frames that the headline speaks of, by fits that did not see them; `None` where nothing was added.
+    /// Over the frames that the headline speaks of, each by a fit without them; `None` where nothing was added.
     pub(crate) fn of(input: &ReportInput<'a>, d: &ReportDiagnosis<'a>) -> Option<Self> {
         if d.record.steps.is_empty() {
             return None;

@@ -134,7 +134,7 @@ pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
         "yaxis": {"type": "category", "autorange": "reversed", "tickfont": {"size": 11}, "dtick": 1},
         "xaxis": {"title": {"text": "size, rms / mm"}, "type": "log", "range": [(low / 1.6).log10(), (high * 1.6).log10()]},
     });
-    let unseen = if blind.is_empty() {
+    let undetectable = if blind.is_empty() {
         String::new()
     } else {
         format!(" Not detectable at any size: {}.", plain(&blind.join(", ")))
@@ -144,7 +144,7 @@ pub(crate) fn sizes(d: &ReportDiagnosis<'_>) -> Option<Figure> {
             .caption(format!(
                 "A bar ends at the smallest size that is found in four of five such captures (level 1 %, corrected for the number \
                  of effects). A diamond inside its bar is within noise; one outside is significant, which by itself does \
-                 not make the effect the cause.{unseen}"
+                 not make the effect the cause.{undetectable}"
             ))
             .alt(format!("Detectable sizes of {}.", count(seen.len(), "effect")))
             .aspect(0.95),

@@ -9,7 +9,7 @@ use crate::covariates::{BINS, Covariate, Image};
 use crate::format::number;
 use crate::html::escape;
 use crate::input::ReportInput;
-use crate::leftover::{judged, noise_mm};
+use crate::leftover::{noise_mm, tested_frames};
 use crate::pool::Pool;
 use crate::statistics::quantile;
 use depthcal_calibration::judge::evaluate::PixelError;
@@ -36,7 +36,7 @@ pub(super) fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: 
 
 /// Errors against one covariate; `None` where it is unknown or does not vary.
 pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Figure> {
-    let pool = judged(input);
+    let pool = tested_frames(input);
     let axis = Axis::over(pool.pixels().map(&covariate.value), BINS)?;
     let cells = |value: &dyn Fn(&PixelError) -> f64| {
         Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), value, noise_mm(input)).cells()

@@ -88,8 +88,8 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
         "hovertemplate": "%{text}<extra></extra>",
     });
     let rms = pool.reprojection().map_or(f64::NAN, |e| e.0.value);
-    let unseen = Pool::of(input, |r| r != Role::Fitted).reprojection();
-    let unseen = unseen.map_or(String::new(), |e| format!(", {} px on held-out frames", number(e.0.value)));
+    let held_out = Pool::of(input, |r| r != Role::Fitted).reprojection();
+    let held_out = held_out.map_or(String::new(), |e| format!(", {} px on held-out frames", number(e.0.value)));
     let shown = if step > 1 { format!("; one marker in {step} is drawn") } else { String::new() };
     Some(
         Figure::new(
@@ -100,7 +100,7 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
         )
         .caption(format!(
             "Detected minus projected position, enlarged {} × (means of cells {} ×){shown}. Rms {} px over {} \
-             markers{unseen}. Blue arrows that point the same way over a region show an error of lens or focal length that \
+             markers{held_out}. Blue arrows that point the same way over a region show an error of lens or focal length that \
              the model lacks; arrows in random directions are noise.",
             significant(factor, 1),
             significant(emphasis * factor, 1),

@@ -9,7 +9,7 @@ use crate::covariates::Image;
 use crate::format::{capital, number};
 use crate::input::ReportDiagnosis;
 use crate::input::ReportInput;
-use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, judged, noise_mm};
+use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, noise_mm, tested_frames};
 use crate::pool::Pool;
 use crate::statistics::{quantile, rms};
 use depthcal_calibration::judge::evaluate::PixelError;
@@ -52,7 +52,7 @@ fn noise_level(cells: &[Cell]) -> f64 {
 
 /// Maps over the image: as measured, corrected in the same colours, and corrected on a colour scale of its own.
 pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> {
-    let pool = judged(input);
+    let pool = tested_frames(input);
     if !pool.has_depth() {
         return Vec::new();
     }
@@ -97,7 +97,7 @@ pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> 
 
 /// Corrected error over the board, where a bent board or a bad print shows; `None` without depth.
 pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
-    let pool: Pool<'_> = judged(input);
+    let pool: Pool<'_> = tested_frames(input);
     let [ax, ay] = board_axes(&pool)?;
     let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
     let cells = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells();
