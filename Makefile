@@ -23,6 +23,7 @@ demo: setup ## install what is missing and calibrate simulated captures; ends in
 
 check: setup ## formatting, clippy and rustdoc without warnings, and the build without OpenCV
 	$(CARGO) fmt --all --check
+	rustfmt --check --edition 2024 $(wildcard crates/model/src/*/*.rs) # pieces: files that a macro declares
 	$(CARGO) clippy --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 	$(CARGO) check --no-default-features

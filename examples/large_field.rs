@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = format!("projective+multiplier@columns={columns}@rows={rows}@bins={bins}");
     println!("{model}: {frames} frames, {total} depth residuals");
     let start = Instant::now();
-    let result = calibrate(&capture, &CalibrateOptions { model, ..CalibrateOptions::default() })?;
+    let result = calibrate(&capture, &CalibrateOptions { model: model.parse()?, ..CalibrateOptions::default() })?;
     let seconds = start.elapsed().as_secs_f64();
     for field in &result.smoothness.fields {
         println!("{}: {} nodes with data, {} without", field.field, field.nodes, field.untouched);

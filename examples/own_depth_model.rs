@@ -61,7 +61,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let options = CalibrateOptions { register: register(), ..CalibrateOptions::default() };
 
     let model = "projective+cubic_vignette".to_owned();
-    let result = calibrate(&capture, &CalibrateOptions { model: model.clone(), ..options.clone() })?;
+    let result = calibrate(&capture, &CalibrateOptions { model: model.parse()?, ..options.clone() })?;
     let block = result.camera.block("cubic_vignette").ok_or("the model is in the camera")?;
     println!("s = {:.3e}", block.theta[0]);
 
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &capture,
         &[],
         &CompareOptions {
-            models,
+            models: models.iter().map(|m| m.parse()).collect::<Result<_, _>>()?,
             calibrate: options.clone(),
             folds: 3,
             thesis: false,

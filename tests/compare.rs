@@ -42,7 +42,7 @@ fn options(models: &[&str]) -> CompareOptions {
     let mut register = Register::builtin();
     register.add(|_| Outside);
     CompareOptions {
-        models: models.iter().map(|m| (*m).to_owned()).collect(),
+        models: models.iter().map(|m| m.parse().unwrap()).collect(),
         calibrate: CalibrateOptions { register, ..CalibrateOptions::default() },
         folds: 3,
         learning_sizes: vec![4, 8],

@@ -2,11 +2,14 @@
 //! it has none, and nothing where there is nothing.
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose, evidence, frames};
+use depthcal::calibration::diagnose::bad_frames::BadFrameReason;
+use depthcal::calibration::diagnose::examination::scores;
+use depthcal::calibration::diagnose::frame_planes::frame_planes;
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
 use depthcal::model::hook::{Depth, DepthState};
-use depthcal::model::{Context, Parameter, Piece, Register, Scalar};
+use depthcal::model::{Context, Parameter, Piece, PieceSpec, Register, Scalar};
 use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Simulation};
 use rayon::prelude::*;
 
@@ -22,6 +25,11 @@ fn run(simulation: &Simulation) -> Diagnosis {
 
 fn names(d: &Diagnosis) -> Vec<&str> {
     d.steps.iter().map(|s| s.effects[0].as_str()).collect()
+}
+
+/// Decision and outcome of every round, in words.
+fn decisions(d: &Diagnosis) -> Vec<String> {
+    d.rounds.iter().map(ToString::to_string).collect()
 }
 
 /// Effects well above their detectable sizes: each is found, alone, and what is left is the noise.
@@ -42,10 +50,9 @@ fn undeclared_effects_are_named_and_taken_up() {
         .into_par_iter()
         .filter_map(|case| {
             let d = run(&simulation(&[case], 2));
-            let told: Vec<&str> = d.rounds.iter().map(|r| r.decision.as_str()).collect();
             let right = names(&d) == [case.0] && d.verdict == Verdict::Effect;
             let better = d.after.errors.depth_rms_mm <= d.before.errors.depth_rms_mm;
-            (!right || !better).then(|| format!("{}: {:?}, {:?}, {told:?}", case.0, names(&d), d.verdict))
+            (!right || !better).then(|| format!("{}: {:?}, {:?}, {:?}", case.0, names(&d), d.verdict, decisions(&d)))
         })
         .collect();
     assert!(failures.is_empty(), "{failures:#?}");
@@ -67,19 +74,18 @@ fn two_effects_are_both_named() {
     let d = run(&simulation(&[("projector_distortion", 4.0), ("temporal_drift", 4.0)], 1));
     let mut found = names(&d);
     found.sort_unstable();
-    assert_eq!(found, ["projector_distortion", "temporal_drift"], "{:?}", d.rounds);
+    assert_eq!(found, ["projector_distortion", "temporal_drift"], "{:?}", decisions(&d));
     assert_eq!(d.verdict, Verdict::Effect);
 }
 
-/// Beside the declared model alone a third effect explains more than either of these: no name stays that the two make
-/// needless.
+/// A third effect explains more than either of these alone, and nothing once both are in the model: it is not named.
 #[test]
 fn what_resembles_two_effects_is_not_named() {
     for seed in [0, 1] {
         let d = run(&simulation(&[("board_bow", 0.25), ("reflectivity_bias", 1.5)], seed));
         let mut found = names(&d);
         found.sort_unstable();
-        assert_eq!(found, ["board_bow", "reflectivity_bias"], "seed {seed}: {:?}", d.rounds);
+        assert_eq!(found, ["board_bow", "reflectivity_bias"], "seed {seed}: {:?}", decisions(&d));
     }
 }
 
@@ -97,13 +103,13 @@ fn nothing_is_named_where_nothing_is_missing() {
     assert!(verdicts.iter().all(|v| v.0 == Verdict::Adequate), "{verdicts:?}");
 }
 
-/// What the catalogue does not have gets no name, and the free map takes up what is a matter of the pixel.
+/// Errors that the catalogue lacks get no name; the free map corrects those that are functions of the pixel.
 #[test]
 fn effects_beyond_the_catalogue_are_unexplained() {
     for name in ["smooth_map", "row_banding"] {
         let effect = Effect::with_default_size(name).unwrap();
         let d = run(&simulation(&[(name, effect.size)], 2));
-        assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", d.rounds);
+        assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", decisions(&d));
         assert!(names(&d).iter().all(|n| *n == "free_map"), "{name}: {:?}", names(&d));
         assert!(!d.left_over.is_empty());
         if name == "smooth_map" {
@@ -123,7 +129,7 @@ fn an_effect_that_the_catalogue_lacks_is_unexplained() {
         // A ripple in disparity is a wave in depth, as far as a short range of distances goes.
         options.calibrate.register = options.calibrate.register.without("disparity_ripple");
         let d = diagnose(&simulated::capture(&observed), None, &options).unwrap();
-        assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", d.rounds);
+        assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", decisions(&d));
         assert!(names(&d).iter().all(|n| *n == "free_map"), "{name}: {:?}", names(&d));
     }
 }
@@ -158,7 +164,7 @@ fn an_effect_from_outside_is_named() {
     let mut options = DiagnoseOptions::default();
     options.calibrate.register.add(|_| Trefoil);
     let d = diagnose(&capture, None, &options).unwrap();
-    assert_eq!(names(&d).first(), Some(&"trefoil"), "{:?}", d.rounds);
+    assert_eq!(names(&d).first(), Some(&"trefoil"), "{:?}", decisions(&d));
     let fitted = d.steps[0].parameters[0].value;
     assert!((fitted / K_PER_MM - 1.0).abs() < 0.1, "{fitted} instead of {K_PER_MM}");
 }
@@ -179,12 +185,12 @@ fn frames_that_do_not_belong_are_named_and_no_effects() {
     let simulation = simulation(&[], 5).defects(defects);
     let truth = simulation.truth().unwrap().defective;
     let d = run(&simulation);
-    assert_eq!(d.verdict, Verdict::Adequate, "{:?}", d.rounds);
+    assert_eq!(d.verdict, Verdict::Adequate, "{:?}", decisions(&d));
     for index in truth.bad.iter().chain(truth.duplicated.iter().map(|[_, copy]| copy)) {
         let name = format!("{index:04}");
         assert!(d.bad_frames.iter().any(|b| b.name == name), "frame {name} is not among {:?}", d.bad_frames);
     }
-    let twin = d.bad_frames.iter().find(|b| b.reason.contains("stored twice"));
+    let twin = d.bad_frames.iter().find(|b| matches!(b.reason, BadFrameReason::SameImage { .. }));
     assert!(twin.is_some_and(|t| t.name == format!("{:04}", truth.duplicated[0][1])));
 }
 
@@ -192,7 +198,11 @@ fn frames_that_do_not_belong_are_named_and_no_effects() {
 fn a_wrong_square_size_is_said_to_be_just_that() {
     let d = run(&simulation(&[], 6).defects(Defects { spacing_factor: 1.25, ..Defects::default() }));
     assert!(names(&d).is_empty());
-    assert!(d.declarations.iter().any(|s| s.contains("spacing_mm") && s.contains("unit_mm")), "{:?}", d.declarations);
+    // Squares declared a quarter too large: the image sees the board a quarter too far, up to the depth camera's own scale.
+    assert_eq!(d.declarations.len(), 1);
+    assert!((d.declarations[0].scale * 1.25 - 1.0).abs() < 0.08, "{:?}", d.declarations);
+    let sentence = d.declarations[0].to_string();
+    assert!(sentence.contains("spacing_mm") && sentence.contains("unit_mm"), "{sentence}");
     assert!(run(&simulation(&[], 6)).declarations.is_empty());
 }
 
@@ -225,7 +235,7 @@ fn p_values_of_clean_captures_are_uniform() {
             let observed = simulation(&[], 7000 + seed).observe_points(&PointOptions::default()).unwrap();
             let options = CalibrateOptions::default();
             let fit = calibrate(&simulated::capture(&observed), &options).unwrap();
-            let scores = evidence::scores(&fit, &options.register, &names).unwrap();
+            let scores = scores(&fit, &options.register, &names.map(PieceSpec::new)).unwrap();
             scores.iter().map(|s| s.p_value).collect()
         })
         .collect();
@@ -244,7 +254,7 @@ fn frames_have_no_planes_of_their_own_in_clean_captures() {
     for seed in 0..10 {
         let observed = simulation(&[], 8000 + seed).observe_points(&PointOptions::default()).unwrap();
         let fit = calibrate(&simulated::capture(&observed), &CalibrateOptions::default()).unwrap();
-        statistics.extend(frames::frame_planes(&fit).iter().map(|p| p.statistic));
+        statistics.extend(frame_planes(&fit).iter().map(|p| p.statistic));
     }
     let n = statistics.len() as f64;
     let mean = statistics.iter().sum::<f64>() / n;

@@ -24,6 +24,7 @@ fn piece(simulation: &Simulation, name: &str) -> String {
 
 fn fit(simulation: &Simulation, effects: Vec<String>) -> Calibrated {
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
+    let effects = effects.iter().map(|e| e.parse().unwrap()).collect();
     let options = CalibrateOptions { effects, ..CalibrateOptions::default() };
     calibrate(&simulated::capture(&observed), &options).unwrap()
 }

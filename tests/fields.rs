@@ -13,8 +13,8 @@ fn simulation(effects: &[Effect], frames: usize) -> Simulation {
 
 fn fit(simulation: &Simulation, model: &str, effects: &[&str]) -> Calibrated {
     let observed = simulation.observe_points(&PointOptions::default()).unwrap();
-    let effects = effects.iter().map(|e| (*e).to_owned()).collect();
-    let options = CalibrateOptions { model: model.to_owned(), effects, ..CalibrateOptions::default() };
+    let effects = effects.iter().map(|e| e.parse().unwrap()).collect();
+    let options = CalibrateOptions { model: model.parse().unwrap(), effects, ..CalibrateOptions::default() };
     calibrate(&simulated::capture(&observed), &options).unwrap()
 }
 

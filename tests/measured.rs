@@ -52,7 +52,7 @@ fn opencv_rms(loaded: &Loaded) -> f64 {
 fn chessboard_is_found_and_fits_as_well_as_opencv() {
     let Some(loaded) = measured("chessboard") else { return };
     assert_eq!(loaded.capture.frames.len(), 13);
-    let options = CalibrateOptions { model: "none".to_owned(), ..CalibrateOptions::default() };
+    let options = CalibrateOptions { model: "none".parse().unwrap(), ..CalibrateOptions::default() };
     let result = calibrate(&loaded.capture, &options).unwrap();
     let oracle = opencv_rms(&loaded);
     println!("chessboard: {:.4} px rms, OpenCV {oracle:.4} px on the same corners", result.reprojection_rms_px);
@@ -79,7 +79,7 @@ fn kinect2_maps_are_not_worse_than_d() {
         "free_map",
     ];
     let options = CompareOptions {
-        models: models.map(str::to_owned).to_vec(),
+        models: models.map(|m| m.parse().unwrap()).to_vec(),
         thesis: false,
         learning_sizes: Vec::new(),
         ..CompareOptions::default()
@@ -151,7 +151,11 @@ fn planted_effects_are_found_on_top_of_the_cameras_own() {
         let d = diagnose(&planted, None, &DiagnoseOptions::default()).unwrap();
         let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
         println!("{name}: {before:.2} → {after:.2} mm; {}", verdict(&d));
-        assert!(d.steps.iter().any(|s| s.effects[0] == name), "{name}: {:?}", d.rounds);
+        assert!(
+            d.steps.iter().any(|s| s.effects[0] == name),
+            "{name}: {:?}",
+            d.rounds.iter().map(ToString::to_string).collect::<Vec<_>>()
+        );
         assert!(after < before, "{name}: {before} → {after} mm");
     }
 }

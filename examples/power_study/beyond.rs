@@ -61,7 +61,7 @@ impl Study {
                 let run = || -> Result<Run, Failure> {
                     let d = diagnose(&self.capture(&simulation(&[effect(seed)?], seed)?)?, None, options)?;
                     let errors = [depth_rms_mm(&d.before), depth_rms_mm(&d.after)];
-                    let told: Vec<&str> = d.rounds.iter().map(|r| r.decision.as_str()).collect();
+                    let told: Vec<String> = d.rounds.iter().map(ToString::to_string).collect();
                     eprintln!("{name} {seed}: {:?} {:?} {errors:.3?} {}", d.verdict, names(&d), told.join(" / "));
                     Ok((names(&d), d.verdict, errors))
                 };

@@ -28,7 +28,7 @@ impl Study {
                     let run = || -> Result<_, Failure> {
                         let effect = |name| Ok::<_, Failure>(Effect::new(name, 4.0 * detectable_size(name, seed)?)?);
                         let d = self.diagnose(&simulation(&[effect(a)?, effect(b)?], seed)?)?;
-                        let decisions: Vec<&str> = d.rounds.iter().map(|r| r.decision.as_str()).collect();
+                        let decisions: Vec<String> = d.rounds.iter().map(ToString::to_string).collect();
                         eprintln!("{a} and {b} {seed}: {:?} {:?} {decisions:#?}", d.verdict, names(&d));
                         Ok(names(&d))
                     };

@@ -1,10 +1,12 @@
 //! One undeclared effect: is it named, how large is it said to be, and what does the correction leave?
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, evidence};
+use depthcal::calibration::diagnose::examination::scores;
+use depthcal::calibration::diagnose::{DiagnoseOptions, Thresholds};
 use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
+use depthcal::model::PieceSpec;
 use depthcal_simulate::{Effect, EffectTruth, PointOptions, Simulation, Truth, catalogue};
 use depthcal_statistics::noncentrality;
 use rayon::prelude::*;
@@ -17,7 +19,8 @@ use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
 pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
     let mut size = Effect::with_default_size(name)?.size;
     let options = CalibrateOptions::default();
-    let level = evidence::LEVEL / catalogue().len() as f64;
+    let thresholds = Thresholds::default();
+    let level = thresholds.level / catalogue().len() as f64;
     let mut found = (1.0, 1);
     for _ in 0..6 {
         let simulation = simulation(&[Effect::new(name, size)?], seed)?;
@@ -25,7 +28,7 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
         let truth = observed.truth.effects.first().ok_or("no effect")?;
         let spec = declared(truth, last_s(&observed.truth), 1.0);
         let fit = calibrate(&simulated::capture(&observed), &options)?;
-        let score = evidence::scores(&fit, &options.register, &[&spec])?.remove(0);
+        let score = scores(&fit, &options.register, &[spec])?.remove(0);
         let lambda = (score.statistic - score.rank as f64).max(1.0);
         found = (lambda, score.rank);
         if (200.0..800.0).contains(&lambda) {
@@ -34,7 +37,7 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
         size *= (400.0 / lambda).sqrt().clamp(0.1, 10.0);
     }
     let (lambda, rank) = found;
-    Ok(size * (noncentrality(rank, level, evidence::POWER) / lambda).sqrt())
+    Ok(size * (noncentrality(rank, level, thresholds.power) / lambda).sqrt())
 }
 
 /// Time of the last frame, s.
@@ -54,16 +57,18 @@ struct Run {
 
 /// How the effect is declared by one who knows it, with the constants that are not fitted. Amplitudes of a capture are
 /// `full_scale` times the simulator's.
-fn declared(truth: &EffectTruth, last_s: f64, full_scale: f64) -> String {
+fn declared(truth: &EffectTruth, last_s: f64, full_scale: f64) -> PieceSpec {
     let value = |key: &str| truth.parameters.get(key).copied().unwrap_or(f64::NAN);
     match truth.name.as_str() {
-        "cyclic_depth" => format!("cyclic_depth@period_mm={}", value("period_mm")),
-        "disparity_ripple" => format!("disparity_ripple@period_per_mm={}", value("period_per_mm")),
-        "temporal_drift" => format!("temporal_drift@tau_s={}", value("time_constant_share_of_session") * last_s),
-        "reflectivity_bias" => {
-            format!("reflectivity_bias@reference={}", value("reference_amplitude") * full_scale)
+        "cyclic_depth" => PieceSpec::new("cyclic_depth").with("period_mm", value("period_mm")),
+        "disparity_ripple" => PieceSpec::new("disparity_ripple").with("period_per_mm", value("period_per_mm")),
+        "temporal_drift" => {
+            PieceSpec::new("temporal_drift").with("tau_s", value("time_constant_share_of_session") * last_s)
         }
-        name => name.to_owned(),
+        "reflectivity_bias" => {
+            PieceSpec::new("reflectivity_bias").with("reference", value("reference_amplitude") * full_scale)
+        }
+        name => PieceSpec::new(name),
     }
 }
 

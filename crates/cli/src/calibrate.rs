@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use depthcal_io::Calibration;
-use depthcal_model::Block;
+use depthcal_model::{Block, ModelSpec};
 
 use serde_json::{Value, json};
 
@@ -91,8 +91,8 @@ pub(super) struct Calibrate {
 impl Calibrate {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let mut options = CalibrateOptions {
-            model: self.model.clone(),
-            effects: self.with.clone(),
+            model: session.model("--model", &self.model)?,
+            effects: session.effects(&self.with)?,
             lens: self.lens.clone(),
             estimator: match self.estimator {
                 EstimatorName::Joint => Estimator::Joint,
@@ -102,8 +102,6 @@ impl Calibrate {
             },
             ..session.calibrate_options()
         };
-        // Names are checked before the images are read, which takes its time.
-        options.check_names().map_err(input)?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let (fitted, held) = match self.hold_out {
@@ -117,7 +115,7 @@ impl Calibrate {
         options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
         if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
             say!("no depth images: camera and lens alone are fitted");
-            options.model = "none".to_owned();
+            options.model = ModelSpec::none();
         }
         let busy = Progress::busy("fitting");
         let result = calibrate(&fitted, &options)?;

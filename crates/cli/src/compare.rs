@@ -63,14 +63,9 @@ pub(super) struct Compare {
 
 impl Compare {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let mut base =
-            CalibrateOptions { effects: self.with.clone(), lens: self.lens.clone(), ..session.calibrate_options() };
-        for model in &self.models {
-            base.register.depth_model(model).map_err(|e| Failure::Input(format!("--models {model}: {e}")))?;
-        }
-        for name in &self.with {
-            base.register.block(name, None).map_err(|e| Failure::Input(format!("--with {name}: {e}")))?;
-        }
+        let effects = session.effects(&self.with)?;
+        let mut base = CalibrateOptions { effects, lens: self.lens.clone(), ..session.calibrate_options() };
+        let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
         let train = self.reading.load(&self.train, session)?;
         let verify = self.verify.iter().map(|path| self.reading.load(path, session)).collect::<Result<Vec<_>, _>>()?;
         for loaded in std::iter::once(&train).chain(&verify) {
@@ -89,7 +84,7 @@ impl Compare {
         let (width, height) = (train.capture.width, train.capture.height);
         base.camera = declared_camera(&train.dataset, width, height, &base.register);
         let options = CompareOptions {
-            models: self.models.clone(),
+            models,
             calibrate: base,
             folds: usize::from(self.folds),
             thesis: !self.no_thesis,
@@ -101,7 +96,8 @@ impl Compare {
         let comparison = compare(&train.capture, &captures, &options).map_err(input)?;
         // Its map is a figure of the report; the comparison itself keeps no cameras.
         let best = comparison.models.first().filter(|m| m.failed.is_none()).and_then(|best| {
-            let options = CalibrateOptions { model: best.model.clone(), ..options.calibrate.clone() };
+            let model = session.register.model_spec(&best.model).ok()?;
+            let options = CalibrateOptions { model, ..options.calibrate.clone() };
             calibrate(&train.capture, &options).ok()
         });
         drop(busy);

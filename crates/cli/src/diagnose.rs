@@ -11,7 +11,8 @@ use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
 use depthcal_calibration::calibrate::CalibrateOptions;
-use depthcal_calibration::diagnose::account::{text, to_file};
+use depthcal_calibration::diagnose::account::text;
+use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::evaluate;
@@ -61,6 +62,7 @@ impl From<DiagnoseError> for Failure {
         match error {
             DiagnoseError::Calibrate(error) => error.into(),
             DiagnoseError::Score(error) => Failure::Untrusted(error.to_string()),
+            DiagnoseError::NotFitted { .. } => Failure::Untrusted(error.to_string()),
             DiagnoseError::NoDepth { .. } => Failure::Input(error.to_string()),
         }
     }
@@ -69,18 +71,18 @@ impl From<DiagnoseError> for Failure {
 impl Diagnose {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let mut options = CalibrateOptions {
-            model: self.model.clone(),
-            effects: self.with.clone(),
+            model: session.model("--model", &self.model)?,
+            effects: session.effects(&self.with)?,
             lens: self.lens.clone(),
             ..session.calibrate_options()
         };
-        options.check_names().map_err(input)?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
         options.camera =
             declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
-        let options = DiagnoseOptions { calibrate: options, folds: usize::from(self.folds) };
+        let folds = usize::from(self.folds);
+        let options = DiagnoseOptions { calibrate: options, folds, ..DiagnoseOptions::default() };
         let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
         let told = Told {
             title: loaded.capture.name.clone(),

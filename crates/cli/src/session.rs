@@ -2,8 +2,9 @@
 
 use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::progress::ProgressHandle;
-use depthcal_model::Register;
+use depthcal_model::{ModelSpec, PieceSpec, Register};
 
+use super::common::Failure;
 use crate::progress::Bars;
 
 /// The pieces that names may mean, and where progress is shown.
@@ -19,6 +20,18 @@ impl Session {
     /// A session with these pieces.
     pub(crate) fn new(register: Register) -> Self {
         Self { register, progress: ProgressHandle::new(Bars) }
+    }
+
+    /// The depth model that an option names.
+    pub(crate) fn model(&self, option: &str, text: &str) -> Result<ModelSpec, Failure> {
+        self.register.model_spec(text).map_err(|e| Failure::Input(format!("{option} {text}: {e}")))
+    }
+
+    /// The effects that `--with` names.
+    pub(crate) fn effects(&self, texts: &[String]) -> Result<Vec<PieceSpec>, Failure> {
+        let effect =
+            |text: &String| self.register.piece_spec(text).map_err(|e| Failure::Input(format!("--with {text}: {e}")));
+        texts.iter().map(effect).collect()
     }
 
     /// Default options of a fit with this session's pieces and progress.

@@ -139,6 +139,28 @@ impl Register {
         entry.map(|(_, _, make)| make(options)).ok_or_else(unknown)
     }
 
+    /// The specification of a depth model from text, all of whose names, subsets and constants this register has.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`], where a name, a subset or a constant is unknown.
+    pub fn model_spec(&self, text: &str) -> Result<ModelSpec, RegisterError> {
+        let spec = text.parse().map_err(|error| self.refuse(error))?;
+        self.depth_blocks(&spec)?;
+        Ok(spec)
+    }
+
+    /// The specification of a piece from text, whose name, subset and constants this register has.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError`].
+    pub fn piece_spec(&self, text: &str) -> Result<PieceSpec, RegisterError> {
+        let spec = text.parse().map_err(|error| self.refuse(error))?;
+        self.make(&spec, None)?;
+        Ok(spec)
+    }
+
     /// A stack of depth pieces from text, see [`ModelSpec`] and [`Register::depth_blocks`].
     ///
     /// # Errors

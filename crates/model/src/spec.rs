@@ -82,6 +82,13 @@ impl PieceSpec {
         Self { name: name.into(), free: FreeSubset::All, constants: Options::new() }
     }
 
+    /// The same with only those parameters free whose names end with one of `letters`.
+    #[must_use]
+    pub fn only(mut self, letters: impl Into<String>) -> Self {
+        self.free = FreeSubset::Ending(letters.into());
+        self
+    }
+
     /// The same with a constant set.
     #[must_use]
     pub fn with(mut self, constant: impl Into<String>, value: f64) -> Self {
@@ -182,6 +189,16 @@ impl ModelSpec {
     /// The model without any piece, `none`.
     pub fn none() -> Self {
         Self { bare: true, pieces: Vec::new() }
+    }
+
+    /// The model of one piece.
+    pub fn of(piece: PieceSpec) -> Self {
+        Self { bare: false, pieces: vec![piece] }
+    }
+
+    /// Whether it has no piece at all.
+    pub fn is_none(&self) -> bool {
+        self.pieces.is_empty()
     }
 
     /// Whether it has a piece of that name.

@@ -189,7 +189,7 @@ fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f6
 /// How the fit went and what noise it found.
 pub(super) fn fit(c: &Calibrated) -> String {
     let mut items: Vec<(String, String)> = vec![
-        ("Model".into(), escape(&c.model)),
+        ("Model".into(), escape(&c.model.to_string())),
         ("Estimator".into(), c.estimator.name().to_owned()),
         ("Frames".into(), c.capture.frames.len().to_string()),
         ("Markers".into(), c.capture.frames.iter().map(|f| f.markers.len()).sum::<usize>().to_string()),

@@ -4,6 +4,9 @@ pub mod adjustment;
 pub mod blocks;
 pub mod factors;
 pub(crate) mod field_cells;
+mod field_thresholds;
 pub mod frame_rows;
 pub mod smoothness_prior;
 pub mod smoothness_selection;
+
+pub use field_thresholds::FieldThresholds;

@@ -1,10 +1,11 @@
-//! Smoothness of fields: what is known of a grid of parameters before the data are seen.
+//! Smoothness prior of fields: grids of parameters over the image, and over depth.
 //!
-//! Second differences between neighbouring nodes, (∂²/∂u², √2 ∂²/∂u∂v, ∂²/∂v², and ∂²/∂z²), have the standard deviation
-//! *roughness*, one per field, which is chosen from the data (see [`crate::adjust::smoothness_selection`]). A weak ridge keeps what second
-//! differences do not see near neutral. In a stack such as `projective+bspline` it also decides who has the common part: D
-//! costs nothing, the ridge costs a little, so D has it; there its strength is chosen from the data as well. Nodes that no sample touches are held at their
-//! neutral values.
+//! Second differences between neighbouring nodes (∂²/∂u², √2 ∂²/∂u∂v, ∂²/∂v², and ∂²/∂z²) are normal with mean zero and the
+//! standard deviation *roughness*, one per field, which is chosen from the data (see
+//! [`crate::adjust::smoothness_selection`]). A weak ridge keeps near their nominal values those combinations of parameters
+//! whose second differences vanish. In a stack such as `projective+bspline` the ridge assigns the shared subspace to D, which
+//! is not penalised; there its strength is chosen from the data as well. Nodes that no sample touches are held at their
+//! nominal values.
 
 use std::collections::BTreeMap;
 
@@ -13,15 +14,10 @@ use depthcal_model::{Block, Camera};
 use depthcal_solver::{EvaluationError, FactorBatch, Key, Values, VariableId};
 use nalgebra::DVector;
 
+use super::field_thresholds::FieldThresholds;
 use crate::observe::{Capture, SampledFrame};
 
-/// Standard deviation of the ridge in units of a parameter's typical deviation: of fields alone, which have to take up
-/// everything, and beside D, which is to take up what it can.
-const RIDGE: [f64; 2] = [10.0, 3.0];
-/// Roughness to start with, in the same units.
-const FIRST_ROUGHNESS: f64 = 0.3;
-
-/// One field of a piece and how rough it may be.
+/// One field of a piece, and the strength of its smoothness prior.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldRoughness {
     /// The piece.
@@ -34,26 +30,29 @@ pub struct FieldRoughness {
     pub roughness: f64,
     /// Nodes with data.
     pub nodes: usize,
-    /// Nodes without, which stay neutral.
+    /// Nodes without data, which are held at their nominal values.
     pub untouched: usize,
-    /// Effective number of parameters: what the data rather than the prior determine; `None` where not computed.
+    /// Effective number of parameters, tr(Σ N): those that the data rather than the prior determine; `None` where not
+    /// computed.
     pub effective: Option<f64>,
 }
 
-/// The fields of a camera.
+/// The smoothness prior of all fields of a camera.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Smoothness {
     /// In the order of the camera's blocks.
     pub fields: Vec<FieldRoughness>,
     /// Standard deviation of the ridge, in units of a parameter's typical deviation.
     pub ridge: f64,
-    /// Whether D is there to take up what it can: then the ridge is chosen from the data too.
-    pub beside_d: bool,
+    /// Whether D is fitted jointly with the fields: then the ridge is chosen from the data too.
+    pub with_projective: bool,
+    /// The rules' thresholds.
+    pub thresholds: FieldThresholds,
 }
 
 impl Smoothness {
-    /// All fields of a camera at the roughness to start with.
-    pub fn of(camera: &Camera) -> Self {
+    /// All fields of a camera at the roughness with which the search starts.
+    pub fn of(camera: &Camera, thresholds: &FieldThresholds) -> Self {
         let mut fields = Vec::new();
         for block in camera.blocks() {
             let Some((piece, layout)) = block.piece().and_then(|p| Some((p, p.field()?))) else { continue };
@@ -65,30 +64,32 @@ impl Smoothness {
                     piece: piece.name(),
                     field: name.split('[').next().unwrap_or_default().to_owned(),
                     index,
-                    roughness: FIRST_ROUGHNESS,
+                    roughness: thresholds.first_roughness,
                     nodes,
                     untouched: own.len() - nodes,
                     effective: None,
                 });
             }
         }
-        let beside_d = camera.block("projective").is_some_and(|d| d.free.contains(&true));
-        Self { fields, ridge: RIDGE[usize::from(beside_d)], beside_d }
+        let with_projective = camera.block("projective").is_some_and(|d| d.free.contains(&true));
+        let ridge = if with_projective { thresholds.ridge_with_projective } else { thresholds.ridge_alone };
+        Self { fields, ridge, with_projective, thresholds: *thresholds }
     }
 
-    /// Whether no roughness differs by more than a third: errors of the fit hardly depend on it.
+    /// Whether neither a roughness nor the ridge differs by more than [`FieldThresholds::settled_log_ratio`].
     pub fn close_to(&self, other: &Self) -> bool {
         let pairs = self.fields.iter().zip(&other.fields);
-        let close = |a: f64, b: f64| (a / b).ln().abs() < 0.3;
+        let close = |a: f64, b: f64| (a / b).ln().abs() < self.thresholds.settled_log_ratio;
         pairs.into_iter().all(|(a, b)| close(a.roughness, b.roughness)) && close(self.ridge, other.ridge)
     }
 
-    /// Roughness of a block's fields, in units of their typical deviation.
+    /// Roughness of field `index` of a piece.
     fn roughness(&self, piece: &str, index: usize) -> f64 {
-        self.fields.iter().find(|f| f.piece == piece && f.index == index).map_or(FIRST_ROUGHNESS, |f| f.roughness)
+        let field = self.fields.iter().find(|f| f.piece == piece && f.index == index);
+        field.map_or(self.thresholds.first_roughness, |f| f.roughness)
     }
 
-    /// The prior's rows for a block: smoothness of each field, ridge, and what is known of shared parameters.
+    /// The prior's rows for a block: smoothness of each field, ridge, and the prior of shared parameters.
     pub fn rows(&self, block: &Block) -> Vec<PriorRow> {
         let Some(layout) = block.piece().and_then(|p| p.field()) else { return Vec::new() };
         let mut rows = differences(&layout, &block.free, |f| self.roughness(block.name(), f));
@@ -102,20 +103,20 @@ impl Smoothness {
     }
 }
 
-/// One row of the prior: Σ c (θ − neutral) is a standard normal.
+/// One row of the prior: Σ c (θ − nominal) is standard normal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorRow {
     /// Parameters of the block, with their coefficients.
     pub entries: Vec<(usize, f64)>,
 }
 
-/// Parameters of one field: all nodes, all bins.
+/// Places of one field's parameters in its block: all nodes, all bins.
 pub fn indices(layout: &FieldLayout, field: usize) -> impl Iterator<Item = usize> {
     let (bins, per_node) = (layout.grid.bins, layout.per_node());
     (0..layout.grid.columns_and_rows() * bins).map(move |k| (k / bins) * per_node + field * bins + k % bins)
 }
 
-/// Second differences of the fields over the nodes that have data, in units of `roughness(field)`.
+/// Second differences of the fields over the nodes with data, divided by `roughness(field)`.
 pub(crate) fn differences(layout: &FieldLayout, free: &[bool], roughness: impl Fn(usize) -> f64) -> Vec<PriorRow> {
     let (grid, bins) = (layout.grid, layout.grid.bins);
     let (columns, rows) = (grid.columns, grid.rows);
@@ -147,14 +148,14 @@ pub(crate) fn differences(layout: &FieldLayout, free: &[bool], roughness: impl F
     all
 }
 
-/// The ridge on all nodes with data, and the prior of shared parameters.
+/// The ridge of standard deviation `sigma` on all nodes with data, and the unit prior of shared parameters.
 pub(crate) fn ridge(layout: &FieldLayout, free: &[bool], sigma: f64) -> Vec<PriorRow> {
     let nodes = layout.parameter_count() - layout.shared;
     let row = |i: usize| PriorRow { entries: vec![(i, if i < nodes { 1.0 / sigma } else { 1.0 })] };
     (0..free.len()).filter(|i| free[*i]).map(row).collect()
 }
 
-/// Holds every node that no sample touches at its neutral value.
+/// Holds every node that no sample touches at its nominal value.
 pub fn hold_untouched(camera: &Camera, capture: &Capture<SampledFrame>) -> Camera {
     camera.map_blocks(|mut block| {
         let Some(layout) = block.piece().and_then(|p| p.field()) else { return block };
@@ -173,10 +174,10 @@ pub fn hold_untouched(camera: &Camera, capture: &Capture<SampledFrame>) -> Camer
                 }
             }
         }
-        let neutral: Vec<f64> = block.parameters().iter().map(|p| p.nominal).collect();
+        let nominal: Vec<f64> = block.parameters().iter().map(|p| p.nominal).collect();
         for i in 0..touched.len() {
             if !touched[i] {
-                (block.free[i], block.theta[i]) = (false, neutral[i]);
+                (block.free[i], block.theta[i]) = (false, nominal[i]);
             }
         }
         block
@@ -195,23 +196,23 @@ pub struct SmoothnessBatch {
 struct PriorGroup {
     keys: Vec<Key<DVector<f64>>>,
     ids: Vec<VariableId>,
-    /// Neutral values of all components.
-    neutral: Vec<f64>,
-    /// Entries number the components of all variables.
+    /// Nominal values of all components.
+    nominal: Vec<f64>,
+    /// Rows whose entries count the components of all variables, one variable after the other.
     rows: Vec<PriorRow>,
 }
 
 impl PriorGroup {
-    fn new(keys: Vec<Key<DVector<f64>>>, neutral: Vec<f64>, rows: Vec<PriorRow>) -> Self {
-        Self { ids: keys.iter().map(|k| k.id()).collect(), keys, neutral, rows }
+    fn new(keys: Vec<Key<DVector<f64>>>, nominal: Vec<f64>, rows: Vec<PriorRow>) -> Self {
+        Self { ids: keys.iter().map(|k| k.id()).collect(), keys, nominal, rows }
     }
 }
 
 impl SmoothnessBatch {
     /// The prior's rows for a block whose parameters are the variable `key`.
     pub fn new(block: &Block, key: Key<DVector<f64>>, rows: Vec<PriorRow>) -> Self {
-        let neutral = block.parameters().iter().map(|p| p.nominal).collect();
-        let groups = vec![PriorGroup::new(vec![key], neutral, rows)];
+        let nominal = block.parameters().iter().map(|p| p.nominal).collect();
+        let groups = vec![PriorGroup::new(vec![key], nominal, rows)];
         Self { name: format!("smoothness of {}", block.name()), groups }
     }
 
@@ -237,8 +238,8 @@ impl SmoothnessBatch {
                 .map(|row| PriorRow { entries: row.entries.iter().map(|(i, c)| (local(*i), *c)).collect() })
                 .collect();
             let parameters = block.parameters();
-            let neutral = set.iter().flat_map(|n| range(*n)).map(|i| parameters[i].nominal).collect();
-            PriorGroup::new(set.iter().map(|n| keys[*n]).collect(), neutral, rows)
+            let nominal = set.iter().flat_map(|n| range(*n)).map(|i| parameters[i].nominal).collect();
+            PriorGroup::new(set.iter().map(|n| keys[*n]).collect(), nominal, rows)
         };
         Self { name: format!("smoothness of {}", block.name()), groups: sets.into_iter().map(group).collect() }
     }
@@ -270,7 +271,7 @@ impl FactorBatch for SmoothnessBatch {
     ) -> Result<(), EvaluationError> {
         let group = &self.groups[group];
         let theta = group.keys.iter().flat_map(|k| values.get(*k).iter());
-        let deviation: Vec<f64> = theta.zip(&group.neutral).map(|(t, n)| t - n).collect();
+        let deviation: Vec<f64> = theta.zip(&group.nominal).map(|(t, n)| t - n).collect();
         for (row, r) in group.rows.iter().zip(residuals) {
             *r = row.entries.iter().map(|(i, c)| c * deviation[*i]).sum();
         }

@@ -1,26 +1,28 @@
-//! How rough fields may be: chosen so that frames that are left out are predicted best.
+//! Choice of the strength of the smoothness prior: the roughness of every field at which held-out frames are predicted best.
 //!
-//! Everything is done on the linearised adjustment. Each frame contributes its information about the camera's parameters,
-//! its own pose eliminated; sums of these with a prior give the estimate from any set of frames without another adjustment.
-//! The frames left out are judged as an evaluation judges them: by their depth, with the pose that their image gives. Marginal likelihood would
-//! need independent noise, which depth within a frame does not have: it takes errors that a frame has for itself for signal.
+//! Cross-validation on the linearised adjustment: the normal equations of each frame, its own pose eliminated, are summed over
+//! any set of frames and added to the prior, which gives the estimate from that set without another adjustment. Held-out
+//! frames are scored on depth, with poses from the image alone. Marginal likelihood is no alternative: it assumes independent
+//! noise, but depth errors within a frame are correlated, and it would take a frame's own error for signal.
 
 use depthcal_model::Camera;
 use nalgebra::{DMatrix, DVector};
 
-use crate::adjust::smoothness_prior::{Smoothness, differences, ridge};
+use super::field_thresholds::FieldThresholds;
+use super::smoothness_prior::{Smoothness, differences, ridge};
 
-/// What one frame says of the camera's free parameters.
+/// Normal equations of one frame in the camera's free parameters, for fitting and for prediction.
 #[derive(Debug, Clone)]
 pub struct FrameInformation {
-    /// Where the frame is fitted, its pose eliminated: the cost is c + gᵀδ + ½ δᵀNδ with this N and g.
+    /// N and g of the cost c + gᵀδ + ½ δᵀNδ where the frame is fitted: image and depth, the pose eliminated.
     pub fitted: (DMatrix<f64>, DVector<f64>),
-    /// Where the frame is judged, by the cost of its depth alone, with the pose that its image gives: N and g again.
-    pub judged: (DMatrix<f64>, DVector<f64>),
+    /// N and g where the frame is held out: the cost of its depth alone, with the pose from its image.
+    pub held_out: (DMatrix<f64>, DVector<f64>),
 }
 
 impl FrameInformation {
-    /// From normal matrix and gradient of image and depth, each over the pose, `pose` components, and the parameters.
+    /// From normal matrix and gradient of image and of depth. The columns of both are the pose, `pose` components, and then the
+    /// camera's free parameters.
     pub fn new(image: &(DMatrix<f64>, DVector<f64>), depth: &(DMatrix<f64>, DVector<f64>), pose: usize) -> Self {
         let both = (&image.0 + &depth.0, &image.1 + &depth.1);
         let n = image.1.len() - pose;
@@ -38,40 +40,41 @@ impl FrameInformation {
         };
         Self {
             fitted: reduced(&both, &both).unwrap_or_else(nothing),
-            judged: reduced(image, depth).unwrap_or_else(nothing),
+            held_out: reduced(image, depth).unwrap_or_else(nothing),
         }
     }
 
-    /// What it costs where it is judged, up to a constant, at an estimate; infinite where there is none.
+    /// The frame's cost when it is held out, up to a constant, at the estimate δ; infinite without an estimate.
     fn cost(&self, estimate: Option<&DVector<f64>>) -> f64 {
-        let (normal, gradient) = &self.judged;
+        let (normal, gradient) = &self.held_out;
         estimate.map_or(f64::INFINITY, |step| gradient.dot(step) + 0.5 * step.dot(&(normal * step)))
     }
 }
 
-/// Roughness is looked for in this range, in units of a parameter's typical deviation.
-const RANGE: [f64; 2] = [1e-4, 10.0];
-/// Factors by which it is changed, coarse to fine.
-const FACTORS: [f64; 3] = [8.0, 3.0, 1.5];
-/// Most parts into which frames are divided; fewer frames are left out one by one.
-const FOLDS: usize = 10;
+/// Factors by which the search changes a roughness, coarse to fine.
+const SEARCH_FACTORS: [f64; 3] = [8.0, 3.0, 1.5];
+/// Factor by which the simplest of equally good values is searched.
+const SIMPLIFYING_FACTOR: f64 = 1.5;
 
-/// The problem of choosing: free parameters of fields and their priors.
-struct Choice<'a> {
+/// The cross-validation problem over the camera's free parameters.
+struct CrossValidation<'a> {
     frames: &'a [FrameInformation],
-    /// Normal matrices of smoothness at roughness 1, one per field; and of the ridge. Over all free parameters.
+    /// Normal matrix of smoothness at roughness 1, one per field.
     penalties: Vec<DMatrix<f64>>,
+    /// Normal matrix of the ridge at standard deviation 1.
     ridge: DMatrix<f64>,
-    /// Its standard deviation where it is not chosen.
+    /// The ridge's standard deviation where it is not chosen.
     fixed_ridge: Option<f64>,
-    /// Present deviation of the free parameters from neutral.
+    /// Present deviation of the free parameters from their nominal values.
     deviation: DVector<f64>,
-    /// Of the frames of every part: fitted, judged.
+    /// Sums over the frames of every fold.
     folds: Vec<FrameInformation>,
+    /// N and g of all frames fitted.
     total: (DMatrix<f64>, DVector<f64>),
+    thresholds: FieldThresholds,
 }
 
-impl<'a> Choice<'a> {
+impl<'a> CrossValidation<'a> {
     fn new(camera: &Camera, smoothness: &Smoothness, frames: &'a [FrameInformation]) -> Self {
         let n = frames.first().map_or(0, |f| f.fitted.1.len());
         let mut place = Vec::new();
@@ -114,9 +117,9 @@ impl<'a> Choice<'a> {
                 add(&mut ridge_matrix, &row.entries);
             }
         }
-        let count = frames.len().clamp(1, FOLDS);
+        let count = frames.len().clamp(1, smoothness.thresholds.most_folds);
         let zero = || (DMatrix::zeros(n, n), DVector::zeros(n));
-        let mut folds = vec![FrameInformation { fitted: zero(), judged: zero() }; count];
+        let mut folds = vec![FrameInformation { fitted: zero(), held_out: zero() }; count];
         let mut total = zero();
         let add = |to: &mut (DMatrix<f64>, DVector<f64>), what: &(DMatrix<f64>, DVector<f64>)| {
             to.0 += &what.0;
@@ -124,15 +127,17 @@ impl<'a> Choice<'a> {
         };
         for (i, frame) in frames.iter().enumerate() {
             add(&mut folds[i % count].fitted, &frame.fitted);
-            add(&mut folds[i % count].judged, &frame.judged);
+            add(&mut folds[i % count].held_out, &frame.held_out);
             add(&mut total, &frame.fitted);
         }
         let deviation = DVector::from_vec(deviation);
-        let fixed_ridge = (!smoothness.beside_d).then_some(smoothness.ridge);
-        Self { frames, penalties, ridge: ridge_matrix, fixed_ridge, deviation, folds, total }
+        let fixed_ridge = (!smoothness.with_projective).then_some(smoothness.ridge);
+        let thresholds = smoothness.thresholds;
+        Self { frames, penalties, ridge: ridge_matrix, fixed_ridge, deviation, folds, total, thresholds }
     }
 
-    /// Precision of the prior; the last of `roughness` is the ridge's standard deviation where that is chosen.
+    /// Precision matrix of the prior; `roughness` has one value per field and then, where it is chosen, the ridge's standard
+    /// deviation.
     fn precision(&self, roughness: &[f64]) -> DMatrix<f64> {
         let ridge = self.fixed_ridge.unwrap_or(roughness[roughness.len() - 1]);
         let mut precision = &self.ridge / (ridge * ridge);
@@ -142,7 +147,7 @@ impl<'a> Choice<'a> {
         precision
     }
 
-    /// Estimates from the frames of all other parts, one per part; `None` where they determine nothing.
+    /// Estimates without each fold's frames; `None` where the others do not determine the parameters.
     fn estimates(&self, roughness: &[f64]) -> Vec<Option<DVector<f64>>> {
         let prior = self.precision(roughness);
         let pull = &prior * &self.deviation;
@@ -153,18 +158,19 @@ impl<'a> Choice<'a> {
         self.folds.iter().map(estimate).collect()
     }
 
-    /// Cost of the frames left out, up to a constant, for every part.
-    fn left_out_costs(&self, roughness: &[f64]) -> Vec<f64> {
-        self.folds.iter().zip(self.estimates(roughness)).map(|(part, by)| part.cost(by.as_ref())).collect()
+    /// Cost of the held-out frames of every fold, up to a constant.
+    fn held_out_costs(&self, roughness: &[f64]) -> Vec<f64> {
+        self.folds.iter().zip(self.estimates(roughness)).map(|(fold, by)| fold.cost(by.as_ref())).collect()
     }
 
-    /// The same for every frame.
-    fn left_out_costs_by_frame(&self, roughness: &[f64]) -> Vec<f64> {
+    /// Cost of every frame when it is held out, up to a constant.
+    fn held_out_costs_by_frame(&self, roughness: &[f64]) -> Vec<f64> {
         let estimates = self.estimates(roughness);
         self.frames.iter().zip(estimates.iter().cycle()).map(|(frame, by)| frame.cost(by.as_ref())).collect()
     }
 
-    /// Effective number of parameters of every field: tr(Σ N) over its nodes, Σ the posterior covariance.
+    /// Effective number of parameters of every field: tr(Σ N) over its parameters, Σ the posterior covariance; `fields` lists
+    /// the places of each field's parameters among the free ones.
     fn effective(&self, roughness: &[f64], fields: &[Vec<usize>]) -> Option<Vec<f64>> {
         let prior = self.precision(roughness);
         let posterior = inverse_scaled(&self.total.0 + &prior)?;
@@ -173,19 +179,21 @@ impl<'a> Choice<'a> {
     }
 }
 
-/// Solution of a symmetric positive definite system whose unknowns differ in size by many orders.
+/// Solution of a symmetric positive definite system whose unknowns differ in size by many orders of magnitude; `None` where it
+/// is not positive definite.
 fn solve_scaled(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     let scale = scale(&mut matrix);
     Some(matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale))
 }
 
+/// Inverse of such a matrix.
 fn inverse_scaled(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale = scale(&mut matrix);
     let inverse = matrix.cholesky()?.inverse();
     Some(DMatrix::from_fn(inverse.nrows(), inverse.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]))
 }
 
-/// Brings the diagonal to 1; returns the factors.
+/// Scales rows and columns so that the diagonal is 1; returns the factors.
 fn scale(matrix: &mut DMatrix<f64>) -> DVector<f64> {
     let scale = DVector::from_fn(matrix.nrows(), |i, _| 1.0 / matrix[(i, i)].max(f64::MIN_POSITIVE).sqrt());
     for j in 0..matrix.ncols() {
@@ -196,27 +204,28 @@ fn scale(matrix: &mut DMatrix<f64>) -> DVector<f64> {
     scale
 }
 
-/// The roughness of every field with which frames that are left out are predicted best, with the effective number of
-/// parameters that follows.
+/// The smoothness at which held-out frames are predicted best, with the effective number of parameters of every field; the
+/// smoothness as it is where there are fewer than two frames.
 pub fn choose(camera: &Camera, smoothness: &Smoothness, frames: &[FrameInformation]) -> Smoothness {
-    let choice = Choice::new(camera, smoothness, frames);
+    let problem = CrossValidation::new(camera, smoothness, frames);
     let mut best: Vec<f64> = smoothness.fields.iter().map(|f| f.roughness).collect();
-    best.extend(smoothness.beside_d.then_some(smoothness.ridge));
-    if choice.frames.len() < 2 {
+    best.extend(smoothness.with_projective.then_some(smoothness.ridge));
+    if problem.frames.len() < 2 {
         return smoothness.clone();
     }
-    let mut costs = choice.left_out_costs(&best);
-    for factor in FACTORS {
+    let range = smoothness.thresholds.roughness_range;
+    let mut costs = problem.held_out_costs(&best);
+    for factor in SEARCH_FACTORS {
         loop {
             let mut moved = false;
             for i in 0..best.len() {
                 for direction in [1.0 / factor, factor] {
                     let mut tried = best.clone();
-                    tried[i] = (tried[i] * direction).clamp(RANGE[0], RANGE[1]);
+                    tried[i] = (tried[i] * direction).clamp(range[0], range[1]);
                     if tried[i] == best[i] {
                         continue;
                     }
-                    let next = choice.left_out_costs(&tried);
+                    let next = problem.held_out_costs(&tried);
                     if next.iter().sum::<f64>() < costs.iter().sum::<f64>() {
                         (costs, best, moved) = (next, tried, true);
                         break;
@@ -228,11 +237,11 @@ pub fn choose(camera: &Camera, smoothness: &Smoothness, frames: &[FrameInformati
             }
         }
     }
-    simplest(&choice, &mut best, costs);
+    simplest(&problem, &mut best, costs);
     let mut chosen = smoothness.clone();
     let members: Vec<Vec<usize>> = field_members(camera, smoothness);
-    let effective = choice.effective(&best, &members);
-    if smoothness.beside_d {
+    let effective = problem.effective(&best, &members);
+    if smoothness.with_projective {
         chosen.ridge = best[smoothness.fields.len()];
     }
     for (i, field) in chosen.fields.iter_mut().enumerate() {
@@ -242,33 +251,31 @@ pub fn choose(camera: &Camera, smoothness: &Smoothness, frames: &[FrameInformati
     chosen
 }
 
-/// Standard deviations of the signed-rank statistic by which frames must speak for rough fields. Fewer than eight cannot.
-const CLEAR: f64 = 2.5;
-/// Standard errors of the difference within which the simpler predicts as well.
-const AS_GOOD: f64 = 1.0;
-
-/// Roughness that the frames do not support is not fitted. Fields stay flat unless most frames that were left out speak for
-/// rough ones: a few with errors of their own decide nothing then, as they would over sums of squares. And of all that
-/// predict no worse by more than the standard error of the difference the simplest is taken (Breiman, Friedman, Olshen,
-/// Stone 1984, section 3.4.3): beside D none, or a smaller ridge, and smoother fields.
-fn simplest(choice: &Choice<'_>, best: &mut [f64], mut costs: Vec<f64>) {
-    const STEP: f64 = 1.5;
+/// Replaces `best`, whose held-out costs by fold are `costs`, by the simplest prior that predicts as well.
+///
+/// Fields are flat unless most held-out frames prefer the rough ones: a signed-rank test, in which a few frames with errors of
+/// their own do not decide, as they would over sums of squares. Then the one-standard-error rule (Breiman, Friedman, Olshen,
+/// Stone 1984, section 3.4.3): of all priors whose held-out cost is worse by no more than the standard error of the difference
+/// the simplest is taken, that is the one with the smoothest fields and, jointly with D, the smallest ridge.
+fn simplest(problem: &CrossValidation<'_>, best: &mut [f64], mut costs: Vec<f64>) {
+    let FieldThresholds { roughness_range: [smoothest, _], equal_standard_errors, .. } = problem.thresholds;
     let mut flat = best.to_vec();
-    flat[..choice.penalties.len()].fill(RANGE[0]);
-    let [by_frame, flat_by_frame] = [&*best, &flat].map(|r| choice.left_out_costs_by_frame(r));
-    if signed_ranks(&by_frame, &flat_by_frame) <= CLEAR {
+    flat[..problem.penalties.len()].fill(smoothest);
+    let [by_frame, flat_by_frame] = [&*best, &flat].map(|r| problem.held_out_costs_by_frame(r));
+    if signed_ranks(&by_frame, &flat_by_frame) <= problem.thresholds.least_signed_rank {
         best.copy_from_slice(&flat);
-        costs = choice.left_out_costs(&flat);
-        let none = vec![RANGE[0]; best.len()];
-        if errors_worse(&costs, &choice.left_out_costs(&none)) <= AS_GOOD {
+        costs = problem.held_out_costs(&flat);
+        let none = vec![smoothest; best.len()];
+        if errors_worse(&costs, &problem.held_out_costs(&none)) <= equal_standard_errors {
             best.copy_from_slice(&none);
         }
     }
     for i in 0..best.len() {
         loop {
             let mut tried = best.to_vec();
-            tried[i] /= STEP;
-            if tried[i] < RANGE[0] || !(errors_worse(&costs, &choice.left_out_costs(&tried)) <= AS_GOOD) {
+            tried[i] /= SIMPLIFYING_FACTOR;
+            if tried[i] < smoothest || !(errors_worse(&costs, &problem.held_out_costs(&tried)) <= equal_standard_errors)
+            {
                 break;
             }
             best[i] = tried[i];
@@ -276,7 +283,7 @@ fn simplest(choice: &Choice<'_>, best: &mut [f64], mut costs: Vec<f64>) {
     }
 }
 
-/// By how many standard errors of the difference `tried` is worse than `best`, from their costs part by part.
+/// Mean of `tried` − `best`, costs fold by fold, in standard errors.
 fn errors_worse(best: &[f64], tried: &[f64]) -> f64 {
     let n = best.len() as f64;
     let worse: Vec<f64> = tried.iter().zip(best).map(|(tried, best)| tried - best).collect();
@@ -285,7 +292,8 @@ fn errors_worse(best: &[f64], tried: &[f64]) -> f64 {
     if mean == 0.0 { 0.0 } else { mean / (variance / n).sqrt() }
 }
 
-/// Wilcoxon's signed ranks (1945) of `tried` over `best`, in standard deviations: positive where most are worse.
+/// Wilcoxon's signed-rank statistic (1945) of `tried` − `best`, costs frame by frame, in standard deviations: positive where
+/// most are worse.
 fn signed_ranks(best: &[f64], tried: &[f64]) -> f64 {
     let mut worse: Vec<f64> = tried.iter().zip(best).map(|(tried, best)| tried - best).filter(|w| *w != 0.0).collect();
     worse.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -295,7 +303,7 @@ fn signed_ranks(best: &[f64], tried: &[f64]) -> f64 {
     if variance > 0.0 { sum / variance.sqrt() } else { 0.0 }
 }
 
-/// Places of every field's free parameters among all free ones.
+/// Places of every field's free parameters among the camera's free parameters.
 fn field_members(camera: &Camera, smoothness: &Smoothness) -> Vec<Vec<usize>> {
     let mut members = vec![Vec::new(); smoothness.fields.len()];
     let mut next = 0;
@@ -321,7 +329,7 @@ fn field_members(camera: &Camera, smoothness: &Smoothness) -> Vec<Vec<usize>> {
 mod tests {
     use super::*;
 
-    /// Against the sums of ranks over all signs, counted: for n = 5 the chance that all five are worse is 1/32.
+    /// Over all 32 patterns of signs of five differences the statistic has mean 0 and variance 1.
     #[test]
     fn signed_ranks_have_their_deviation() {
         let best = [0.0; 5];
@@ -335,7 +343,7 @@ mod tests {
         let mean = values.iter().sum::<f64>() / 32.0;
         let variance = values.iter().map(|v| v * v).sum::<f64>() / 32.0;
         assert!(mean.abs() < 1e-12 && (variance - 1.0).abs() < 1e-12, "{mean} {variance}");
-        // One frame with a large loss is one frame.
+        // One frame with a large difference counts as one frame.
         assert!(signed_ranks(&best, &[100.0, -1.0, -2.0, -3.0, -4.0]) < 0.0);
     }
 }

@@ -39,10 +39,10 @@ pub fn calibrate_depth(
 ) -> Result<Calibrated, CalibrateError> {
     let depth_blocks = depth_blocks(options)?;
     if !from_image.capture.has_depth() {
-        if options.model == "none" && depth_blocks.is_empty() {
+        if options.model.is_none() && depth_blocks.is_empty() {
             return Ok(from_image.without_samples());
         }
-        let (dataset, model) = (from_image.capture.name.clone(), options.model.clone());
+        let (dataset, model) = (from_image.capture.name.clone(), options.model.to_string());
         return Err(CalibrateError::NoDepth { dataset, model });
     }
     match options.estimator {
@@ -54,12 +54,12 @@ pub fn calibrate_depth(
 /// Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
 fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
     let mut blocks = Vec::new();
-    for name in &options.effects {
-        let block = options.register.block(name, None)?;
+    for effect in &options.effects {
+        let block = options.register.make(effect, None)?;
         if is_depth_only(&block) {
             blocks.push(block);
         }
     }
-    blocks.extend(options.register.depth_model(&options.model)?);
+    blocks.extend(options.register.depth_blocks(&options.model)?);
     Ok(blocks)
 }

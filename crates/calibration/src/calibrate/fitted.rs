@@ -1,6 +1,6 @@
 //! A calibrated camera with everything that is known about its fit.
 
-use depthcal_model::Camera;
+use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
 use super::options::Estimator;
@@ -42,7 +42,7 @@ pub struct Calibrated<F = SampledFrame> {
     /// The options' names, for the record.
     pub estimator: Estimator,
     /// Depth model as asked for.
-    pub model: String,
+    pub model: ModelSpec,
 }
 
 impl<F> Calibrated<F> {

@@ -49,8 +49,8 @@ pub fn calibrate_image(
         }
         None => start_values(&capture.target, capture.width, capture.height, &markers, &lens, &options.register)?,
     };
-    for name in &options.effects {
-        let block = options.register.block(name, None)?;
+    for effect in &options.effects {
+        let block = options.register.make(effect, None)?;
         if !is_depth_only(&block) {
             camera = camera.with_block(block);
         }

@@ -34,7 +34,7 @@ pub(super) fn joint(
     camera = hold_untouched(&camera, &capture);
     let coarse = field_cells::coarse(&camera, &options.register, &domain)?;
     let noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
-    let start = State { smoothness: Smoothness::of(&camera), capture, camera, noise };
+    let start = State { smoothness: Smoothness::of(&camera, &options.field_thresholds), capture, camera, noise };
     let mut result = match coarse {
         None => settle(start, &joint_rules(), options)?,
         Some((coarse, factors)) => settle_by_node(start, &coarse, &factors, options)?,

@@ -35,9 +35,11 @@ pub(super) fn settle_by_node(
         frame.samples = frame.samples.iter().step_by(step).copied().collect();
     }
     let coarse = hold_untouched(coarse, &thin);
-    let first = State { smoothness: Smoothness::of(&coarse), capture: thin, camera: coarse, noise };
+    let first =
+        State { smoothness: Smoothness::of(&coarse, &options.field_thresholds), capture: thin, camera: coarse, noise };
     let first = settle(first, &joint_rules(), options)?;
-    let mut smoothness = Smoothness { ridge: first.smoothness.ridge, ..Smoothness::of(&camera) };
+    let mut smoothness =
+        Smoothness { ridge: first.smoothness.ridge, ..Smoothness::of(&camera, &options.field_thresholds) };
     for (field, coarse) in smoothness.fields.iter_mut().zip(&first.smoothness.fields) {
         let block = camera.blocks().iter().position(|b| b.name() == field.piece);
         field.roughness = coarse.roughness / block.map_or(1.0, |i| factors[i]);

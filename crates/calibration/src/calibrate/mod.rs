@@ -17,4 +17,4 @@ pub use driver::{calibrate, calibrate_depth};
 pub use error::CalibrateError;
 pub use fitted::Calibrated;
 pub use image::calibrate_image;
-pub use options::{CalibrateOptions, Estimator, OptionError};
+pub use options::{CalibrateOptions, Estimator};

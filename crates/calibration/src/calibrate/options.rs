@@ -1,8 +1,8 @@
 //! What to fit, and how.
 
-use depthcal_model::{Camera, Register, RegisterError};
-use thiserror::Error;
+use depthcal_model::{Camera, ModelSpec, PieceSpec, Register};
 
+use crate::adjust::FieldThresholds;
 use crate::progress::ProgressHandle;
 
 /// How the depth model is estimated.
@@ -34,10 +34,10 @@ impl Estimator {
 /// What to fit, and how.
 #[derive(Debug, Clone)]
 pub struct CalibrateOptions {
-    /// Depth model: `none`, `projective`, `projective:xw`, `projective+…`.
-    pub model: String,
-    /// Further effects by name, at whatever hook they act; those of depth act before the depth model.
-    pub effects: Vec<String>,
+    /// Depth model.
+    pub model: ModelSpec,
+    /// Further effects, at whatever hook they act; those of depth act before the depth model.
+    pub effects: Vec<PieceSpec>,
     /// Lens model: `brown-conrady` or `none`.
     pub lens: String,
     /// How the depth model is estimated.
@@ -48,6 +48,8 @@ pub struct CalibrateOptions {
     pub camera: Option<Camera>,
     /// The pieces that names may mean.
     pub register: Register,
+    /// Thresholds of the rules that choose the smoothness of fields.
+    pub field_thresholds: FieldThresholds,
     /// Receives progress.
     pub progress: ProgressHandle,
 }
@@ -55,41 +57,15 @@ pub struct CalibrateOptions {
 impl Default for CalibrateOptions {
     fn default() -> Self {
         Self {
-            model: "projective".to_owned(),
+            model: ModelSpec::of(PieceSpec::new("projective")),
             effects: Vec::new(),
             lens: "brown-conrady".to_owned(),
             estimator: Estimator::Joint,
             samples_per_frame: 800,
             camera: None,
             register: Register::builtin(),
+            field_thresholds: FieldThresholds::default(),
             progress: ProgressHandle::default(),
         }
     }
-}
-
-impl CalibrateOptions {
-    /// Whether all models and effects are known, before anything is read.
-    ///
-    /// # Errors
-    ///
-    /// [`OptionError`], naming the option.
-    pub fn check_names(&self) -> Result<(), OptionError> {
-        let model = self.register.depth_model(&self.model);
-        model.map_err(|source| OptionError { option: format!("--model {}", self.model), source })?;
-        for name in &self.effects {
-            let block = self.register.block(name, None);
-            block.map_err(|source| OptionError { option: format!("--with {name}"), source })?;
-        }
-        Ok(())
-    }
-}
-
-/// A model or effect that is not known.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{option}: {source}")]
-pub struct OptionError {
-    /// The option as given.
-    pub option: String,
-    /// What is wrong with it.
-    pub source: RegisterError,
 }

@@ -1,8 +1,8 @@
-//! Errors frame by frame, their means over datasets, and intervals from resampled frames.
+//! Errors frame by frame, their means over datasets, and bootstrap intervals over frames.
 //!
-//! Pixels of a frame share the errors of its pose and are correlated with their neighbours, so frames and not pixels are
-//! resampled (cluster bootstrap; Davison, Hinkley 1997, section 3.8). All models are judged on the same resamples, which
-//! makes differences between them known better than the errors themselves.
+//! Pixels of a frame share the error of its pose and are correlated with their neighbours, so whole frames rather than pixels
+//! are resampled (cluster bootstrap; Davison, Hinkley 1997, section 3.8). All models are evaluated on the same resamples
+//! (paired), so that their differences are more certain than the errors themselves.
 
 use depthcal_io::{Errors, Interval};
 use rand::{RngExt, SeedableRng};
@@ -10,9 +10,9 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::judge::evaluate::Evaluated;
 
-/// Resamples of an interval.
+/// Bootstrap resamples.
 const RESAMPLES: usize = 2000;
-/// Same input, same intervals.
+/// Seed of the bootstrap: the same input gives the same intervals.
 const SEED: u64 = 0x636f_6d70_6172_6500;
 
 /// Sum and number of values.
@@ -37,7 +37,7 @@ impl Total {
     }
 }
 
-/// What one frame contributes: dot errors, absolute heights over the board, squared depth errors.
+/// Sums of one frame: dot errors, absolute heights over the board, squared depth errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameErrors {
     /// Its name.
@@ -61,8 +61,8 @@ pub fn frame_errors(evaluated: &Evaluated) -> Vec<FrameErrors> {
     evaluated.frames.iter().map(frame).collect()
 }
 
-/// Errors over datasets of frames, the mean of the datasets' own as in the thesis' tables 6.6 to 6.9. `pick` says how often
-/// each frame of a dataset counts.
+/// Dot error, plane error and depth rms: mean over datasets of each dataset's own, as in the thesis' tables 6.6 to 6.9 (of the
+/// mean square for the rms). `pick` selects the frames of each dataset, repeatedly where it lists them repeatedly.
 fn errors_of<'a>(
     datasets: &'a [Vec<FrameErrors>],
     mut pick: impl FnMut(usize, &'a [FrameErrors]) -> Vec<&'a FrameErrors>,
@@ -89,8 +89,8 @@ pub fn errors(datasets: &[Vec<FrameErrors>]) -> Errors<Option<f64>> {
     Errors { dot_error_mm, plane_error_mm, depth_rms_mm }
 }
 
-/// The errors of every model with 95 % intervals, and the resampled dot errors for differences. All models have the same
-/// frames in the same order.
+/// The errors of every model with 95 % intervals, and its resampled dot errors (depth rms where there are no dots), from
+/// which intervals of differences are made. All models must have the same frames in the same order.
 pub fn resampled(models: &[&[Vec<FrameErrors>]]) -> Vec<(Errors<Option<Interval>>, Vec<f64>)> {
     let Some(first) = models.first() else { return Vec::new() };
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
@@ -121,7 +121,7 @@ pub fn resampled(models: &[&[Vec<FrameErrors>]]) -> Vec<(Errors<Option<Interval>
         .collect()
 }
 
-/// The interval that leaves out `outside` of the resampled values, half at each end.
+/// The percentile interval that excludes the share `outside` of the resampled values, half at each end.
 pub fn interval(mean: f64, mut samples: Vec<f64>, outside: f64) -> Interval {
     samples.retain(|s| s.is_finite());
     samples.sort_by(f64::total_cmp);

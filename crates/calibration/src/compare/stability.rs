@@ -1,21 +1,24 @@
-//! Is D a property of the camera? The thesis saw its parameters change from dataset to dataset (section 7.1.2) and could not
-//! say whether they really did.
+//! Test whether D is the same in all datasets of one camera. In the thesis its parameters differed from dataset to dataset
+//! (section 7.1.2), and whether by more than their uncertainty remained open.
 //!
-//! K and lens stay those of the training dataset; poses and D are fitted to each dataset anew, by the thesis' three
-//! estimators and by the joint adjustment, whose covariance says how far D may scatter. If the camera is the same, the
-//! weighted squared scatter about the common mean has a χ² distribution.
+//! K and lens are held at the values of the training dataset; poses and D are fitted to each dataset anew, by the thesis'
+//! three estimators and by the joint adjustment, whose covariance is the expected scatter of D. If D is the same everywhere,
+//! the weighted squared scatter about the common mean has a χ² distribution.
 
 use depthcal_io::{StabilityEstimate, StabilityRecord};
+use depthcal_model::{ModelSpec, PieceSpec};
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use rayon::prelude::*;
 
-use super::{Prepared, Variant};
+use super::image_calibrations::ImageCalibrations;
+use super::variants::Variant;
 use crate::calibrate::{CalibrateOptions, Calibrated, Estimator};
 use crate::observe::Capture;
 
-/// Effect of one unit of (dx, dy, dz, dw) in mm at 0.8 m, at the image's quarter points: what makes directions comparable.
+/// Depth error at 0.8 m, at the image's quarter points, that one unit of (dx, dy, dz, dw) causes, mm. Makes the four
+/// parameters comparable.
 const EFFECT_MM: [f64; 4] = [0.35 * 0.64e6, 0.25 * 0.64e6, 0.64e6, 800.0];
-/// A direction that a dataset leaves uncertain by more than this counts as undetermined, mm at 0.8 m.
+/// Standard deviation at 0.8 m beyond which a combination of parameters counts as undetermined, mm.
 const UNDETERMINED_MM: f64 = 2.0;
 
 struct Estimate {
@@ -24,37 +27,39 @@ struct Estimate {
     covariance: Matrix4<f64>,
 }
 
-/// Refits D to every dataset; `None` where not even two of them determine it.
+/// Refits D to every dataset and tests whether the estimates agree; `None` where fewer than two datasets determine it.
 pub(super) fn stability(
     train: &Capture,
     verify: &[Capture],
-    whole: &Prepared,
+    whole: &ImageCalibrations,
     base: &CalibrateOptions,
 ) -> Option<StabilityRecord> {
-    let from_image = whole.by_lens.get(&base.lens)?.as_ref().ok()?;
-    let held = from_image.camera.map_blocks(|block| block.hold());
+    let calibrated = whole.by_lens.get(&base.lens)?.as_ref().ok()?;
+    let held = calibrated.camera.map_blocks(|block| block.hold());
     let options = CalibrateOptions { camera: Some(held), ..base.clone() };
     let captures: Vec<&Capture> = std::iter::once(train).chain(verify).collect();
     let of = |capture: &&Capture| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
-        let prepared = Prepared::new((*capture).clone(), &[base.lens.as_str()], &options);
+        let from_image = ImageCalibrations::new((*capture).clone(), &[base.lens.as_str()], &options);
         let (mut estimates, mut joint, mut failure) = (Vec::new(), None, None);
-        for model in ["projective", "projective:xw"] {
+        let d = PieceSpec::new("projective");
+        for (is_whole, spec) in [(true, d.clone()), (false, d.only("xw"))] {
+            let model = ModelSpec::of(spec);
             for estimator in [Estimator::Linear, Estimator::Irls, Estimator::Nonlinear, Estimator::Joint] {
-                match prepared.fit(&Variant::new(model, &base.lens, estimator), &options) {
+                match from_image.fit(&Variant::new(&model, &base.lens, estimator), &options) {
                     Ok(fitted) => {
                         let Some((d, covariance)) = d_of(&fitted) else { continue };
                         estimates.push(StabilityEstimate {
                             dataset: capture.name.clone(),
-                            model: model.to_owned(),
+                            model: model.to_string(),
                             estimator: estimator.name().to_owned(),
                             d: d.into(),
                             half_width: covariance.map(|c| std::array::from_fn(|i| 1.96 * c[(i, i)].sqrt())),
                         });
-                        if let (Estimator::Joint, "projective", Some(covariance)) = (estimator, model, covariance) {
+                        if let (Estimator::Joint, true, Some(covariance)) = (estimator, is_whole, covariance) {
                             joint = Some(Estimate { dataset: capture.name.clone(), d, covariance });
                         }
                     }
-                    Err(reason) if estimator == Estimator::Joint && model == "projective" => {
+                    Err(reason) if estimator == Estimator::Joint && is_whole => {
                         failure = Some(format!("'{}' does not determine D: {reason}.", capture.name));
                     }
                     Err(_) => {}
@@ -90,7 +95,7 @@ pub(super) fn stability(
     Some(record)
 }
 
-/// D and its covariance, where the estimator gives one.
+/// D (dx, dy, dz, dw), and its covariance where the estimator gives one.
 fn d_of(fitted: &Calibrated) -> Option<(Vector4<f64>, Option<Matrix4<f64>>)> {
     let d = Vector4::from_column_slice(fitted.camera.block("projective")?.theta.get(..4)?);
     let offset: usize =
@@ -104,7 +109,7 @@ fn scatter(estimates: &[&Estimate]) -> Option<(f64, usize)> {
     if estimates.len() < 2 {
         return None;
     }
-    // In units of their effects, so that the matrices are well scaled.
+    // In millimetres of depth error, so that the matrices are well scaled.
     let unit = Vector4::from(EFFECT_MM);
     let scaled = |e: &Estimate| {
         let covariance = Matrix4::from_fn(|i, j| e.covariance[(i, j)] * unit[i] * unit[j]);
@@ -121,7 +126,7 @@ fn scatter(estimates: &[&Estimate]) -> Option<(f64, usize)> {
     Some((total, 4 * all.len().checked_sub(1).filter(|n| *n > 0)?))
 }
 
-/// The combination of D's parameters that a dataset determines worst, where it determines it badly.
+/// The combination of D's parameters with the largest uncertainty, in a sentence; `None` where even that is determined.
 fn undetermined(e: &Estimate) -> Option<String> {
     let covariance = DMatrix::from_fn(4, 4, |i, j| e.covariance[(i, j)] * EFFECT_MM[i] * EFFECT_MM[j]);
     let eigen = covariance.symmetric_eigen();

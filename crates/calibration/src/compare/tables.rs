@@ -3,14 +3,15 @@
 use std::fmt::Write;
 
 use depthcal_io::{Comparison, DatasetEvaluation, Interval, MeanStd, ModelComparison};
+use depthcal_model::ModelSpec;
 
-use super::subsets;
+use super::variants::subsets;
 use crate::judge::evaluate::table;
 
 /// A titled block of text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Table {
-    /// What it shows.
+    /// Title.
     pub title: String,
     /// Lines of equal columns.
     pub text: String,
@@ -24,7 +25,7 @@ fn with_interval(value: Option<Interval>) -> String {
     value.map_or_else(|| "–".to_owned(), |i| format!("{:.2} ({:.2}–{:.2})", i.mean, i.low, i.high))
 }
 
-/// All tables that the comparison has.
+/// All tables for which the comparison has numbers.
 pub fn tables(c: &Comparison) -> Vec<Table> {
     let mut all = vec![ranking(c)];
     all.extend(learning(c));
@@ -173,7 +174,7 @@ fn subset_table(c: &Comparison, of: impl Fn(&ModelComparison) -> Option<[MeanStd
     let mut text = format!("{:32} {:>29}   {:>29}\n", "", "nonlinear (as in the thesis)", "joint adjustment");
     let _ = writeln!(text, "{:32} {:>14} {:>14}   {:>14} {:>14}", "mean (std), mm", "dot", "plane", "dot", "plane");
     let mut rows: Vec<(String, &str, String)> = Vec::new();
-    for model in subsets() {
+    for model in subsets().iter().map(ModelSpec::to_string) {
         let label = match model.as_str() {
             "projective" => "with lens, all parameters".to_owned(),
             "none" => "with lens, no depth correction".to_owned(),

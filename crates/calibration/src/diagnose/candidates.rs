@@ -1,56 +1,53 @@
-//! The effects that a model may lack: every effect of the register that the model does not have, with the values of its
-//! constants that are to be tried.
+//! The effects that a model may lack: every effect of the register that is not among its pieces, with the values of its
+//! constant that are searched.
 
-use depthcal_model::{Block, Camera, Covariate, Register, Role, Scan, ScanKind};
+use depthcal_model::{Camera, Covariate, PieceSpec, Register, Role, Scan, ScanKind};
 
-use super::sight::{Range, Sights};
+use super::observed_states::{ObservedStates, Range};
 
-/// Most cycles over the data's range that a wave is searched with.
+/// Most cycles over the range of the data for which a wave is searched.
 const MOST_CYCLES: f64 = 26.0;
-/// Cycles over the range between neighbouring periods: a wave half a step off keeps 93 % of its amplitude.
+/// Cycles over the range by which neighbouring periods differ: a wave between two of them keeps 93 % of its amplitude in the
+/// nearer one.
 const CYCLE_STEP: f64 = 0.4;
-
-/// Reference amplitudes that are tried.
+/// Number of reference amplitudes that are searched.
 const REFERENCES: usize = 9;
-
-/// Baselines that are tried, mm: depth cameras are between a hand's and two hands' breadths wide.
+/// Reference amplitudes are searched from this factor times the lowest amplitude to this factor times the highest.
+const REFERENCE_FACTORS: [f64; 2] = [0.5, 2.0];
+/// Time constants that are searched, as shares of the time that was captured.
+const TIME_CONSTANT_SHARES: [f64; 6] = [0.1, 0.2, 0.33, 0.5, 0.8, 1.3];
+/// Distances between projector and camera that are searched, mm: up to the width of common depth cameras, to either side.
 const BASELINES_MM: [f64; 7] = [0.0, 40.0, -40.0, 75.0, -75.0, 120.0, -120.0];
 
-/// An effect that may be missing.
+/// An effect that the model lacks.
 #[derive(Debug, Clone)]
 pub struct Effect {
     /// Its name.
     pub name: &'static str,
-    /// Its constant that is searched for, with the values to try; empty where it has none.
+    /// Values of its constant that are searched; empty where it has none.
     pub values: Vec<f64>,
+    /// Name of that constant.
     constant: Option<&'static str>,
-    /// Whether finer values between the best ones make sense.
+    /// Whether finer values about the best one are searched as well.
     pub refine: bool,
-    /// Values that are tried once it is in the model, where they are more freedom than a first test should have; empty where
-    /// those about the value found are.
+    /// Values that are searched only once the effect is in the model, because a search among them would let it imitate other
+    /// effects in the first test; where empty, values about the one found are searched then.
     pub afterwards: Vec<f64>,
 }
 
 impl Effect {
-    /// `NAME` or `NAME@CONSTANT=VALUE`, as on the command line.
-    pub fn spec(&self, value: Option<f64>) -> String {
+    /// Its specification, with a value of its constant where it has one.
+    pub fn spec(&self, value: Option<f64>) -> PieceSpec {
+        let spec = PieceSpec::new(self.name);
         match (self.constant, value) {
-            (Some(constant), Some(value)) => format!("{}@{constant}={value}", self.name),
-            _ => self.name.to_owned(),
+            (Some(constant), Some(value)) => spec.with(constant, value),
+            _ => spec,
         }
-    }
-
-    /// Specs of all values to try.
-    pub fn specs(&self) -> Vec<(Option<f64>, String)> {
-        if self.values.is_empty() {
-            return vec![(None, self.spec(None))];
-        }
-        self.values.iter().map(|v| (Some(*v), self.spec(Some(*v)))).collect()
     }
 }
 
-/// The effects of `register` that `camera` lacks.
-pub fn missing_effects(register: &Register, camera: &Camera, sights: &Sights) -> Vec<Effect> {
+/// The effects of `register` that `camera` lacks. The values of their constants follow from the range of the covariates.
+pub fn missing_effects(register: &Register, camera: &Camera, states: &ObservedStates) -> Vec<Effect> {
     let candidates = register.names().filter(|name| camera.block(name).is_none());
     candidates
         .filter_map(|name| {
@@ -60,7 +57,7 @@ pub fn missing_effects(register: &Register, camera: &Camera, sights: &Sights) ->
                 return None;
             }
             let scan = piece.scan();
-            let (values, refine) = scan.map_or((Vec::new(), false), |scan| scan_values(scan, sights));
+            let (values, refine) = scan.map_or((Vec::new(), false), |scan| scan_values(scan, states));
             let constant = scan.map(|s| s.constant).filter(|_| !values.is_empty());
             let is_baseline = scan.is_some_and(|s| s.kind == ScanKind::Baseline);
             let afterwards = if is_baseline { BASELINES_MM.to_vec() } else { Vec::new() };
@@ -69,29 +66,24 @@ pub fn missing_effects(register: &Register, camera: &Camera, sights: &Sights) ->
         .collect()
 }
 
-/// The block of an effect with its constants.
-pub fn block_of(register: &Register, spec: &str) -> Option<Block> {
-    register.block(spec, None).ok()
-}
-
-/// Values of a scanned constant, and whether they may be refined.
-fn scan_values(scan: Scan, sights: &Sights) -> (Vec<f64>, bool) {
-    let range: Option<Range> = sights.range(|state, context| scan.covariate.value(state, context));
+/// Values of a constant that are searched, and whether the search is refined about the best one.
+fn scan_values(scan: Scan, states: &ObservedStates) -> (Vec<f64>, bool) {
+    let range: Option<Range> = states.range(|state, context| scan.covariate.value(state, context));
     let Some(range) = range.filter(|r| r.span() > 0.0 || scan.kind == ScanKind::Reference) else {
         return (Vec::new(), false);
     };
     match scan.kind {
-        // A temperature's reference is taken up by D. An amplitude's is not: with it goes a constant bias of depth.
+        // Only a reference amplitude is searched: another reference temperature adds a constant that D describes, but another
+        // reference amplitude adds a constant bias of depth, which D does not.
         ScanKind::Reference if scan.covariate == Covariate::Amplitude => {
-            let (low, high) = (0.5 * range.low, 2.0 * range.high);
+            let (low, high) = (REFERENCE_FACTORS[0] * range.low, REFERENCE_FACTORS[1] * range.high);
             ((0..REFERENCES).map(|i| low * (high / low).powf(i as f64 / (REFERENCES - 1) as f64)).collect(), true)
         }
-        // The shift is a correction to the effect, and would let it pass for others.
+        // The baseline refines the effect; searched in the first test it would let the effect imitate others.
         ScanKind::Baseline => (vec![0.0], false),
-        ScanKind::Reference => (vec![round(range.middle)], false),
+        ScanKind::Reference => (vec![round_to_three_digits(range.middle)], false),
         ScanKind::TimeConstant => {
-            let shares = [0.1, 0.2, 0.33, 0.5, 0.8, 1.3];
-            (shares.iter().map(|s| s * range.span()).chain([f64::INFINITY]).collect(), true)
+            (TIME_CONSTANT_SHARES.iter().map(|s| s * range.span()).chain([f64::INFINITY]).collect(), true)
         }
         ScanKind::Period => {
             let steps = ((MOST_CYCLES - 1.0) / CYCLE_STEP) as usize;
@@ -100,8 +92,8 @@ fn scan_values(scan: Scan, sights: &Sights) -> (Vec<f64>, bool) {
     }
 }
 
-/// Three significant digits: a convention need not look like a measurement.
-fn round(value: f64) -> f64 {
+/// Rounds to three significant digits: a reference is a convention and needs no more.
+fn round_to_three_digits(value: f64) -> f64 {
     if value == 0.0 {
         return 0.0;
     }
@@ -109,7 +101,7 @@ fn round(value: f64) -> f64 {
     (value * digits).round() / digits
 }
 
-/// Values between the neighbours of `best` in `values`, evenly in 1/value.
+/// Seven values between the neighbours of `best` in `values`, evenly spaced in 1/value.
 pub fn finer(values: &[f64], best: f64) -> Vec<f64> {
     let inverse = |v: f64| 1.0 / v;
     let mut sorted: Vec<f64> = values.iter().map(|v| inverse(*v)).collect();
@@ -120,7 +112,7 @@ pub fn finer(values: &[f64], best: f64) -> Vec<f64> {
     (1..8).map(|i| low + (high - low) * f64::from(i) / 8.0).filter(|v| *v > 0.0).map(|v| 1.0 / v).collect()
 }
 
-/// Values about `present`, evenly in 1/value, over half a step of the coarse search to either side.
+/// Up to 21 values about `present`, evenly spaced in 1/value, over half a step of the coarse search to either side.
 pub fn around(present: f64, values: &[f64]) -> Vec<f64> {
     let mut sorted: Vec<f64> = values.iter().map(|v| 1.0 / v).collect();
     sorted.sort_by(f64::total_cmp);

@@ -1,191 +1,195 @@
-//! Which effect to add, if any.
+//! The decision of a round: which effect to add, if any.
 //!
-//! p-values alone name something in nearly every capture whose fault the catalogue does not have. So an effect has to
+//! p-values alone would name some effect in nearly every capture whose error the catalogue does not have. So an effect has to
 //! - be significant, corrected for the number of effects and constants tried;
-//! - gain on frames that its estimate has not seen, and on most of them rather than on one;
-//! - together with further named effects explain most of what a free function of anything explains;
-//! - or, where something else is there as well, gain beside every free function nearly what it gains alone, and by the
-//!   frames' own scatter: what only mimics a map loses its gain beside the map.
+//! - gain on held-out frames, and on most of them rather than on one;
+//! - explain, jointly with further named effects, most of what a free function of any covariate explains;
+//! - or else, where something remains unexplained, retain most of its gain when fitted jointly with each free function, and be
+//!   significant by the scatter between frames: an effect that only imitates a map loses its gain given the map.
 
-use super::evidence::{Evidence, Examination, LEVEL, t_of};
-use super::frames::FramePlane;
-use super::together::{Together, added, beside};
+use super::evidence::{Evidence, t_of};
+use super::examination::Examination;
+use super::frame_planes::FramePlane;
+use super::merit::{difference, merit, penalized_merit, significant};
+use super::stepwise_selection::{SelectedEffects, added_gains, score_given};
+use super::thresholds::Thresholds;
 
-/// Share of the explicable that named effects have to explain.
-const EXPLAINED: f64 = 0.75;
-/// Mean gain over its standard error below which the gain may be one frame's accident.
-const STEADY: f64 = 1.2;
-/// Share of what planes of the frames' own explain that named effects have to explain.
-const FRAMES_EXPLAINED: f64 = 0.7;
-/// Standard deviations by which noise may make planes of the frames' own look larger than they are.
-const PLANES_SCATTER: f64 = 1.5;
-/// Paired difference of gains, over its standard error, that tells two effects apart.
-const TOLD_APART: f64 = 2.0;
-
-/// Beside each free function that explains something, an effect that is not a part of what that one explains keeps at least
-/// this share of its gain; or else the free function explains little more than the effect does.
-const KEPT: f64 = 0.25;
-/// Level of the test of such an effect by the frames' scatter, corrected for the number of effects.
-const LEVEL_BY_FRAMES: f64 = 0.03;
-/// Share of the residuals' squares that an effect has to explain to be named while something else is unexplained.
-const WORTH_NAMING: f64 = 0.01;
-/// Free functions, by falling merit, that it is put beside.
-const MOST_BESIDE: usize = 4;
-
-/// What to do after a round.
+/// The decision of a round. Candidates are given by their places in [`Examination::evidence`].
 #[derive(Debug, Clone)]
 pub enum Decision {
-    /// Nothing is left that these data show.
+    /// The residuals show nothing that the model lacks.
     Nothing,
     /// An effect is missing.
     Add {
-        /// Its place in [`Examination::evidence`].
+        /// The effect.
         effect: usize,
-        /// Further effects that explain what it leaves: their places.
-        beside: Vec<usize>,
-        /// Effects that these captures cannot tell from it.
+        /// Further effects that explain the residuals together with it.
+        jointly_with: Vec<usize>,
+        /// Names of effects that these captures cannot distinguish from it.
         indistinguishable: Vec<String>,
-        /// Share that these effects together explain of what they and any free function explain.
+        /// Share that these effects explain of what they and any free function explain together.
         explained: f64,
-        /// What they explain over what planes of the frames' own explain.
+        /// Score statistic of these effects over that of the planes by which single frames deviate.
         of_planes: f64,
-        /// Whether something else is left that no named effect explains: the effect holds beside it.
-        beside_unexplained: bool,
+        /// Whether something remains that no named effect explains.
+        leaves_unexplained: bool,
     },
-    /// Something is left that no named effect explains.
+    /// Something is missing that no named effect explains.
     Unexplained {
-        /// The free function that explains most: its place in [`Examination::evidence`].
+        /// The free function with the largest merit.
         free: usize,
-        /// Share of it that the best named effects explain.
+        /// Share of the competitor that the best named effects explain.
         explained: f64,
+        /// What named effects were compared with.
+        competitor: Competitor,
     },
 }
 
-/// What a candidate is worth: the gain on left-out frames, but no more than what its score test expects. The first is
-/// noisy where few frames carry it, the second blind to what residuals of a frame share.
-pub fn merit(evidence: &Evidence) -> f64 {
-    evidence.gain().min(0.5 * evidence.score.statistic - evidence.score.rank as f64)
+/// What named effects have to explain most of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Competitor {
+    /// The best free function of a covariate.
+    FreeFunction,
+    /// A plane of its own in every frame.
+    FramePlanes,
 }
 
-/// What a candidate is worth beside others: the simpler wins unless the other explains more than its parameters do by
-/// chance (Schwarz 1978, with frames as observations).
-pub(super) fn rank(examination: &Examination, effect: usize) -> f64 {
-    let evidence = &examination.evidence[effect];
-    let frames = examination.linearization.cluster_count().max(2) as f64;
-    merit(evidence) - evidence.score.rank as f64 * (frames.ln() - 1.0)
-}
-
-/// Whether a candidate counts: by its p-value, corrected for the number of `tests`, and on more than one frame.
-pub(super) fn significant(p_value: f64, tests: usize, gains: &[f64]) -> bool {
-    p_value * (tests as f64) < LEVEL && gains.iter().sum::<f64>() > 0.0 && t_of(gains) > STEADY
-}
-
-/// Gains of one over those of the other, frame by frame.
-pub(super) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a - b).collect()
-}
-
-/// Decides on an examination and the frames' own planes beside the same model. What explains less than `least_share` of the
-/// residuals' squares is let be, and the effects `rejected` are not proposed again.
-pub fn decide(examination: &Examination, planes: &[FramePlane], least_share: f64, rejected: &[String]) -> Decision {
+/// Decides on an examination and on the planes by which single frames deviate from the same model.
+///
+/// Candidates explaining less than `least_share` of the cost are ignored; effects with a name in `rejected` are not proposed
+/// again.
+pub fn decide(
+    examination: &Examination,
+    planes: &[FramePlane],
+    least_share: f64,
+    rejected: &[String],
+    thresholds: &Thresholds,
+) -> Decision {
     let all = &examination.evidence;
-    let free_count = examination.probes().count();
+    let free_count = examination.free_functions().count();
     let effects: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_none()).collect();
     let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_some()).collect();
     let least = least_share * examination.cost();
-    let is_significant = |e: &Evidence, tests: usize| significant(e.p_value, tests, &e.gains) && merit(e) > least;
-    let mut free_that_count: Vec<usize> =
+    let is_significant =
+        |e: &Evidence, tests: usize| significant(e.p_value, tests, &e.gains, thresholds) && merit(e) > least;
+    let mut significant_free: Vec<usize> =
         free.iter().copied().filter(|i| is_significant(&all[*i], free_count)).collect();
-    free_that_count.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
-    let best_free = free_that_count.first().copied();
+    significant_free.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
+    let best_free = significant_free.first().copied();
     let ranked = ranked(examination, &effects, rejected);
     let named = ranked.iter().copied().find(|i| is_significant(&all[*i], examination.tests));
     let Some(first) = named else {
-        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained { free, explained: 0.0 });
+        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained {
+            free,
+            explained: 0.0,
+            competitor: Competitor::FreeFunction,
+        });
     };
-    let mut together = Together::explain(examination, &effects, first);
-    // What was tried and brought nothing is added at most beside another.
-    let untried = together.members.iter().position(|i| !rejected.contains(&all[*i].name));
-    together.members[..=untried.unwrap_or(0)].rotate_right(1);
-    let first = together.members[0];
-    // What free functions explain beside them.
-    let explained = together.explained();
+    let mut selected = SelectedEffects::stepwise(examination, &effects, first, thresholds);
+    // An effect that was rejected is added jointly with another one at most: the first that was not tried moves to the front.
+    let untried = selected.members.iter().position(|i| !rejected.contains(&all[*i].name));
+    selected.members[..=untried.unwrap_or(0)].rotate_right(1);
+    let first = selected.members[0];
+    // The largest gain that a free function adds to the selected effects.
+    let explained = selected.gain();
     let left = free
         .iter()
         .copied()
         .map(|i| {
-            let added = added(examination, i, &together.members, &together.gains);
-            let counts = significant(beside(examination, i, &together.members).1, free_count, &added);
+            let added = added_gains(examination, i, &selected.members, &selected.gains);
+            let p_value = score_given(examination, i, &selected.members).1;
+            let counts = significant(p_value, free_count, &added, thresholds);
             (i, if counts { added.iter().sum::<f64>() } else { 0.0 })
         })
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let mut share = 1.0;
-    // Planes of the frames' own compete too: an effect that is there takes them up.
+    // The gain of the frames' planes, half of χ² less its three degrees of freedom: an effect that is present takes it up.
     let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
-    let instead = |free: usize, explained: f64| match apart(examination, &ranked, &free_that_count, least) {
-        Some(effect) => {
-            let indistinguishable = indistinguishable(examination, effect, &[effect]);
-            let of_planes = 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE);
-            let beside = Vec::new();
-            Decision::Add { effect, beside, indistinguishable, explained, of_planes, beside_unexplained: true }
-        }
-        None => Decision::Unexplained { free, explained },
-    };
+    let with_unexplained =
+        |free: usize, explained: f64, competitor: Competitor| match robust_effect(examination, &ranked, &significant_free, least, thresholds) {
+            Some(effect) => Decision::Add {
+                effect,
+                jointly_with: Vec::new(),
+                indistinguishable: indistinguishable(examination, effect, &[effect], thresholds),
+                explained,
+                of_planes: 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE),
+                leaves_unexplained: true,
+            },
+            None => Decision::Unexplained { free, explained, competitor },
+        };
     if let Some((free, left)) = left {
         share = explained / (explained + left);
-        if share < EXPLAINED {
-            return instead(best_free.unwrap_or(free), share);
+        if share < thresholds.least_explained {
+            return with_unexplained(best_free.unwrap_or(free), share, Competitor::FreeFunction);
         }
     }
-    // Half of χ² with three degrees of freedom per frame scatters by this.
+    // Standard deviation of half the sum of χ² with three degrees of freedom each.
     let scatter = 0.5 * (6.0 * planes.len() as f64).sqrt();
-    let of_planes = 0.5 * together.statistic / (own_planes - PLANES_SCATTER * scatter).max(f64::MIN_POSITIVE);
-    if of_planes < FRAMES_EXPLAINED {
+    let of_planes = 0.5 * selected.statistic / (own_planes - thresholds.plane_scatter * scatter).max(f64::MIN_POSITIVE);
+    if of_planes < thresholds.least_explained_of_planes {
         let free = best_free.unwrap_or_else(|| free[0]);
-        return instead(free, of_planes);
+        return with_unexplained(free, of_planes, Competitor::FramePlanes);
     }
-    let indistinguishable = indistinguishable(examination, first, &together.members);
-    let beside = together.members[1..].to_vec();
-    Decision::Add { effect: first, beside, indistinguishable, explained: share, of_planes, beside_unexplained: false }
+    Decision::Add {
+        effect: first,
+        jointly_with: selected.members[1..].to_vec(),
+        indistinguishable: indistinguishable(examination, first, &selected.members, thresholds),
+        explained: share,
+        of_planes,
+        leaves_unexplained: false,
+    }
 }
 
-/// Effects by falling rank, without those that were rejected.
+/// Effects by falling penalised merit, without those that were rejected.
 fn ranked(examination: &Examination, effects: &[usize], rejected: &[String]) -> Vec<usize> {
     let all = &examination.evidence;
     let mut ranked: Vec<usize> = effects.iter().copied().filter(|i| !rejected.contains(&all[*i].name)).collect();
-    ranked.sort_by(|a, b| rank(examination, *b).total_cmp(&rank(examination, *a)));
+    ranked.sort_by(|a, b| penalized_merit(examination, *b).total_cmp(&penalized_merit(examination, *a)));
     ranked
 }
 
-/// The first effect that is there whatever else is: its score is significant by its scatter from frame to frame, which holds
-/// whatever the residuals of a frame share, and it is no mere part of what a free function explains (`free`, by falling
-/// merit).
-fn apart(examination: &Examination, ranked: &[usize], free: &[usize], least: f64) -> Option<usize> {
+/// The first of the `ranked` effects that holds although something is unexplained: it is significant by the scatter of its
+/// score between frames, which is valid however residuals within a frame are correlated, and it keeps its gain when fitted
+/// jointly with each of the strongest free functions (`free`, by falling merit), unless the function adds little to it.
+fn robust_effect(
+    examination: &Examination,
+    ranked: &[usize],
+    free: &[usize],
+    least: f64,
+    thresholds: &Thresholds,
+) -> Option<usize> {
+    let Thresholds { least_kept_gain, least_explained, .. } = *thresholds;
     let (lin, all) = (&examination.linearization, &examination.evidence);
-    let least = least.max(WORTH_NAMING * examination.cost());
-    let competitors = &free[..free.len().min(MOST_BESIDE)];
+    let least = least.max(thresholds.least_named_share * examination.cost());
+    let competitors = &free[..free.len().min(thresholds.most_competing_functions)];
     ranked.iter().copied().find(|candidate| {
         let effect = &all[*candidate];
         let own = effect.gain();
-        significant(effect.p_value, examination.tests, &effect.gains)
+        significant(effect.p_value, examination.tests, &effect.gains, thresholds)
             && merit(effect) > least
-            && effect.score.clustered_p_value * (examination.tests as f64) < LEVEL_BY_FRAMES
+            && effect.score.clustered_p_value * (examination.tests as f64) < thresholds.clustered_level
             && competitors.iter().map(|i| &all[*i]).all(|competitor| {
-                let together: f64 = lin.held_out_gain(&[competitor.index, effect.index]).iter().sum();
-                together - competitor.gain() > KEPT * own || (together - own) * EXPLAINED < own * (1.0 - EXPLAINED)
+                let joint: f64 = lin.held_out_gain(&[competitor.index, effect.index]).iter().sum();
+                joint - competitor.gain() > least_kept_gain * own
+                    || (joint - own) * least_explained < own * (1.0 - least_explained)
             })
     })
 }
 
-/// Effects that these captures cannot tell from effect `first`, those of `stack` left out.
-fn indistinguishable(examination: &Examination, first: usize, stack: &[usize]) -> Vec<String> {
+/// Names of the effects that these captures cannot distinguish from effect `first`, without the `selected` ones.
+fn indistinguishable(
+    examination: &Examination,
+    first: usize,
+    selected: &[usize],
+    thresholds: &Thresholds,
+) -> Vec<String> {
     let (lin, all) = (&examination.linearization, &examination.evidence);
     (0..all.len())
-        .filter(|i| all[*i].along.is_none() && !stack.contains(i) && all[*i].gain() > 0.0)
+        .filter(|i| all[*i].along.is_none() && !selected.contains(i) && all[*i].gain() > 0.0)
         .filter(|i| {
-            let apart = difference(&all[first].gains, &all[*i].gains);
-            let beside = lin.score_adjusted(all[first].index, &[all[*i].index]).p_value;
-            t_of(&apart) < TOLD_APART && beside > LEVEL
+            let difference = difference(&all[first].gains, &all[*i].gains);
+            let given_other = lin.score_adjusted(all[first].index, &[all[*i].index]).p_value;
+            t_of(&difference) < thresholds.distinguishing_t && given_other > thresholds.level
         })
         .map(|i| all[i].name.clone())
         .collect()

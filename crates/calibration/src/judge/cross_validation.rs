@@ -1,4 +1,4 @@
-//! Errors on frames that a fit did not see.
+//! Cross-validation: errors on frames that a fit did not see, and their bootstrap intervals.
 
 use depthcal_io::{GainInterval, HeldOutErrors, Interval};
 use rand::{RngExt, SeedableRng};
@@ -9,7 +9,7 @@ use crate::judge::evaluate::{Evaluated, EvaluatedFrame, evaluate};
 use crate::observe::Capture;
 use crate::observe::noise::DepthNoise;
 
-/// The frames to fit and those held out: every `every`-th, counted from `first`.
+/// The frames to fit and the held-out ones, every `every`-th counted from `first`.
 pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture) {
     let held = |i: usize| i % every == first;
     let mut rest = capture.subset(|i, _| held(i));
@@ -17,7 +17,7 @@ pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture
     (capture.subset(|i, _| !held(i)), rest)
 }
 
-/// Every frame of a capture, evaluated by a fit that did not see it: `folds` fits, each without every `folds`-th frame.
+/// Errors of every frame under a fit that did not see it: `folds` fits, each without every `folds`-th frame.
 ///
 /// # Errors
 ///
@@ -40,7 +40,7 @@ pub fn cross_validate(
     Ok(all)
 }
 
-/// The errors after correction, one number each.
+/// The errors after correction, one number of each kind.
 pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
     let record = evaluated.record();
     HeldOutErrors {
@@ -51,8 +51,8 @@ pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
     }
 }
 
-/// Root mean square of the corrected depth's errors in standard deviations of the noise, which counts near pixels as much as
-/// far ones; `None` without depth.
+/// Root mean square of the corrected depth's errors in standard deviations of the noise, so that near pixels, where noise is
+/// small, count as much as far ones; `None` without depth.
 pub fn weighted_depth_rms(evaluated: &Evaluated, noise: &DepthNoise) -> Option<f64> {
     let pixels = || evaluated.frames.iter().flat_map(|f| f.pixels.iter());
     // A depth error e has the size e ρ² in inverse depth.
@@ -64,27 +64,27 @@ pub fn weighted_depth_rms(evaluated: &Evaluated, noise: &DepthNoise) -> Option<f
     (n > 0).then(|| (sum / n as f64).sqrt())
 }
 
-/// Pixels count as no worse than this many standard deviations in a weighted mean.
+/// Standard deviations at which errors are clipped in the weighted mean: single outliers do not decide.
 const MOST_SIGMAS: f64 = 8.0;
 
-/// Resamples for intervals.
+/// Bootstrap resamples.
 const RESAMPLES: usize = 1000;
 
-/// Fewest frames from which an interval is made.
+/// Fewest frames for an interval.
 const FEWEST_FRAMES: usize = 3;
 
-/// Sum and number of a frame's squared depth errors.
+/// Sum of a frame's squared depth errors after correction, mm², and their number.
 fn squares(f: &EvaluatedFrame) -> (f64, f64) {
     (f.pixels.iter().map(|p| p.after_mm * p.after_mm).sum(), f.pixels.len() as f64)
 }
 
-/// Root mean square over some of the frames, each as often as it is listed.
+/// Root mean square over frames, given the sum of squares and the number of each.
 fn rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (sum, n) = frames.fold((0.0, 0.0), |(sum, n), (squares, count)| (sum + squares, n + count));
     (sum / n).sqrt()
 }
 
-/// What `of` makes of all frames, and the ends of its 95 % interval: whole frames are drawn with replacement (Efron,
+/// A statistic `of` all frames and the ends of its 95 % percentile interval. Whole frames are drawn with replacement (Efron,
 /// Tibshirani 1993, chapter 13), because pixels of a frame share errors.
 fn resampled(frames: usize, of: impl Fn(&[usize]) -> f64) -> [f64; 3] {
     let mut drawn: Vec<usize> = (0..frames).collect();
@@ -101,7 +101,8 @@ fn resampled(frames: usize, of: impl Fn(&[usize]) -> f64) -> [f64; 3] {
     [value, at(0.025), at(0.975)]
 }
 
-/// The root mean square depth error after correction with its 95 % interval; `None` with less than three frames of depth.
+/// Root mean square depth error after correction, mm, with its 95 % interval over frames; `None` with fewer than three frames
+/// with depth.
 pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
     let frames: Vec<(f64, f64)> = evaluated.frames.iter().map(squares).filter(|f| f.1 > 0.0).collect();
     if frames.len() < FEWEST_FRAMES {
@@ -112,7 +113,7 @@ pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
 }
 
 /// Fall of the root mean square depth error from one model to another on the same frames, per cent, with its 95 %
-/// interval: frames are resampled in pairs. `None` without depth.
+/// interval over frames, which are resampled in pairs. `None` without depth.
 pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
     let pairs: Vec<[(f64, f64); 2]> = before
         .frames

@@ -1,7 +1,7 @@
-//! Errors of a camera on captures that it was not fitted to, before and after correction, as the thesis measures them.
+//! Evaluation: errors of a camera on a capture, before and after correction, as the thesis defines them.
 //!
-//! Poses come from the image alone, with K and lens of the camera held. "Before" is the depth as measured, "after" the
-//! depth corrected by the camera's pixel and depth pieces.
+//! Frames are scored with poses from the image alone, with K and lens of the camera held. "Before" is the depth as measured,
+//! "after" the depth corrected by the camera's pixel and depth pieces.
 
 use depthcal_io::{BeforeAfter, DatasetEvaluation, FrameEvaluation, MeanStd, Rms};
 use depthcal_model::{Camera, Context};
@@ -16,7 +16,7 @@ use crate::start::{FrameMarkers, estimate_pose};
 /// A board pixel with its depth before and after correction.
 #[derive(Debug, Clone, Copy)]
 pub struct PixelError {
-    /// The pixel and what is known of it.
+    /// The pixel with its covariates.
     pub context: Context,
     /// The board's depth there, mm.
     pub board_depth_mm: f64,
@@ -34,16 +34,16 @@ pub struct PixelError {
     pub height_after_mm: f64,
 }
 
-/// Everything that was measured of a frame.
+/// Errors of one frame.
 #[derive(Debug, Clone)]
 pub struct EvaluatedFrame {
     /// Its name.
     pub name: String,
-    /// Camera from board, from the image alone.
+    /// Pose from the image alone: maps board coordinates to camera coordinates, mm.
     pub camera_from_board: Isometry3<f64>,
-    /// Reprojection errors (found minus projected) at the found pixels: [u, v, du, dv], px.
+    /// Reprojection errors: detected pixel and detected minus projected, [u, v, du, dv], px.
     pub reprojection: Vec<[f64; 4]>,
-    /// Dot errors before and after, mm; one pair per marker with depth.
+    /// Dot errors before and after correction, mm; one pair per marker with depth.
     pub dots: Vec<[f64; 2]>,
     /// All valid board pixels.
     pub pixels: Vec<PixelError>,
@@ -51,23 +51,23 @@ pub struct EvaluatedFrame {
     pub uncorrectable: usize,
 }
 
-/// A dataset, evaluated.
+/// Errors of a dataset.
 #[derive(Debug, Clone)]
 pub struct Evaluated {
     /// Its name.
     pub name: String,
     /// Its frames.
     pub frames: Vec<EvaluatedFrame>,
-    /// Frames that could not be evaluated, and why.
+    /// Frames that were not evaluated, and why.
     pub dropped: Vec<DroppedFrame>,
 }
 
-/// Evaluates a camera on a capture.
+/// Evaluates a camera on all frames of a capture.
 pub fn evaluate<F>(camera: &Camera, capture: &Capture<F>) -> Evaluated
 where
     F: AsRef<DetectedFrame> + Sync,
 {
-    // Depth as measured is taken where the depth image says it is: pixel pieces are part of the correction.
+    // Pixel pieces belong to the correction: uncorrected depth is located by the pixel of the depth image itself.
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
     let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> =
         capture.frames.par_iter().map(|frame| evaluate_frame(camera, &bare, capture, frame.as_ref())).collect();
@@ -117,13 +117,13 @@ fn evaluate_frame<F>(
     Ok(EvaluatedFrame { name, camera_from_board: pose, reprojection, dots, pixels, uncorrectable })
 }
 
-/// Distance between a marker's defined position and where image and depth put it, mm.
+/// Distance between a marker's position on the board and its position by image and depth, mm.
 fn dot_distance(point: &MarkerPoint) -> f64 {
     let measured = Vector3::new(point.ray[0], point.ray[1], 1.0) / point.inverse_depth;
     (measured - point.point_in_camera).norm()
 }
 
-/// A board pixel's errors, and the pixel as it is after correction.
+/// Errors of a board pixel, and the pixel after correction; `None` where the camera cannot correct it.
 fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(PixelError, BoardPixel)> {
     let (ray, rho) = camera.correct_near(&p.context, p.cos_incidence, 1.0 / p.depth_mm, Some(p.ray)).ok()?;
     let board_depth_mm = plane.depth_of_shape(ray, camera)?;
@@ -143,7 +143,7 @@ fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(P
     Some((error, corrected))
 }
 
-/// Mean and standard deviation; zeros of nothing.
+/// Mean and standard deviation; zero without values.
 pub fn mean_std(values: impl Iterator<Item = f64> + Clone) -> MeanStd {
     let n = values.clone().count().max(1) as f64;
     let mean = values.clone().sum::<f64>() / n;
@@ -206,8 +206,8 @@ fn depth_rms<'a>(pixels: impl Iterator<Item = &'a PixelError> + Clone) -> Before
     BeforeAfter { before: rms_of(pixels.clone().map(|p| p.before_mm)), after: rms_of(pixels.map(|p| p.after_mm)) }
 }
 
-/// The thesis' table 6.1: errors of every dataset without and with correction. `marked` gets an asterisk: the dataset
-/// that the camera was fitted to.
+/// Text of the thesis' table 6.1: errors of every dataset without and with correction. The dataset with the name `marked`, to
+/// which the camera was fitted, gets an asterisk.
 pub fn table(records: &[DatasetEvaluation], marked: Option<&str>) -> String {
     use std::fmt::Write;
     let mut text = String::new();

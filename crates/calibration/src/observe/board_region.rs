@@ -1,4 +1,4 @@
-//! Which depth pixels lie on the board, and the depth that they should have.
+//! The depth pixels that lie on the board, and the board's depth on their rays.
 
 use depthcal_io::DepthImage;
 use depthcal_model::{Camera, Context, Pattern, Target};
@@ -6,13 +6,13 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::stages::{DepthPixel, MeasuredDepth, RawFrame};
 
-/// Pixels nearer than this to a dot's edge are left out: the depth of the dark print and its rim is unreliable.
+/// Pixels nearer than this to a dot's edge are excluded: depth on the dark print and at its rim is unreliable.
 pub const MARKER_MARGIN_PX: f64 = 1.5;
 
 /// A valid depth pixel inside the board's outermost markers.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardPixel {
-    /// The pixel and what is known of it.
+    /// The pixel with its covariates.
     pub context: Context,
     /// Measured depth, mm.
     pub depth_mm: f64,
@@ -42,7 +42,7 @@ impl BoardPlane {
         Self { board_from_camera: camera_from_board.inverse(), normal, offset }
     }
 
-    /// Depth (mm) at which a ray (X/Z, Y/Z) meets the plane; `None` where it does not, before the camera.
+    /// Depth (mm) at which a ray (X/Z, Y/Z) meets the plane; `None` where it meets none in front of the camera.
     pub fn depth(&self, ray: [f64; 2]) -> Option<f64> {
         let z = self.offset / self.normal.dot(&Vector3::new(ray[0], ray[1], 1.0));
         (z > 0.0 && z.is_finite()).then_some(z)
@@ -52,7 +52,7 @@ impl BoardPlane {
     pub fn depth_of_shape(&self, ray: [f64; 2], camera: &Camera) -> Option<f64> {
         let d = Vector3::new(ray[0], ray[1], 1.0);
         let mut depth = self.depth(ray)?;
-        // Board heights are millimetres on hundreds: each round gains two digits or more.
+        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more.
         for _ in 0..4 {
             let at = self.to_board(ray, depth);
             let height = camera.board_point([at.x, at.y])[2];
@@ -82,8 +82,7 @@ impl BoardPlane {
     }
 }
 
-/// The region of the board that is looked at: the convex hull of all markers, without the markers' surroundings where
-/// they are dots.
+/// The region of the board whose depth is used: the convex hull of all markers, without dots and their surroundings.
 #[derive(Debug, Clone)]
 pub struct BoardRegion {
     hull: Vec<[f64; 2]>,
@@ -103,12 +102,12 @@ impl BoardRegion {
         Self { hull: convex_hull(points), dots, dot_radius_mm }
     }
 
-    /// Corners of the region, board frame, mm, in order.
+    /// Corners of the convex hull in order, board frame, mm.
     pub fn hull(&self) -> &[[f64; 2]] {
         &self.hull
     }
 
-    /// Whether a board point (mm) is inside, `mm_per_px` being the size of a pixel on the board there.
+    /// Whether a board point (mm) is in the region; `mm_per_px` is the size of a pixel on the board there.
     pub fn contains(&self, [x, y]: [f64; 2], mm_per_px: f64) -> bool {
         let n = self.hull.len();
         let inside = (0..n).all(|i| {
@@ -141,8 +140,8 @@ fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     hull
 }
 
-/// All valid depth pixels of a frame on the board under a camera and a pose that come from the image: row by row from a
-/// depth image, of which every `stride`-th column and row is looked at (1 takes all), or the single pixels that were given.
+/// All valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image every
+/// `stride`-th column and row, row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
 pub fn board_pixels(
     frame: &RawFrame,
     unit_mm: f64,
@@ -218,7 +217,8 @@ fn given_pixels(
     pixels.iter().filter_map(pixel).collect()
 }
 
-/// Pixels that the corners span, with a margin for a depth image that is displaced, cut to the image.
+/// First and last column and row that the corners span, with a margin for a displaced depth image, clipped to the image;
+/// `None` where the corners are outside.
 fn bounds(corners: &[[f64; 2]], width: usize, height: usize) -> Option<([usize; 2], [usize; 2])> {
     const MARGIN_PX: f64 = 10.0;
     let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);

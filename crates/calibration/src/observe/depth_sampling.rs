@@ -1,4 +1,5 @@
-//! Which depth pixels enter the joint adjustment: no denser than their noise is correlated.
+//! Selection of the depth pixels for the joint adjustment: on a grid no finer than the correlation length of their noise, so
+//! that their errors are independent.
 
 use std::collections::HashMap;
 
@@ -11,18 +12,18 @@ use super::capture::Capture;
 use super::noise::clipped_sigma;
 use super::stages::{DepthPixel, DepthSample, MeasuredDepth, PosedFrame, SampledFrame};
 
-/// Correlation is looked for up to this distance, px.
+/// Longest distance at which correlation is measured, px.
 const LONGEST_PX: usize = 8;
 /// Share of the variance at the longest distance at which pixels count as uncorrelated.
 const SILL: f64 = 0.9;
-/// Sampling grids are no coarser than this, px.
+/// Largest step of a sampling grid, px.
 const COARSEST_PX: usize = 64;
-/// Frames from which the correlation is measured.
+/// Frames from which the correlation length is measured, about.
 const FRAMES: usize = 8;
 
-/// Samples the depth of every frame: from a depth image, pixels on a grid whose step is the measured correlation length of
-/// the noise, or more where the frame would have more than `most_per_frame`; pixels that were given singly are all taken,
-/// but for those whose ray misses the board's plane. Returns the correlation length, px, where there are depth images.
+/// Samples the depth of every frame. Of a depth image, the pixels on a grid whose step is the measured correlation length of
+/// the noise, or larger where the frame would have more than `most_per_frame` samples; of single pixels, all whose ray meets
+/// the board's plane. Returns the frames and, where there are depth images, the correlation length, px.
 pub fn sample_depth(
     capture: Capture<PosedFrame>,
     camera: &Camera,
@@ -57,7 +58,7 @@ pub fn sample_depth(
     (sampled, correlation_length_px)
 }
 
-/// Pixels on a grid of `step` or, where these are more than `most`, of a larger one.
+/// Pixels on a grid with the step `step`, or a larger one where these would be more than `most`.
 fn thinned(pixels_at: impl Fn(usize) -> Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<BoardPixel> {
     loop {
         let pixels = pixels_at(step);
@@ -69,7 +70,7 @@ fn thinned(pixels_at: impl Fn(usize) -> Vec<BoardPixel>, mut step: usize, most: 
     }
 }
 
-/// Pixels that were given singly with the board point that their ray meets; those that meet none go.
+/// Single pixels with the board points that their rays meet; pixels whose ray meets none are dropped.
 fn seeded(pixels: &[DepthPixel], camera: &Camera, camera_from_board: &Isometry3<f64>) -> Vec<DepthSample> {
     let plane = BoardPlane::new(camera_from_board);
     let sample = |pixel: &DepthPixel| {
@@ -80,9 +81,9 @@ fn seeded(pixels: &[DepthPixel], camera: &Camera, camera_from_board: &Isometry3<
     pixels.iter().filter_map(sample).collect()
 }
 
-/// From the structure function ½ E[(e(x + h) − e(x))²] of the deviations e from a plane in every frame: the distance at
-/// which it has reached 0.9 of its value at the longest distance looked at. Slow systematic errors hardly enter
-/// differences of near pixels.
+/// Correlation length of the noise, px, from the structure function ½ E[(e(x + h) − e(x))²] of the deviations e from a plane in
+/// every frame: the distance h at which it reaches the share [`SILL`] of its value at [`LONGEST_PX`]. Systematic errors that
+/// vary slowly over the image hardly contribute to differences of near pixels.
 fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
     let mut sums = [(0.0_f64, 0_usize); LONGEST_PX + 1];
     for pixels in frames {
@@ -91,7 +92,7 @@ fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
         let key = |p: &BoardPixel| (p.context.pixel[0] as i64, p.context.pixel[1] as i64);
         let inliers = || pixels.iter().zip(&deviations).filter(|(_, e)| e.abs() <= scale);
         let field: HashMap<(i64, i64), f64> = inliers().map(|(p, e)| (key(p), *e / scale)).collect();
-        // In the pixels' order, not the map's: sums must not depend on hashing.
+        // In the order of the pixels, not of the map: sums must not depend on hashing.
         for (p, e) in inliers() {
             let (u, v) = key(p);
             for (h, sum) in sums.iter_mut().enumerate().skip(1) {
@@ -109,7 +110,7 @@ fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
     (1..=LONGEST_PX).find(|h| !(value(*h) < sill)).unwrap_or(LONGEST_PX)
 }
 
-/// Inverse depth minus its best affine function of the ray, 1/mm.
+/// Deviations of inverse depth from its least-squares affine function of the ray, 1/mm.
 pub(crate) fn plane_deviations(pixels: &[BoardPixel]) -> Vec<f64> {
     let (mut normal, mut rhs) = (Matrix3::zeros(), Vector3::zeros());
     for p in pixels {

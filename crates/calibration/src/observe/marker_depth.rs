@@ -1,20 +1,20 @@
-//! Depth at markers, from a plane fitted to the valid depth around them with the markers masked out.
+//! Depth at markers, interpolated from a plane that is fitted to the depth around each marker.
 
 use depthcal_model::Target;
 use nalgebra::{Matrix3, Vector3};
 
 use super::board_region::BoardPixel;
 
-/// Pixels within this many nearest-marker distances of a marker support its plane.
+/// Radius around a marker within which pixels support its plane, in distances between neighbouring markers.
 const SUPPORT: f64 = 1.1;
 /// Fewest supporting pixels.
 const FEWEST_PIXELS: usize = 12;
-/// Residuals beyond this many robust standard deviations leave the fit.
+/// Residuals beyond this many robust standard deviations are excluded from the fit.
 const GATE: f64 = 3.5;
 
-/// Measured inverse depth (1/mm) at every marker, interpolated from a plane (affine in the rays' x and y, which is exact
-/// for planes) fitted robustly to the board pixels around it; `None` where too few pixels are valid or they lie on one
-/// side only.
+/// Measured inverse depth (1/mm) at every marker (index and ray), interpolated from an affine function of the ray, which is
+/// exact for planes, that is fitted robustly to the board pixels around the marker. `None` where too few pixels are valid or
+/// where they lie on one side of the marker only.
 pub fn marker_inverse_depths(
     target: &Target,
     markers: &[(usize, [f64; 2])],
@@ -47,14 +47,14 @@ fn plane_at(ray: [f64; 2], pixels: &[&BoardPixel]) -> Option<f64> {
         if kept.len() < FEWEST_PIXELS {
             return None;
         }
-        // About the marker, so that the plane's constant is the value there.
+        // Coordinates are relative to the marker: the constant of the plane is the value at the marker.
         let (mut normal, mut rhs) = (Matrix3::zeros(), Vector3::zeros());
         for q in &kept {
             let row = Vector3::new(q.ray[0] - ray[0], q.ray[1] - ray[1], 1.0);
             normal += row * row.transpose();
             rhs += row / q.depth_mm;
         }
-        // Extrapolation makes the constant's variance large: the marker must be inside its support.
+        // A marker outside its supporting pixels would be extrapolated, which the variance of the constant shows.
         let inverse = normal.try_inverse()?;
         if inverse.m33 * kept.len() as f64 > 4.0 {
             return None;

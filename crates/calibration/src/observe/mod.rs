@@ -1,4 +1,4 @@
-//! What was measured: frames at every stage, depth samples, their noise, and which pixels show the board.
+//! Measurements: frames at every stage, depth samples, their noise, and the pixels that show the board.
 
 pub mod board_region;
 mod capture;

@@ -1,4 +1,4 @@
-//! The infrared amplitude at a pixel and around it, which some effects depend on.
+//! The infrared amplitude at a pixel and around it, a covariate of some effects.
 
 use depthcal_io::GrayImage;
 use depthcal_model::SURROUND_PX;
@@ -15,10 +15,10 @@ pub struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    /// Pixels to either side that count.
+    /// Reach of the Gaussian window to either side, px.
     const REACH: i64 = 4;
 
-    /// At the pixel nearest to (u, v); `None` outside the image.
+    /// The neighbourhood of the pixel nearest to (u, v); `None` outside the image.
     pub fn at(image: &GrayImage, [u, v]: [f64; 2]) -> Option<Self> {
         let (u, v) = (u.round(), v.round());
         let inside = u >= 0.0 && v >= 0.0 && u < image.width as f64 && v < image.height as f64;

@@ -1,6 +1,6 @@
 //! Noise of the measurements, estimated from residuals.
 
-/// Residuals beyond this many standard deviations are clipped when a variance is estimated.
+/// Standard deviations at which residuals are clipped when a variance is estimated.
 const CLIP: f64 = 3.0;
 /// E[min(r², 9)] of a standard normal r, which makes the clipped variance consistent.
 const CLIPPED_UNIT_VARIANCE: f64 = 0.995_012;
@@ -31,8 +31,9 @@ impl DepthNoise {
         self.a_per_mm.hypot(self.b_mm * inverse_depth * inverse_depth)
     }
 
-    /// The law that explains residuals (1/mm) at given inverse depths (1/mm) best: maximum likelihood over the two
-    /// variances, from clipped variances in bins of equal counts. `inflation` is n over the redundancy.
+    /// Maximum-likelihood estimate of a² and b² from pairs of inverse depth and residual (both 1/mm), from clipped variances in
+    /// bins of equal counts. `inflation` is the number of residuals over their redundancy. `None` with fewer than 20
+    /// residuals, or where all are zero.
     pub fn fit(samples: &[(f64, f64)], inflation: f64) -> Option<Self> {
         const BINS: usize = 12;
         let mut sorted: Vec<(f64, f64)> =
@@ -82,8 +83,8 @@ impl DepthNoise {
     }
 }
 
-/// Standard deviation about zero, with residuals beyond three standard deviations clipped; consistent for normal
-/// noise, bounded influence for outliers (Huber 1981, proposal 2).
+/// Standard deviation about zero with residuals clipped at three standard deviations (Huber 1981, proposal 2): consistent for
+/// normal noise, and outliers have bounded influence. NaN without residuals.
 pub fn clipped_sigma(residuals: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).filter(|r| r.is_finite()).collect();
     if sizes.is_empty() {

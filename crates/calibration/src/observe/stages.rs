@@ -1,5 +1,5 @@
-//! A frame at each stage of its way: raw, detected, posed, sampled. Each stage holds the one before it and dereferences to
-//! it, so that a sampled frame has a pose, markers and images, and a function's argument says what it needs.
+//! A frame at each stage: raw, detected, posed, sampled. Each stage contains the one before it and dereferences to it, so that a
+//! sampled frame has a pose, markers and images too. The type of an argument states which stage a function needs.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -17,31 +17,31 @@ pub struct MarkerObservation {
     pub index: usize,
     /// Where it was found, px.
     pub pixel: [f64; 2],
-    /// Standard deviation of each coordinate, px, up to a factor common to all markers; 1 where nothing is known.
+    /// Standard deviation of each coordinate, px, up to a factor common to all markers; 1 where it is unknown.
     pub std_px: f64,
 }
 
 /// A measured depth pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthPixel {
-    /// The pixel and what is known of it.
+    /// The pixel with its covariates.
     pub context: Context,
     /// Measured depth, mm.
     pub depth_mm: f64,
 }
 
-/// A depth pixel on the board that takes part in the adjustment.
+/// A depth pixel on the board that is an observation of the adjustment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepthSample {
-    /// The pixel and what is known of it.
+    /// The pixel with its covariates.
     pub context: Context,
     /// Measured depth, mm.
     pub depth_mm: f64,
-    /// The board point that the pixel sees under the start values, mm: where Newton's method begins.
+    /// The board point that the pixel sees under the start values, mm: start of Newton's method in the chain.
     pub board_seed: [f64; 2],
 }
 
-/// What was measured of a frame's depth.
+/// The measured depth of a frame.
 #[derive(Debug, Clone, Default)]
 pub enum MeasuredDepth {
     /// Nothing.
@@ -49,7 +49,7 @@ pub enum MeasuredDepth {
     None,
     /// A depth image on the pixel grid of the image.
     Image(Arc<DepthImage>),
-    /// Single pixels, as a simulation at the level of points gives them.
+    /// Single pixels, for example of a simulation without images.
     Pixels(Vec<DepthPixel>),
 }
 
@@ -62,7 +62,7 @@ pub struct RawFrame {
     pub time_s: f64,
     /// Temperature, °C; NaN where unknown.
     pub temperature_c: f64,
-    /// What the dataset says about the frame, as it says it.
+    /// The frame's metadata as the dataset has them.
     pub metadata: FrameMetadata,
     /// The image (the infrared amplitude), where there is one.
     pub image: Option<Arc<GrayImage>>,
@@ -71,7 +71,7 @@ pub struct RawFrame {
 }
 
 impl RawFrame {
-    /// What is known of the observation at a pixel of the depth image.
+    /// Covariates of an observation at a pixel of the depth image.
     pub fn context(&self, pixel: [f64; 2]) -> Context {
         let neighbourhood = self.image.as_ref().and_then(|image| Neighbourhood::at(image, pixel));
         let unknown = Neighbourhood { amplitude: f64::NAN, surround: f64::NAN, slope: [f64::NAN; 2] };
@@ -87,7 +87,7 @@ impl RawFrame {
         }
     }
 
-    /// The single depth pixels that were given; none where there is a depth image.
+    /// The single depth pixels; none where there is a depth image.
     pub fn depth_pixels(&self) -> &[DepthPixel] {
         match &self.depth {
             MeasuredDepth::Pixels(pixels) => pixels,
@@ -95,7 +95,7 @@ impl RawFrame {
         }
     }
 
-    /// The same, to be changed.
+    /// The single depth pixels, to be changed.
     pub fn depth_pixels_mut(&mut self) -> &mut [DepthPixel] {
         match &mut self.depth {
             MeasuredDepth::Pixels(pixels) => pixels,
@@ -131,8 +131,8 @@ pub struct PosedFrame {
     pub camera_from_board: Isometry3<f64>,
 }
 
-/// A frame with the depth pixels that take part in the adjustment; none where it has no depth on the board, or where the
-/// images alone were adjusted.
+/// A frame with the depth pixels that are observations of the adjustment: none where it has no depth on the board, or where
+/// the images alone were adjusted.
 #[derive(Debug, Clone)]
 pub struct SampledFrame {
     /// The frame with its pose.
@@ -184,7 +184,7 @@ impl AsRef<DetectedFrame> for SampledFrame {
 pub trait AdjustableFrame: AsRef<DetectedFrame> + Deref + Clone + Send + Sync {
     /// The frame with its pose.
     fn posed(&self) -> &PosedFrame;
-    /// The same, to be changed.
+    /// The frame with its pose, to be changed.
     fn posed_mut(&mut self) -> &mut PosedFrame;
     /// Its depth samples; none before the frame is sampled.
     fn samples(&self) -> &[DepthSample];

@@ -1,13 +1,13 @@
-//! Why there are no start values, and the limits that decide it.
+//! Errors of the start values, and the limits below which captures are refused.
 
 use depthcal_model::RegisterError;
 use thiserror::Error;
 
-/// Fewest markers from which a frame's homography is taken: four would leave nothing to check it by.
+/// Fewest markers for the homography of a frame: with four, which determine it exactly, nothing could check it.
 pub const FEWEST_MARKERS: usize = 6;
-/// Fewest frames from which a camera is calibrated.
+/// Fewest frames for a calibration.
 pub const FEWEST_FRAMES: usize = 3;
-/// Boards that all lie within this angle of each other count as parallel, degrees.
+/// Largest angle between two boards at which they count as parallel, degrees.
 pub const PARALLEL_DEG: f64 = 4.0;
 
 /// Why there are no start values.
@@ -63,7 +63,7 @@ pub enum StartError {
         /// Frames used.
         frames: usize,
     },
-    /// No pose puts the board before the camera.
+    /// No pose puts the board in front of the camera.
     #[error("no pose explains the markers of frame '{frame}'")]
     NoPose {
         /// The frame.

@@ -1,12 +1,12 @@
-//! The markers of one frame, as the start values need them.
+//! The markers of one frame: input of the start values.
 
 use crate::observe::MarkerObservation;
 
-/// The markers of one frame, as the start values need them.
+/// The markers of one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct FrameMarkers<'a> {
-    /// Name for messages.
+    /// Name of the frame, for messages.
     pub name: &'a str,
-    /// What was found.
+    /// The detected markers.
     pub markers: &'a [MarkerObservation],
 }

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Matrix3, SMatrix, SVector};
 use super::error::{FEWEST_MARKERS, StartError};
 use super::frame_markers::FrameMarkers;
 
-/// Ratio of the board's narrow to its wide extent below which its markers count as collinear.
+/// Ratio of the narrow to the wide extent of the markers below which they count as collinear.
 const COLLINEAR: f64 = 1e-3;
 
 /// The homography that maps board coordinates (mm, homogeneous) to pixels, by the normalised direct linear transform
@@ -55,6 +55,7 @@ pub fn homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Matrix3<f
     Ok(h / h.norm())
 }
 
+/// Step of the first eight coefficients, the ninth being 1; `None` where the points do not determine it.
 fn gauss_newton_step(h: &Matrix3<f64>, board: &[[f64; 2]], image: &[[f64; 2]]) -> Option<SVector<f64, 8>> {
     let (mut normal, mut rhs) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros());
     for ([x, y], [u, v]) in board.iter().zip(image) {
@@ -69,7 +70,7 @@ fn gauss_newton_step(h: &Matrix3<f64>, board: &[[f64; 2]], image: &[[f64; 2]]) -
     normal.cholesky().map(|c| c.solve(&rhs))
 }
 
-/// Smaller over larger extent (root of the eigenvalues of the scatter).
+/// Smaller over larger extent of points: the ratio of the roots of their scatter matrix' eigenvalues.
 fn flatness(points: &[[f64; 2]]) -> f64 {
     let n = points.len() as f64;
     let mean = points.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]);
@@ -84,7 +85,7 @@ fn flatness(points: &[[f64; 2]]) -> f64 {
     if half + root > 0.0 { ((half - root).max(0.0) / (half + root)).sqrt() } else { 0.0 }
 }
 
-/// Moves the centroid to the origin and the mean distance from it to √2.
+/// The similarity that moves the centroid to the origin and scales the mean distance from it to √2.
 fn normaliser(points: &[[f64; 2]]) -> Matrix3<f64> {
     let n = points.len() as f64;
     let mean = points.iter().fold([0.0; 2], |m, p| [m[0] + p[0] / n, m[1] + p[1] / n]);

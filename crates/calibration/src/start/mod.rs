@@ -1,6 +1,6 @@
-//! Start values without a guess from the user: homographies, Zhang's closed form, poses.
+//! Start values from the markers alone: homographies, Zhang's closed form for the pinhole, poses.
 //!
-//! Sets of captures that cannot determine a camera end in a [`StartError`] that says what is missing.
+//! Captures that do not determine a camera are refused with a [`StartError`] that names what is missing.
 
 mod error;
 mod frame_markers;

@@ -1,4 +1,4 @@
-//! Poses of a board from its image.
+//! Pose of a board from its markers in one image.
 
 use depthcal_model::chain::{POSE, Workspace};
 use depthcal_model::{Camera, Target};
@@ -9,10 +9,10 @@ use super::frame_markers::FrameMarkers;
 use super::homography::homography;
 use crate::observe::MarkerObservation;
 
-/// A pose and how well it fits.
+/// A pose with its reprojection error.
 #[derive(Debug, Clone)]
 pub struct PoseFit {
-    /// Board to camera frame.
+    /// The pose: maps board coordinates to camera coordinates, mm.
     pub camera_from_board: Isometry3<f64>,
     /// Reprojection error: root mean square distance, px.
     pub rms_px: f64,
@@ -20,12 +20,12 @@ pub struct PoseFit {
 
 /// The pose that minimises the reprojection error under a given camera.
 ///
-/// Started from the homography of the undistorted markers and from its mirror image about the line of sight, the other
-/// local minimum of a plane's pose (Schweighofer, Pinz 2006); the better one is kept.
+/// The search starts from the homography of the undistorted markers and from the pose mirrored about the line of sight, which
+/// is the other local minimum of a plane's pose (Schweighofer, Pinz 2006); the better result is returned.
 ///
 /// # Errors
 ///
-/// [`StartError`], where the markers are too few, collinear, outside the lens model, or no pose lies before the camera.
+/// [`StartError`], where the markers are too few, collinear or outside the lens model, or no pose is in front of the camera.
 pub fn estimate_pose(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -> Result<PoseFit, StartError> {
     let no_pose = || StartError::NoPose { frame: frame.name.to_owned() };
     let undistorted: Vec<MarkerObservation> = frame
@@ -55,7 +55,7 @@ fn from_homography(h: &Matrix3<f64>) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }
 
-/// The pose whose plane is mirrored about the line of sight to the board's middle.
+/// The pose with the board's plane mirrored about the line of sight to its middle; `None` where the board is seen edge-on.
 fn mirror(pose: &Isometry3<f64>, target: &Target) -> Option<Isometry3<f64>> {
     let points = target.points();
     let n = points.len() as f64;
@@ -69,8 +69,8 @@ fn mirror(pose: &Isometry3<f64>, target: &Target) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts(Translation3::from(middle.coords - rotation * centre), rotation))
 }
 
-/// Minimises the reprojection error over the pose alone, by Levenberg–Marquardt from `start`. `None` where the board
-/// leaves the camera's view.
+/// Minimises the reprojection error over the pose alone, by the Levenberg–Marquardt method from `start`. `None` where the camera
+/// does not image the board in the start pose, or where the markers do not determine the pose.
 pub fn refine_pose(
     camera: &Camera,
     target: &Target,

@@ -1,4 +1,4 @@
-//! A camera without distortion and a pose per frame, from the markers alone.
+//! A camera without distortion and one pose per frame, from the markers alone.
 
 use depthcal_model::{Block, Camera, Register, Target};
 use nalgebra::Isometry3;
@@ -9,12 +9,13 @@ use super::homography::homography;
 use super::pose::estimate_pose;
 use super::zhang::{check_tilts, pinhole_from_homographies};
 
-/// A camera with a distortion-free lens model of the given name (`none` for no lens) and a pose (camera from board) per
-/// frame, from the markers alone. Refinement by adjustment is the caller's.
+/// A camera with the named lens model at its nominal parameters, that is without distortion (`none` for no lens model), and one
+/// pose per frame, from the markers alone. They are start values for an adjustment. `width` and `height` are the images' size,
+/// px.
 ///
 /// # Errors
 ///
-/// [`StartError`], where the captures do not determine a camera.
+/// [`StartError`], where the frames do not determine a camera, or where the lens model is unknown.
 pub fn start_values(
     target: &Target,
     width: usize,

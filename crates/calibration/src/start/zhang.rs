@@ -1,16 +1,16 @@
-//! The pinhole from homographies.
+//! The pinhole parameters from homographies (Zhang 2000).
 
 use depthcal_model::chain::PINHOLE;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::error::{PARALLEL_DEG, StartError};
 
-/// Principal points further than this part of the image's size from its middle are not believed.
+/// Largest plausible distance of the principal point from the image's middle, as a share of the image's size.
 const PRINCIPAL_POINT_PART: f64 = 0.25;
 
-/// fx, fy, cx, cy (and a skew of 0) by the closed form of Zhang 2000 with zero skew. Where few or weakly tilted boards
-/// give a principal point that is far from the image's middle it is held there, and only the focal lengths are solved
-/// for.
+/// fx, fy, cx, cy, skew (px) by the closed form of Zhang 2000 with zero skew, from homographies that map the board (mm) to images
+/// of `width` by `height` pixels. Where few or weakly tilted boards give an implausible principal point it is held in the
+/// image's middle, and the focal lengths alone are solved for.
 ///
 /// # Errors
 ///
@@ -63,7 +63,7 @@ fn full_form(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
     (fx2 > 0.0 && fy2 > 0.0 && fx2.is_finite() && fy2.is_finite()).then(|| [fx2.sqrt(), fy2.sqrt(), cx, cy])
 }
 
-/// The focal lengths with the principal point held in the middle; a common one where two are not determined.
+/// The focal lengths with the principal point held in the middle; a common focal length where two are not determined.
 fn focal_lengths(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
     let (mut aa, mut ab, mut bb, mut ac, mut bc) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for [a, b, _, _, c] in homographies.iter().flat_map(constraints) {
@@ -82,10 +82,10 @@ fn focal_lengths(homographies: &[Matrix3<f64>]) -> Option<[f64; 4]> {
     (common > 0.0 && common.is_finite()).then(|| [(1.0 / common).sqrt(), (1.0 / common).sqrt(), 0.0, 0.0])
 }
 
-/// Refuses sets whose boards are all parallel: they fix neither the focal length nor the principal point.
+/// Refuses captures whose boards are all parallel: they determine neither the focal length nor the principal point.
 ///
-/// The normals are taken with a wide-angle focal length of 0.8 image widths: for boards parallel to the image they are
-/// right whatever the focal length, and parallel boards stay parallel.
+/// The normals are computed with an assumed focal length of 0.8 image widths. Whatever the true one, parallel boards have
+/// parallel normals, and those of boards parallel to the image are exact.
 ///
 /// # Errors
 ///

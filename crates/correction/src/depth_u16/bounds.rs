@@ -19,7 +19,7 @@ pub(crate) struct Bound {
     q: f32,
     r: f32,
     r_above: f32,
-    /// Whether every valid depth before the pole has a valid result: all pixels have a ray, q = 0, and p is not near −1.
+    /// Whether every valid depth before the pole has a valid result: all pixels have a ray, q = 0 and |p| < 0.4.
     pub keeps_valid: bool,
 }
 

@@ -218,28 +218,133 @@ mod tests {
         }
     }
 
+    /// Where an output pixel comes from, by the definition of the map.
+    enum Origin {
+        /// Upper left, upper right, lower left, lower right source pixel, and the fractions of a pixel to the right and down.
+        Between([usize; 4], [f64; 2]),
+        /// The nearest pixel, at the border of the image.
+        Border(usize),
+        Outside,
+    }
+
+    fn origin(camera: &Camera, pinhole: [f64; 5], index: usize) -> Origin {
+        let (w, h) = (camera.width, camera.height);
+        let [u, v] = source(camera, pinhole, pixel(index, w));
+        let (right, bottom) = ((w - 1) as f64, (h - 1) as f64);
+        if (0.0..=right).contains(&u) && (0.0..=bottom).contains(&v) {
+            let (column, row) = (u.floor().min(right - 1.0), v.floor().min(bottom - 1.0));
+            let first = row as usize * w + column as usize;
+            return Origin::Between([first, first + 1, first + w, first + w + 1], [u - column, v - row]);
+        }
+        if (-0.5..right + 0.5).contains(&u) && (-0.5..bottom + 0.5).contains(&v) {
+            return Origin::Border(v.round().max(0.0) as usize * w + u.round().max(0.0) as usize);
+        }
+        Origin::Outside
+    }
+
+    /// The mean of a function of four values, mapped back by the same function. Weights are multiples of 1/256 and below 1.
+    fn mean(four: [f64; 4], fractions: [f64; 2], map: impl Fn(f64) -> f64) -> f64 {
+        let [right, lower] = fractions.map(|fraction| (256.0 * fraction).round().min(255.0) / 256.0);
+        let [a, b, c, d] = four.map(&map);
+        map((a + right * (b - a)) * (1.0 - lower) + (c + right * (d - c)) * lower)
+    }
+
     #[test]
-    fn linear_reproduces_what_is_affine_in_the_pixels() {
+    fn output_pixels_show_the_rays_of_their_sources() {
+        for (camera, _, [fx, fy, cx, cy, _]) in cases() {
+            let mut seen = 0;
+            for index in (0..camera.width * camera.height).step_by(13) {
+                let [u, v] = pixel(index, camera.width);
+                let at = source(&camera, [fx, fy, cx, cy, 0.0], [u, v]);
+                let Ok([x, y]) = camera.ray(at, TYPICAL_RHO) else { continue };
+                seen += 1;
+                assert!((fx * x + cx - u).hypot(fy * y + cy - v) < 1e-6, "pixel {index}");
+            }
+            assert!(seen > camera.width * camera.height / 20, "{seen}");
+        }
+    }
+
+    #[test]
+    fn linear_is_the_mean_of_four_pixels_with_their_weights() {
         for (camera, remap, pinhole) in cases() {
-            let (w, h) = (camera.width, camera.height);
-            let image: Vec<u16> = (0..w * h).map(|i| (1000 + 40 * (i % w) + 30 * (i / w)) as u16).collect();
-            let (mut between, mut depth) = (vec![0; w * h], vec![0; w * h]);
-            remap.linear(&image, &mut between).unwrap();
-            remap.depth(&image, &mut depth).unwrap();
-            for i in 0..w * h {
-                let [u, v] = source(&camera, pinhole, pixel(i, w));
-                if u >= 0.0 && v >= 0.0 && u <= w as f64 - 1.0 && v <= h as f64 - 1.0 {
-                    let expected = 1000.0 + 40.0 * u + 30.0 * v;
-                    // Half a step of rounding and half a 256th of a pixel in the weights, a whole one at the last pixel.
-                    assert!((f64::from(between[i]) - expected).abs() < 0.5 + 70.0 / 256.0, "pixel {i}");
-                    // The mean of inverse depth lies lower by the square of the difference over eight depths.
-                    assert!((f64::from(depth[i]) - expected).abs() < 0.5 + 70.0 / 256.0 + 1.0 || expected < 2400.0);
+            let n = camera.width * camera.height;
+            let value = |i: usize, channel: usize| ((i * i * 31 + (17 * channel + 7) * i) % 251 + 1) as u8;
+            let rgb: Vec<[u8; 3]> = (0..n).map(|i| [0, 1, 2].map(|channel| value(i, channel))).collect();
+            let bytes: Vec<u8> = rgb.iter().map(|rgb| rgb[0]).collect();
+            let wide: Vec<u16> = bytes.iter().map(|byte| u16::from(*byte) * 257).collect();
+            let (mut out_rgb, mut out_bytes, mut out_wide) = (vec![[7; 3]; n], vec![7; n], vec![7; n]);
+            remap.linear(&rgb, &mut out_rgb).unwrap();
+            remap.linear(&bytes, &mut out_bytes).unwrap();
+            remap.linear(&wide, &mut out_wide).unwrap();
+            let mut between = 0;
+            for i in 0..n {
+                match origin(&camera, pinhole, i) {
+                    Origin::Between(four, fractions) => {
+                        between += 1;
+                        for channel in 0..3 {
+                            let four = four.map(|k| f64::from(rgb[k][channel]));
+                            let expected = mean(four, fractions, |v| v);
+                            assert!((f64::from(out_rgb[i][channel]) - expected).abs() <= 0.500_001, "pixel {i}");
+                        }
+                        let expected = mean(four.map(|k| f64::from(wide[k])), fractions, |v| v);
+                        assert!((f64::from(out_wide[i]) - expected).abs() <= 0.500_001, "pixel {i}");
+                    }
+                    Origin::Border(nearest) => assert_eq!((out_rgb[i], out_wide[i]), (rgb[nearest], wide[nearest])),
+                    Origin::Outside => assert_eq!((out_rgb[i], out_wide[i]), ([0; 3], 0), "pixel {i}"),
+                }
+                assert_eq!(out_bytes[i], out_rgb[i][0], "pixel {i}");
+            }
+            // A focal length of 0.7 shows the whole image on half of the output.
+            assert!(between > n * 2 / 5, "{between} of {n}");
+        }
+    }
+
+    #[test]
+    fn depth_is_interpolated_on_surfaces_at_every_depth_and_is_the_nearest_pixel_elsewhere() {
+        for (camera, remap, pinhole) in cases() {
+            let (w, n) = (camera.width, camera.width * camera.height);
+            // A surface from 65535 to 701 with 2.6 % across every four pixels, again and again; one with 70 across every four
+            // pixels, which is more than 3 % up to a depth of 2333; noise.
+            let surface = |i: usize| (65_535.0 * (-0.013 * ((i % w + i / w) % 350) as f64).exp()) as u16;
+            let steep = |i: usize| (1000 + 40 * (i % w) + 30 * (i / w)) as u16;
+            let noise = |i: usize| if i % 5 == 0 { 0 } else { (i * 40_503 % 65_536) as u16 };
+            let (mut interpolated, mut taken) = (0, 0);
+            for image in
+                [(0..n).map(surface).collect::<Vec<_>>(), (0..n).map(steep).collect(), (0..n).map(noise).collect()]
+            {
+                let mut out = vec![7; n];
+                remap.depth(&image, &mut out).unwrap();
+                for (i, found) in out.iter().enumerate() {
+                    let (four, fractions) = match origin(&camera, pinhole, i) {
+                        Origin::Between(four, fractions) => (four.map(|k| image[k]), fractions),
+                        Origin::Border(nearest) => {
+                            assert_eq!(*found, image[nearest], "pixel {i}");
+                            continue;
+                        }
+                        Origin::Outside => {
+                            assert_eq!(*found, 0, "pixel {i}");
+                            continue;
+                        }
+                    };
+                    let (least, most) = (four.into_iter().min().unwrap_or(0), four.into_iter().max().unwrap_or(0));
+                    if least > 0 && f64::from(most - least) < 0.03 * f64::from(least) {
+                        interpolated += 1;
+                        let expected = mean(four.map(f64::from), fractions, |z| 1.0 / z);
+                        // Half a step by rounding, and the roundings of f32.
+                        let error = (f64::from(*found) - expected).abs();
+                        assert!(error <= 0.5 + 1e-6 * expected, "pixel {i}: {four:?} become {found}, not {expected}");
+                    } else {
+                        taken += 1;
+                        // Fractions are rounded to 1/256, so that in the middle between two pixels either is near.
+                        let near = |at: f64, fraction: f64| (at - fraction).abs() <= 0.5 + 1.0 / 256.0;
+                        let is_near =
+                            |k: usize| near((k % 2) as f64, fractions[0]) && near((k / 2) as f64, fractions[1]);
+                        let mut nearest = (0..4).filter(|k| is_near(*k));
+                        assert!(nearest.any(|k| four[k] == *found), "pixel {i}: {four:?} become {found}");
+                    }
                 }
             }
-            let rgb: Vec<[u8; 3]> = image.iter().map(|v| [(v >> 8) as u8, 9, 255]).collect();
-            let mut out = vec![[0; 3]; w * h];
-            remap.linear(&rgb, &mut out).unwrap();
-            assert!(out.iter().all(|c| *c == [0; 3] || (c[1] == 9 && c[2] == 255)));
+            assert!(interpolated > n * 2 / 5 && taken > n * 2 / 5, "{interpolated} and {taken} of {n}");
         }
     }
 

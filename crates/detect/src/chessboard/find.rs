@@ -34,7 +34,6 @@ const ATTEMPTS: [Attempt; 4] = [
 const STRAY: f64 = 2.5;
 
 /// Searches an image for a chessboard.
-
 pub(crate) fn find(
     image: &GrayImage,
     target: &Target,

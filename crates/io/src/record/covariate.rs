@@ -16,6 +16,8 @@ pub enum DiagnosisCovariate {
     Depth,
     /// Logarithm of the infrared amplitude.
     Amplitude,
+    /// Infrared amplitude around the pixel.
+    Surroundings,
     /// Cosine of the angle of incidence.
     Incidence,
     /// Time of the frame.

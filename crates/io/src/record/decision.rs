@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 use super::covariate::DiagnosisCovariate;
 
 /// The decision that a round took from its score tests. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisDecision {
     /// Neither an effect nor a free function is significant.
+    #[default]
     Nothing,
     /// An effect is missing.
     Add {

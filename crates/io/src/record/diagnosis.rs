@@ -5,6 +5,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
+use super::decision::DiagnosisDecision;
+use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
 use super::reference::FileReference;
 use crate::file::{FileError, read_json, write_json};
 
@@ -115,17 +117,17 @@ pub struct DiagnosisRound {
     pub effects: Vec<DiagnosisCandidate>,
     /// Free functions of a covariate, in descending order of gain. They compete with the effects and name nothing.
     pub free: Vec<DiagnosisCandidate>,
-    /// The decision, in words.
-    pub decision: String,
+    /// The decision, and what became of it.
+    pub decision: DiagnosisDecision,
 }
 
 /// A frame that was left out.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisFrame {
     /// Its name.
     pub name: String,
-    /// The reason, in words.
-    pub reason: String,
+    /// Why it was left out.
+    pub cause: DiagnosisFrameCause,
 }
 
 /// The plane by which a frame's depth, corrected by the last model, deviates from the pose that its image gives.
@@ -180,15 +182,15 @@ pub struct DiagnosisFile {
     pub rounds: Vec<DiagnosisRound>,
     /// Frames that were left out.
     pub bad_frames: Vec<DiagnosisFrame>,
-    /// Implausible declarations, in words.
+    /// Implausible declarations.
     #[serde(default)]
-    pub declarations: Vec<String>,
-    /// Structure left in the residuals that no effect explains, in words.
+    pub declarations: Vec<DiagnosisDeclaration>,
+    /// Structure left in the residuals that no effect explains.
     #[serde(default)]
-    pub left_over: Vec<String>,
-    /// Captures that would help, in words.
+    pub left_over: Vec<DiagnosisLeftOver>,
+    /// Captures that would help.
     #[serde(default)]
-    pub capture_next: Vec<String>,
+    pub capture_next: Vec<DiagnosisCapture>,
     /// The plane of every frame, given the last model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frame_planes: Vec<DiagnosisFramePlane>,

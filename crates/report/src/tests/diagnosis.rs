@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::super::{ReportDataset, ReportDiagnosis, ReportInput, Role, render};
 use super::{figure_ids, own_part};
-use depthcal_calibration::diagnose::account::to_file;
+use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};

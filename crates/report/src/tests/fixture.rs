@@ -11,7 +11,7 @@ use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame, PixelErro
 use depthcal_calibration::observe::board_region::BoardPlane;
 use depthcal_calibration::observe::{Capture, DepthPixel, DetectedFrame, DroppedFrame, MeasuredDepth};
 use depthcal_calibration::start::{FrameMarkers, estimate_pose};
-use depthcal_model::Camera;
+use depthcal_model::{Camera, ModelSpec};
 
 /// Frames of a capture in the thesis.
 const FRAMES: usize = 27;
@@ -150,7 +150,7 @@ pub(super) fn image_only() -> (Calibrated, Evaluated) {
     let mut capture = observe(&[], 10, FRAMES, 7);
     capture.frames.iter_mut().for_each(|f| f.depth = MeasuredDepth::None);
     let calibrated =
-        calibrate(&capture, &CalibrateOptions { model: "none".to_owned(), ..CalibrateOptions::default() }).unwrap();
+        calibrate(&capture, &CalibrateOptions { model: ModelSpec::none(), ..CalibrateOptions::default() }).unwrap();
     let evaluated = evaluate(&calibrated.camera, &capture);
     (calibrated, evaluated)
 }

@@ -1,4 +1,4 @@
-//! What the observations see: the states at which pieces act, at the fitted poses. Effects are sized here.
+//! The states at which pieces act on the observations of a fit, at the fitted poses, and the size of an effect over them.
 
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Context};
@@ -6,20 +6,25 @@ use depthcal_model::{Block, Context};
 use crate::calibrate::Calibrated;
 use crate::observe::board_region::BoardPlane;
 
-/// Depth samples that sizes are taken from, at most.
+/// Most depth samples over which sizes are averaged.
 const MOST_SAMPLES: usize = 6000;
+/// Quantiles that bound the range of a covariate: single outliers do not widen it.
+const RANGE_QUANTILES: [f64; 2] = [0.005, 0.995];
 
-/// States of a fit's observations.
+/// Chain states and covariates of a fit's observations.
 #[derive(Debug, Clone, Default)]
-pub struct Sights {
-    /// Depth hook: x, y, ρ, cosine, of depth samples.
+pub struct ObservedStates {
+    /// Input of depth pieces at the depth samples: ray (x, y), inverse depth ρ (1/mm), cosine of the angle of incidence.
     depth: Vec<[f64; 4]>,
+    /// Covariates of the depth samples.
     contexts: Vec<Context>,
-    /// Lens hook (x, y, ρ, x, y) and board points, mm, of markers.
+    /// Input of lens pieces at the markers: ray (x, y), inverse depth ρ, ray (x, y).
     lens: Vec<[f64; 5]>,
+    /// Input of board pieces at the markers: board points, mm.
     board: Vec<[f64; 3]>,
+    /// Focal length along the image rows, px.
     focal_px: f64,
-    /// Root mean square noise of single depth pixels, mm.
+    /// Root mean square noise of single depth pixels over the samples, mm.
     pub noise_mm: f64,
 }
 
@@ -35,25 +40,25 @@ pub struct Range {
 }
 
 impl Range {
-    /// Of values, those that are not finite left out; `None` where none is left.
+    /// The range of the finite ones among values; `None` where none is finite.
     pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         let last = sorted.len().checked_sub(1)?;
         let at = |q: f64| sorted[(q * last as f64).round() as usize];
-        Some(Self { low: at(0.005), middle: at(0.5), high: at(0.995) })
+        Some(Self { low: at(RANGE_QUANTILES[0]), middle: at(0.5), high: at(RANGE_QUANTILES[1]) })
     }
 
-    /// Its length.
+    /// Length of the range.
     pub fn span(&self) -> f64 {
         self.high - self.low
     }
 }
 
-impl Sights {
+impl ObservedStates {
     /// The states of a fit's markers and depth samples.
     pub fn of(fit: &Calibrated) -> Self {
-        let mut sights = Self { focal_px: fit.camera.pinhole()[0], ..Self::default() };
+        let mut states = Self { focal_px: fit.camera.pinhole()[0], ..Self::default() };
         let total: usize = fit.capture.frames.iter().map(|f| f.samples.len()).sum();
         let step = total.div_ceil(MOST_SAMPLES).max(1);
         for frame in &fit.capture.frames {
@@ -62,34 +67,35 @@ impl Sights {
             for sample in frame.samples.iter().step_by(step) {
                 let Ok(ray) = fit.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm) else { continue };
                 let Some(depth) = plane.depth(ray) else { continue };
-                sights.depth.push([ray[0], ray[1], 1.0 / depth, plane.cos_incidence(ray)]);
-                sights.contexts.push(sample.context);
+                states.depth.push([ray[0], ray[1], 1.0 / depth, plane.cos_incidence(ray)]);
+                states.contexts.push(sample.context);
             }
             for marker in &frame.markers {
                 let [x, y] = fit.capture.target.point(marker.index);
                 let point_in_camera = pose * nalgebra::Point3::new(x, y, 0.0);
                 let rho = 1.0 / point_in_camera.z;
                 let (a, b) = (point_in_camera.x * rho, point_in_camera.y * rho);
-                sights.lens.push([a, b, rho, a, b]);
-                sights.board.push([x, y, 0.0]);
+                states.lens.push([a, b, rho, a, b]);
+                states.board.push([x, y, 0.0]);
             }
         }
-        let noise = sights.depth.iter().map(|s| fit.noise.depth.sigma(s[2]) / (s[2] * s[2]));
-        sights.noise_mm = rms(noise, 1);
-        sights
+        let noise = states.depth.iter().map(|s| fit.noise.depth.sigma(s[2]) / (s[2] * s[2]));
+        states.noise_mm = rms(noise, 1);
+        states
     }
 
-    /// Range over the depth samples of what `value` makes of state (x, y, ρ, cosine) and context.
+    /// Range over the depth samples of `value`, a function of state (x, y, ρ, cosine of incidence) and covariates.
     pub fn range(&self, value: impl Fn(&[f64; 4], &Context) -> f64) -> Option<Range> {
         Range::of(self.depth.iter().zip(&self.contexts).map(|(s, c)| value(s, c)))
     }
 
-    /// Root mean square of what a block does at its parameters, in mm at the board: to depth for pieces that act on depth, in
-    /// position for all others. Zero for the pinhole.
+    /// Size of an effect: root mean square over the observations of the change that a block makes at its parameters, against its
+    /// nominal parameters, mm at the board. A change of depth for pieces that act on depth, of position for all others; zero
+    /// for the pinhole.
     pub fn size_mm(&self, block: &Block) -> f64 {
         let Some(piece) = block.piece() else { return 0.0 };
         let nominal: Vec<f64> = block.parameters().iter().map(|p| p.nominal).collect();
-        // Change of the piece's output, `outs` numbers per state of `ins`.
+        // Change of the piece's output, `outs` numbers per state.
         let changes = |states: &[f64], contexts: &[Context], outs: usize| -> Vec<f64> {
             let run = |theta: &[f64]| {
                 let mut out = vec![0.0; contexts.len() * outs];
@@ -121,7 +127,7 @@ impl Sights {
     }
 }
 
-/// Root mean square of vectors of `parts` components.
+/// Root mean square length of vectors with `parts` components each; components that are not finite are ignored.
 fn rms(values: impl Iterator<Item = f64>, parts: usize) -> f64 {
     let (sum, n) = values.filter(|v| v.is_finite()).fold((0.0, 0_usize), |(s, n), v| (s + v * v, n + 1));
     (sum * parts as f64 / n.max(1) as f64).sqrt()

@@ -1,25 +1,28 @@
-//! Errors against the number of frames in the fit: how many captures a model needs.
+//! Learning curve: held-out errors against the number of frames in the fit.
 
 use depthcal_io::LearningPoint;
+use depthcal_model::ModelSpec;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::errors::{FrameErrors, errors, frame_errors};
-use super::{CompareOptions, Prepared, Variant};
+use super::image_calibrations::ImageCalibrations;
+use super::options::CompareOptions;
+use super::variants::Variant;
 use crate::calibrate::Estimator;
 use crate::judge::evaluate::evaluate;
 use crate::observe::Capture;
 
-/// Same input, same choice of frames.
+/// Seed of the random choice of frames: the same input gives the same choice.
 const SEED: u64 = 0x6c65_6172_6e00;
 
-/// Frames of the training dataset at random, the same for all models; judged on the other datasets, or, where there are
-/// none, on all frames that the fit did not see.
-pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Vec<LearningPoint> {
+/// Errors of fits to random subsets of the training frames, the same subsets for all models, on the other datasets; where
+/// there are none, on all training frames that the fit did not see.
+pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Vec<LearningPoint> {
     let total = train.frames.len();
-    // Without other datasets some frames must be left to judge by.
+    // Without other datasets, three frames at least are held out.
     let most = if verify.is_empty() { total.saturating_sub(3) } else { total };
     let mut sizes: Vec<usize> = options.learning_sizes.iter().copied().filter(|n| *n < most).collect();
     if sizes.is_empty() || options.learning_fits == 0 {
@@ -29,7 +32,7 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
     let mut points = Vec::new();
     let job = options.calibrate.progress.steps("learning curve", sizes.len());
     for size in sizes {
-        // The fewer frames are left to judge by, the more often they are drawn.
+        // All frames can be chosen in one way only.
         let fits = if size == total { 1 } else { options.learning_fits };
         let mut rng = ChaCha8Rng::seed_from_u64(SEED + size as u64);
         let draws: Vec<Vec<bool>> = (0..fits)
@@ -41,34 +44,34 @@ pub(super) fn curve(train: &Capture, verify: &[Capture], options: &CompareOption
                 chosen
             })
             .collect();
-        // By draw and model.
-        let judged: Vec<Vec<Result<Vec<Vec<FrameErrors>>, String>>> = draws
+        // Errors of the held-out frames of every dataset, or why there is no fit, by draw and model.
+        let evaluated: Vec<Vec<Result<Vec<Vec<FrameErrors>>, String>>> = draws
             .par_iter()
             .map(|chosen| {
                 let fitted = train.subset(|i, _| chosen[i]);
                 let left = [train.subset(|i, _| !chosen[i])];
-                let judges = if verify.is_empty() { &left[..] } else { verify };
-                let prepared = Prepared::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
-                let judge = |model: &String| {
+                let held_out = if verify.is_empty() { &left[..] } else { verify };
+                let from_image = ImageCalibrations::new(fitted, &[options.calibrate.lens.as_str()], &options.calibrate);
+                let errors_of = |model: &ModelSpec| {
                     let variant = Variant::new(model, &options.calibrate.lens, Estimator::Joint);
-                    let camera = prepared.fit(&variant, &options.calibrate)?.camera;
-                    Ok(judges.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
+                    let camera = from_image.fit(&variant, &options.calibrate)?.camera;
+                    Ok(held_out.par_iter().map(|c| frame_errors(&evaluate(&camera, c))).collect())
                 };
-                options.models.par_iter().map(judge).collect()
+                options.models.par_iter().map(errors_of).collect()
             })
             .collect();
         for (m, model) in options.models.iter().enumerate() {
-            let good: Vec<_> = judged.iter().filter_map(|by_model| by_model[m].as_ref().ok()).collect();
+            let good: Vec<_> = evaluated.iter().filter_map(|by_model| by_model[m].as_ref().ok()).collect();
             let mut reasons: Vec<String> =
-                judged.iter().filter_map(|by_model| by_model[m].as_ref().err().cloned()).collect();
+                evaluated.iter().filter_map(|by_model| by_model[m].as_ref().err().cloned()).collect();
             reasons.sort_unstable();
             reasons.dedup();
-            // Frames that several fits leave out count for each of them.
+            // A frame that several fits hold out counts once for each of them.
             let datasets = good.first().map_or(0, |g| g.len());
             let pooled: Vec<Vec<FrameErrors>> =
                 (0..datasets).map(|d| good.iter().flat_map(|g| g[d].iter().cloned()).collect()).collect();
             points.push(LearningPoint {
-                model: model.clone(),
+                model: model.to_string(),
                 frames: size,
                 fits,
                 failed: fits - good.len(),

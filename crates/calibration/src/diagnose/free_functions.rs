@@ -1,7 +1,7 @@
-//! Free functions of a covariate: they take up any structure along it and name nothing.
+//! Free functions: splines of one covariate each, which describe any structure along it and name no cause.
 //!
-//! A named effect has to hold its own against them. Where a free function gains on left-out frames what no named effect
-//! gains, something is there that the catalogue does not have.
+//! They compete with the named effects. Where a free function gains on held-out frames what no named effect gains, the
+//! residuals have structure that no effect of the register describes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,9 +10,10 @@ use depthcal_model::hook::HookKind;
 use depthcal_model::{AnyPiece, Block, Context, Parameter, Role};
 use nalgebra::DMatrix;
 
-use super::sight::{Range, Sights};
+use super::observed_states::{ObservedStates, Range};
+use super::thresholds::Thresholds;
 
-/// What a free function is a function of.
+/// The covariate of a free function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Along {
     /// Pixel position, both coordinates together.
@@ -36,35 +37,20 @@ pub enum Along {
 }
 
 impl Along {
-    /// Whether it is the pixel's position, which a map over the image describes.
+    /// Whether the covariate is the pixel's position, or a part of it: then a map over the image can correct the depth.
     pub fn is_of_the_pixel(self) -> bool {
         matches!(self, Along::Pixel | Along::Column | Along::Row)
     }
-
-    /// Words for reports.
-    pub fn words(self) -> &'static str {
-        match self {
-            Along::Pixel => "position in the image",
-            Along::Column => "image column",
-            Along::Row => "image row",
-            Along::Depth => "depth",
-            Along::Amplitude => "infrared amplitude",
-            Along::Incidence => "angle of incidence",
-            Along::Time => "time",
-            Along::Temperature => "temperature",
-            Along::Board => "position on the board",
-        }
-    }
 }
 
-/// How a free function changes the measured inverse depth ρ.
+/// The quantity to which a free function f is added.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Action {
-    /// ρ + f: a bias of disparity.
+    /// Measured inverse depth, ρ + f: a bias of disparity.
     Disparity,
-    /// ρ − ρ² f: a bias of depth.
+    /// Measured depth, in first order ρ − ρ² f.
     Depth,
-    /// Board height f.
+    /// Height of the board.
     Height,
 }
 
@@ -79,8 +65,8 @@ struct Axis {
 }
 
 impl Axis {
-    /// The first basis function that is not zero at `x`, and the values from there on. Beyond the ends the function goes on
-    /// constant.
+    /// Number of the first basis function that is not zero at `x`, and the values of it and of the next ones. Beyond the ends
+    /// of the axis the functions are constant.
     fn basis(&self, x: f64) -> (usize, [f64; 4]) {
         let spans = self.count - self.degree;
         let t = ((x - self.low) / (self.high - self.low)).clamp(0.0, 1.0) * spans as f64;
@@ -102,9 +88,9 @@ impl Axis {
     }
 }
 
-/// A free function as a piece of the chain.
+/// A free function as a piece of the chain. Its parameters are the coefficients of a tensor product of B-splines.
 #[derive(Debug)]
-struct FreeFunction {
+struct FreeFunctionPiece {
     name: &'static str,
     along: Along,
     action: Action,
@@ -112,14 +98,15 @@ struct FreeFunction {
     parameters: Vec<Parameter>,
 }
 
-impl FreeFunction {
+impl FreeFunctionPiece {
+    /// The covariate of an observation: one number, or two where the function is two-dimensional.
     fn coordinates(&self, state: &[f64], context: &Context) -> [f64; 2] {
         match self.along {
             Along::Pixel => context.pixel,
             Along::Column => [context.pixel[0], 0.0],
             Along::Row => [context.pixel[1], 0.0],
             Along::Depth => [state[2], 0.0],
-            Along::Amplitude => [context.amplitude.max(1e-300).ln(), 0.0],
+            Along::Amplitude => [log_amplitude(context), 0.0],
             Along::Incidence => [state[3], 0.0],
             Along::Time => [context.time_s, 0.0],
             Along::Temperature => [context.temperature_c, 0.0],
@@ -127,10 +114,10 @@ impl FreeFunction {
         }
     }
 
-    /// Calls `take` with every basis function that is not zero at an observation.
+    /// Calls `take` with number and value of every basis function that is not zero at an observation.
     fn each(&self, state: &[f64], context: &Context, mut take: impl FnMut(usize, f64)) {
         let at = self.coordinates(state, context);
-        // Where the covariate is unknown the function has no say.
+        // Where the covariate is unknown the function is zero.
         if !at[0].is_finite() || !at[1].is_finite() {
             return;
         }
@@ -150,7 +137,7 @@ impl FreeFunction {
     }
 }
 
-impl AnyPiece for FreeFunction {
+impl AnyPiece for FreeFunctionPiece {
     fn name(&self) -> &'static str {
         self.name
     }
@@ -183,7 +170,7 @@ impl AnyPiece for FreeFunction {
         }
     }
 
-    /// Derivatives by the state leave out the slope of f: free functions are tested at zero, where it has none.
+    /// The derivatives by the state omit the slope of f: free functions are tested at f = 0, where the slope vanishes.
     fn linearize(
         &self,
         theta: &[f64],
@@ -220,23 +207,27 @@ impl AnyPiece for FreeFunction {
 
 /// A free function, ready to be tested.
 #[derive(Debug, Clone)]
-pub struct Probe {
-    /// Name for tables.
+pub struct FreeFunction {
+    /// Name in tables and files.
     pub name: &'static str,
-    /// What it is a function of.
+    /// Its covariate.
     pub along: Along,
-    /// Its block at zero.
+    /// Its block, at zero and held.
     pub block: Block,
-    /// Precision of its smoothness prior, up to a factor: squared second differences and a weak pull to zero.
+    /// Precision matrix of its smoothness prior, up to a factor: squared second differences of the coefficients and a weak
+    /// ridge.
     pub smoothness: DMatrix<f64>,
 }
 
-/// Squared second differences along one axis, and a weak pull to zero.
-fn roughness(axes: &[Axis]) -> DMatrix<f64> {
+/// Weight of the ridge relative to squared second differences.
+const RIDGE: f64 = 1e-2;
+
+/// Precision matrix of second differences along every axis, and a weak ridge.
+fn smoothness_precision(axes: &[Axis]) -> DMatrix<f64> {
     let counts: Vec<usize> = axes.iter().map(|a| a.count).chain(std::iter::once(1)).take(2).collect();
     let (nu, nv) = (counts[0], counts[1]);
     let n = nu * nv;
-    let mut p = DMatrix::identity(n, n) * 1e-2;
+    let mut p = DMatrix::identity(n, n) * RIDGE;
     let mut add = |cells: [usize; 3]| {
         let weights = [1.0, -2.0, 1.0];
         for (a, wa) in cells.iter().zip(weights) {
@@ -254,26 +245,38 @@ fn roughness(axes: &[Axis]) -> DMatrix<f64> {
     p
 }
 
-fn probe(name: &'static str, along: Along, action: Action, axes: Vec<Axis>) -> Probe {
+fn free_function(name: &'static str, along: Along, action: Action, axes: Vec<Axis>) -> FreeFunction {
     let count = axes.iter().map(|a| a.count).product();
     let unit = if action == Action::Disparity { "1/mm" } else { "mm" };
-    let smoothness = roughness(&axes);
+    let smoothness = smoothness_precision(&axes);
     let parameters = vec![Parameter::new("c", unit, 0.0, 1.0); count];
     let block =
-        Block::new(Arc::new(FreeFunction { name, along, action, axes, parameters }) as Arc<dyn AnyPiece>).hold();
-    Probe { name, along, block, smoothness }
+        Block::new(Arc::new(FreeFunctionPiece { name, along, action, axes, parameters }) as Arc<dyn AnyPiece>).hold();
+    FreeFunction { name, along, block, smoothness }
 }
 
-/// All free functions that these data can hold: along covariates that are known and vary.
-pub fn probes(sights: &Sights, width: usize, height: usize, board: [[f64; 2]; 2]) -> Vec<Probe> {
+/// Logarithm of the infrared amplitude; finite for an amplitude of zero.
+fn log_amplitude(context: &Context) -> f64 {
+    context.amplitude.max(1e-300).ln()
+}
+
+/// The free functions of every covariate that is known and varies enough for the data to determine them, over images of
+/// `width` by `height` pixels and a board between two corners, mm.
+pub fn free_functions(
+    states: &ObservedStates,
+    width: usize,
+    height: usize,
+    board: [[f64; 2]; 2],
+    thresholds: &Thresholds,
+) -> Vec<FreeFunction> {
     let axis = |low: f64, high: f64, count: usize, degree: usize| Axis { low, high, count, degree };
     let (u, v) = (|n, d| axis(0.0, width as f64 - 1.0, n, d), |n, d| axis(0.0, height as f64 - 1.0, n, d));
     let mut list = vec![
-        probe("map", Along::Pixel, Action::Disparity, vec![u(7, 3), v(6, 3)]),
-        probe("map of depth", Along::Pixel, Action::Depth, vec![u(7, 3), v(6, 3)]),
-        probe("columns", Along::Column, Action::Depth, vec![u(24, 1)]),
-        probe("rows", Along::Row, Action::Depth, vec![v(24, 1)]),
-        probe(
+        free_function("map", Along::Pixel, Action::Disparity, vec![u(7, 3), v(6, 3)]),
+        free_function("map of depth", Along::Pixel, Action::Depth, vec![u(7, 3), v(6, 3)]),
+        free_function("columns", Along::Column, Action::Depth, vec![u(24, 1)]),
+        free_function("rows", Along::Row, Action::Depth, vec![v(24, 1)]),
+        free_function(
             "board",
             Along::Board,
             Action::Height,
@@ -282,14 +285,15 @@ pub fn probes(sights: &Sights, width: usize, height: usize, board: [[f64; 2]; 2]
     ];
     let mut along = |name, along, range: Option<Range>, count: usize, least_span: f64| {
         if let Some(range) = range.filter(|r| r.span() > least_span) {
-            list.push(probe(name, along, Action::Depth, vec![axis(range.low, range.high, count, 3)]));
+            list.push(free_function(name, along, Action::Depth, vec![axis(range.low, range.high, count, 3)]));
         }
     };
-    along("depth", Along::Depth, sights.range(|s, _| s[2]), 14, 0.0);
-    along("amplitude", Along::Amplitude, sights.range(|_, c| c.amplitude.max(1e-300).ln()), 6, 0.05);
-    along("incidence", Along::Incidence, sights.range(|s, _| s[3]), 5, 0.02);
-    along("time", Along::Time, sights.range(|_, c| c.time_s), 6, 1e-3);
-    along("temperature", Along::Temperature, sights.range(|_, c| c.temperature_c), 5, 0.05);
+    along("depth", Along::Depth, states.range(|s, _| s[2]), 14, 0.0);
+    along("amplitude", Along::Amplitude, states.range(|_, c| log_amplitude(c)), 6, thresholds.least_log_amplitude_span);
+    along("incidence", Along::Incidence, states.range(|s, _| s[3]), 5, thresholds.least_cos_incidence_span);
+    along("time", Along::Time, states.range(|_, c| c.time_s), 6, thresholds.least_time_span_s);
+    let temperature = states.range(|_, c| c.temperature_c);
+    along("temperature", Along::Temperature, temperature, 5, thresholds.least_temperature_span_c);
     list
 }
 
@@ -297,7 +301,7 @@ pub fn probes(sights: &Sights, width: usize, height: usize, board: [[f64; 2]; 2]
 mod tests {
     use super::*;
 
-    /// B-splines sum to one everywhere, so a free function holds every constant.
+    /// B-splines sum to one everywhere, so that constants are free functions.
     #[test]
     fn splines_are_a_partition_of_unity() {
         for degree in [1, 3] {
@@ -310,11 +314,11 @@ mod tests {
         }
     }
 
-    /// Constants and lines along either axis are not rough.
+    /// Constants and lines along either axis have no second differences.
     #[test]
-    fn smooth_functions_cost_no_more_than_the_pull_to_zero() {
+    fn linear_functions_cost_no_more_than_the_ridge() {
         let axis = |count| Axis { low: 0.0, high: 1.0, count, degree: 3 };
-        let p = roughness(&[axis(5), axis(4)]) - DMatrix::identity(20, 20) * 1e-2;
+        let p = smoothness_precision(&[axis(5), axis(4)]) - DMatrix::identity(20, 20) * RIDGE;
         let plane = nalgebra::DVector::from_fn(20, |i, _| 1.0 + 0.5 * (i % 5) as f64 - 2.0 * (i / 5) as f64);
         assert!((plane.transpose() * &p * &plane)[(0, 0)].abs() < 1e-10);
         let bent = plane.map(|x| x * x);

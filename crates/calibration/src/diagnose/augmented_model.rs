@@ -1,0 +1,225 @@
+//! The declared model with the effects that the loop has added: fits, held-out errors, effects added and removed.
+
+use depthcal_model::PieceSpec;
+use tracing::info;
+
+use super::constant_search::refined_constant;
+use super::evidence::Evidence;
+use super::examination::score_and_gains;
+use super::held_out::{HeldOut, improves};
+use super::merit::significant;
+use super::options::DiagnoseOptions;
+use super::thresholds::Thresholds;
+use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
+use crate::judge::cross_validation::{cross_validate, errors};
+use crate::judge::evaluate::evaluate;
+use crate::observe::Capture;
+use crate::progress::Job;
+
+/// A fit and its errors on frames that it did not see.
+#[derive(Clone)]
+pub(super) struct Fitted {
+    pub fit: Calibrated,
+    pub held_out: HeldOut,
+}
+
+/// An effect that the loop has added, or the free map.
+#[derive(Clone)]
+pub(super) struct AddedEffect {
+    /// Its evidence in the round in which it was found, with the value of its constant as searched since.
+    pub evidence: Evidence,
+    /// Names of the effects that explained the residuals together, this one first.
+    pub effects: Vec<String>,
+    /// Effects that the captures cannot distinguish from it.
+    pub indistinguishable: Vec<String>,
+    /// p-value, corrected for the number of effects tested.
+    pub p_value: f64,
+    /// Held-out errors of the model with it and those before it.
+    pub after: HeldOut,
+}
+
+/// The declared model, the effects added to it, and the frames that it is fitted to.
+pub(super) struct AugmentedModel<'a> {
+    /// The frames, without those that were excluded.
+    pub capture: Capture,
+    /// Another dataset that verifies the model; without it held-out errors come from cross-validation.
+    pub verify: Option<&'a Capture>,
+    /// Declared model, folds and thresholds.
+    pub options: &'a DiagnoseOptions,
+    /// The added effects, in order.
+    pub added: Vec<AddedEffect>,
+    /// The round of the loop, from 1; 0 before the loop.
+    pub round: usize,
+    job: Box<dyn Job>,
+}
+
+impl<'a> AugmentedModel<'a> {
+    /// The declared model, with nothing added.
+    pub fn new(capture: Capture, verify: Option<&'a Capture>, options: &'a DiagnoseOptions) -> Self {
+        let job = options.calibrate.progress.open_ended("diagnosing");
+        Self { capture, verify, options, added: Vec::new(), round: 0, job }
+    }
+
+    /// Options of the declared model.
+    pub fn declared(&self) -> &'a CalibrateOptions {
+        &self.options.calibrate
+    }
+
+    /// Thresholds of the rules.
+    pub fn thresholds(&self) -> &'a Thresholds {
+        &self.options.thresholds
+    }
+
+    /// Reports to the progress what is being done, and with which model.
+    pub fn report(&self, what: &str, model: &CalibrateOptions) {
+        let added = model.effects.get(self.declared().effects.len()..).unwrap_or_default();
+        let words: Vec<String> = added.iter().map(|spec| model.register.words(spec)).collect();
+        let model = if words.is_empty() { "the declared model".to_owned() } else { words.join(" + ") };
+        match self.round {
+            0 => self.job.doing(format!("diagnosing: {what} ({model})")),
+            round => self.job.doing(format!("diagnosing, round {round}: {what} ({model})")),
+        }
+    }
+
+    /// Options of the declared model with effects added.
+    fn with_effects(&self, added: &[AddedEffect]) -> CalibrateOptions {
+        let mut options = self.declared().clone();
+        options.effects.extend(added.iter().map(|a| a.evidence.spec.clone()));
+        options
+    }
+
+    /// Options of the present model: the declared one with everything that was added.
+    pub fn present(&self) -> CalibrateOptions {
+        self.with_effects(&self.added)
+    }
+
+    /// Fits a model to the frames.
+    pub fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+        self.report("fitting", model);
+        calibrate(&self.capture, model)
+    }
+
+    /// Held-out errors of a model: those of its fit on the dataset that verifies, or by cross-validation on the frames.
+    pub fn held_out(&self, fit: &Calibrated, model: &CalibrateOptions) -> Result<HeldOut, CalibrateError> {
+        self.report("judging on held-out frames", model);
+        let folds = self.options.folds;
+        let evaluated = match self.verify {
+            Some(verify) => evaluate(&fit.camera, verify),
+            None => cross_validate(&fit.capture.detected(), folds.min(fit.capture.frames.len()), model)?,
+        };
+        Ok(HeldOut { errors: errors(&evaluated), evaluated })
+    }
+
+    /// Fit and held-out errors of a model.
+    pub fn fitted(&self, model: &CalibrateOptions) -> Result<Fitted, CalibrateError> {
+        let fit = self.fit(model)?;
+        Ok(Fitted { held_out: self.held_out(&fit, model)?, fit })
+    }
+
+    /// Whether a model is better than another on held-out frames, with depth weighted by the noise of the second.
+    pub fn improves(&self, before: &Fitted, after: &Fitted) -> bool {
+        improves(&before.held_out, &after.held_out, &after.fit.noise.depth, self.thresholds())
+    }
+
+    /// Adds effects that explain the residuals together, in the given order and only until the held-out errors fall: of two
+    /// effects that cancel each other in part, one alone does not help. `None`, and nothing is added, where they do not fall.
+    pub fn add(&mut self, found: Vec<AddedEffect>, present: &Fitted) -> Result<Option<Fitted>, CalibrateError> {
+        let before = self.added.clone();
+        for effect in found {
+            match self.add_one(effect) {
+                Ok(fitted) if self.improves(present, &fitted) => return Ok(Some(fitted)),
+                Ok(_) => {}
+                Err(error) if self.added.len() == before.len() => return Err(error),
+                // The first effect can be fitted, but not jointly with this one.
+                Err(error) => {
+                    info!("{error}");
+                    break;
+                }
+            }
+        }
+        self.added = before;
+        Ok(None)
+    }
+
+    /// Adds an effect, fits the model, refines the constants of all added effects, and fits again. Where the model cannot be
+    /// fitted it stays as it was.
+    pub(super) fn add_one(&mut self, found: AddedEffect) -> Result<Fitted, CalibrateError> {
+        let before = self.added.clone();
+        self.added.push(found);
+        let fitted = self.fit_with_constants();
+        match &fitted {
+            Ok(fitted) => {
+                if let Some(last) = self.added.last_mut() {
+                    last.after = fitted.held_out.clone();
+                }
+            }
+            Err(_) => self.added = before,
+        }
+        fitted
+    }
+
+    fn fit_with_constants(&mut self) -> Result<Fitted, CalibrateError> {
+        let reduced = self.added.last().and_then(|last| last.evidence.reduced.clone());
+        let mut fit = match (self.fit(&self.present()), reduced) {
+            // The data do not determine all parameters: those that they determine worst are held.
+            (Err(CalibrateError::Undetermined(_)), Some(reduced)) => {
+                if let Some(last) = self.added.last_mut() {
+                    last.evidence.spec = reduced;
+                }
+                self.fit(&self.present())?
+            }
+            (other, _) => other?,
+        };
+        for i in (0..self.added.len()).rev() {
+            if let Some(refined) = refined_constant(&fit, &self.declared().register, &self.added[i].evidence) {
+                self.added[i].evidence = refined;
+                fit = self.fit(&self.present())?;
+            }
+        }
+        Ok(Fitted { held_out: self.held_out(&fit, &self.present())?, fit })
+    }
+
+    /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them.
+    /// Returns the specs of the removed ones.
+    pub fn remove_unnecessary(&mut self, present: &mut Fitted, tests: usize) -> Result<Vec<PieceSpec>, CalibrateError> {
+        let mut removed = Vec::new();
+        let mut i = 0;
+        while i + 1 < self.added.len() {
+            let mut rest = self.added.clone();
+            let effect = rest.remove(i);
+            let model = self.with_effects(&rest);
+            match self.fitted(&model) {
+                Ok(without) if !self.is_needed(&effect, &without, present, tests) => {
+                    removed.push(effect.evidence.spec);
+                    self.added = rest;
+                    *present = without;
+                    self.update_errors(i, &present.held_out)?;
+                }
+                Ok(_) => i += 1,
+                Err(error) => {
+                    info!("without {}: {error}", effect.evidence.spec);
+                    i += 1;
+                }
+            }
+        }
+        Ok(removed)
+    }
+
+    /// Whether an effect is significant given the others, and the model `with` it better on held-out frames than `without`.
+    fn is_needed(&self, effect: &AddedEffect, without: &Fitted, with: &Fitted, tests: usize) -> bool {
+        let test = score_and_gains(&without.fit, &self.declared().register, &effect.evidence.spec);
+        let counts = test.is_none_or(|(score, gains)| significant(score.p_value, tests, &gains, self.thresholds()));
+        counts && self.improves(without, with)
+    }
+
+    /// Computes the held-out errors of the models along the way anew, from the effect at `first` on; those of the last model
+    /// are `present`.
+    pub fn update_errors(&mut self, first: usize, present: &HeldOut) -> Result<(), CalibrateError> {
+        for i in first..self.added.len() {
+            let is_last = i + 1 == self.added.len();
+            self.added[i].after =
+                if is_last { present.clone() } else { self.fitted(&self.with_effects(&self.added[..=i]))?.held_out };
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+//! Candidates as held blocks of a fitted camera's chain, and the linearisation that score tests are made from.
+
+use depthcal_model::{Block, Camera, PieceSpec, Register};
+use depthcal_solver::score::{Linearization, ScoreError};
+use nalgebra::DMatrix;
+
+use super::free_functions::Along;
+use crate::adjust::adjustment::Adjustment;
+use crate::calibrate::Calibrated;
+
+/// An effect or a free function whose parameters could be released.
+pub(super) struct CandidateBlock {
+    /// Name of the effect or of the free function.
+    pub name: String,
+    /// Its specification, with the constant; the name alone for free functions.
+    pub spec: PieceSpec,
+    /// Value of the constant, where it was searched.
+    pub value: Option<f64>,
+    /// Covariate of a free function; `None` for effects.
+    pub along: Option<Along>,
+    /// The block at its nominal parameters.
+    pub block: Block,
+    /// Precision matrix of the smoothness prior, where the parameters need one.
+    pub smoothness: Option<DMatrix<f64>>,
+}
+
+impl CandidateBlock {
+    /// An effect of the register; `None` where the spec is wrong.
+    pub fn effect(register: &Register, spec: PieceSpec) -> Option<Self> {
+        let block = register.make(&spec, None).ok()?;
+        Some(Self { name: spec.name.clone(), spec, value: None, along: None, block, smoothness: None })
+    }
+}
+
+/// Linearises the problem of a fit with all candidates held at their nominal values. Candidates are numbered as given.
+///
+/// # Errors
+///
+/// [`ScoreError`] where the problem cannot be evaluated.
+pub(super) fn linearize(fit: &Calibrated, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
+    let (camera, places) = with_candidates(&fit.camera, candidates.iter().map(|c| &c.block));
+    let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
+    let held = candidates.iter().zip(places);
+    adjustment.linearize(held.map(|(c, place)| (c.spec.to_string(), place, c.smoothness.clone())))
+}
+
+/// A camera with candidates held before its own pieces, and the places of the candidates among its blocks.
+fn with_candidates<'a>(camera: &Camera, candidates: impl Iterator<Item = &'a Block>) -> (Camera, Vec<usize>) {
+    // Effects act on the true depth, before the depth model: they come first.
+    let mut pieces: Vec<Block> = candidates.map(|block| block.clone().hold()).collect();
+    let count = pieces.len();
+    let (pinhole, own): (Vec<Block>, Vec<Block>) = camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
+    pieces.extend(own);
+    let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole([f64::NAN; 5]));
+    let (camera, mut places) = Camera::assemble(camera.width, camera.height, pinhole, pieces);
+    places.truncate(count);
+    (camera, places)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Candidates at every hook, in an order other than the chain's; fields are laid over the image anew and are found none
+    /// the less.
+    #[test]
+    fn candidates_are_found_in_the_chain() {
+        let register = Register::builtin();
+        let block = |name: &str| register.block(name, None).unwrap();
+        let own = ["brown_conrady", "cyclic_depth", "projective", "print_scale"].map(block);
+        let camera = Camera::new(640, 480, [500.0, 500.0, 320.0, 240.0, 0.0], own.to_vec());
+        let names = ["range_offset", "thin_prism", "bspline", "board_bow", "depth_registration", "tilted_sensor"];
+        let blocks = names.map(block);
+        let (extended, places) = with_candidates(&camera, blocks.iter());
+        assert_eq!(extended.blocks().len(), camera.blocks().len() + names.len());
+        let found: Vec<&str> = places.iter().map(|p| extended.blocks()[*p].name()).collect();
+        assert_eq!(found, names);
+        assert!(places.iter().all(|p| extended.blocks()[*p].free.iter().all(|free| !free)));
+    }
+}

@@ -1,0 +1,192 @@
+//! The loop: rounds of examination, decision and fit.
+
+use depthcal_io::Verdict;
+
+use super::augmented_model::{AddedEffect, AugmentedModel, Fitted};
+use super::bad_frames::without_duplicates;
+use super::decision::{Decision, decide};
+use super::declarations::implausible_declarations;
+use super::diagnosis::Diagnosis;
+use super::error::DiagnoseError;
+use super::examination::{Examination, examine};
+use super::experiment_design::{distinguishing_frames, missing_covariates};
+use super::frame_planes::{frame_planes, share_with_own_plane};
+use super::free_functions::Along;
+use super::free_map::FREE_MAP;
+use super::held_out::HeldOut;
+use super::left_over::LeftOver;
+use super::merit::merit;
+use super::options::DiagnoseOptions;
+use super::round::{Round, RoundOutcome};
+use super::step::steps;
+use super::stepwise_selection::score_given;
+use crate::observe::Capture;
+
+/// Diagnoses a capture: which effects does the declared model lack? Errors are those on `verify` where it is given, else on
+/// frames that cross-validation holds out.
+///
+/// # Errors
+///
+/// [`DiagnoseError`] where there is no depth, or where a model cannot be fitted or examined.
+pub fn diagnose(
+    capture: &Capture,
+    verify: Option<&Capture>,
+    options: &DiagnoseOptions,
+) -> Result<Diagnosis, DiagnoseError> {
+    if !capture.has_depth() {
+        return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
+    }
+    let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
+    let (capture, mut bad_frames) = without_duplicates(capture, thresholds);
+    let whole = capture.clone();
+    let mut model = AugmentedModel::new(capture, verify, options);
+    let mut fit = model.fit_declared(&mut bad_frames)?;
+    model.exclude_bad_frames(&mut fit, &mut bad_frames, thresholds.gross_plane_mm)?;
+    let declarations = implausible_declarations(&fit, thresholds);
+    let mut first = Fitted { held_out: model.held_out(&fit, model.declared())?, fit };
+    let mut present = first.clone();
+    let mut rounds: Vec<Round> = Vec::new();
+    // Largest merit of an added effect as a share of the cost.
+    let mut explained = 0.0_f64;
+    let mut left_over: Vec<LeftOver> = Vec::new();
+    // Effects that did not reduce the held-out errors of the present model.
+    let mut rejected: Vec<String> = Vec::new();
+    let examination = loop {
+        model.round += 1;
+        model.report("examining what is left", &model.present());
+        let examination = examine(&present.fit, register, thresholds)?;
+        let least_share = thresholds.least_relative_gain * explained;
+        let decision = decide(&examination, &frame_planes(&present.fit), least_share, &rejected, thresholds);
+        rounds.push(Round::new(&examination, decision.clone()));
+        match &decision {
+            Decision::Nothing => break examination,
+            Decision::Unexplained { free, explained, .. } => {
+                let found = &examination.evidence[*free];
+                let share_of_cost = merit(found) / examination.cost();
+                let least_share = thresholds.least_unexplained_share;
+                if !rejected.is_empty() && merit(found) < least_share * examination.cost() {
+                    conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
+                    break examination;
+                }
+                left_over.extend(LeftOver::free_function(found, *explained));
+                if found.along.is_some_and(Along::is_of_the_pixel) {
+                    let tested = examination.free_functions().count() as f64;
+                    model.add_free_map(found, &mut present, (found.p_value * tested).min(1.0));
+                }
+                let map = model.added.last().filter(|added| added.evidence.name == FREE_MAP);
+                let outcome = map.map_or(RoundOutcome::Reported, |m| RoundOutcome::FreeMapAdded {
+                    map: m.evidence.spec.clone(),
+                });
+                conclude(&mut rounds, outcome);
+                break examination;
+            }
+            Decision::Add { effect, jointly_with, indistinguishable, .. } => {
+                let found = &examination.evidence[*effect];
+                if rounds.len() >= thresholds.most_rounds {
+                    let outcome = RoundOutcome::RoundLimit { rounds: rounds.len() };
+                    conclude(&mut rounds, outcome);
+                    break examination;
+                }
+                if rejected.len() >= thresholds.most_rejected {
+                    conclude(&mut rounds, RoundOutcome::RejectionLimit { rejected: rejected.len() });
+                    break examination;
+                }
+                let before = model.added.len();
+                let effects = effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
+                match model.add(effects, &present) {
+                    Ok(Some(fitted)) => present = fitted,
+                    Ok(None) => {
+                        conclude(&mut rounds, RoundOutcome::NoHeldOutGain);
+                        rejected.push(found.name.clone());
+                        continue;
+                    }
+                    Err(error) => {
+                        conclude(&mut rounds, RoundOutcome::NotFitted { error: error.to_string() });
+                        rejected.push(found.name.clone());
+                        continue;
+                    }
+                }
+                explained = explained.max(merit(found) / examination.cost());
+                rejected.clear();
+                let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
+                let removed = model.remove_unnecessary(&mut present, examination.tests)?;
+                conclude(&mut rounds, RoundOutcome::Added { effects, removed });
+                if model.exclude_bad_frames(&mut present.fit, &mut bad_frames, 0.0)? {
+                    // Errors before and after have to be about the same frames.
+                    first = model.fitted(model.declared())?;
+                    present.held_out = model.held_out(&present.fit, &model.present())?;
+                    model.update_errors(0, &present.held_out)?;
+                }
+            }
+        }
+    };
+    if !model.added.is_empty() && model.readmit(&whole, &mut bad_frames)? {
+        present = model.fitted(&model.present())?;
+        first = model.fitted(model.declared())?;
+        model.update_errors(0, &present.held_out)?;
+    }
+    let steps = steps(&model, &first.held_out, &present.fit)?;
+    let (fit, present) = (present.fit, present.held_out);
+    let planes = frame_planes(&fit);
+    let share = share_with_own_plane(&planes, thresholds);
+    if share > thresholds.many_own_planes {
+        left_over.push(LeftOver::frame_planes(&planes, share));
+    }
+    let verdict = match (left_over.is_empty(), steps.is_empty()) {
+        (false, _) => Verdict::Unexplained,
+        (true, false) => Verdict::Effect,
+        (true, true) => Verdict::Adequate,
+    };
+    let mut capture_next = distinguishing_frames(&fit, register, &steps, thresholds);
+    capture_next.extend(missing_covariates(&fit, register, thresholds));
+    Ok(Diagnosis {
+        verdict,
+        steps,
+        rounds,
+        bad_frames,
+        declarations,
+        left_over,
+        capture_next,
+        first: first.fit,
+        last: fit,
+        before: first.held_out,
+        after: present,
+        planes,
+        examination,
+    })
+}
+
+/// Records what came of the last round's decision.
+fn conclude(rounds: &mut [Round], outcome: RoundOutcome) {
+    if let Some(last) = rounds.last_mut() {
+        last.outcome = Some(outcome);
+    }
+}
+
+/// The effect that was found and those that explain the residuals together with it, in order. The p-value of each is given
+/// those before it; each lists the names of itself and those after it.
+fn effects_to_add(
+    examination: &Examination,
+    effect: usize,
+    jointly_with: &[usize],
+    indistinguishable: &[String],
+    present: &HeldOut,
+) -> Vec<AddedEffect> {
+    let members: Vec<usize> = std::iter::once(effect).chain(jointly_with.iter().copied()).collect();
+    (0..members.len())
+        .map(|i| {
+            let evidence = examination.evidence[members[i]].clone();
+            let p_value = match i {
+                0 => evidence.p_value,
+                _ => score_given(examination, members[i], &members[..i]).1,
+            };
+            AddedEffect {
+                effects: members[i..].iter().map(|m| examination.evidence[*m].name.clone()).collect(),
+                indistinguishable: if i == 0 { indistinguishable.to_vec() } else { Vec::new() },
+                p_value: (p_value * examination.tests as f64).min(1.0),
+                after: present.clone(),
+                evidence,
+            }
+        })
+        .collect()
+}

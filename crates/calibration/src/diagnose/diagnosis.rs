@@ -1,0 +1,44 @@
+//! The result of a diagnosis.
+
+use depthcal_io::Verdict;
+
+use super::bad_frames::BadFrame;
+use super::declarations::ImplausibleScale;
+use super::examination::Examination;
+use super::experiment_design::CaptureProposal;
+use super::frame_planes::FramePlane;
+use super::held_out::HeldOut;
+use super::left_over::LeftOver;
+use super::round::Round;
+use super::step::Step;
+use crate::calibrate::Calibrated;
+
+/// The result of a diagnosis. Findings are data; their `Display` words them.
+pub struct Diagnosis {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The effects that were added, in order.
+    pub steps: Vec<Step>,
+    /// Findings and decision of every round.
+    pub rounds: Vec<Round>,
+    /// Frames that were excluded.
+    pub bad_frames: Vec<BadFrame>,
+    /// Declarations of the dataset that cannot be right.
+    pub declarations: Vec<ImplausibleScale>,
+    /// Structure in the residuals that no effect explains.
+    pub left_over: Vec<LeftOver>,
+    /// Captures that would answer open questions.
+    pub capture_next: Vec<CaptureProposal>,
+    /// The declared model, fitted to all frames that were not excluded.
+    pub first: Calibrated,
+    /// The last model, fitted to the same frames.
+    pub last: Calibrated,
+    /// Held-out errors of the declared model.
+    pub before: HeldOut,
+    /// Held-out errors of the last model.
+    pub after: HeldOut,
+    /// The plane by which every frame deviates from the last model.
+    pub planes: Vec<FramePlane>,
+    /// The last examination.
+    pub examination: Examination,
+}

@@ -1,0 +1,116 @@
+//! Deviation of every frame's depth, as a whole, from the pose that its image shows: a plane in inverse depth.
+
+use depthcal_statistics::chi_squared_tail;
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use super::thresholds::Thresholds;
+use crate::adjust::adjustment::Adjustment;
+use crate::adjust::frame_rows::FrameRows;
+use crate::calibrate::Calibrated;
+use crate::observe::SampledFrame;
+
+/// A frame's plane a + b u + c v, estimated jointly with the frame's pose, by which its measured inverse depth deviates.
+#[derive(Debug, Clone)]
+pub struct FramePlane {
+    /// The frame.
+    pub name: String,
+    /// Mean of the plane over the frame's samples, mm of depth.
+    pub offset_mm: f64,
+    /// Root mean square of the plane over the frame's samples, mm of depth.
+    pub rms_mm: f64,
+    /// Root mean square of the plane in standard deviations of single pixels.
+    pub of_noise: f64,
+    /// Score statistic: χ² with three degrees of freedom where the frame does not deviate.
+    pub statistic: f64,
+    /// p-value of the statistic.
+    pub p_value: f64,
+}
+
+/// The planes of the frames that have depth samples and markers, given the fitted camera.
+pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
+    let adjustment = Adjustment::new(&fit.capture, &fit.camera, &fit.noise, true);
+    let mut planes = Vec::new();
+    for (index, frame) in fit.capture.frames.iter().enumerate() {
+        if frame.samples.is_empty() || frame.markers.is_empty() {
+            continue;
+        }
+        let Some(rows) = adjustment.frame_rows(index) else { continue };
+        if let Some(plane) = plane_of(frame, fit, &rows) {
+            planes.push(plane);
+        }
+    }
+    planes
+}
+
+/// The plane of one frame from its residuals and their derivatives by the pose; `None` where they do not determine it.
+fn plane_of(frame: &SampledFrame, fit: &Calibrated, rows: &FrameRows) -> Option<FramePlane> {
+    let first = rows.residuals.len() - rows.depth;
+    let samples = &frame.samples;
+    // The plane's columns (1, u, v), pixels scaled to [−1, 1].
+    let (width, height) = (fit.camera.width as f64, fit.camera.height as f64);
+    let shape = |k: usize| {
+        let [u, v] = samples[k].context.pixel;
+        Vector3::new(1.0, 2.0 * u / width - 1.0, 2.0 * v / height - 1.0)
+    };
+    let sigma = |k: usize| fit.noise.depth.sigma(1.0 / samples[k].depth_mm);
+    let mut normal = SMatrix::<f64, 9, 9>::zeros();
+    let mut rhs = SVector::<f64, 9>::zeros();
+    for row in 0..rows.residuals.len() {
+        let mut columns = SVector::<f64, 9>::zeros();
+        for c in 0..6 {
+            columns[c] = rows.pose[(row, c)];
+        }
+        if row >= first {
+            // The adjustment's residual is predicted minus measured inverse depth: the plane adds to what is predicted.
+            let k = row - first;
+            columns.fixed_rows_mut::<3>(6).copy_from(&(shape(k) / sigma(k)));
+        }
+        normal += columns * columns.transpose();
+        rhs += columns * rows.residuals[row];
+    }
+    let step = -normal.cholesky()?.solve(&rhs);
+    let covariance = normal.try_inverse()?;
+    let plane = step.fixed_rows::<3>(6).into_owned();
+    let information = covariance.fixed_view::<3, 3>(6, 6).into_owned().try_inverse()?;
+    let statistic = plane.dot(&(information * plane));
+    let (mut sum, mut squares, mut of_noise) = (0.0, 0.0, 0.0);
+    for (k, sample) in samples.iter().enumerate() {
+        let d_rho = shape(k).dot(&plane);
+        let mm = -d_rho * sample.depth_mm * sample.depth_mm;
+        sum += mm;
+        squares += mm * mm;
+        of_noise += (d_rho / sigma(k)).powi(2);
+    }
+    let n = samples.len() as f64;
+    Some(FramePlane {
+        name: frame.name.clone(),
+        offset_mm: sum / n,
+        rms_mm: (squares / n).sqrt(),
+        of_noise: (of_noise / n).sqrt(),
+        statistic,
+        p_value: chi_squared_tail(statistic, 3),
+    })
+}
+
+/// Frames whose plane is out of proportion to those of the others and larger than `least_mm` rms. Empty where they are too many
+/// to be exceptions.
+pub fn outlying<'a>(planes: &'a [FramePlane], least_mm: f64, thresholds: &Thresholds) -> Vec<&'a FramePlane> {
+    let mut sizes: Vec<f64> = planes.iter().map(|p| p.of_noise).collect();
+    sizes.sort_by(f64::total_cmp);
+    let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Vec::new() };
+    let is_bad = |p: &&FramePlane| {
+        p.of_noise > thresholds.outlying_plane_of_noise
+            && p.of_noise > thresholds.outlying_plane_of_median * median
+            && p.rms_mm > least_mm
+    };
+    let bad: Vec<&FramePlane> = planes.iter().filter(is_bad).collect();
+    let too_many = bad.len() as f64 > thresholds.most_outlying_share * planes.len() as f64;
+    if too_many { Vec::new() } else { bad }
+}
+
+/// Share of the frames whose plane is significant and not small against the noise of single pixels.
+pub fn share_with_own_plane(planes: &[FramePlane], thresholds: &Thresholds) -> f64 {
+    let level = thresholds.own_plane_level / planes.len().max(1) as f64;
+    let own = planes.iter().filter(|p| p.p_value < level && p.of_noise > thresholds.own_plane_of_noise).count();
+    own as f64 / planes.len().max(1) as f64
+}

@@ -1,0 +1,21 @@
+//! Options of a diagnosis.
+
+use super::thresholds::Thresholds;
+use crate::calibrate::CalibrateOptions;
+
+/// Options of a diagnosis.
+#[derive(Debug, Clone)]
+pub struct DiagnoseOptions {
+    /// The declared model: the one that is examined first.
+    pub calibrate: CalibrateOptions,
+    /// Number of cross-validation folds where no other dataset is given for verification.
+    pub folds: usize,
+    /// Thresholds of the rules.
+    pub thresholds: Thresholds,
+}
+
+impl Default for DiagnoseOptions {
+    fn default() -> Self {
+        Self { calibrate: CalibrateOptions::default(), folds: 5, thresholds: Thresholds::default() }
+    }
+}

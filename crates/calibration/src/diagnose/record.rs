@@ -1,0 +1,250 @@
+//! The record of a diagnosis: `diagnosis.json`.
+
+use depthcal_io::{
+    DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
+    DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
+    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisProposedFrame, DiagnosisRound, DiagnosisStep,
+    DiagnosisUnexplainedOutcome, FileReference,
+};
+use depthcal_model::{Covariate, PieceSpec};
+
+use super::bad_frames::{BadFrame, BadFrameReason};
+use super::decision::{Competitor, Decision};
+use super::declarations::ImplausibleScale;
+use super::diagnosis::Diagnosis;
+use super::evidence::Evidence;
+use super::experiment_design::{CaptureProposal, ProposedFrame};
+use super::frame_planes::FramePlane;
+use super::free_functions::Along;
+use super::free_map::FREE_MAP;
+use super::left_over::LeftOver;
+use super::round::{Round, RoundOutcome};
+use super::step::Step;
+
+/// Largest ratio to the frames' planes that is recorded: of next to nothing anything is a multiple.
+const LARGEST_RATIO: f64 = 1e3;
+
+/// The record of a diagnosis of a dataset that was fitted with `model`. Its separability is left empty:
+/// [`super::separability::separability`] takes a linearisation of its own.
+pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> DiagnosisFile {
+    let rounds: Vec<DiagnosisRound> = diagnosis.rounds.iter().map(round).collect();
+    DiagnosisFile {
+        dataset,
+        model: model.to_owned(),
+        verdict: diagnosis.verdict,
+        steps: diagnosis.steps.iter().map(step).collect(),
+        candidates: first_candidates(rounds.first()),
+        rounds,
+        bad_frames: diagnosis.bad_frames.iter().map(bad_frame).collect(),
+        declarations: diagnosis.declarations.iter().map(declaration).collect(),
+        left_over: diagnosis.left_over.iter().map(left_over).collect(),
+        capture_next: diagnosis.capture_next.iter().map(capture).collect(),
+        frame_planes: diagnosis.planes.iter().filter(|p| p.p_value.is_finite()).map(frame_plane).collect(),
+        separability: None,
+        held_out: DiagnosisHeldOut { before: diagnosis.before.errors, after: diagnosis.after.errors },
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// The record of a candidate in residuals with the cost ½ Σ r².
+pub(super) fn candidate(evidence: &Evidence, cost: f64) -> DiagnosisCandidate {
+    // The gain is a fall of ½ Σ r², its record one of the root mean square.
+    let left = (1.0 - evidence.gain() / cost).max(0.0);
+    DiagnosisCandidate {
+        effect: evidence.name.clone(),
+        p_value: evidence.p_value,
+        expected_size_mm: finite(evidence.expected_size_mm),
+        minimal_detectable_mm: finite(evidence.minimal_detectable_mm),
+        held_out_gain_percent: 100.0 * (1.0 - left.sqrt()),
+    }
+}
+
+fn round(round: &Round) -> DiagnosisRound {
+    DiagnosisRound {
+        effects: round.effects().map(|e| candidate(e, round.cost)).collect(),
+        free: round.free_functions().map(|e| candidate(e, round.cost)).collect(),
+        decision: decision(round),
+    }
+}
+
+/// The effects of the first round and the free map, by falling gain.
+fn first_candidates(first: Option<&DiagnosisRound>) -> Vec<DiagnosisCandidate> {
+    let map = first.and_then(|r| r.free.iter().find(|f| f.effect.starts_with("map")));
+    let map = map.map(|m| DiagnosisCandidate { effect: FREE_MAP.to_owned(), ..m.clone() });
+    let mut candidates: Vec<DiagnosisCandidate> = first.map(|r| r.effects.clone()).unwrap_or_default();
+    candidates.extend(map);
+    candidates.sort_by(|a, b| b.held_out_gain_percent.total_cmp(&a.held_out_gain_percent));
+    candidates
+}
+
+fn step(step: &Step) -> DiagnosisStep {
+    DiagnosisStep {
+        effects: step.effects.clone(),
+        indistinguishable: step.indistinguishable.clone(),
+        with: step.spec.to_string(),
+        parameters: step.parameters.clone(),
+        size_mm: step.size_mm,
+        p_value: step.p_value,
+        before: step.before,
+        after: step.after,
+        depth_rms_after_mm: step.depth_rms_after_mm,
+        depth_gain_percent: step.gain_percent,
+    }
+}
+
+fn specs(pieces: &[PieceSpec]) -> Vec<String> {
+    pieces.iter().map(ToString::to_string).collect()
+}
+
+fn decision(round: &Round) -> DiagnosisDecision {
+    match &round.decision {
+        Decision::Nothing => DiagnosisDecision::Nothing,
+        Decision::Add { effect, jointly_with, explained, of_planes, leaves_unexplained, .. } => {
+            let found = &round.evidence[*effect];
+            DiagnosisDecision::Add {
+                effect: found.name.clone(),
+                spec: found.spec.to_string(),
+                with: round.names(jointly_with),
+                explained_share: *explained,
+                of_frame_planes: (*of_planes < LARGEST_RATIO).then_some(*of_planes),
+                despite_unexplained: *leaves_unexplained,
+                outcome: match &round.outcome {
+                    Some(RoundOutcome::Added { effects, removed }) => {
+                        DiagnosisAddOutcome::Added { effects: specs(effects), taken_out: specs(removed) }
+                    }
+                    Some(RoundOutcome::NotFitted { error }) => DiagnosisAddOutcome::NotFitted { error: error.clone() },
+                    Some(RoundOutcome::RoundLimit { rounds }) => DiagnosisAddOutcome::RoundLimit { rounds: *rounds },
+                    Some(RoundOutcome::RejectionLimit { rejected }) => {
+                        DiagnosisAddOutcome::RejectionLimit { rejected: *rejected }
+                    }
+                    _ => DiagnosisAddOutcome::NoHeldOutGain,
+                },
+            }
+        }
+        Decision::Unexplained { free, explained, competitor } => DiagnosisDecision::Unexplained {
+            along: round.evidence[*free].along.map_or(DiagnosisCovariate::Pixel, along),
+            explained_share: *explained,
+            competitor: match competitor {
+                Competitor::FreeFunction => DiagnosisCompetitor::FreeFunction,
+                Competitor::FramePlanes => DiagnosisCompetitor::FramePlanes,
+            },
+            outcome: match &round.outcome {
+                Some(RoundOutcome::FreeMapAdded { map }) => {
+                    DiagnosisUnexplainedOutcome::FreeMapAdded { spec: map.to_string() }
+                }
+                Some(RoundOutcome::Negligible { share_of_cost, least_share }) => {
+                    DiagnosisUnexplainedOutcome::TooSmall { share_of_cost: *share_of_cost, least_share: *least_share }
+                }
+                _ => DiagnosisUnexplainedOutcome::Reported,
+            },
+        },
+    }
+}
+
+fn along(along: Along) -> DiagnosisCovariate {
+    match along {
+        Along::Pixel => DiagnosisCovariate::Pixel,
+        Along::Column => DiagnosisCovariate::Column,
+        Along::Row => DiagnosisCovariate::Row,
+        Along::Depth => DiagnosisCovariate::Depth,
+        Along::Amplitude => DiagnosisCovariate::Amplitude,
+        Along::Incidence => DiagnosisCovariate::Incidence,
+        Along::Time => DiagnosisCovariate::Time,
+        Along::Temperature => DiagnosisCovariate::Temperature,
+        Along::Board => DiagnosisCovariate::Board,
+    }
+}
+
+fn covariate(covariate: Covariate) -> DiagnosisCovariate {
+    match covariate {
+        Covariate::Depth | Covariate::InverseDepth => DiagnosisCovariate::Depth,
+        Covariate::Incidence => DiagnosisCovariate::Incidence,
+        Covariate::Temperature => DiagnosisCovariate::Temperature,
+        Covariate::Time => DiagnosisCovariate::Time,
+        Covariate::Amplitude => DiagnosisCovariate::Amplitude,
+        Covariate::Surroundings => DiagnosisCovariate::Surroundings,
+    }
+}
+
+fn left_over(left: &LeftOver) -> DiagnosisLeftOver {
+    match left {
+        LeftOver::FreeFunction { along: a, size_mm, explained } => DiagnosisLeftOver::FreeFunction {
+            along: along(*a),
+            rms_mm: finite(*size_mm),
+            explained_share: *explained,
+        },
+        LeftOver::FramePlanes { share, rms_mm } => {
+            DiagnosisLeftOver::FramePlanes { share_of_frames: *share, rms_mm: *rms_mm }
+        }
+    }
+}
+
+fn declaration(scale: &ImplausibleScale) -> DiagnosisDeclaration {
+    DiagnosisDeclaration::DepthScale {
+        scale: scale.scale,
+        spacing_mm: DeclaredValue { declared: scale.spacing_mm, fitting: scale.fitting_spacing_mm() },
+        unit_mm: DeclaredValue { declared: scale.unit_mm, fitting: scale.fitting_unit_mm() },
+    }
+}
+
+fn bad_frame(frame: &BadFrame) -> DiagnosisFrame {
+    let cause = match &frame.reason {
+        BadFrameReason::DepthExchanged { with } => DiagnosisFrameCause::ExchangedDepth { with: with.clone() },
+        BadFrameReason::Moved { offset_mm, rms_mm } => {
+            DiagnosisFrameCause::Moved { offset_mm: *offset_mm, rms_mm: *rms_mm }
+        }
+        BadFrameReason::SameImage { of } => {
+            DiagnosisFrameCause::Duplicate { of: of.clone(), image: DiagnosisImage::Image }
+        }
+        BadFrameReason::SameDepthImage { of } => {
+            DiagnosisFrameCause::Duplicate { of: of.clone(), image: DiagnosisImage::Depth }
+        }
+    };
+    DiagnosisFrame { name: frame.name.clone(), cause }
+}
+
+fn capture(proposal: &CaptureProposal) -> DiagnosisCapture {
+    match proposal {
+        CaptureProposal::Distinguish {
+            effect,
+            rival,
+            frame,
+            frames,
+            noncentrality,
+            noncentrality_with_frame,
+            sufficient_noncentrality,
+        } => DiagnosisCapture::TellApart {
+            effect: effect.clone(),
+            rival: rival.clone(),
+            frame: proposed_frame(frame),
+            frames: *frames as u64,
+            noncentrality: *noncentrality,
+            noncentrality_with_frame: *noncentrality_with_frame,
+            noncentrality_needed: *sufficient_noncentrality,
+        },
+        CaptureProposal::Record { covariate: c, effects } => {
+            DiagnosisCapture::Record { covariate: covariate(*c), effects: effects.clone() }
+        }
+    }
+}
+
+fn proposed_frame(frame: &ProposedFrame) -> DiagnosisProposedFrame {
+    DiagnosisProposedFrame {
+        distance_mm: frame.distance_mm,
+        image_position: frame.place.position(),
+        turned_deg: frame.tilt.angles_deg(),
+        warmer_c: frame.warmer_c,
+    }
+}
+
+fn frame_plane(plane: &FramePlane) -> DiagnosisFramePlane {
+    DiagnosisFramePlane {
+        name: plane.name.clone(),
+        offset_mm: plane.offset_mm,
+        rms_mm: plane.rms_mm,
+        p_value: plane.p_value,
+    }
+}

@@ -1,0 +1,85 @@
+//! The rounds of the loop: what was tested, what was decided, and what came of it.
+
+use depthcal_model::PieceSpec;
+
+use super::decision::Decision;
+use super::evidence::Evidence;
+use super::examination::Examination;
+
+/// A round of the loop.
+#[derive(Debug, Clone)]
+pub struct Round {
+    /// The candidates by falling gain; those of the decision are places in this list.
+    pub evidence: Vec<Evidence>,
+    /// Cost of all frames, ½ Σ r².
+    pub cost: f64,
+    /// The decision.
+    pub decision: Decision,
+    /// What came of the decision; `None` where nothing is missing.
+    pub outcome: Option<RoundOutcome>,
+}
+
+/// What came of a decision.
+#[derive(Debug, Clone, PartialEq)]
+pub enum RoundOutcome {
+    /// Effects are added.
+    Added {
+        /// Their specifications, the found one among them.
+        effects: Vec<PieceSpec>,
+        /// Effects of earlier rounds that these make unnecessary, and that are removed.
+        removed: Vec<PieceSpec>,
+    },
+    /// The effect is not added: with it the errors on held-out frames are no smaller.
+    NoHeldOutGain,
+    /// The effect is not added: the model with it cannot be fitted.
+    NotFitted {
+        /// Why.
+        error: String,
+    },
+    /// The effect is not added: the loop has reached its largest number of rounds.
+    RoundLimit {
+        /// Number of rounds.
+        rounds: usize,
+    },
+    /// The effect is not added: too many effects before it reduced no error.
+    RejectionLimit {
+        /// Number of effects rejected since the last one was added.
+        rejected: usize,
+    },
+    /// What no named effect explains is reported.
+    Reported,
+    /// What no named effect explains is corrected by a free map.
+    FreeMapAdded {
+        /// The form of the map.
+        map: PieceSpec,
+    },
+    /// What no named effect explains is too small to be reported.
+    Negligible {
+        /// Its merit over the cost.
+        share_of_cost: f64,
+        /// The least share that is reported.
+        least_share: f64,
+    },
+}
+
+impl Round {
+    /// An examination and the decision on it.
+    pub(super) fn new(examination: &Examination, decision: Decision) -> Self {
+        Self { evidence: examination.evidence.clone(), cost: examination.cost(), decision, outcome: None }
+    }
+
+    /// The effects that were tested, by falling gain.
+    pub fn effects(&self) -> impl Iterator<Item = &Evidence> {
+        self.evidence.iter().filter(|e| e.along.is_none())
+    }
+
+    /// The free functions that were tested, by falling gain.
+    pub fn free_functions(&self) -> impl Iterator<Item = &Evidence> {
+        self.evidence.iter().filter(|e| e.along.is_some())
+    }
+
+    /// Names of candidates, given by their places in [`Round::evidence`].
+    pub fn names(&self, places: &[usize]) -> Vec<String> {
+        places.iter().map(|i| self.evidence[*i].name.clone()).collect()
+    }
+}

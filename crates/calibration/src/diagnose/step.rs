@@ -1,0 +1,149 @@
+//! The effects that were added, with what each brought.
+
+use depthcal_io::{DiagnosisParameter, GainInterval, HeldOutErrors, Interval};
+use depthcal_model::{Block, PieceSpec};
+
+use super::augmented_model::{AddedEffect, AugmentedModel};
+use super::error::DiagnoseError;
+use super::free_map::FREE_MAP;
+use super::held_out::HeldOut;
+use super::observed_states::ObservedStates;
+use crate::calibrate::Calibrated;
+use crate::judge::cross_validation::{depth_gain_percent, depth_rms_interval};
+
+/// An effect that was added.
+#[derive(Debug, Clone)]
+pub struct Step {
+    /// Names of the effects that explained the residuals together, the added one first.
+    pub effects: Vec<String>,
+    /// The added effect, as for `calibrate --with`.
+    pub spec: PieceSpec,
+    /// Effects that these captures cannot distinguish from it.
+    pub indistinguishable: Vec<String>,
+    /// Its fitted parameters; none of a free map.
+    pub parameters: Vec<DiagnosisParameter>,
+    /// Root mean square size over the observations, mm.
+    pub size_mm: f64,
+    /// p-value, corrected for the number of effects tested.
+    pub p_value: f64,
+    /// Held-out errors before it was added.
+    pub before: HeldOutErrors,
+    /// Held-out errors with it.
+    pub after: HeldOutErrors,
+    /// Held-out depth error with it, with a 95 % interval over frames.
+    pub depth_rms_after_mm: Option<Interval>,
+    /// Fall of the held-out depth error, per cent, with a 95 % interval over frames.
+    pub gain_percent: Option<GainInterval>,
+}
+
+/// The effects that were added, with the parameters that the last model `fit` has; `declared` are the errors of the declared
+/// model.
+///
+/// # Errors
+///
+/// [`DiagnoseError::NotFitted`] where the fit lacks one of them.
+pub(super) fn steps(
+    model: &AugmentedModel<'_>,
+    declared: &HeldOut,
+    fit: &Calibrated,
+) -> Result<Vec<Step>, DiagnoseError> {
+    let states = ObservedStates::of(fit);
+    let befores = std::iter::once(declared).chain(model.added.iter().map(|a| &a.after));
+    let step = |(added, before): (&AddedEffect, &HeldOut)| {
+        let name = &added.evidence.name;
+        // The free map's parameters name no cause, and D takes up a part of its values: its size is that without this part.
+        let (parameters, size_mm) = if name == FREE_MAP {
+            (Vec::new(), added.evidence.expected_size_mm)
+        } else {
+            let (first, block) =
+                fitted_block(fit, name).ok_or_else(|| DiagnoseError::NotFitted { effect: name.clone() })?;
+            (fitted_parameters(fit, first, block), states.size_mm(block))
+        };
+        Ok(Step {
+            effects: added.effects.clone(),
+            spec: added.evidence.spec.clone(),
+            indistinguishable: added.indistinguishable.clone(),
+            parameters,
+            size_mm,
+            p_value: added.p_value,
+            before: before.errors,
+            after: added.after.errors,
+            depth_rms_after_mm: depth_rms_interval(&added.after.evaluated),
+            gain_percent: depth_gain_percent(&before.evaluated, &added.after.evaluated),
+        })
+    };
+    model.added.iter().zip(befores).map(step).collect()
+}
+
+/// The block of a name and the place of its first parameter among all parameters of the camera.
+fn fitted_block<'a>(fit: &'a Calibrated, name: &str) -> Option<(usize, &'a Block)> {
+    let mut first = 0;
+    for block in fit.camera.blocks() {
+        if block.name() == name {
+            return Some((first, block));
+        }
+        first += block.theta.len();
+    }
+    None
+}
+
+/// The parameters of a block with their standard deviations; `first` is the place of its first parameter.
+fn fitted_parameters(fit: &Calibrated, first: usize, block: &Block) -> Vec<DiagnosisParameter> {
+    let stds = fit.std_devs();
+    let each = block.parameters().iter().zip(&block.theta).zip(&stds[first..]);
+    each.map(|((p, value), std)| DiagnosisParameter {
+        name: p.name.to_string(),
+        value: *value,
+        unit: p.unit.to_string(),
+        std: *std,
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+
+    use super::super::examination::examine;
+    use super::super::options::DiagnoseOptions;
+    use super::*;
+    use crate::simulated;
+
+    #[test]
+    fn unnecessary_effects_are_removed_and_the_others_kept() {
+        let effect = Effect::new("cyclic_depth", 4.0).unwrap();
+        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[effect], 5);
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        let options = DiagnoseOptions::default();
+        let register = &options.calibrate.register;
+        let mut model = AugmentedModel::new(capture, None, &options);
+        let first = model.fitted(&model.present()).unwrap();
+        let examination = examine(&first.fit, register, &options.thresholds).unwrap();
+        let found = |name: &str| {
+            let evidence = examination.effects().find(|e| e.name == name).unwrap().clone();
+            let effects = vec![name.to_owned()];
+            AddedEffect {
+                evidence,
+                effects,
+                indistinguishable: Vec::new(),
+                p_value: 0.0,
+                after: first.held_out.clone(),
+            }
+        };
+        for name in ["incidence_bias", "cyclic_depth", "radial_range"] {
+            model.add_one(found(name)).unwrap();
+        }
+        let mut present = model.fitted(&model.present()).unwrap();
+        // The last effect stays: the loop tests it when it is added.
+        let removed = model.remove_unnecessary(&mut present, examination.tests).unwrap();
+        assert_eq!(removed, [PieceSpec::new("incidence_bias")]);
+        let names: Vec<&str> = model.added.iter().map(|a| a.evidence.name.as_str()).collect();
+        assert_eq!(names, ["cyclic_depth", "radial_range"]);
+        // Every step begins with the errors with which the one before ended.
+        let steps = steps(&model, &first.held_out, &present.fit).unwrap();
+        assert_eq!(steps[0].before, first.held_out.errors);
+        assert_eq!(steps[1].before, steps[0].after);
+        assert_eq!(steps[1].after, present.held_out.errors);
+        assert!(steps[0].after.depth_rms_mm < steps[0].before.depth_rms_mm);
+    }
+}
