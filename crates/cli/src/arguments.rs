@@ -5,7 +5,6 @@ use serde_json::Value;
 
 use super::apply::Apply;
 use super::calibrate::Calibrate;
-use super::common::Failure;
 use super::compare::Compare;
 use super::completions::Completions;
 use super::demo::Demo;
@@ -13,6 +12,7 @@ use super::detect::Detect;
 use super::diagnose::Diagnose;
 use super::evaluate::Evaluate;
 use super::export::Export;
+use super::failure::Failure;
 use super::man::ManPage;
 use super::session::Session;
 use super::simulate::Simulate;

@@ -9,9 +9,9 @@ use depthcal_model::{Block, ModelSpec, Parameter};
 use serde_json::{Value, json};
 
 use super::common::{
-    Failure, Output, Reading, command_line, frames_of, input, print_not_evaluated, value_of, write_calibration,
-    write_report,
+    Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_calibration, write_report,
 };
+use super::failure::{Failure, input};
 use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;

@@ -1,6 +1,5 @@
 //! Options, files and failures that several commands share.
 
-use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -8,7 +7,7 @@ use depthcal_io::{Calibration, DatasetEvaluation, Evaluation, FileReference, wri
 use depthcal_model::{Camera, Register};
 
 use crate::progress::Progress;
-use depthcal_calibration::calibrate::{CalibrateError, Calibrated};
+use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::calibration_record::{calibration_record, camera_from_record};
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
@@ -17,17 +16,9 @@ use depthcal_report::format::count;
 use depthcal_report::{ReportInput, render};
 use serde_json::{Value, json};
 
+use super::failure::{Failure, input};
 use super::session::Session;
 use super::voice::say;
-
-/// Why a command fails, by exit code.
-#[derive(Debug)]
-pub(super) enum Failure {
-    /// Invalid input or arguments: exit code 1.
-    Input(String),
-    /// A fit that cannot be trusted: exit code 2.
-    Untrusted(String),
-}
 
 /// For `--json`: the number of used frames, and the others with reasons.
 pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Value {
@@ -45,17 +36,6 @@ pub(super) fn print_not_evaluated(evaluated: &Evaluated, known: &[DroppedFrame])
 /// A result file as a value for `--json`.
 pub(super) fn value_of(record: &impl serde::Serialize) -> Result<Value, Failure> {
     serde_json::to_value(record).map_err(input)
-}
-
-/// Any error of input or output.
-pub(super) fn input(error: impl Display) -> Failure {
-    Failure::Input(error.to_string())
-}
-
-impl From<CalibrateError> for Failure {
-    fn from(error: CalibrateError) -> Self {
-        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
-    }
 }
 
 /// The folder of the results.

@@ -7,7 +7,8 @@ use depthcal_io::write_atomically;
 
 use serde_json::{Value, json};
 
-use super::common::{Failure, Output, Reading, command_line, frames_of, input, value_of};
+use super::common::{Output, Reading, command_line, frames_of, value_of};
+use super::failure::{Failure, input};
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;

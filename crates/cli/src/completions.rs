@@ -4,7 +4,7 @@ use clap::Args;
 use clap_complete::{Shell, generate};
 use serde_json::Value;
 
-use super::common::Failure;
+use super::failure::Failure;
 use super::voice::document;
 
 /// Prints a script that completes commands and options in a shell.

@@ -8,8 +8,9 @@ use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
 use serde_json::Value;
 
-use super::common::{Failure, Reading, input};
+use super::common::Reading;
 use super::diagnose::{Told, tell};
+use super::failure::{Failure, input};
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;

@@ -6,7 +6,8 @@ use clap::Args;
 
 use serde_json::{Value, json};
 
-use super::common::{Failure, Reading, frames_of, input};
+use super::common::{Reading, frames_of};
+use super::failure::{Failure, input};
 use super::session::Session;
 use super::voice::say;
 use depthcal_report::format::count;

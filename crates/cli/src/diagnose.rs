@@ -6,9 +6,8 @@ use clap::Args;
 
 use serde_json::{Value, json};
 
-use super::common::{
-    Failure, Output, Reading, command_line, frames_of, input, value_of, write_calibration, write_report,
-};
+use super::common::{Output, Reading, command_line, frames_of, value_of, write_calibration, write_report};
+use super::failure::{Failure, input};
 use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;

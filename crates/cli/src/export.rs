@@ -7,7 +7,7 @@ use depthcal_io::{Calibration, ExportCamera, ExportFormat, write_atomically};
 
 use serde_json::{Value, json};
 
-use super::common::{Failure, input};
+use super::failure::{Failure, input};
 use super::voice::{complaint, say};
 
 /// Writes a calibration in the format of another program.

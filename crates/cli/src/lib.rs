@@ -27,6 +27,7 @@ mod detect;
 mod diagnose;
 mod evaluate;
 mod export;
+mod failure;
 mod man;
 mod progress;
 mod recording;

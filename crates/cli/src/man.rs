@@ -7,7 +7,7 @@ use clap_mangen::Man;
 use depthcal_io::write_atomically;
 use serde_json::{Value, json};
 
-use super::common::{Failure, input};
+use super::failure::{Failure, input};
 use super::voice::{document, say};
 use depthcal_report::format::count;
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use depthcal_model::Camera;
 
-use super::common::Failure;
+use super::failure::Failure;
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::observe::Capture;
 
@@ -44,7 +44,7 @@ impl Recording {
             .iter()
             .map(|(capture, evaluated)| depthcal_report::rerun::RecordedCapture { capture, evaluated })
             .collect();
-        depthcal_report::rerun::write(path, camera, &captures).map_err(super::common::input)?;
+        depthcal_report::rerun::write(path, camera, &captures).map_err(super::failure::input)?;
         drop(busy);
         super::voice::say!("written: {} (open it with `rerun {0}`)", path.display());
         Ok(Some(path.clone()))

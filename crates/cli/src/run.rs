@@ -8,7 +8,7 @@ use serde_json::json;
 use tracing_subscriber::EnvFilter;
 
 use super::arguments::Arguments;
-use super::common::Failure;
+use super::failure::Failure;
 use super::session::Session;
 use super::voice;
 

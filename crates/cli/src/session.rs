@@ -4,7 +4,7 @@ use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::progress::ProgressHandle;
 use depthcal_model::{ModelSpec, PieceSpec, Register};
 
-use super::common::Failure;
+use super::failure::Failure;
 use crate::progress::Bars;
 
 /// The known pieces, and where progress is shown.

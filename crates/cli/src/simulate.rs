@@ -10,7 +10,8 @@ use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Simulation, catal
 
 use serde_json::{Value, json};
 
-use super::common::{Failure, Output, input};
+use super::common::Output;
+use super::failure::{Failure, input};
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_report::format::count;

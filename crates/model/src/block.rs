@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use crate::field::grid::Domain;
+use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
 use crate::piece::{AnyPiece, Parameter};
 use crate::pinhole::{self, PINHOLE};

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::block::Block;
 use crate::chain::Chain;
-use crate::field::grid::Domain;
+use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
 use crate::piece::{AnyPiece, Context};
 use crate::pinhole::PINHOLE;

@@ -24,6 +24,7 @@ pub mod camera;
 pub mod chain;
 pub mod depth;
 pub mod field;
+mod grid;
 pub mod hook;
 pub mod lens;
 mod piece;

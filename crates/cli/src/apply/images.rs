@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use depthcal_io::{DepthImage, RgbImage, read_rgb};
 
-use crate::common::{Failure, input};
+use crate::failure::{Failure, input};
 
 /// A colour image of the size of a depth image.
 pub(super) fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Failure> {

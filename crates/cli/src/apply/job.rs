@@ -6,7 +6,7 @@ use depthcal_correction::Corrector;
 use depthcal_io::{DepthImage, GrayImage, check_same_size, read_depth, read_gray};
 
 use super::images::read_color;
-use crate::common::{Failure, input};
+use crate::failure::{Failure, input};
 
 /// A depth image to be corrected, with the other images and the conditions of its frame.
 pub(super) struct Job {

@@ -13,7 +13,7 @@ use depthcal_io::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
 use super::images::stem;
-use crate::common::{Failure, input};
+use crate::failure::{Failure, input};
 
 const FILE: &str = ".depthcal-apply.json";
 

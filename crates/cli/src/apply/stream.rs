@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use depthcal_io::{DepthImage, GrayImage};
 use depthcal_report::format::count;
 
-use crate::common::Failure;
+use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::voice::{self, complaint, note};
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};

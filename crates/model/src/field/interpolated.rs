@@ -2,8 +2,8 @@ use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
 
-use super::grid::{Domain, Grid, MAX_NODES};
-use super::layout::FieldLayout;
+use crate::grid::layout::FieldLayout;
+use crate::grid::nodes::{Domain, Grid, MAX_NODES};
 use crate::hook::{Depth, HookKind};
 use crate::piece::{AnyPiece, Constant, Context, Covariate, Erased, Options, Parameter, Piece, Role};
 
@@ -21,6 +21,24 @@ pub struct Field<M, const P: usize> {
     parameters: Arc<[Parameter]>,
     /// Whether the parameters are those of the observations' cell alone.
     of_cell: bool,
+}
+
+/// The constants of a grid for files and the command line, with their present values as defaults.
+fn grid_constants(grid: &Grid) -> Vec<Constant> {
+    let described = [
+        ("columns", "columns", "1"),
+        ("rows", "rows", "1"),
+        ("width_px", "width", "px"),
+        ("height_px", "height", "px"),
+        ("bins", "bins", "1"),
+        ("near_mm", "nearest node", "mm"),
+        ("far_mm", "farthest node", "mm"),
+    ];
+    let values = grid.options();
+    let constant = |(name, label, unit): (&'static str, &'static str, &'static str)| {
+        values.get(name).map(|value| Constant::new(name, label, unit, *value))
+    };
+    described.into_iter().filter_map(constant).collect()
 }
 
 impl<M: Piece<Depth, P>, const P: usize> fmt::Debug for Field<M, P> {
@@ -144,7 +162,7 @@ impl<M: Piece<Depth, P>, const P: usize> AnyPiece for Field<M, P> {
 
     fn constants(&self) -> Vec<Constant> {
         let mut constants = self.local.constants();
-        constants.extend(self.layout.grid.constants());
+        constants.extend(grid_constants(&self.layout.grid));
         constants
     }
 

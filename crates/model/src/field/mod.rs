@@ -5,10 +5,7 @@
 //! of a [`Grid`], and the values at the nodes are fitted. A derivative by a node is the derivative by the local parameter
 //! times the weight of the node, so that the dual numbers stay as narrow as the local piece.
 
-pub(crate) mod grid;
 mod interpolated;
-pub(crate) mod layout;
 
-pub use grid::{Domain, Grid, Interpolation};
+pub use crate::grid::{Domain, FieldLayout, Grid, Interpolation};
 pub use interpolated::Field;
-pub use layout::FieldLayout;

@@ -7,8 +7,8 @@ use super::context::Context;
 use super::covariate::Covariate;
 use super::parameter::Parameter;
 use super::role::Role;
-use crate::field::grid::Domain;
-use crate::field::layout::FieldLayout;
+use crate::grid::layout::FieldLayout;
+use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
 
 /// A piece whose hook and number of parameters are known at run time only. Made by [`erase`](super::erase).

@@ -1,9 +1,9 @@
 //! The nodes of a field: where they lie over the image and in depth, and how they are interpolated.
 
-use crate::piece::constant::{Constant, Options};
+use std::collections::BTreeMap;
 
 /// Most nodes over the image that a pixel depends on: 4 × 4 of a cubic field.
-pub(super) const MAX_NODES: usize = 16;
+pub(crate) const MAX_NODES: usize = 16;
 
 /// Interpolation of a field over the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,7 +86,7 @@ impl Grid {
     }
 
     /// The same with the constants that are given by name, brought into their range.
-    pub fn with_options(mut self, options: &Options) -> Self {
+    pub fn with_options(mut self, options: &BTreeMap<String, f64>) -> Self {
         let fewest = self.interpolation.order();
         let count = |name: &str, present: usize, fewest: usize| {
             options.get(name).map_or(present, |n| (*n as usize).clamp(fewest, MOST_NODES))
@@ -114,28 +114,10 @@ impl Grid {
         self
     }
 
-    /// Its constants, with their present values as defaults.
-    pub(super) fn constants(&self) -> Vec<Constant> {
-        let [width, height] = self.size_px.unwrap_or(USUAL_SIZE_PX);
-        let mut constants = vec![
-            Constant::new("columns", "columns", "1", self.columns as f64),
-            Constant::new("rows", "rows", "1", self.rows as f64),
-            Constant::new("width_px", "width", "px", width),
-            Constant::new("height_px", "height", "px", height),
-        ];
-        if self.in_depth {
-            let [near, far] = self.range_mm();
-            constants.push(Constant::new("bins", "bins", "1", self.bins as f64));
-            constants.push(Constant::new("near_mm", "nearest node", "mm", near));
-            constants.push(Constant::new("far_mm", "farthest node", "mm", far));
-        }
-        constants
-    }
-
     /// Values of its constants by name.
-    pub fn options(&self) -> Options {
+    pub fn options(&self) -> BTreeMap<String, f64> {
         let [width, height] = self.size_px.unwrap_or(USUAL_SIZE_PX);
-        let mut options = Options::new();
+        let mut options = BTreeMap::new();
         let mut set = |name: &str, value: f64| _ = options.insert(name.to_owned(), value);
         set("columns", self.columns as f64);
         set("rows", self.rows as f64);
@@ -191,7 +173,7 @@ impl Grid {
     }
 
     /// Weights of a pixel's nodes over the image, row by row within the cell.
-    pub(super) fn image_weights(&self, [s, t]: [f64; 2]) -> [f64; MAX_NODES] {
+    pub(crate) fn image_weights(&self, [s, t]: [f64; 2]) -> [f64; MAX_NODES] {
         let order = self.interpolation.order();
         let (wu, wv) = (self.interpolation.weights(s), self.interpolation.weights(t));
         let mut weights = [0.0; MAX_NODES];
@@ -204,7 +186,7 @@ impl Grid {
     }
 
     /// Nearer node in depth, weight of the farther one, and that weight's derivative by inverse depth.
-    pub(super) fn depth_weight(&self, rho: f64) -> (usize, f64, f64) {
+    pub(crate) fn depth_weight(&self, rho: f64) -> (usize, f64, f64) {
         if self.bins < 2 {
             return (0, 0.0, 0.0);
         }

@@ -1,4 +1,4 @@
-use super::grid::Grid;
+use super::nodes::Grid;
 
 /// The layout of a piece's parameters in the nodes of a grid.
 ///
