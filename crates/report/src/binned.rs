@@ -1,8 +1,9 @@
 //! Errors in bins: every frame contributes its median; the scatter of the medians is the uncertainty.
 
 use super::pool::{Pool, usable};
-use super::statistics::{median, sign_generator, student};
+use super::statistics::sign_generator;
 use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_statistics::{median, student_quantile};
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 
@@ -131,7 +132,7 @@ impl Binned {
         }
         let chance = sizes.iter().sum::<f64>() / sizes.len() as f64;
         sizes.sort_by(f64::total_cmp);
-        let rare = super::statistics::quantile_of_sorted(&sizes, 0.95);
+        let rare = depthcal_statistics::quantile_of_sorted(&sizes, 0.95);
         let medians = self.frames.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         Structure {
             p_value: (1 + exceeding) as f64 / (1 + FLIPS) as f64,
@@ -210,7 +211,7 @@ fn summary(list: &[Median]) -> Cell {
     let value = list.iter().map(|m| m.value).sum::<f64>() / frames as f64;
     let spread = list.iter().map(|m| (m.value - value).powi(2)).sum::<f64>();
     let error = if frames < FEWEST_FRAMES { f64::NAN } else { (spread / (frames * (frames - 1)) as f64).sqrt() };
-    let half = error * student(frames.saturating_sub(1));
+    let half = error * student_quantile(0.975, frames.saturating_sub(1));
     Cell { value, half, frames, pixels }
 }
 
@@ -227,8 +228,8 @@ impl Axis {
     pub(super) fn over(values: impl Iterator<Item = f64>, bins: usize) -> Option<Self> {
         let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
-        let low = super::statistics::quantile_of_sorted(&sorted, 0.005);
-        let high = super::statistics::quantile_of_sorted(&sorted, 0.995);
+        let low = depthcal_statistics::quantile_of_sorted(&sorted, 0.005);
+        let high = depthcal_statistics::quantile_of_sorted(&sorted, 0.995);
         (high - low > 1e-9 * high.abs().max(1e-9)).then_some(Self { low, high, bins })
     }
 

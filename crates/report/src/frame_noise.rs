@@ -6,11 +6,12 @@ use super::binned::Structure;
 use super::finding::{Finding, WHOLE_FRAMES};
 use super::format::{number, signed};
 use super::pool::{Pool, Pooled, usable};
-use super::statistics::{chi_square_tail, median, quantile, rms};
+use super::statistics::rms;
 use super::uncertainty::standard_deviations;
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::judge::evaluate::PixelError;
 use depthcal_calibration::observe::board_region::BoardPlane;
+use depthcal_statistics::{chi_squared_tail, median, quantile};
 
 /// Fewest pixels of a tested frame.
 const FEWEST: usize = 20;
@@ -73,7 +74,7 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
     Some(Finding {
         over: WHOLE_FRAMES.to_owned(),
         structure: Structure {
-            p_value: chi_square_tail(ratio, n),
+            p_value: chi_squared_tail(ratio * n, list.len()),
             size_mm: (off.powi(2) - allowed.powi(2)).max(0.0).sqrt(),
             hidden_mm: CLEARLY * allowed,
         },

@@ -3,7 +3,8 @@
 use super::format::{self, count, number};
 use super::input::{ReportInput, Role};
 use super::pool::Pool;
-use super::statistics::{Change, Estimate};
+use super::statistics::Change;
+use depthcal_statistics::Estimate;
 
 /// How the correction changed an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

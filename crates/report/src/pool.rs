@@ -1,8 +1,9 @@
 //! Sets of evaluated frames, and their errors with intervals.
 
 use super::input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
-use super::statistics::{Change, Estimate, Kind, Total, change, estimate};
+use super::statistics::{Change, Kind, Total, change, estimate};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+use depthcal_statistics::Estimate;
 
 /// A frame with its dataset and role.
 #[derive(Debug, Clone, Copy)]

@@ -7,10 +7,11 @@ use super::headline::{Direction, direction};
 use super::html::escape;
 use super::input::{ReportInput, Role};
 use super::pool::Pool;
-use super::statistics::{Change, Estimate, quantile};
+use super::statistics::Change;
 use super::uncertainty::{distances, typical};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_model::hook::HookKind;
+use depthcal_statistics::{Estimate, quantile};
 
 fn cell(e: &Estimate) -> String {
     let interval = if e.has_interval() {

@@ -4,8 +4,8 @@ use depthcal_model::Context;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::statistics::quantile;
 use depthcal_calibration::calibrate::Calibrated;
+use depthcal_statistics::quantile;
 
 /// With more parameters than this, maps and curves have fewer points.
 const MANY: usize = 60;

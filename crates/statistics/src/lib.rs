@@ -1,6 +1,7 @@
 //! The statistics of depthcal, each in one place: tails of distributions, quantiles, moments, and bootstraps over frames.
 //!
-//! Distributions come from `statrs`. Quantiles are linearly interpolated everywhere (type 7 of Hyndman and Fan 1996).
+//! Distributions come from `statrs`. Quantiles are linearly interpolated (type 7 of Hyndman and Fan 1996)
+//! but where one of the values themselves is wanted.
 
 mod bootstrap;
 mod moments;
@@ -9,5 +10,5 @@ mod tails;
 
 pub use bootstrap::{Bootstrap, Estimate};
 pub use moments::{mean_std, mean_to_standard_error, rms};
-pub use quantiles::{median, quantile, quantile_of_sorted};
+pub use quantiles::{median, nearest_rank, quantile, quantile_of_sorted, upper_median};
 pub use tails::{chi_squared_tail, f_tail, noncentral_chi_squared_tail, noncentrality, normal_tail, student_quantile};

@@ -20,6 +20,19 @@ pub fn quantile(values: impl IntoIterator<Item = f64>, q: f64) -> f64 {
     if above.is_empty() { at } else { at + t * (next - at) }
 }
 
+/// The upper median of values, which are reordered: of an even number the greater one of the two in the middle, so that the
+/// result is one of the values. `None` of none.
+pub fn upper_median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The value in ascending order whose rank is nearest to the quantile `q` in [0, 1]: one of the values. `None` of none.
+pub fn nearest_rank(sorted: &[f64], q: f64) -> Option<f64> {
+    let last = sorted.len().checked_sub(1)?;
+    Some(sorted[(q * last as f64).round() as usize])
+}
+
 /// Median of values, which are reordered, in linear time; NaN of none. Of an even number it is the mean of the two in the
 /// middle.
 pub fn median(values: &mut [f64]) -> f64 {
@@ -65,5 +78,8 @@ mod tests {
         assert_eq!(median(&mut [5.0, 1.0, 3.0]), 3.0);
         assert_eq!(median(&mut [4.0, 1.0, 3.0, 2.0]), 2.5);
         assert!(median(&mut []).is_nan());
+        assert_eq!(upper_median(&mut [4.0, 1.0, 3.0, 2.0]), Some(3.0));
+        assert_eq!((upper_median(&mut []), nearest_rank(&[], 0.5)), (None, None));
+        assert_eq!(nearest_rank(&[1.0, 2.0, 10.0], 0.8), Some(10.0));
     }
 }

@@ -1,6 +1,7 @@
 //! Camera, lens and poses from the markers alone.
 
 use depthcal_model::Camera;
+use depthcal_statistics::upper_median;
 use nalgebra::Isometry3;
 use rayon::prelude::*;
 use tracing::warn;
@@ -126,9 +127,7 @@ fn worst_frame(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> 
             sigma * (squares.sum::<f64>() / frame.markers.len().max(1) as f64).sqrt()
         })
         .collect();
-    let mut sorted = errors.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = *sorted.get(sorted.len() / 2)?;
+    let median = upper_median(&mut errors.clone())?;
     let (worst, error) = errors.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
     let reason = format!(
         "its reprojection error is {error:.2} px where the median frame has {median:.2} px: a misdetected board"

@@ -1,11 +1,11 @@
 //! D by one of the thesis' estimators, on top of a calibration from the images alone.
 
 use depthcal_model::Block;
+use depthcal_statistics::rms;
 use nalgebra::Vector4;
 
 use super::fitted::Calibrated;
 use super::options::Estimator;
-use super::residuals::rms;
 use crate::estimators::{EstimatorError, MarkerPoint, irls, linear, marker_points, nonlinear};
 use crate::observe::PosedFrame;
 use crate::observe::board_region::{BoardRegion, board_pixels};
@@ -64,6 +64,6 @@ pub(super) fn estimate(
             1.0 / p.inverse_depth - 1.0 / predicted
         })
         .collect();
-    result.depth_rms_mm = Some(rms(&errors));
+    result.depth_rms_mm = Some(rms(errors));
     Ok(result)
 }

@@ -48,8 +48,3 @@ pub(super) fn drop_outliers<F: AdjustableFrame>(
     }
     dropped
 }
-
-/// Root mean square; 0 of nothing.
-pub(crate) fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}

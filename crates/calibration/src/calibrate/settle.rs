@@ -3,11 +3,12 @@
 
 use depthcal_model::Camera;
 use depthcal_solver::Covariance;
+use depthcal_statistics::rms;
 
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
-use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals, rms};
+use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
 use crate::adjust::adjustment::{Adjusted, Adjustment};
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::smoothness_selection;
@@ -135,7 +136,7 @@ pub(super) fn settle<F: AdjustableFrame>(
                 outliers,
                 smoothness: state.smoothness,
                 reprojection_rms_px: reprojection_rms(&state.capture, &adjusted, used.pixel_sigma),
-                depth_rms_mm: depth_mm.as_deref().map(rms),
+                depth_rms_mm: depth_mm.map(rms),
                 cost: adjusted.report.cost,
                 iterations: adjusted.report.iterations,
                 termination: adjusted.report.termination.to_string(),

@@ -5,15 +5,12 @@
 //! (paired), so that their differences are more certain than the errors themselves.
 
 use depthcal_io::{Errors, Interval};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use depthcal_statistics::{Bootstrap, Estimate};
 
 use crate::judge::evaluate::Evaluated;
 
-/// Bootstrap resamples.
-const RESAMPLES: usize = 2000;
-/// Seed of the bootstrap: the same input gives the same intervals.
-const SEED: u64 = 0x636f_6d70_6172_6500;
+/// The same draws of frames for all models.
+const BOOTSTRAP: Bootstrap = Bootstrap { resamples: 2000, seed: 0x636f_6d70_6172_6500 };
 
 /// Sum and number of values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -93,11 +90,8 @@ pub fn errors(datasets: &[Vec<FrameErrors>]) -> Errors<Option<f64>> {
 /// which intervals of differences are made. All models must have the same frames in the same order.
 pub fn resampled(models: &[&[Vec<FrameErrors>]]) -> Vec<(Errors<Option<Interval>>, Vec<f64>)> {
     let Some(first) = models.first() else { return Vec::new() };
-    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let sizes: Vec<usize> = first.iter().map(Vec::len).collect();
-    let draws: Vec<Vec<Vec<usize>>> = (0..RESAMPLES)
-        .map(|_| sizes.iter().map(|n| (0..*n).map(|_| rng.random_range(0..*n)).collect()).collect())
-        .collect();
+    let draws = BOOTSTRAP.draws(&sizes);
     models
         .iter()
         .map(|datasets| {
@@ -122,14 +116,9 @@ pub fn resampled(models: &[&[Vec<FrameErrors>]]) -> Vec<(Errors<Option<Interval>
 }
 
 /// The percentile interval that excludes the share `outside` of the resampled values, half at each end.
-pub fn interval(mean: f64, mut samples: Vec<f64>, outside: f64) -> Interval {
-    samples.retain(|s| s.is_finite());
-    samples.sort_by(f64::total_cmp);
-    if samples.is_empty() {
-        return Interval { mean, low: mean, high: mean };
-    }
-    let at = |q: f64| samples[((samples.len() - 1) as f64 * q).round() as usize];
-    Interval { mean, low: at(outside / 2.0), high: at(1.0 - outside / 2.0) }
+pub fn interval(mean: f64, samples: Vec<f64>, outside: f64) -> Interval {
+    let Estimate { value, low, high } = Estimate::from_resamples(mean, samples, 1.0 - outside);
+    Interval { mean: value, low, high }
 }
 
 #[cfg(test)]

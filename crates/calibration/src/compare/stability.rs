@@ -7,6 +7,7 @@
 
 use depthcal_io::{StabilityEstimate, StabilityRecord};
 use depthcal_model::{ModelSpec, PieceSpec};
+use depthcal_statistics::chi_squared_tail;
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use rayon::prelude::*;
 
@@ -146,64 +147,9 @@ fn undetermined(e: &Estimate) -> Option<String> {
     ))
 }
 
-/// Probability that χ² with `degrees` degrees of freedom exceeds a value: the regularised upper incomplete gamma function
-/// Q(degrees / 2, value / 2), by series and continued fraction (Abramowitz, Stegun 1964, 6.5.29, 6.5.31).
-fn chi_squared_tail(value: f64, degrees: usize) -> f64 {
-    let (a, x) = (degrees as f64 / 2.0, value / 2.0);
-    if !(x > 0.0) {
-        return 1.0;
-    }
-    let front = (a * x.ln() - x - ln_gamma(a)).exp();
-    if x < a + 1.0 {
-        let (mut term, mut sum, mut n) = (1.0 / a, 1.0 / a, a);
-        while term > 1e-16 * sum {
-            n += 1.0;
-            term *= x / n;
-            sum += term;
-        }
-        return (1.0 - front * sum).clamp(0.0, 1.0);
-    }
-    let mut b = x + 1.0 - a;
-    let (mut c, mut d) = (1e300, 1.0 / b);
-    let mut h = d;
-    for i in 1..500 {
-        let an = -f64::from(i) * (f64::from(i) - a);
-        b += 2.0;
-        d = 1.0 / (an * d + b);
-        c = b + an / c;
-        h *= d * c;
-        if (d * c - 1.0).abs() < 1e-15 {
-            break;
-        }
-    }
-    (front * h).clamp(0.0, 1.0)
-}
-
-/// ln Γ by Stirling's series after a shift to large arguments.
-fn ln_gamma(mut x: f64) -> f64 {
-    let mut shift = 0.0;
-    while x < 12.0 {
-        shift += x.ln();
-        x += 1.0;
-    }
-    let inverse = 1.0 / (x * x);
-    let series = (1.0 / 12.0 - inverse * (1.0 / 360.0 - inverse * (1.0 / 1260.0 - inverse / 1680.0))) / x;
-    (x - 0.5) * x.ln() - x + 0.5 * std::f64::consts::TAU.ln() + series - shift
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Quantiles from tables (Abramowitz, Stegun 1964, table 26.8).
-    #[test]
-    fn tails_of_chi_squared() {
-        for (value, degrees, p) in [(3.841_46, 1, 0.05), (9.487_73, 4, 0.05), (26.2170, 12, 0.01), (16.2662, 3, 0.001)]
-        {
-            assert!((chi_squared_tail(value, degrees) / p - 1.0).abs() < 1e-4, "{value} with {degrees}");
-        }
-        assert_eq!(chi_squared_tail(0.0, 4), 1.0);
-    }
 
     #[test]
     fn scatter_is_measured_in_standard_deviations() {

@@ -4,6 +4,7 @@
 //! They are excluded because they imitate effects: a frame whose depth belongs to another pose distorts the estimate of
 //! everything that varies with pose.
 
+use depthcal_statistics::upper_median;
 use nalgebra::Isometry3;
 
 use super::frame_planes::FramePlane;
@@ -85,8 +86,7 @@ fn deviation(fit: &Calibrated, frame: usize, pose: &Isometry3<f64>) -> Option<f6
         |p: &BoardPixel| Some(1.0 / fit.camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?.1);
     let mut deviations: Vec<f64> =
         pixels.iter().filter_map(|p| corrected(p).map(|z| (z - p.board_depth_mm).abs())).collect();
-    deviations.sort_by(f64::total_cmp);
-    deviations.get(deviations.len() / 2).copied()
+    upper_median(&mut deviations)
 }
 
 /// The capture without frames that copy an earlier one, with the same markers to the last digit or the same depth image; and

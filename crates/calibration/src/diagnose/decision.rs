@@ -7,7 +7,9 @@
 //! - or else, where something remains unexplained, retain most of its gain when fitted jointly with each free function, and be
 //!   significant by the scatter between frames: an effect that only imitates a map loses its gain given the map.
 
-use super::evidence::{Evidence, t_of};
+use depthcal_statistics::mean_to_standard_error;
+
+use super::evidence::Evidence;
 use super::examination::Examination;
 use super::frame_planes::FramePlane;
 use super::merit::{difference, merit, penalized_merit, significant};
@@ -194,7 +196,7 @@ fn indistinguishable(
         .filter(|i| {
             let difference = difference(&all[first].gains, &all[*i].gains);
             let given_other = lin.score_adjusted(all[first].index, &[all[*i].index]).p_value;
-            t_of(&difference) < thresholds.distinguishing_t && given_other > thresholds.level
+            mean_to_standard_error(&difference) < thresholds.distinguishing_t && given_other > thresholds.level
         })
         .map(|i| all[i].name.clone())
         .collect()

@@ -1,5 +1,7 @@
 //! Declarations of the dataset that cannot be right: the size of the board's squares and the unit of depth.
 
+use depthcal_statistics::upper_median;
+
 use super::thresholds::Thresholds;
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::Calibrated;
@@ -52,6 +54,5 @@ fn depth_scale(fit: &Calibrated) -> Option<f64> {
         let pixels = board_pixels(frame, unit_mm, &without_depth_pieces, &region, &frame.camera_from_board, STRIDE);
         ratios.extend(pixels.iter().map(|p| p.depth_mm / p.board_depth_mm));
     }
-    ratios.sort_by(f64::total_cmp);
-    ratios.get(ratios.len() / 2).copied()
+    upper_median(&mut ratios)
 }

@@ -2,6 +2,7 @@
 
 use depthcal_model::{Block, PieceSpec};
 use depthcal_solver::score::Score;
+use depthcal_statistics::mean_to_standard_error;
 
 use super::free_functions::Along;
 
@@ -42,14 +43,6 @@ impl Evidence {
 
     /// Mean over standard error of the frames' gains.
     pub fn t(&self) -> f64 {
-        t_of(&self.gains)
+        mean_to_standard_error(&self.gains)
     }
-}
-
-/// Mean over standard error; 0 where all values are equal.
-pub fn t_of(gains: &[f64]) -> f64 {
-    let n = gains.len() as f64;
-    let mean = gains.iter().sum::<f64>() / n;
-    let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    if variance > 0.0 { mean / (variance / n).sqrt() } else { 0.0 }
 }

@@ -2,6 +2,7 @@
 
 use depthcal_model::{PieceSpec, Register};
 use depthcal_solver::score::{Linearization, Score, ScoreError};
+use depthcal_statistics::upper_median;
 use nalgebra::DVector;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -215,7 +216,6 @@ impl Test<'_> {
             })
             .filter(|s| s.is_finite())
             .collect();
-        sizes.sort_by(f64::total_cmp);
-        sizes.get(sizes.len() / 2).copied().unwrap_or(f64::INFINITY)
+        upper_median(&mut sizes).unwrap_or(f64::INFINITY)
     }
 }

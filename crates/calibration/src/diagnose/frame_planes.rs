@@ -1,6 +1,6 @@
 //! Deviation of every frame's depth, as a whole, from the pose that its image shows: a plane in inverse depth.
 
-use depthcal_statistics::chi_squared_tail;
+use depthcal_statistics::{chi_squared_tail, upper_median};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::thresholds::Thresholds;
@@ -96,8 +96,7 @@ fn plane_of(frame: &SampledFrame, fit: &Calibrated, rows: &FrameRows) -> Option<
 /// to be exceptions.
 pub fn outlying<'a>(planes: &'a [FramePlane], least_mm: f64, thresholds: &Thresholds) -> Vec<&'a FramePlane> {
     let mut sizes: Vec<f64> = planes.iter().map(|p| p.of_noise).collect();
-    sizes.sort_by(f64::total_cmp);
-    let Some(median) = sizes.get(sizes.len() / 2).copied() else { return Vec::new() };
+    let Some(median) = upper_median(&mut sizes) else { return Vec::new() };
     let is_bad = |p: &&FramePlane| {
         p.of_noise > thresholds.outlying_plane_of_noise
             && p.of_noise > thresholds.outlying_plane_of_median * median

@@ -1,6 +1,8 @@
 //! The merit of candidates, by which they are selected.
 
-use super::evidence::{Evidence, t_of};
+use depthcal_statistics::mean_to_standard_error;
+
+use super::evidence::Evidence;
 use super::examination::Examination;
 use super::thresholds::Thresholds;
 
@@ -24,7 +26,7 @@ pub(super) fn penalized_merit(examination: &Examination, effect: usize) -> f64 {
 pub(super) fn significant(p_value: f64, tests: usize, gains: &[f64], thresholds: &Thresholds) -> bool {
     p_value * (tests as f64) < thresholds.level
         && gains.iter().sum::<f64>() > 0.0
-        && t_of(gains) > thresholds.least_gain_t
+        && mean_to_standard_error(gains) > thresholds.least_gain_t
 }
 
 /// Differences a − b of the gains of every frame.

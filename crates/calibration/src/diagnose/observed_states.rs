@@ -2,6 +2,7 @@
 
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Context};
+use depthcal_statistics::nearest_rank;
 
 use crate::calibrate::Calibrated;
 use crate::observe::board_region::BoardPlane;
@@ -44,9 +45,8 @@ impl Range {
     pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
-        let last = sorted.len().checked_sub(1)?;
-        let at = |q: f64| sorted[(q * last as f64).round() as usize];
-        Some(Self { low: at(RANGE_QUANTILES[0]), middle: at(0.5), high: at(RANGE_QUANTILES[1]) })
+        let at = |q: f64| nearest_rank(&sorted, q);
+        Some(Self { low: at(RANGE_QUANTILES[0])?, middle: at(0.5)?, high: at(RANGE_QUANTILES[1])? })
     }
 
     /// Length of the range.
@@ -80,7 +80,7 @@ impl ObservedStates {
             }
         }
         let noise = states.depth.iter().map(|s| fit.noise.depth.sigma(s[2]) / (s[2] * s[2]));
-        states.noise_mm = rms(noise, 1);
+        states.noise_mm = rms_length(noise, 1);
         states
     }
 
@@ -110,25 +110,27 @@ impl ObservedStates {
             HookKind::Depth => {
                 let change = changes(self.depth.as_flattened(), &self.contexts, 1);
                 // dz = −z² dρ, exactly: 1/(ρ + dρ) − 1/ρ.
-                rms(self.depth.iter().zip(change).map(|(s, d)| 1.0 / (s[2] + d) - 1.0 / s[2]), 1)
+                rms_length(self.depth.iter().zip(change).map(|(s, d)| 1.0 / (s[2] + d) - 1.0 / s[2]), 1)
             }
             HookKind::Pixel => {
                 let pixels: Vec<f64> = self.contexts.iter().flat_map(|c| c.pixel).collect();
                 let change = changes(&pixels, &self.contexts, 2);
                 let scale = self.depth.iter().flat_map(|s| [1.0 / (s[2] * self.focal_px); 2]);
-                rms(change.iter().zip(scale).map(|(d, z)| d * z), 2)
+                rms_length(change.iter().zip(scale).map(|(d, z)| d * z), 2)
             }
             HookKind::Lens => {
                 let change = changes(self.lens.as_flattened(), &blank(), 2);
-                rms(change.iter().zip(depths_at_markers().flat_map(|z| [z; 2])).map(|(d, z)| d * z), 2)
+                rms_length(change.iter().zip(depths_at_markers().flat_map(|z| [z; 2])).map(|(d, z)| d * z), 2)
             }
-            HookKind::Board | HookKind::Pose => rms(changes(self.board.as_flattened(), &blank(), 3).into_iter(), 3),
+            HookKind::Board | HookKind::Pose => {
+                rms_length(changes(self.board.as_flattened(), &blank(), 3).into_iter(), 3)
+            }
         }
     }
 }
 
 /// Root mean square length of vectors with `parts` components each; components that are not finite are ignored.
-fn rms(values: impl Iterator<Item = f64>, parts: usize) -> f64 {
+fn rms_length(values: impl Iterator<Item = f64>, parts: usize) -> f64 {
     let (sum, n) = values.filter(|v| v.is_finite()).fold((0.0, 0_usize), |(s, n), v| (s + v * v, n + 1));
     (sum * parts as f64 / n.max(1) as f64).sqrt()
 }

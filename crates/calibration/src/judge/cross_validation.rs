@@ -1,8 +1,7 @@
 //! Cross-validation: errors on frames that a fit did not see, and their bootstrap intervals.
 
 use depthcal_io::{GainInterval, HeldOutErrors, Interval};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use depthcal_statistics::Bootstrap;
 
 use crate::calibrate::{CalibrateError, CalibrateOptions, calibrate};
 use crate::judge::evaluate::{Evaluated, EvaluatedFrame, evaluate};
@@ -67,8 +66,8 @@ pub fn weighted_depth_rms(evaluated: &Evaluated, noise: &DepthNoise) -> Option<f
 /// Standard deviations at which errors are clipped in the weighted mean: single outliers do not decide.
 const MOST_SIGMAS: f64 = 8.0;
 
-/// Bootstrap resamples.
-const RESAMPLES: usize = 1000;
+/// Whole frames are drawn, because the pixels of a frame share errors.
+const BOOTSTRAP: Bootstrap = Bootstrap { resamples: 1000, seed: 1 };
 
 /// Fewest frames for an interval.
 const FEWEST_FRAMES: usize = 3;
@@ -79,26 +78,9 @@ fn squares(f: &EvaluatedFrame) -> (f64, f64) {
 }
 
 /// Root mean square over frames, given the sum of squares and the number of each.
-fn rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
+fn pooled_rms(frames: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (sum, n) = frames.fold((0.0, 0.0), |(sum, n), (squares, count)| (sum + squares, n + count));
     (sum / n).sqrt()
-}
-
-/// A statistic `of` all frames and the ends of its 95 % percentile interval. Whole frames are drawn with replacement (Efron,
-/// Tibshirani 1993, chapter 13), because pixels of a frame share errors.
-fn resampled(frames: usize, of: impl Fn(&[usize]) -> f64) -> [f64; 3] {
-    let mut drawn: Vec<usize> = (0..frames).collect();
-    let value = of(&drawn);
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut resampled: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            drawn.iter_mut().for_each(|d| *d = rng.random_range(0..frames));
-            of(&drawn)
-        })
-        .collect();
-    resampled.sort_by(f64::total_cmp);
-    let at = |q: f64| resampled[(q * (RESAMPLES - 1) as f64).round() as usize];
-    [value, at(0.025), at(0.975)]
 }
 
 /// Root mean square depth error after correction, mm, with its 95 % interval over frames; `None` with fewer than three frames
@@ -108,8 +90,8 @@ pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
     if frames.len() < FEWEST_FRAMES {
         return None;
     }
-    let [mean, low, high] = resampled(frames.len(), |drawn| rms(drawn.iter().map(|i| frames[*i])));
-    Some(Interval { mean, low, high })
+    let rms = BOOTSTRAP.estimate(frames.len(), |drawn| pooled_rms(drawn.iter().map(|i| frames[*i])));
+    Some(Interval { mean: rms.value, low: rms.low, high: rms.high })
 }
 
 /// Fall of the root mean square depth error from one model to another on the same frames, per cent, with its 95 %
@@ -124,9 +106,9 @@ pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainI
     if pairs.is_empty() {
         return None;
     }
-    let side = |drawn: &[usize], i: usize| rms(drawn.iter().map(|d| pairs[*d][i]));
-    let [value, low, high] = resampled(pairs.len(), |drawn| 100.0 * (1.0 - side(drawn, 1) / side(drawn, 0)));
-    Some(GainInterval { value, low, high })
+    let side = |drawn: &[usize], i: usize| pooled_rms(drawn.iter().map(|d| pairs[*d][i]));
+    let gain = BOOTSTRAP.estimate(pairs.len(), |drawn| 100.0 * (1.0 - side(drawn, 1) / side(drawn, 0)));
+    Some(GainInterval { value: gain.value, low: gain.low, high: gain.high })
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 use depthcal_io::{BeforeAfter, DatasetEvaluation, FrameEvaluation, MeanStd, Rms};
 use depthcal_model::{Camera, Context};
+use depthcal_statistics::rms;
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
 
@@ -143,17 +144,10 @@ fn pixel_error(camera: &Camera, plane: &BoardPlane, p: &BoardPixel) -> Option<(P
     Some((error, corrected))
 }
 
-/// Mean and standard deviation; zero without values.
-pub fn mean_std(values: impl Iterator<Item = f64> + Clone) -> MeanStd {
-    let n = values.clone().count().max(1) as f64;
-    let mean = values.clone().sum::<f64>() / n;
-    let std = (values.map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+/// Mean and standard deviation as a record.
+fn mean_std(values: impl Iterator<Item = f64> + Clone) -> MeanStd {
+    let (mean, std) = depthcal_statistics::mean_std(values);
     MeanStd { mean, std }
-}
-
-fn rms_of(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values.fold((0.0, 0_usize), |(s, n), v| (s + v * v, n + 1));
-    (sum / n.max(1) as f64).sqrt()
 }
 
 impl Evaluated {
@@ -165,7 +159,7 @@ impl Evaluated {
         DatasetEvaluation {
             name: self.name.clone(),
             frames: self.frames.len(),
-            reprojection_px: Rms { rms: rms_of(errors().map(|e| e[2].hypot(e[3]))) },
+            reprojection_px: Rms { rms: rms(errors().map(|e| e[2].hypot(e[3]))) },
             dot_error_mm: (dots().count() > 0).then(|| dot_error(dots())),
             plane_error_mm: (pixels().count() > 0).then(|| plane_error(pixels())),
             depth_rms_mm: (pixels().count() > 0).then(|| depth_rms(pixels())),
@@ -181,7 +175,7 @@ impl EvaluatedFrame {
             name: self.name.clone(),
             markers: self.reprojection.len(),
             depth_pixels: self.pixels.len(),
-            reprojection_px: Rms { rms: rms_of(self.reprojection.iter().map(|e| e[2].hypot(e[3]))) },
+            reprojection_px: Rms { rms: rms(self.reprojection.iter().map(|e| e[2].hypot(e[3]))) },
             dot_error_mm: (!self.dots.is_empty()).then(|| dot_error(self.dots.iter())),
             plane_error_mm: (!self.pixels.is_empty()).then(|| plane_error(self.pixels.iter())),
             depth_rms_mm: (!self.pixels.is_empty()).then(|| depth_rms(self.pixels.iter())),
@@ -203,7 +197,7 @@ fn plane_error<'a>(pixels: impl Iterator<Item = &'a PixelError> + Clone) -> Befo
 }
 
 fn depth_rms<'a>(pixels: impl Iterator<Item = &'a PixelError> + Clone) -> BeforeAfter<f64> {
-    BeforeAfter { before: rms_of(pixels.clone().map(|p| p.before_mm)), after: rms_of(pixels.map(|p| p.after_mm)) }
+    BeforeAfter { before: rms(pixels.clone().map(|p| p.before_mm)), after: rms(pixels.map(|p| p.after_mm)) }
 }
 
 /// Text of the thesis' table 6.1: errors of every dataset without and with correction. The dataset with the name `marked`, to

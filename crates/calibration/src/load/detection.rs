@@ -2,6 +2,7 @@
 
 use depthcal_detect::{DetectError, DetectOptions, Detection, FrameError, Marker, RefineOptions};
 use depthcal_model::{Camera, Register, Target};
+use depthcal_statistics::upper_median;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use tracing::info;
@@ -128,8 +129,7 @@ fn refine(
     }
     // Relative to the median marker, so that the noise of a typical marker is the adjustment's pixel sigma.
     let mut stds: Vec<f64> = markers.iter().flatten().map(|m| m.std_px).collect();
-    stds.sort_by(f64::total_cmp);
-    if let Some(median) = stds.get(stds.len() / 2).copied().filter(|m| *m > 0.0) {
+    if let Some(median) = upper_median(&mut stds).filter(|m| *m > 0.0) {
         markers.iter_mut().flatten().for_each(|m| m.std_px /= median);
     }
     Ok(true)

@@ -9,7 +9,7 @@ use crate::headline::interval;
 use crate::input::{ReportDiagnosis, ReportInput};
 use crate::parameters::{free_function, summary};
 use crate::pool::Pool;
-use crate::statistics::{Estimate, quantile};
+use depthcal_statistics::{Estimate, quantile};
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
 const WORTH_PERCENT: f64 = 0.5;

@@ -7,7 +7,8 @@ use super::plotly::{AFTER, BEFORE, axis, plain, short, whiskers};
 use crate::format::number;
 use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
-use crate::statistics::{Change, Estimate};
+use crate::statistics::Change;
+use depthcal_statistics::Estimate;
 
 fn bar(name: &str, colour: &str, labels: &[String], values: &[Estimate], hatched: bool) -> Value {
     let interval = |e: &Estimate, side: f64| if e.has_interval() { short((side - e.value).abs()) } else { json!(0) };

@@ -15,8 +15,9 @@ use crate::input::ReportDiagnosis;
 use crate::input::ReportInput;
 use crate::leftover::noise_mm;
 use crate::pool::{Pool, usable};
-use crate::statistics::{median, rms};
+use crate::statistics::rms;
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+use depthcal_statistics::median;
 
 /// Most pixels of the line of the added effects.
 const PIXELS: usize = 60_000;

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, plain, short, whiskers};
 use crate::format::{count, number, pieces};
-use crate::statistics::quantile;
+use depthcal_statistics::quantile;
 
 /// A kind of error: its name and how to get it.
 type Kind<T> = (&'static str, fn(&Errors<T>) -> T);

@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 use super::figure::{Figure, Variant};
 use super::plotly::{colour_bar, diverging, rounded, shorts};
 use crate::format::{fixed, number, pieces};
-use crate::statistics::quantile;
 use crate::uncertainty::{distances, typical};
 use depthcal_calibration::calibrate::Calibrated;
+use depthcal_statistics::quantile;
 
 /// Columns of the correction map.
 const COLUMNS: usize = 33;

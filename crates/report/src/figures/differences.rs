@@ -8,8 +8,8 @@ use crate::format::{count, number};
 use crate::input::ReportDiagnosis;
 use crate::input::ReportInput;
 use crate::pool::{Pool, Pooled, usable};
-use crate::statistics::{median, quantile};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+use depthcal_statistics::{median, quantile};
 
 /// Most cells of all frames together, which bounds the size of the file.
 const CELLS: usize = 70_000;

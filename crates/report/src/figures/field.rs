@@ -8,7 +8,7 @@ use crate::covariates::Image;
 use crate::format::{number, significant};
 use crate::input::{ReportInput, Role};
 use crate::pool::Pool;
-use crate::statistics::quantile;
+use depthcal_statistics::quantile;
 
 /// Most arrows of single markers.
 const ARROWS: usize = 1500;

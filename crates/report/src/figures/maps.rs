@@ -11,8 +11,9 @@ use crate::input::ReportDiagnosis;
 use crate::input::ReportInput;
 use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, noise_mm, tested_frames};
 use crate::pool::Pool;
-use crate::statistics::{quantile, rms};
+use crate::statistics::rms;
 use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_statistics::quantile;
 
 /// A map of cells, row by row.
 fn heat(cells: &[Cell], columns: usize, x: &Value, y: &Value, limit: f64) -> Value {

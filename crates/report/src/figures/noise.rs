@@ -7,8 +7,8 @@ use super::plotly::{AFTER, NEUTRAL, plain, short, shorts};
 use crate::format::number;
 use crate::input::ReportInput;
 use crate::pool::{Pool, usable};
-use crate::statistics::median;
 use depthcal_calibration::observe::noise::clipped_sigma;
+use depthcal_statistics::median;
 
 /// Fewest pixels of a frame in the figure.
 const FEWEST: usize = 30;

@@ -19,7 +19,7 @@ struct Stage {
 
 fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
     let (declared, now) = (Pool::declared(d).depth_rms()?, Pool::last(input).depth_rms()?);
-    let interval = |e: &crate::statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
+    let interval = |e: &depthcal_statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
     let mut list = vec![
         Stage {
             label: "as<br>measured".to_owned(),

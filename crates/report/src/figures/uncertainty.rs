@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
 use crate::format::number;
-use crate::statistics::quantile;
 use crate::uncertainty::Uncertainty;
 use depthcal_calibration::calibrate::Calibrated;
+use depthcal_statistics::quantile;
 
 /// Standard deviation against the distance, at three places of the image, and the noise of one pixel.
 pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
