@@ -146,6 +146,16 @@ mod pose_graphs {
         }
     }
 
+    #[test]
+    fn a_file_is_read_and_a_missing_one_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("graph.g2o");
+        let message = G2oGraph::read(&path).unwrap_err().to_string();
+        assert!(message.contains("graph.g2o: cannot read the file"), "{message}");
+        std::fs::write(&path, PLANE).unwrap();
+        assert_eq!(G2oGraph::read(&path).unwrap(), parse(PLANE).unwrap());
+    }
+
     proptest! {
         #[test]
         fn any_text_is_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..99), numbers in "[0-9 .e-]{0,60}") {

@@ -22,7 +22,7 @@ pub enum ProblemFileError {
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What is wrong and what is expected.
+        /// The fault, and what is expected.
         problem: String,
     },
 }

@@ -153,7 +153,7 @@ pub(super) fn parameters(c: &Calibrated) -> String {
             index += 1;
         }
     }
-    let z = number(quantile(distances(c).into_iter(), 0.5));
+    let z = number(quantile(distances(c), 0.5));
     format!(
         "<div class=\"scroll\" tabindex=\"0\"><table class=\"parameters\"><caption>Values ± one standard deviation. \
          Effect on depth: \
@@ -167,7 +167,7 @@ pub(super) fn parameters(c: &Calibrated) -> String {
 /// The largest change of corrected depth over the image, mm, between a parameter's fitted and its nominal value, at the
 /// median of the fitted distances. `None` where depth cannot be corrected.
 fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f64> {
-    let z = quantile(distances(c).into_iter(), 0.5);
+    let z = quantile(distances(c), 0.5);
     let mut without = theta.to_vec();
     *without.get_mut(index)? = nominal;
     let without = c.camera.with_theta(&without);

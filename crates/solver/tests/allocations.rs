@@ -1,4 +1,4 @@
-//! Iterations do not allocate memory, but for what argmin's executor does in any solver.
+//! Iterations do not allocate memory beyond what argmin's executor allocates for any solver.
 
 mod common;
 
@@ -25,7 +25,7 @@ fn allocations(graph: &Graph, values: &Values, linear_solver: LinearSolver, meth
         gradient_tolerance: 0.0,
         cost_tolerance: 0.0,
         parameter_tolerance: 0.0,
-        // Small steps, so that all iterations are accepted and none is the last.
+        // Strong damping makes steps small: all are accepted, and none converges.
         damping: Damping::Nielsen { tau: 1e9 },
         ..Options::default()
     };
@@ -38,7 +38,7 @@ fn allocations(graph: &Graph, values: &Values, linear_solver: LinearSolver, meth
     count.allocations + count.reallocations
 }
 
-/// 20 points of each of many lines y = a x + b with slopes of their own and a common curvature term c x².
+/// Many curves y = a x + b + c x², with 20 points each: a per curve, b and c in common.
 struct Lines {
     slopes: Vec<Key<Vector2<f64>>>,
     common: Key<Vector1<f64>>,
@@ -104,7 +104,7 @@ fn lines(count: usize) -> (Graph, Values) {
     (graph, values)
 }
 
-/// A solver that does nothing: hands the state on and tells two numbers, as ours do.
+/// A solver without work: it passes the state on and reports two numbers, as ours does.
 struct Idle;
 
 impl Solver<Graph, SolverState> for Idle {
@@ -118,7 +118,7 @@ impl Solver<Graph, SolverState> for Idle {
         mut state: SolverState,
     ) -> Result<(SolverState, Option<KV>), Error> {
         let values = problem.problem("step_count", |_| Ok(state.take_param()))?;
-        // The cost falls, so that argmin keeps the values as the best.
+        // The cost falls in every iteration, so that argmin keeps the values as the best.
         let cost = 1.0 / (2.0 + state.get_iter() as f64);
         let state = values.into_iter().fold(state, |state, values| state.param(values)).cost(cost);
         Ok((state, Some(argmin::kv!("gradient" => cost; "damping" => cost;))))
@@ -138,18 +138,18 @@ fn idle(graph: &Graph, values: &Values, iterations: u64) -> usize {
     count.allocations + count.reallocations
 }
 
-/// Allocations of eight iterations beyond those of the executor: what is laid out once, and for the first iterations, cancels.
+/// Allocations of eight more iterations beyond those of the executor. Allocations for set-up and first iterations cancel.
 fn own(graph: &Graph, values: &Values, linear_solver: LinearSolver, method: Method) -> isize {
     let of = |count: &dyn Fn(u64) -> usize| {
-        // The least of some runs: the first sets up what libraries need once for the process, and the thread that waits for
-        // this test allocates now and then.
+        // The minimum of some runs: the first run initialises libraries, and the test harness' own thread allocates
+        // occasionally.
         let least = |n| (0..5).map(|_| count(n)).min().unwrap_or(0) as isize;
         least(13) - least(5)
     };
     of(&|n| allocations(graph, values, linear_solver, method, n)) - of(&|n| idle(graph, values, n))
 }
 
-// One test in this binary: the counter is one for the process.
+// A single test in this binary, because the counter is global to the process.
 #[test]
 fn iterations_do_not_allocate() {
     let radius = Method::DogLeg { radius: 1e-2 };

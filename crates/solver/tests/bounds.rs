@@ -34,7 +34,7 @@ impl Factor<1> for Row {
     }
 }
 
-/// The minimum of ½ ‖A x − b‖² in a box: the best of all choices of which components are on which bound.
+/// The minimum of ½ ‖A x − b‖² in a box, by trying all combinations of components on their bounds.
 fn optimum(a: &DMatrix<f64>, b: &DVector<f64>, lower: &[f64; 5], upper: &[f64; 5]) -> (f64, DVector<f64>) {
     let mut best = (f64::INFINITY, DVector::zeros(5));
     for choice in 0..3_usize.pow(5) {
@@ -62,7 +62,7 @@ fn random_linear_problems_in_a_box() {
     let mut active = 0;
     for seed in 0..60 {
         let mut rng = rng(seed);
-        // Strongly coupled columns, so that steps leave bounds against the gradient.
+        // Strongly coupled columns: Newton steps lead off bounds in other directions than the gradient.
         let mix = SMatrix::<f64, 5, 5>::from_fn(|_, _| normal(&mut rng)) + SMatrix::repeat(1.0);
         let mut values = Values::new();
         let (p, q) = (values.insert(Vector2::new(0.3, 0.1)), values.insert(Vector3::new(-0.2, 5.0, 0.0)));
@@ -167,7 +167,7 @@ fn a_start_outside_is_moved_onto_the_bound() {
     assert!(found.report.converged && found.report.cost0 == 0.5 * (1.0 + 17.0 * 17.0), "{}", found.report);
 }
 
-/// A bound on the shared camera and one on a point, as if both were fixed there.
+/// An active bound on the shared camera and one on a point have the effect of fixing both there.
 #[test]
 fn active_bounds_of_a_bundle_are_like_fixed_components() {
     let Bundle { mut graph, mut values, camera, points, .. } = bundle(6, 60, 0.5, Loss::Trivial, 5);

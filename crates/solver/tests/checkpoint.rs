@@ -1,4 +1,4 @@
-//! Runs that are cut short and go on from a file.
+//! Runs that are cut short and resumed from a file.
 
 mod common;
 
@@ -14,7 +14,7 @@ use depthcal_solver::{
 };
 use nalgebra::{DVector, Isometry3, Unit, UnitQuaternion, Vector2, Vector3};
 
-/// A path that is free at the start and at the end.
+/// The path of a file that does not exist at first and is removed at the end.
 struct Scratch(PathBuf);
 
 impl Scratch {
@@ -51,7 +51,7 @@ fn trace(report: &Report) -> Vec<(Vec<u64>, bool)> {
     report.trace.iter().map(|i| (of(i).map(f64::to_bits).to_vec(), i.accepted)).collect()
 }
 
-/// Cut after every iteration, in one process after the other as it were.
+/// A run that is cut after every iteration and resumed by a new solver.
 #[test]
 fn a_run_that_is_cut_gives_the_same_bits() {
     let Bundle { graph, values, camera, points, .. } = bundle(6, 60, 0.5, Loss::Cauchy { scale: 0.3 }, 3);
@@ -63,7 +63,7 @@ fn a_run_that_is_cut_gives_the_same_bits() {
     let mut curves = Graph::new();
     curves.add_batch(curve);
     let radius = Damping::Radius { initial: 1e9, max: 1e16 };
-    // Some of these steps are rejected: what the solver knows of the last linearisation counts as well.
+    // Some of these steps are rejected, so that the state since the last linearisation matters, too.
     let methods = [
         ("lm", Method::LevenbergMarquardt, Damping::Nielsen { tau: 1e-12 }),
         ("radius", Method::LevenbergMarquardt, radius),
@@ -121,7 +121,7 @@ fn minimize_goes_on_from_its_checkpoint() {
     let checkpoint = |every| Some(CheckpointOptions { path: path.0.clone(), every });
     let cut = Options { max_iterations: 3, checkpoint: checkpoint(1), ..Options::default() };
     assert_eq!(minimize(&graph, values.clone(), &cut).unwrap().report.iterations, 3);
-    // The start counts for nothing when there is a file, and so does the number of threads.
+    // If there is a file, the start values have no effect, and neither has the number of threads.
     let mut elsewhere = values.clone();
     elsewhere.ids().for_each(|id| elsewhere.retract(id, &vec![0.01; elsewhere.dim(id)]));
     let rest = Options { checkpoint: checkpoint(2), threads: 3, ..Options::default() };
@@ -187,7 +187,7 @@ fn damaged_and_foreign_files_are_named() {
     }
     fs::write(&path.0, [0xff, 0xfe, 0x00]).unwrap();
     assert!(matches!(error(run(&graph, &values, &options, Some(&path))), CheckpointError::Corrupt { .. }));
-    // One digit of one number.
+    // Change one digit of one number.
     let digit = text.rfind(|c: char| ('1'..='8').contains(&c)).unwrap();
     let next = (text.as_bytes()[digit] + 1) as char;
     fs::write(&path.0, format!("{}{next}{}", &text[..digit], &text[digit + 1..])).unwrap();
@@ -220,7 +220,7 @@ fn a_missing_folder_is_named() {
     assert!(matches!(e, CheckpointError::Io { .. }) && e.to_string().contains("no-such-folder"), "{e}");
 }
 
-/// A variable that says nothing about its state.
+/// A variable without `Variable::state`.
 #[derive(Clone, Debug)]
 struct Opaque(Vector2<f64>);
 

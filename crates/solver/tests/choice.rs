@@ -1,4 +1,4 @@
-//! The linear solver is chosen by its estimated cost, and the choice is told.
+//! The linear solver is chosen by estimated work, and the choice is reported.
 
 mod common;
 
@@ -81,7 +81,7 @@ impl Factor<3> for Sight {
     }
 }
 
-/// Positions, each of which sees landmarks up to `range` away from its own place in a row.
+/// Positions in a row, each of which sees the landmarks up to `range` places away.
 fn survey(positions: usize, range: usize) -> (Graph, Values) {
     let mut rng = rng(2);
     let mut values = Values::new();
@@ -101,12 +101,12 @@ fn survey(positions: usize, range: usize) -> (Graph, Values) {
 
 #[test]
 fn what_elimination_leaves_is_sparse_or_left_as_it_is() {
-    // Neighbours see the same landmarks: a band.
+    // Neighbours see the same landmarks: the Schur complement is banded.
     let (graph, values) = survey(400, 4);
     let band = used(&graph, &values, LinearSolver::Auto);
     assert_eq!(band.solver, LinearSolver::SparseSchur, "{band:?}");
     assert!(band.sparse && band.symbolic_analyses == 1);
-    // Everyone sees nearly everything: the Schur complement is full, and forming it takes more than products with it.
+    // Every position sees nearly all landmarks: the Schur complement is full, and forming it costs more than products with it.
     let (graph, values) = survey(700, 60);
     let wide = used(&graph, &values, LinearSolver::Auto);
     let iterative = LinearSolver::ConjugateGradients(Preconditioner::SchurJacobi);
@@ -127,7 +127,7 @@ fn what_elimination_leaves_is_sparse_or_left_as_it_is() {
 
 #[test]
 fn large_reduced_systems_that_fill_up_are_solved_iteratively() {
-    // Each landmark is seen from four places anywhere.
+    // Each landmark is seen from four random positions.
     let mut rng = rng(4);
     let mut values = Values::new();
     let from: Vec<_> = (0..1000).map(|i| values.insert(Vector3::new(i as f64, 0.0, 0.0))).collect();

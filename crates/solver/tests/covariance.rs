@@ -128,7 +128,7 @@ fn a_pseudo_inverse_obeys_the_penrose_conditions_and_ignores_what_is_eliminated(
     assert!(near(&(&g * &h * &g), &g));
     let projector = &g * &h;
     assert!((&projector - projector.transpose()).amax() < 1e-6);
-    // What does not depend on the gauge has the same variance in any: the camera's parameters.
+    // The camera's parameters do not depend on the gauge, and neither does their variance.
     for i in 24..26 {
         assert!((g[(i, i)] / regular[(i, i)] - 1.0).abs() < 1e-6);
     }
@@ -203,7 +203,7 @@ fn selected_covariances_are_those_of_the_whole() {
     // Not in the order of the problem, some of them fixed wholly or in part.
     let ids = [points[7].id(), poses[1].id(), camera.id(), points[0].id(), poses[0].id(), poses[4].id()];
     let options = CovarianceOptions { pseudo_inverse: true, ..CovarianceOptions::default() };
-    // With the gauge fixed, free, and free with a variable that no factor determines.
+    // With the gauge fixed, with it free, and with it free and a variable that no factor determines.
     for (case, nullity) in [0, 7, 8].into_iter().enumerate() {
         if case == 1 {
             graph.unfix(poses[0]);

@@ -1,4 +1,4 @@
-//! Problems that normal equations cannot solve, and combinations of variables that no residual is about.
+//! Problems too ill-conditioned for normal equations, and undetermined combinations of variables.
 
 mod common;
 
@@ -109,7 +109,7 @@ fn undetermined_combinations_are_named_whatever_the_linear_solver() {
         if let Some(weakest) = &report.weakest {
             assert!(weakest.suspect, "{linear_solver:?} {weakest:?}");
         }
-        // Moving everything along such a combination changes the cost in second order at most.
+        // A step along such a combination changes the cost in second order at most.
         for direction in &report.undetermined {
             let mut moved = solution.values.clone();
             let largest = direction.components.iter().fold(0.0_f64, |m, c| m.max(c.value.abs()));
@@ -121,7 +121,7 @@ fn undetermined_combinations_are_named_whatever_the_linear_solver() {
             assert!((cost - report.cost).abs() < 1e-3 * report.cost, "{cost} {}", report.cost);
         }
     }
-    // With the gauge fixed there is nothing to name.
+    // With the gauge fixed, everything is determined.
     graph.fix(poses[0]);
     graph.fix_partly(poses[1], &[false, false, false, true, false, false]);
     for linear_solver in ALL {

@@ -1,4 +1,4 @@
-//! Residuals in lanes are the same problem as the same residuals one by one.
+//! Residuals evaluated in lanes give the same results as the same residuals evaluated one by one.
 
 use depthcal_solver::{
     Batch, EvaluationError, Factor, Graph, Key, LANES, Lane, LaneBatch, Lanes, Loss, Options, Over, Scalar, Values,
@@ -73,7 +73,7 @@ impl LaneBatch<2, 3> for Curves {
         jacobian: &mut [Lane; 3],
     ) {
         for l in 0..LANES {
-            // What is written beyond the last residual must not matter.
+            // Lanes beyond the last residual must be ignored.
             let beyond = Observed { x: 3.0, y: 5.0, z: f64::NAN };
             let o = *self.groups[group].1.get(block * LANES + l).unwrap_or(&beyond);
             let e = (b * o.x).exp();
@@ -102,7 +102,7 @@ fn problem(loss: &Loss) -> Problem {
     let mut ids = Vec::new();
     for group in 0..60_usize {
         let slope = values.insert(Vector1::new(0.0));
-        // All remainders of the number of lanes occur.
+        // The number of residuals modulo the number of lanes takes all values.
         let observed: Vec<Observed> = (0..5 + group % 19)
             .map(|i| {
                 let x = 0.1 * (i + 1) as f64;

@@ -96,7 +96,7 @@ fn problem(seed: u64) -> Problem {
         let b = DVector::from_fn(rows, |_, _| normal(&mut rng));
         groups.push((keys.iter().map(|k| k.id()).collect(), keys, a, b));
     };
-    // Own rows for each variable make the problem determined.
+    // Rows that depend on one variable alone make the problem determined.
     for v in 0..count {
         add(vec![v], offset[v + 1] - offset[v] + 1, &mut groups);
     }

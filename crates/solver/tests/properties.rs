@@ -67,7 +67,8 @@ fn round_trip<V: Variable>(x: &V, y: &V, delta: &[f64], distance: impl Fn(&V, &V
     }
 }
 
-/// The derivative at δ = 0 of the variable retracted over dual numbers, seen through coordinates, against differences of the retraction.
+/// Compares the derivative at δ = 0 of a variable retracted over dual numbers with differences of its retraction, both in
+/// some coordinates.
 fn derivatives_agree<V: AutoDiffVariable, const K: usize>(
     x: &V,
     coordinates: impl Fn(&V) -> SVector<f64, K>,
@@ -163,7 +164,7 @@ proptest! {
             let h = 1e-5 * s;
             let [_, first, second] = loss.evaluate(s);
             let (above, below) = (loss.evaluate(s + h), loss.evaluate(s - h));
-            // Not across the joints of Huber and Tukey.
+            // Away from the points where the pieces of Huber's and Tukey's losses meet.
             if (s - c * c).abs() > 2.0 * h {
                 prop_assert!(((above[0] - below[0]) / (2.0 * h) - first).abs() < 1e-7, "{loss:?}");
                 prop_assert!(((above[1] - below[1]) / (2.0 * h) - second).abs() < 1e-6 * (1.0 + 1.0 / (c * c * c)), "{loss:?}");
@@ -211,7 +212,7 @@ proptest! {
         let mut projections = Batch::new("projection").with_noise(noise);
         projections.push(Projection { observed: Vector2::new(0.1, 0.2) }, (a, camera, point));
         graph.add_batch(projections);
-        // Away from the cut of the logarithm at half a turn.
+        // Away from half a turn, where the logarithm is discontinuous.
         let relative = measured.inverse() * values.get(a).inverse() * values.get(b);
         if relative.rotation.angle() < 2.8 {
             graph.add(Between(measured), (a, b));

@@ -1,4 +1,4 @@
-//! Score tests against what solving again says, and against their own distributions.
+//! Score tests against solving again with the candidate free, and against their theoretical distributions.
 
 use depthcal_solver::score::{Candidate, Linearization};
 use depthcal_solver::{Batch, Factor, Graph, Key, Options, Over, Scalar, Values, VariableId, minimize};
@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// y = own + a x + b x² + c · z with an offset of its own in every run.
+/// y = own + a x + b x³ + bend x² + extra · z, where each run has its own offset `own`.
 struct Row {
     x: f64,
     z: [f64; 2],
@@ -35,8 +35,8 @@ struct Problem {
 
 const RUNS: usize = 24;
 
-/// Runs of 20 rows; `bend` is the size of the effect that the model lacks, `shake` the scatter of an error that all rows
-/// of a run share in proportion to x².
+/// Runs of 20 rows. `bend` is the size of the effect missing from the model, `shake` the standard deviation of an error
+/// proportional to x² that the rows of a run have in common.
 fn problem(seed: u64, bend: f64, shake: f64, without: Option<usize>) -> Problem {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
@@ -78,8 +78,8 @@ fn linearize(p: &Problem) -> Linearization {
     Linearization::new(&p.graph, &p.values, &runs, &candidates).unwrap()
 }
 
-/// The problem is linear: the expected change is the estimate, S is twice the fall of the cost, and their covariance is the
-/// estimate's.
+/// The problem is linear: the expected change is the estimate, S is twice the decrease of the cost, and the covariance is that of
+/// the estimate.
 #[test]
 fn a_linear_problem_is_predicted_exactly() {
     let mut p = problem(3, 0.1, 0.0, None);
@@ -94,7 +94,8 @@ fn a_linear_problem_is_predicted_exactly() {
     assert!((score.covariance[(0, 0)] / covariance.marginal(p.bend)[(0, 0)] - 1.0).abs() < 1e-8);
 }
 
-/// The gain on a left-out run is that of two solutions without the run, the run's own offset being fitted to it alone.
+/// The gain on a held-out run is the difference of its costs at two solutions without the run, with and without the candidate,
+/// where the run's own offset is fitted to the run.
 #[test]
 fn held_out_gain_is_what_solving_again_without_a_run_gives() {
     let mut p = problem(4, 0.1, 0.0, None);
@@ -108,7 +109,7 @@ fn held_out_gain_is_what_solving_again_without_a_run_gives() {
                 rest.graph.unfix(rest.bend);
             }
             solve(&mut rest);
-            // The left-out run with everything shared held at that solution.
+            // The held-out run with the shared variables fixed at that solution.
             let mut own = problem(4, 0.1, 0.0, None);
             own.values.set(own.line, *rest.values.get(rest.line));
             own.values.set(own.bend, *rest.values.get(rest.bend));
@@ -152,8 +153,8 @@ fn p_values_are_uniform_where_nothing_is_missing() {
     }
 }
 
-/// An error that a whole run shares makes the plain test see an effect in most problems, the clustered one in no more than
-/// its level allows.
+/// With an error common to a whole run, the plain test falsely detects an effect in most problems; the clustered test does so
+/// no more often than its level.
 #[test]
 fn shared_errors_of_a_cluster_deceive_the_plain_test_only() {
     let (mut plain, mut clustered) = (0, 0);
@@ -169,7 +170,7 @@ fn shared_errors_of_a_cluster_deceive_the_plain_test_only() {
     assert!(clustered < 20, "the clustered test rejected {clustered} of 200");
 }
 
-/// At the size that is said to be found in 80 % of cases, it is: 300 seeds, three standard deviations (2.3 %).
+/// An effect of the size that should be detected with probability 80 % is: 300 seeds, three standard deviations (2.3 %).
 #[test]
 fn detectable_sizes_are_detected_as_often_as_promised() {
     let mut found = 0;
@@ -194,8 +195,8 @@ fn mimicry_tells_twins_from_strangers() {
     assert!(linearization.mimicry(0, &one, 1) < 0.2, "independent regressors");
 }
 
-/// A candidate that has as many parameters as it likes, with a prior, does no harm on left-out runs, and a matrix of the
-/// wrong size is refused.
+/// A candidate with many parameters and a smoothness prior does no harm on held-out runs, and a prior of the wrong size is
+/// refused.
 #[test]
 fn smoothness_priors_tame_free_candidates() {
     let mut p = problem(12, 0.0, 0.0, None);
@@ -210,10 +211,10 @@ fn smoothness_priors_tame_free_candidates() {
 }
 
 #[test]
-fn only_held_variables_are_candidates() {
+fn only_fixed_variables_are_candidates() {
     let mut p = problem(13, 0.0, 0.0, None);
     p.graph.unfix(p.bend);
     let runs: Vec<VariableId> = p.runs.iter().map(|k| k.id()).collect();
     let error = Linearization::new(&p.graph, &p.values, &runs, &[Candidate::new("bend", p.bend)]).unwrap_err();
-    assert!(error.to_string().contains("only held variables"), "{error}");
+    assert!(error.to_string().contains("only fixed components"), "{error}");
 }

@@ -1,4 +1,5 @@
-//! Factors and variables come and go: the result is that of starting anew, and symbolic factorisations are kept while they fit.
+//! Sessions: after a change of the problem the result is that of a new solver, and symbolic factorisations are used again
+//! while they fit.
 
 mod common;
 
@@ -62,7 +63,7 @@ fn options() -> Options {
     Options { cost_tolerance: 1e-13, ..Options::default() }
 }
 
-/// Both converge to the same minimum, whose cost is known to 1e-13 of itself and the values to its root.
+/// Both converge to the same minimum: costs agree to a relative 1e-13, values to the square root of that.
 fn same(found: &Solution, graph: &Graph, start: &Values) {
     let anew = minimize(graph, start.clone(), &options()).unwrap();
     assert!(found.report.converged && anew.report.converged, "{}\n{}", found.report, anew.report);
@@ -89,7 +90,7 @@ fn symbolic_factorisations_are_kept_while_they_fit() {
             found.report.iterations
         };
         let cold = solve(&mut poses, 1);
-        // Nothing has changed: the first step is the last.
+        // Without a change the first step is the last.
         assert!(solve(&mut poses, 0) <= 2 && cold > 2);
         // A second measurement between poses that are linked.
         let again = poses.link("again", &[(0, 1), (5, 17), (100, 101)]);
@@ -127,7 +128,7 @@ fn schur_complements_and_qr_keep_theirs_too() {
         graph.eliminate(ids);
         let batch = graph.add_batch(Prior::isotropic("camera", camera, *second.values.get(camera), 1.0).unwrap());
         let third = session.solve(&graph, second.values).unwrap();
-        // For a factorisation of the Jacobian more rows are another structure.
+        // For QR, more rows mean another sparsity pattern.
         assert_eq!(third.report.linear_solver.symbolic_analyses, new_rows, "{linear_solver:?}");
         same(&third, &graph, &values);
         graph.remove_batch(batch);
@@ -141,7 +142,7 @@ fn groups_that_are_taken_away_are_gone_for_all() {
     let residuals = poses.graph.residuals(doubled, &poses.values).unwrap();
     assert_eq!(poses.graph.retain_groups(doubled, |g, _| g % 2 == 0), 2);
     assert_eq!(poses.graph.retain_groups(doubled, |g, batch| batch.variables(g)[0] == poses.keys[2].id()), 1);
-    // What is left is the third.
+    // Only the third is left.
     assert_eq!(poses.graph.residuals(doubled, &poses.values).unwrap(), residuals[12..18]);
     assert_eq!(poses.graph.retain_groups(doubled, |_, _| true), 0);
     assert_eq!(poses.graph.remove_variable(poses.keys[2]), 1 + 3);

@@ -44,7 +44,7 @@ fn a_curve_without_noise_is_found_to_rounding() {
 #[test]
 fn a_redescending_loss_ignores_outliers() {
     let (graph, values, key) = exponential(0.01, true);
-    // From a start within reach: a redescending loss has other minima.
+    // Start near the minimum: a redescending loss has other local minima.
     let mut values = values;
     values.set(key, Vector2::new(2.1, -0.25));
     let solution = minimize(&graph, values, &Options::default()).unwrap();
@@ -69,7 +69,7 @@ fn a_bundle_without_noise_is_found_to_rounding_by_every_linear_solver() {
             assert!((solution.values.get(point) - truth.get(point)).norm() < 1e-7, "{}", solution.report);
         }
         assert!((solution.values.get(camera) - truth.get(camera)).norm() < 1e-4);
-        // The fixed component of a partly fixed pose has not moved by a bit.
+        // The fixed component of a partly fixed pose has not changed by a bit.
         assert_eq!(solution.values.get(poses[1]).translation.x, truth.get(poses[1]).translation.x);
     }
 }
@@ -193,13 +193,13 @@ fn errors_say_what_is_wrong() {
     let error = minimize(&graph, values.clone(), &Options::default()).unwrap_err();
     assert!(matches!(&error, SolveError::Start(f) if f.batch == "wall" && f.group == 0), "{error}");
     assert!(error.to_string().contains("not positive"));
-    // From the right side of the wall the first full step leads through it and is rejected.
+    // Starting inside the domain, the first full step leads out of it and is rejected.
     values.set(x, DVector::from_element(1, 5.0));
     let solution = minimize(&graph, values.clone(), &Options::default()).unwrap();
     assert!(solution.report.converged, "{}", solution.report);
     assert!(solution.report.trace.iter().any(|i| !i.accepted && i.trial_cost.is_infinite()));
     assert!((solution.values.get(x)[0] - (-3.0_f64).exp()).abs() < 1e-9);
-    // A variable of other values.
+    // A key of other values.
     let mut other = Values::new();
     let _ = other.insert(1.0_f64 * Vector3::zeros());
     graph.fix_partly(x, &[true, false]);
@@ -290,10 +290,10 @@ fn every_method_reaches_the_same_minimum() {
         solution.report.cost
     };
     let expected = solve(Method::LevenbergMarquardt);
-    // From a region far too small, one that fits, and one far too large.
+    // Start with a trust region far too small, a good one, and one far too large.
     for method in [1e-3, 1e2, 1e9].map(|radius| Method::DogLeg { radius }).into_iter().chain([Method::GaussNewton]) {
         let cost = solve(method);
-        // The cost has converged to 1e-9 of itself.
+        // The cost has converged to a relative 1e-9.
         assert!((cost - expected).abs() < 1e-8 * expected, "{method:?} {cost} {expected}");
     }
     let (graph, values, key) = exponential(0.0, false);
@@ -305,7 +305,7 @@ fn every_method_reaches_the_same_minimum() {
 
 #[test]
 fn an_interrupted_solver_returns_the_best_so_far() {
-    /// x² + 1 = 0, whose evaluation raises the flag after a while.
+    /// x² + 1 = 0, which raises the flag after some evaluations.
     struct Raising(Interrupt, std::sync::atomic::AtomicUsize);
     impl Factor<1> for Raising {
         type Variables = (Vector1<f64>,);

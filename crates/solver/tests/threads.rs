@@ -1,4 +1,4 @@
-//! The same input gives the same bits for any number of threads.
+//! Results are bitwise identical for any number of threads.
 
 mod common;
 
@@ -8,7 +8,7 @@ use depthcal_solver::{
 };
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-/// Everything of a report that is a number, but for times.
+/// All numbers of a report except times.
 fn numbers(report: &Report) -> Vec<u64> {
     report
         .trace

@@ -200,9 +200,9 @@ fn proposed_frame(frame: &DiagnosisProposedFrame) -> String {
         (side, vertical) => format!("in the {vertical} {side} corner of the image"),
     };
     let tilt = match frame.turned_deg {
-        [x, y] if x == 0.0 && y == 0.0 => "parallel to the image plane".to_owned(),
-        [x, y] if x == 0.0 => format!("turned by {}° about the vertical", number(y)),
-        [x, y] if y == 0.0 => format!("turned by {}° about the horizontal", number(x)),
+        [0.0, 0.0] => "parallel to the image plane".to_owned(),
+        [0.0, y] => format!("turned by {}° about the vertical", number(y)),
+        [x, 0.0] => format!("turned by {}° about the horizontal", number(x)),
         [x, y] => format!("turned by {}° about the horizontal and {}° about the vertical", number(x), number(y)),
     };
     let warmer = frame.warmer_c.map_or_else(String::new, |c| {

@@ -48,7 +48,7 @@ pub(crate) struct Slot {
     pub column: u32,
 }
 
-/// A batch with what the solver asks it only once.
+/// A batch, with its properties that the solver reads only once.
 #[derive(Clone)]
 pub(crate) struct BatchInfo {
     pub batch: Arc<dyn FactorBatch>,

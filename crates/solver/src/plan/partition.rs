@@ -12,7 +12,7 @@ pub(crate) fn dense_flops(n: usize) -> f64 {
     n * n * n / 3.0
 }
 
-/// A set of variables to eliminate, and what that costs.
+/// A set of variables to eliminate, and the work of their elimination.
 #[derive(Debug)]
 pub(crate) struct EliminationSet {
     /// Indices of active variables, sorted.

@@ -106,7 +106,7 @@ pub enum StructureError {
         variable: String,
         /// Tangent component.
         component: usize,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
     /// Two of the variables given to [`Graph::eliminate`](crate::Graph::eliminate) share a factor.
@@ -126,13 +126,13 @@ pub enum StructureError {
     Loss {
         /// Name of the batch.
         batch: String,
-        /// What is wrong.
+        /// The fault.
         reason: &'static str,
     },
     /// The linear algebra refused the problem's structure, for instance because it is too large.
     #[error("the linear system cannot be set up: {reason}")]
     LinearSystem {
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
 }

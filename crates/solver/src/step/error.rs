@@ -20,7 +20,7 @@ pub enum SolveError {
     Option {
         /// Name of the option.
         option: &'static str,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
     /// A checkpoint cannot be read or written, or belongs to another problem.
