@@ -18,6 +18,12 @@ const REFERENCE_FACTORS: [f64; 2] = [0.5, 2.0];
 const TIME_CONSTANT_SHARES: [f64; 6] = [0.1, 0.2, 0.33, 0.5, 0.8, 1.3];
 /// Distances between projector and camera that are searched, mm: up to the width of common depth cameras, to either side.
 const BASELINES_MM: [f64; 7] = [0.0, 40.0, -40.0, 75.0, -75.0, 120.0, -120.0];
+/// Parts into which a refined search divides the interval between the neighbours of the best value.
+const REFINED_PARTS: i32 = 8;
+/// Values to either side of the present one that are searched once an effect is in the model, and their distance as a share of
+/// a step of the coarse search.
+const VALUES_TO_EITHER_SIDE: i32 = 10;
+const SHARE_OF_STEP: f64 = 0.05;
 
 /// An effect that the model lacks.
 #[derive(Debug, Clone)]
@@ -101,7 +107,7 @@ fn round_to_three_digits(value: f64) -> f64 {
     (value * digits).round() / digits
 }
 
-/// Seven values between the neighbours of `best` in `values`, evenly spaced in 1/value.
+/// Values between the neighbours of `best` in `values`, evenly spaced in 1/value.
 pub fn finer(values: &[f64], best: f64) -> Vec<f64> {
     let inverse = |v: f64| 1.0 / v;
     let mut sorted: Vec<f64> = values.iter().map(|v| inverse(*v)).collect();
@@ -109,14 +115,23 @@ pub fn finer(values: &[f64], best: f64) -> Vec<f64> {
     let Some(at) = sorted.iter().position(|v| *v == inverse(best)) else { return Vec::new() };
     let low = sorted[at.saturating_sub(1)];
     let high = sorted[(at + 1).min(sorted.len() - 1)];
-    (1..8).map(|i| low + (high - low) * f64::from(i) / 8.0).filter(|v| *v > 0.0).map(|v| 1.0 / v).collect()
+    let parts = f64::from(REFINED_PARTS);
+    (1..REFINED_PARTS)
+        .map(|i| low + (high - low) * f64::from(i) / parts)
+        .filter(|v| *v > 0.0)
+        .map(|v| 1.0 / v)
+        .collect()
 }
 
-/// Up to 21 values about `present`, evenly spaced in 1/value, over half a step of the coarse search to either side.
+/// Values about `present`, evenly spaced in 1/value, over half a step of the coarse search to either side.
 pub fn around(present: f64, values: &[f64]) -> Vec<f64> {
     let mut sorted: Vec<f64> = values.iter().map(|v| 1.0 / v).collect();
     sorted.sort_by(f64::total_cmp);
     let at = sorted.iter().position(|v| *v >= 1.0 / present).unwrap_or(sorted.len() - 1).max(1);
     let step = sorted[at] - sorted[at - 1];
-    (-10..=10).map(|i| 1.0 / present + step * 0.05 * f64::from(i)).filter(|v| *v > 0.0).map(|v| 1.0 / v).collect()
+    (-VALUES_TO_EITHER_SIDE..=VALUES_TO_EITHER_SIDE)
+        .map(|i| 1.0 / present + step * SHARE_OF_STEP * f64::from(i))
+        .filter(|v| *v > 0.0)
+        .map(|v| 1.0 / v)
+        .collect()
 }

@@ -13,6 +13,23 @@ use nalgebra::DMatrix;
 use super::observed_states::{ObservedStates, Range};
 use super::thresholds::Thresholds;
 
+/// Degrees of the splines.
+const LINEAR: usize = 1;
+const CUBIC: usize = 3;
+/// Basis functions of a map over the image, along its columns and its rows.
+const MAP: [usize; 2] = [7, 6];
+/// Basis functions along image columns or rows alone, where errors of single lines show.
+const LINES: usize = 24;
+/// Basis functions along each side of the board.
+const BOARD: usize = 4;
+/// Basis functions over inverse depth, over which errors may be waves.
+const DEPTH: usize = 14;
+/// Basis functions over the logarithm of the amplitude, the cosine of incidence, time and temperature.
+const AMPLITUDE: usize = 6;
+const INCIDENCE: usize = 5;
+const TIME: usize = 6;
+const TEMPERATURE: usize = 5;
+
 /// The covariate of a free function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Along {
@@ -60,7 +77,7 @@ struct Axis {
     low: f64,
     high: f64,
     count: usize,
-    /// Linear (1) or cubic (3).
+    /// [`LINEAR`] or [`CUBIC`].
     degree: usize,
 }
 
@@ -72,7 +89,7 @@ impl Axis {
         let t = ((x - self.low) / (self.high - self.low)).clamp(0.0, 1.0) * spans as f64;
         let span = (t as usize).min(spans - 1);
         let u = t - span as f64;
-        let values = if self.degree == 1 {
+        let values = if self.degree == LINEAR {
             [1.0 - u, u, 0.0, 0.0]
         } else {
             // Uniform cubic B-splines.
@@ -272,28 +289,29 @@ pub fn free_functions(
     let axis = |low: f64, high: f64, count: usize, degree: usize| Axis { low, high, count, degree };
     let (u, v) = (|n, d| axis(0.0, width as f64 - 1.0, n, d), |n, d| axis(0.0, height as f64 - 1.0, n, d));
     let mut list = vec![
-        free_function("map", Along::Pixel, Action::Disparity, vec![u(7, 3), v(6, 3)]),
-        free_function("map of depth", Along::Pixel, Action::Depth, vec![u(7, 3), v(6, 3)]),
-        free_function("columns", Along::Column, Action::Depth, vec![u(24, 1)]),
-        free_function("rows", Along::Row, Action::Depth, vec![v(24, 1)]),
+        free_function("map", Along::Pixel, Action::Disparity, vec![u(MAP[0], CUBIC), v(MAP[1], CUBIC)]),
+        free_function("map of depth", Along::Pixel, Action::Depth, vec![u(MAP[0], CUBIC), v(MAP[1], CUBIC)]),
+        free_function("columns", Along::Column, Action::Depth, vec![u(LINES, LINEAR)]),
+        free_function("rows", Along::Row, Action::Depth, vec![v(LINES, LINEAR)]),
         free_function(
             "board",
             Along::Board,
             Action::Height,
-            vec![axis(board[0][0], board[1][0], 4, 3), axis(board[0][1], board[1][1], 4, 3)],
+            vec![axis(board[0][0], board[1][0], BOARD, CUBIC), axis(board[0][1], board[1][1], BOARD, CUBIC)],
         ),
     ];
     let mut along = |name, along, range: Option<Range>, count: usize, least_span: f64| {
         if let Some(range) = range.filter(|r| r.span() > least_span) {
-            list.push(free_function(name, along, Action::Depth, vec![axis(range.low, range.high, count, 3)]));
+            list.push(free_function(name, along, Action::Depth, vec![axis(range.low, range.high, count, CUBIC)]));
         }
     };
-    along("depth", Along::Depth, states.range(|s, _| s[2]), 14, 0.0);
-    along("amplitude", Along::Amplitude, states.range(|_, c| log_amplitude(c)), 6, thresholds.least_log_amplitude_span);
-    along("incidence", Along::Incidence, states.range(|s, _| s[3]), 5, thresholds.least_cos_incidence_span);
-    along("time", Along::Time, states.range(|_, c| c.time_s), 6, thresholds.least_time_span_s);
+    along("depth", Along::Depth, states.range(|s, _| s[2]), DEPTH, 0.0);
+    let amplitude = states.range(|_, c| log_amplitude(c));
+    along("amplitude", Along::Amplitude, amplitude, AMPLITUDE, thresholds.least_log_amplitude_span);
+    along("incidence", Along::Incidence, states.range(|s, _| s[3]), INCIDENCE, thresholds.least_cos_incidence_span);
+    along("time", Along::Time, states.range(|_, c| c.time_s), TIME, thresholds.least_time_span_s);
     let temperature = states.range(|_, c| c.temperature_c);
-    along("temperature", Along::Temperature, temperature, 5, thresholds.least_temperature_span_c);
+    along("temperature", Along::Temperature, temperature, TEMPERATURE, thresholds.least_temperature_span_c);
     list
 }
 
@@ -304,7 +322,7 @@ mod tests {
     /// B-splines sum to one everywhere, so that constants are free functions.
     #[test]
     fn splines_are_a_partition_of_unity() {
-        for degree in [1, 3] {
+        for degree in [LINEAR, CUBIC] {
             let axis = Axis { low: -2.0, high: 5.0, count: 9, degree };
             for i in 0..=100 {
                 let (first, values) = axis.basis(-2.5 + 0.08 * f64::from(i));
@@ -317,7 +335,7 @@ mod tests {
     /// Constants and lines along either axis have no second differences.
     #[test]
     fn linear_functions_cost_no_more_than_the_ridge() {
-        let axis = |count| Axis { low: 0.0, high: 1.0, count, degree: 3 };
+        let axis = |count| Axis { low: 0.0, high: 1.0, count, degree: CUBIC };
         let p = smoothness_precision(&[axis(5), axis(4)]) - DMatrix::identity(20, 20) * RIDGE;
         let plane = nalgebra::DVector::from_fn(20, |i, _| 1.0 + 0.5 * (i % 5) as f64 - 2.0 * (i / 5) as f64);
         assert!((plane.transpose() * &p * &plane)[(0, 0)].abs() < 1e-10);
