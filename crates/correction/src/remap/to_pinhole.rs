@@ -307,7 +307,7 @@ mod tests {
             // pixels, which is more than 3 % up to a depth of 2333; noise.
             let surface = |i: usize| (65_535.0 * (-0.013 * ((i % w + i / w) % 350) as f64).exp()) as u16;
             let steep = |i: usize| (1000 + 40 * (i % w) + 30 * (i / w)) as u16;
-            let noise = |i: usize| if i % 5 == 0 { 0 } else { (i * 40_503 % 65_536) as u16 };
+            let noise = |i: usize| if i.is_multiple_of(5) { 0 } else { (i * 40_503 % 65_536) as u16 };
             let (mut interpolated, mut taken) = (0, 0);
             for image in
                 [(0..n).map(surface).collect::<Vec<_>>(), (0..n).map(steep).collect(), (0..n).map(noise).collect()]
