@@ -6,8 +6,8 @@ use super::summary::CorrectionSummary;
 
 /// Pixels that are taken through all stages at a time, few enough to stay in the first-level cache.
 pub(crate) const CHUNK: usize = 1024;
-/// Most pixels that are taken at a time where a single loop does all the work: long enough that the cost of entering the loop
-/// is negligible.
+/// Most pixels that are taken at a time where a single loop does all the work: long enough that the cost of entering
+/// the loop is negligible.
 pub(crate) const STRETCH: usize = 8 * CHUNK;
 /// Fewest pixels of a band, some ten microseconds of work: less is not worth another thread.
 const FEWEST: usize = 16 * CHUNK;
@@ -30,9 +30,9 @@ impl<T: Send> Split for &mut [T] {
     }
 }
 
-/// Divides `pixels` pixels into bands and calls `work` for each, with the index of its first pixel, its number of pixels and its
-/// part of the output. All bands but the last are a multiple of [`CHUNK`]. Returns the sum of the summaries. Allocates nothing;
-/// on a single thread there is one band.
+/// Divides `pixels` pixels into bands and calls `work` for each, with the index of its first pixel, its number of
+/// pixels and its part of the output. All bands but the last are a multiple of [`CHUNK`]. Returns the sum of the
+/// summaries. Allocates nothing; on a single thread there is one band.
 pub(crate) fn for_bands<O: Split>(
     pixels: usize,
     out: O,

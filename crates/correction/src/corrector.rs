@@ -11,7 +11,8 @@ use crate::points::PointsMut;
 use crate::prepared::PreparedCamera;
 use crate::summary::CorrectionSummary;
 
-/// Corrects the depth images of a calibrated camera, at its calibrated resolution. Build it once, then use it for every frame.
+/// Corrects the depth images of a calibrated camera, at its calibrated resolution. Build it once, then use it for every
+/// frame.
 ///
 /// See the [crate's front page](crate) for an example and for the conventions on invalid depth, rays and ends of types.
 #[derive(Debug, Clone)]
@@ -24,7 +25,8 @@ impl Corrector {
     ///
     /// # Errors
     ///
-    /// [`CorrectorError::Empty`] where the camera has no pixels, [`CorrectorError::NoRay`] where none of its pixels has a ray.
+    /// [`CorrectorError::Empty`] where the camera has no pixels, [`CorrectorError::NoRay`] where none of its pixels has
+    /// a ray.
     pub fn new(camera: &Camera) -> Result<Self, CorrectorError> {
         Ok(Self { prepared: PreparedCamera::new(camera)? })
     }
@@ -39,28 +41,29 @@ impl Corrector {
         self.prepared.camera.height
     }
 
-    /// Quantities that the camera's effects depend on besides depth and pixel. An effect of a quantity that a frame does not
-    /// bring is not corrected.
+    /// Quantities that the camera's effects depend on besides depth and pixel. An effect of a quantity that a frame
+    /// does not bring is not corrected.
     pub fn needs(&self) -> Needs {
         self.prepared.needs
     }
 
-    /// Whether frames are corrected by tables. If not, every pixel is inverted on its own, which takes some hundred times as
-    /// long.
+    /// Whether frames are corrected by tables. If not, every pixel is inverted on its own, which takes some hundred
+    /// times as long.
     pub fn has_tables(&self) -> bool {
         self.prepared.plan.is_some()
     }
 
     /// Corrects a depth image with steps of `unit_mm` into `out`, in the same steps.
     ///
-    /// Results are rounded to within 0.501 steps of the exact inverse: a value less than a thousandth of a step from the middle
-    /// between two steps may be rounded to either. Results are limited to 1 … 65535, so that rounding never makes a valid depth
-    /// invalid (0) and no value wraps.
+    /// Results are rounded to within 0.501 steps of the exact inverse: a value less than a thousandth of a step from
+    /// the middle between two steps may be rounded to either. Results are limited to 1 … 65535, so that rounding never
+    /// makes a valid depth invalid (0) and no value wraps.
     ///
     /// # Errors
     ///
-    /// [`CorrectorError::Size`] or [`CorrectorError::Length`] where `depth`, `out` or the amplitude image do not have the
-    /// calibrated resolution, [`CorrectorError::Unit`] where `unit_mm` is not positive and finite; `out` is then unchanged.
+    /// [`CorrectorError::Size`] or [`CorrectorError::Length`] where `depth`, `out` or the amplitude image do not have
+    /// the calibrated resolution, [`CorrectorError::Unit`] where `unit_mm` is not positive and finite; `out` is then
+    /// unchanged.
     pub fn correct_u16(
         &self,
         depth: &DepthImage,
@@ -73,8 +76,8 @@ impl Corrector {
         self.correct_u16_buffer(&depth.data, unit_mm, context, &mut out.data)
     }
 
-    /// [`Corrector::correct_u16`] for raw buffers, e.g. from a driver: row-major, one value per pixel. Fastest where both buffers
-    /// begin at a multiple of 64 bytes.
+    /// [`Corrector::correct_u16`] for raw buffers, e.g. from a driver: row-major, one value per pixel. Fastest where
+    /// both buffers begin at a multiple of 64 bytes.
     ///
     /// # Errors
     ///
@@ -130,8 +133,8 @@ impl Corrector {
     ///
     /// # Errors
     ///
-    /// [`CorrectorError::Length`] where a buffer, or [`CorrectorError::Size`] where the amplitude image, does not have the
-    /// calibrated resolution; `out_mm` is then unchanged.
+    /// [`CorrectorError::Length`] where a buffer, or [`CorrectorError::Size`] where the amplitude image, does not have
+    /// the calibrated resolution; `out_mm` is then unchanged.
     pub fn correct_f32(
         &self,
         depth_mm: &[f32],
@@ -159,8 +162,8 @@ impl Corrector {
         Ok(pass::correct(&self.prepared, Input::Output, 1.0, context, Output::F32(depth_mm)))
     }
 
-    /// Corrects a depth image with steps of `unit_mm` and back-projects it in the same pass: one point per pixel, in mm in the
-    /// camera frame; NaN where there is no corrected depth.
+    /// Corrects a depth image with steps of `unit_mm` and back-projects it in the same pass: one point per pixel, in mm
+    /// in the camera frame; NaN where there is no corrected depth.
     ///
     /// # Errors
     ///
@@ -178,8 +181,8 @@ impl Corrector {
         Ok(pass::correct(&self.prepared, Input::U16(&depth.data), unit_mm, context, Output::Points(out)))
     }
 
-    /// The points of a depth image that is corrected already, with steps of `unit_mm`: one per pixel, row-major, [x, y, z] in mm
-    /// in the camera frame; NaN where there is no depth or no ray.
+    /// The points of a depth image that is corrected already, with steps of `unit_mm`: one per pixel, row-major, [x, y,
+    /// z] in mm in the camera frame; NaN where there is no depth or no ray.
     ///
     /// # Errors
     ///

@@ -19,8 +19,8 @@ pub enum CorrectorError {
     },
     /// No pixel has a ray.
     #[error(
-        "the camera's pinhole or lens maps no ray to any pixel (at pixel (0, 0): {source}): its parameters are unusable; \
-         calibrate again"
+        "the camera's pinhole or lens maps no ray to any pixel (at pixel (0, 0): {source}): its parameters are \
+         unusable; calibrate again"
     )]
     NoRay {
         /// Why pixel (0, 0) has no ray.

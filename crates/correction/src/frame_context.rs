@@ -3,8 +3,8 @@
 use depthcal_io::GrayImage;
 use depthcal_model::Context;
 
-/// Quantities of a frame, besides its depth, that a correction may depend on ([`Corrector::needs`] tells which). An effect of a
-/// quantity that is unknown is not corrected.
+/// Quantities of a frame, besides its depth, that a correction may depend on ([`Corrector::needs`] tells which). An
+/// effect of a quantity that is unknown is not corrected.
 ///
 /// [`Corrector::needs`]: crate::Corrector::needs
 #[derive(Debug, Clone, Copy)]

@@ -1,7 +1,7 @@
 //! Correction of depth images and point clouds with a calibrated depth camera.
 //!
-//! The camera is a chain of pieces that maps a true point to the measured depth z_m at a pixel. A [`Corrector`] inverts that
-//! chain: measured depth becomes the true depth z on the pixel's true ray.
+//! The camera is a chain of pieces that maps a true point to the measured depth z_m at a pixel. A [`Corrector`] inverts
+//! that chain: measured depth becomes the true depth z on the pixel's true ray.
 //!
 //! ```
 //! use depthcal_correction::{Corrector, FrameContext};
@@ -23,19 +23,19 @@
 //!
 //! # How a frame is corrected
 //!
-//! What does not change from frame to frame is computed once, by [`Corrector::new`]: the true ray of every pixel, and the
-//! inverse of the depth pieces as a sequence of stages with tables. A frame then takes one pass through these stages, in bands
-//! that run on the threads of the current rayon pool. Each band is worked off in chunks that fit the first-level cache, by loops
-//! compiled for several instruction sets. A pixel that the tables do not cover is inverted by [`depthcal_model::Camera`] in
-//! f64, against which the tables are also checked when they are built.
+//! What does not change from frame to frame is computed once, by [`Corrector::new`]: the true ray of every pixel, and
+//! the inverse of the depth pieces as a sequence of stages with tables. A frame then takes one pass through these
+//! stages, in bands that run on the threads of the current rayon pool. Each band is worked off in chunks that fit the
+//! first-level cache, by loops compiled for several instruction sets. A pixel that the tables do not cover is inverted
+//! by [`depthcal_model::Camera`] in f64, against which the tables are also checked when they are built.
 //!
 //! # Conventions
 //!
-//! Images are row-major, one value per pixel of the calibrated resolution. Depth is z, not range. Lengths are in mm, 16-bit
-//! depth in steps of a given size (`unit_mm`). The camera frame is that of OpenCV: x right, y down, z forward.
+//! Images are row-major, one value per pixel of the calibrated resolution. Depth is z, not range. Lengths are in mm,
+//! 16-bit depth in steps of a given size (`unit_mm`). The camera frame is that of OpenCV: x right, y down, z forward.
 //!
-//! - Corrected depth stays at its pixel of the depth image. Pieces at the hook `pixel` change the ray that belongs to a depth
-//!   pixel; no value is moved to another pixel.
+//! - Corrected depth stays at its pixel of the depth image. Pieces at the hook `pixel` change the ray that belongs to a
+//!   depth pixel; no value is moved to another pixel.
 //! - Invalid depth stays invalid: 0, and for f32 also negative, infinite and NaN, become 0 in images and NaN in points.
 //! - A pixel without a ray, or with a depth that the model cannot invert, becomes invalid and is counted
 //!   ([`CorrectionSummary::not_correctable`]).

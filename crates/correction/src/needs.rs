@@ -10,6 +10,7 @@ pub struct Needs {
     pub temperature: bool,
     /// The infrared amplitude of the pixel.
     pub amplitude: bool,
-    /// The angle of incidence at the pixel. It is computed from the depth around the pixel; the frame need not bring it.
+    /// The angle of incidence at the pixel. It is computed from the depth around the pixel; the frame need not bring
+    /// it.
     pub incidence: bool,
 }

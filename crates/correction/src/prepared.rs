@@ -23,7 +23,8 @@ const WORKING_RANGE_MM: f64 = 5000.0;
 pub(crate) struct PreparedCamera {
     pub camera: Camera,
     pub needs: Needs,
-    /// True ray (x, y) = (X/Z, Y/Z) of every pixel, NaN where there is none; for a lens that depends on depth, at a typical depth.
+    /// True ray (x, y) = (X/Z, Y/Z) of every pixel, NaN where there is none; for a lens that depends on depth, at a
+    /// typical depth.
     pub rays: Vec<[f64; 2]>,
     /// x and y of the rays as two planes of f32.
     pub ray_planes: [Vec<f32>; 2],
@@ -42,7 +43,8 @@ impl PreparedCamera {
     ///
     /// # Errors
     ///
-    /// [`CorrectorError::Empty`] where the camera has no pixels, [`CorrectorError::NoRay`] where none of its pixels has a ray.
+    /// [`CorrectorError::Empty`] where the camera has no pixels, [`CorrectorError::NoRay`] where none of its pixels has
+    /// a ray.
     pub fn new(camera: &Camera) -> Result<Self, CorrectorError> {
         let (width, height) = (camera.width, camera.height);
         if width == 0 || height == 0 {
@@ -92,8 +94,8 @@ impl PreparedCamera {
         self.camera.ray(self.camera.image_pixel(&context), rho).unwrap_or(NO_RAY)
     }
 
-    /// True depth of a measured one, mm, by the camera's own inverse in f64. `None` where the pixel has no ray or the model has
-    /// no inverse.
+    /// True depth of a measured one, mm, by the camera's own inverse in f64. `None` where the pixel has no ray or the
+    /// model has no inverse.
     pub fn invert(&self, context: &Context, index: usize, measured_mm: f64, cosine: f64) -> Option<f64> {
         if self.rays[index][0].is_nan() {
             return None;
@@ -107,9 +109,9 @@ impl PreparedCamera {
         Some(1.0 / rho)
     }
 
-    /// Largest deviation of a plan from the camera's own inverse, mm, less what the roundings of f32 explain; `None` beyond
-    /// [`PLAN_TOLERANCE_MM`]. Pieces are classified one by one and at few depths only; this checks all of them together, at
-    /// sampled pixels over the depths that cameras measure.
+    /// Largest deviation of a plan from the camera's own inverse, mm, less what the roundings of f32 explain; `None`
+    /// beyond [`PLAN_TOLERANCE_MM`]. Pieces are classified one by one and at few depths only; this checks all of them
+    /// together, at sampled pixels over the depths that cameras measure.
     fn error_of(&self, plan: &Plan) -> Option<f64> {
         let amplitude = GrayImage {
             width: self.camera.width,

@@ -2,8 +2,8 @@
 
 use std::ops::{Add, AddAssign};
 
-/// Number of pixels by what became of them, in one frame or summed over several. `corrected`, `invalid` and `not_correctable`
-/// add up to all pixels.
+/// Number of pixels by what became of them, in one frame or summed over several. `corrected`, `invalid` and
+/// `not_correctable` add up to all pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CorrectionSummary {
     /// Pixels with a corrected depth.

@@ -1,6 +1,7 @@
 //! Correction of a chunk in f32 by AVX-512's own instructions, 32 pixels at a time.
 //!
-//! The frame is read once, for correction and counts together, and quotients are computed from the processor's estimate of 1/b.
+//! The frame is read once, for correction and counts together, and quotients are computed from the processor's estimate
+//! of 1/b.
 
 use std::arch::x86_64::{__m256i, __m512, __m512i};
 
@@ -38,8 +39,8 @@ pub(crate) fn in_single<const P: bool, const Q: bool, const R: bool, const KEEPS
         depths: 0,
         corrected: 0,
     };
-    // The blocks in the middle begin at a cache line, so that their stores fill whole lines. The first and the last block
-    // overlap them; pixels in an overlap are counted once.
+    // The blocks in the middle begin at a cache line, so that their stores fill whole lines. The first and the last
+    // block overlap them; pixels in an overlap are counted once.
     let head = chunk.out.as_ptr().align_offset(LINE) % BLOCK;
     let whole = (n - head) / BLOCK * BLOCK;
     let rest = n - head - whole;

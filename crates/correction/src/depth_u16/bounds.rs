@@ -36,8 +36,8 @@ impl Bound {
         }
     }
 
-    /// The precision that depths of up to `steps` need. `None` where results may exceed 16 bits, or f64 with coefficients in f32
-    /// is not enough.
+    /// The precision that depths of up to `steps` need. `None` where results may exceed 16 bits, or f64 with
+    /// coefficients in f32 is not enough.
     #[inline(always)]
     pub fn needs(self, steps: u16, unit_mm: f32) -> Option<Precision> {
         let Self { p, q, r, r_above, keeps_valid } = self;
@@ -54,8 +54,8 @@ impl Bound {
         }
         // The coefficients are rounded to f32: half an ulp (6e-8) each, that of r magnified near the pole.
         let of_tables = 6e-8 * (steps * p + q / unit_mm + r * z * (steps + change)) / left;
-        // The computation rounds by half an ulp each in z, slope, product and sum, twice in the quotient, and once in 1 − r z,
-        // which is near 1. p, q and r are bounds of absolute values, so this holds where terms cancel.
+        // The computation rounds by half an ulp each in z, slope, product and sum, twice in the quotient, and once in 1
+        // − r z, which is near 1. p, q and r are bounds of absolute values, so this holds where terms cancel.
         let of_f32 = of_tables + 6e-8 * (6.0 * change + (r * z + 1.0) / left * change) + 1e-6;
         match (of_f32 < MOST_ERROR, of_tables < MOST_ERROR) {
             (true, _) => Some(Precision::Single),

@@ -6,7 +6,8 @@ use crate::simd::{Isa, count_u16};
 /// 1.5 · 2²³: adding it to an f32 between −2²² and 2²² rounds that to a whole number, which is then in the lower bits.
 const ROUND_SIGNED: f32 = 12_582_912.0;
 
-/// Consecutive pixels to be corrected: coefficients, measured depth and the place of the results, both in steps of `unit_mm`.
+/// Consecutive pixels to be corrected: coefficients, measured depth and the place of the results, both in steps of
+/// `unit_mm`.
 pub(crate) struct Chunk<'a> {
     pub c: Coefficients<'a>,
     pub unit_mm: f64,
@@ -25,8 +26,9 @@ pub(crate) struct PassCounts {
     pub corrected: usize,
 }
 
-/// Corrects a chunk and rounds the results, in f32 whether that is precise enough or not. P, Q and R tell which coefficients are
-/// tables, KEEPS_VALID whether every valid depth has a valid result ([`Bound::keeps_valid`](super::bounds::Bound)).
+/// Corrects a chunk and rounds the results, in f32 whether that is precise enough or not. P, Q and R tell which
+/// coefficients are tables, KEEPS_VALID whether every valid depth has a valid result
+/// ([`Bound::keeps_valid`](super::bounds::Bound)).
 #[inline(always)]
 pub(crate) fn in_single<I: Isa, const P: bool, const Q: bool, const R: bool, const KEEPS_VALID: bool>(
     isa: I,

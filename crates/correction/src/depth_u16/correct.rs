@@ -10,8 +10,8 @@ use super::chunk::{Chunk, PassCounts, in_single};
 use crate::plan::{ForTables, Moebius, for_tables};
 use crate::simd::{Isa, Specialised, count_u16};
 
-/// The exact inverse of a pixel: maps its index and its measured depth to true depth, both in steps, and tells whether that was
-/// limited to the range of 16 bits.
+/// The exact inverse of a pixel: maps its index and its measured depth to true depth, both in steps, and tells whether
+/// that was limited to the range of 16 bits.
 pub(crate) type ExactInverse<'a> = &'a dyn Fn(usize, u16) -> (u16, bool);
 
 /// Numbers of pixels by what became of them.
@@ -24,8 +24,8 @@ pub(crate) struct Corrected {
     pub saturated: usize,
 }
 
-/// Corrects a chunk that begins at pixel `first`. `None`, with unspecified output, where f64 with coefficients in f32 is not precise
-/// enough or results may exceed 16 bits.
+/// Corrects a chunk that begins at pixel `first`. `None`, with unspecified output, where f64 with coefficients in f32
+/// is not precise enough or results may exceed 16 bits.
 #[inline(always)]
 pub(crate) fn correct<I: Isa>(
     isa: I,
@@ -62,7 +62,8 @@ impl<I: Isa> ForTables for Correct<'_, I> {
         }
         let mut saturated = 0;
         if Q && counts.depths != counts.corrected {
-            // An offset may take a small depth below half a step; the exact inverse limits it to 1 instead of losing it.
+            // An offset may take a small depth below half a step; the exact inverse limits it to 1 instead of losing
+            // it.
             for (i, (raw, out)) in chunk.measured.iter().zip(chunk.out.iter_mut()).enumerate() {
                 if *raw > 0 && *out == 0 {
                     let (steps, beyond) = exact(first + i, *raw);
@@ -96,7 +97,8 @@ impl<const P: bool, const Q: bool, const R: bool, const KEEPS_VALID: bool> Speci
     }
 }
 
-/// Corrects a chunk and rounds the results, in f64 with coefficients in f32. Returns the number of pixels with a corrected depth.
+/// Corrects a chunk and rounds the results, in f64 with coefficients in f32. Returns the number of pixels with a
+/// corrected depth.
 #[inline(always)]
 fn in_double<const P: bool, const Q: bool, const R: bool>(chunk: &mut Chunk<'_>) -> usize {
     /// 1.5 · 2⁵²: adding it rounds an f64 to a whole number, which is then in the lower bits.

@@ -53,8 +53,8 @@ impl Kernel for Band<'_> {
 }
 
 impl Band<'_> {
-    /// Corrects `count` pixels from `offset` on and adds to the summary. Returns false, without results, where the pixels must be
-    /// taken in parts of at most [`CHUNK`]: where there are several stages, or f64 is needed.
+    /// Corrects `count` pixels from `offset` on and adds to the summary. Returns false, without results, where the
+    /// pixels must be taken in parts of at most [`CHUNK`]: where there are several stages, or f64 is needed.
     #[inline(always)]
     fn part<I: Isa>(&mut self, isa: I, offset: usize, count: usize, summary: &mut CorrectionSummary) -> bool {
         let Self { frame, input, output, .. } = self;
@@ -161,9 +161,9 @@ impl Band<'_> {
     }
 }
 
-/// Writes into `distances` how far each depth is from the middle between two steps, less its possible error, in steps. Returns
-/// whether any distance is 0 or below, so that the depth may have been rounded to the wrong step. Errors below [`MOST_ERROR`]
-/// are tolerated; the distance is 1 then.
+/// Writes into `distances` how far each depth is from the middle between two steps, less its possible error, in steps.
+/// Returns whether any distance is 0 or below, so that the depth may have been rounded to the wrong step. Errors below
+/// [`MOST_ERROR`] are tolerated; the distance is 1 then.
 #[inline(always)]
 fn near_half(measured: &[u16], z: &[f32], per_mm: f32, error_steps: f32, distances: &mut [f32]) -> bool {
     let mut undecided = 0u32;

@@ -21,8 +21,8 @@ pub(crate) fn correct(
     if !prepared.needs.incidence {
         return correct_at(prepared, input, unit_mm, context, None, output);
     }
-    // The angle of incidence comes from the surface, and the surface from a first correction that assumes a right angle. That is
-    // near enough: what the angle changes in depth hardly changes the slope of the surface.
+    // The angle of incidence comes from the surface, and the surface from a first correction that assumes a right
+    // angle. That is near enough: what the angle changes in depth hardly changes the slope of the surface.
     let mut first = vec![0.0f32; prepared.pixels()];
     let measured = match (input, &output) {
         (Input::Output, Output::U16(depth)) => Input::U16(depth),

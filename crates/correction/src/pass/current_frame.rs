@@ -26,8 +26,8 @@ impl CurrentFrame<'_> {
         self.prepared.invert(&context, index, measured_mm, cosine)
     }
 
-    /// [`CurrentFrame::exact`] in steps, rounded and limited to 1 … 65535, and whether it was beyond these limits; 0 where there is no
-    /// true depth.
+    /// [`CurrentFrame::exact`] in steps, rounded and limited to 1 … 65535, and whether it was beyond these limits; 0
+    /// where there is no true depth.
     #[inline(never)]
     pub fn exact_steps(&self, index: usize, steps: u16) -> (u16, bool) {
         let Some(depth_mm) = self.exact(index, f64::from(steps) * self.unit_mm) else { return (0, false) };
@@ -58,8 +58,8 @@ impl CurrentFrame<'_> {
         1.0 / rho
     }
 
-    /// Rounds again, from depth in f64, those results that lie so near the middle between two steps that the error of f32 may
-    /// have rounded them to the wrong one: those with a distance of 0 or less (see `near_half`).
+    /// Rounds again, from depth in f64, those results that lie so near the middle between two steps that the error of
+    /// f32 may have rounded them to the wrong one: those with a distance of 0 or less (see `near_half`).
     #[inline(never)]
     pub fn round_again(&self, first: usize, measured: &[u16], z: &[f32], distances: &[f32], out: &mut [u16]) {
         for (i, out) in out.iter_mut().enumerate().filter(|(i, out)| distances[*i] <= 0.0 && **out > 0) {

@@ -31,8 +31,8 @@ pub(crate) fn load<T: Sample>(samples: &[T], unit_mm: f32, z: &mut [f32]) {
     }
 }
 
-/// Writes depth in steps of 1/`per_mm` mm, rounded and limited to 1 … 65535; 0 stays 0. Returns the number of depths beyond these
-/// limits.
+/// Writes depth in steps of 1/`per_mm` mm, rounded and limited to 1 … 65535; 0 stays 0. Returns the number of depths
+/// beyond these limits.
 #[inline(always)]
 pub(crate) fn store_u16(z: &[f32], per_mm: f32, out: &mut [u16]) -> usize {
     let mut beyond = 0u32;

@@ -11,11 +11,11 @@ const FEWEST: usize = 12;
 /// Smallest cosine (84°): steeper surfaces are taken to be this steep.
 const STEEPEST: f64 = 0.1;
 
-/// Cosine of the angle between ray and surface normal at every pixel; 1 where there is no depth, or too little around the pixel to
-/// determine the surface.
+/// Cosine of the angle between ray and surface normal at every pixel; 1 where there is no depth, or too little around
+/// the pixel to determine the surface.
 ///
-/// The inverse depth of a plane is affine in the ray, ρ = α x + β y + γ, and its normal is (α, β, γ). The plane is fitted to the
-/// window around the pixel by least squares; the cosine is ρ / (|(α, β, γ)| |(x, y, 1)|).
+/// The inverse depth of a plane is affine in the ray, ρ = α x + β y + γ, and its normal is (α, β, γ). The plane is
+/// fitted to the window around the pixel by least squares; the cosine is ρ / (|(α, β, γ)| |(x, y, 1)|).
 pub(crate) fn cosines(width: usize, depth_mm: &[f32], ray: impl Fn(usize, f64) -> [f64; 2] + Sync) -> Vec<f32> {
     // Ray and inverse depth of every pixel; NaN without depth, which makes the comparison below false.
     let pixels: Vec<[f64; 3]> = depth_mm

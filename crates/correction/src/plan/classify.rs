@@ -1,7 +1,7 @@
 //! Classification of a camera's pieces: what each depends on, and how it depends on depth.
 //!
-//! Users add pieces of their own, so no list of names can be complete. A piece is evaluated instead: a quantity that changes no
-//! bit of its value at sampled pixels and depths is one that it does not depend on.
+//! Users add pieces of their own, so no list of names can be complete. A piece is evaluated instead: a quantity that
+//! changes no bit of its value at sampled pixels and depths is one that it does not depend on.
 
 use depthcal_model::{Camera, Context};
 
@@ -137,8 +137,8 @@ pub(crate) fn samples(camera: &Camera, rays: &[[f64; 2]]) -> Vec<usize> {
     all.filter(|index| !rays[*index][0].is_nan()).collect()
 }
 
-/// Classifies a depth piece. `measured` maps context, ray (x, y), cosine of the angle of incidence and true inverse depth (1/mm) to
-/// measured inverse depth (1/mm); `rays` has the ray of every pixel.
+/// Classifies a depth piece. `measured` maps context, ray (x, y), cosine of the angle of incidence and true inverse
+/// depth (1/mm) to measured inverse depth (1/mm); `rays` has the ray of every pixel.
 pub(crate) fn piece(
     camera: &Camera,
     rays: &[[f64; 2]],

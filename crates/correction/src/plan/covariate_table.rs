@@ -1,7 +1,7 @@
 //! Corrections that depend on a second quantity of the pixel: its amplitude or its angle of incidence.
 //!
-//! For a given value of that quantity the piece is affine in depth, z_m = m z + c, and so is its inverse: z = z_m + p z_m + q
-//! with p = 1/m − 1, q = −c/m. p and q are tabulated over the quantity.
+//! For a given value of that quantity the piece is affine in depth, z_m = m z + c, and so is its inverse: z = z_m + p
+//! z_m + q with p = 1/m − 1, q = −c/m. p and q are tabulated over the quantity.
 
 /// Entries of the table over amplitude: one for each 16-bit value.
 const AMPLITUDES: usize = 1 << 16;

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 use super::depth_table::{self, Cell, NODES, Values};
 use super::scalar_inverse::inverse_depth;
 
-/// Largest deviation from the exact inverse between two nodes, mm. Where the table deviates more, pixels are inverted in f64.
+/// Largest deviation from the exact inverse between two nodes, mm. Where the table deviates more, pixels are inverted
+/// in f64.
 const TOLERANCE_MM: f64 = 0.002;
 
 /// True minus measured depth, tabulated over measured depth; NaN where the table is too coarse or there is no inverse.

@@ -1,7 +1,8 @@
 //! Functions of depth as tables whose node spacing grows with depth.
 //!
-//! The nodes divide every octave of depth into [`PER_OCTAVE`] equal intervals. The upper bits of a depth's f32 are then its node
-//! and the lower bits its fraction of the interval: no logarithm, no division, and an index that cannot leave the table.
+//! The nodes divide every octave of depth into [`PER_OCTAVE`] equal intervals. The upper bits of a depth's f32 are then
+//! its node and the lower bits its fraction of the interval: no logarithm, no division, and an index that cannot leave
+//! the table.
 
 /// Nodes of a table.
 pub(crate) const NODES: usize = 1 << 15;

@@ -26,15 +26,16 @@ pub(crate) fn coefficients([a, b, c, d]: Matrix) -> [f64; 3] {
     if rising && [p, q, r].iter().all(|k| k.abs() < 1e9) { [p, q, r] } else { NO_INVERSE }
 }
 
-/// Smallest 1 − r z that f32 can resolve. Below it, rounding decides on which side of the pole (where true depth is infinite) a
-/// depth lies, and the pixel is inverted in f64.
+/// Smallest 1 − r z that f32 can resolve. Below it, rounding decides on which side of the pole (where true depth is
+/// infinite) a depth lies, and the pixel is inverted in f64.
 pub(crate) const NEAREST_POLE: f32 = 1e-6;
 
-/// Coefficients with which no depth has a result: every depth lies beyond the pole (1 − r z < 0), and where r is not stored,
-/// z = 0.
+/// Coefficients with which no depth has a result: every depth lies beyond the pole (1 − r z < 0), and where r is not
+/// stored, z = 0.
 const NO_INVERSE: [f64; 3] = [-1.0, 0.0, 1e30];
 
-/// The coefficients of all pixels. `q` and `r` are empty where they are 0 at all pixels, `p` where it is the same at all pixels.
+/// The coefficients of all pixels. `q` and `r` are empty where they are 0 at all pixels, `p` where it is the same at
+/// all pixels.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Moebius {
     /// p of all pixels, where `p` is empty.
@@ -42,8 +43,8 @@ pub(crate) struct Moebius {
     p: Aligned,
     q: Aligned,
     r: Aligned,
-    /// (dx, dy, dz), where r = dx x + dy y + dz at every pixel with the ray (x, y): code that reads the rays anyway computes r
-    /// from them instead of reading its table.
+    /// (dx, dy, dz), where r = dx x + dy y + dz at every pixel with the ray (x, y): code that reads the rays anyway
+    /// computes r from them instead of reading its table.
     pub r_from_ray: Option<[f32; 3]>,
 }
 

@@ -16,15 +16,16 @@ pub(crate) struct DepthPiece {
 }
 
 impl DepthPiece {
-    /// Measured inverse depth (1/mm) at a true one (1/mm), on the ray (x, y) and at the cosine of the angle of incidence.
+    /// Measured inverse depth (1/mm) at a true one (1/mm), on the ray (x, y) and at the cosine of the angle of
+    /// incidence.
     pub fn measured(&self, context: &Context, [x, y]: [f64; 2], cosine: f64, rho: f64) -> f64 {
         let mut out = [0.0];
         self.piece.evaluate(&self.theta, &[x, y, rho, cosine], std::slice::from_ref(context), &mut out);
         out[0]
     }
 
-    /// Its inverse, from measured to true depth in mm, as a Möbius map. Exact where the piece is affine in depth or in inverse
-    /// depth.
+    /// Its inverse, from measured to true depth in mm, as a Möbius map. Exact where the piece is affine in depth or in
+    /// inverse depth.
     pub fn inverse(&self, context: &Context, ray: [f64; 2], cosine: f64) -> Matrix {
         let measured = |rho: f64| self.measured(context, ray, cosine, rho);
         match self.shape {

@@ -1,9 +1,10 @@
-//! Correction by a factor that differs from pixel to pixel and is piecewise linear in depth, as in a multiplier map with several
-//! bins over depth.
+//! Correction by a factor that differs from pixel to pixel and is piecewise linear in depth, as in a multiplier map
+//! with several bins over depth.
 //!
-//! z_m = z m(z), where m is linear between nodes of depth and constant before the first and beyond the last. Since z m(z) rises
-//! with z, the segment that z lies in starts at the last node with z m(z) ≤ z_m; no search is needed. Within a segment
-//! m = α + s z, and z (α + s z) = z_m is solved by Newton's method, started at z_m, which is off by some percent.
+//! z_m = z m(z), where m is linear between nodes of depth and constant before the first and beyond the last. Since z
+//! m(z) rises with z, the segment that z lies in starts at the last node with z m(z) ≤ z_m; no search is needed. Within
+//! a segment m = α + s z, and z (α + s z) = z_m is solved by Newton's method, started at z_m, which is off by some
+//! percent.
 
 use std::collections::BTreeMap;
 
@@ -33,10 +34,10 @@ pub(crate) struct PiecewiseFactor {
 }
 
 impl PiecewiseFactor {
-    /// Factors of a depth piece whose constants `bins`, `near_mm` and `far_mm` give the number of nodes, equally spaced, and the
-    /// depths of the first and the last. `measured` maps pixel and true inverse depth (1/mm) to measured inverse depth; `usable`
-    /// tells which pixels have a ray. `None` where the constants are missing, or the piece is not piecewise linear in this
-    /// way at the pixels `samples`.
+    /// Factors of a depth piece whose constants `bins`, `near_mm` and `far_mm` give the number of nodes, equally
+    /// spaced, and the depths of the first and the last. `measured` maps pixel and true inverse depth (1/mm) to
+    /// measured inverse depth; `usable` tells which pixels have a ray. `None` where the constants are missing, or the
+    /// piece is not piecewise linear in this way at the pixels `samples`.
     pub fn new(
         options: &BTreeMap<String, f64>,
         measured: &(impl Fn(usize, f64) -> f64 + Sync),
@@ -88,8 +89,8 @@ impl PiecewiseFactor {
         })
     }
 
-    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where Newton's method
-    /// did not converge.
+    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where
+    /// Newton's method did not converge.
     #[inline(always)]
     pub fn correct<I: Isa>(&self, isa: I, first: usize, z: &mut [f32]) {
         for (b, z) in z.chunks_mut(BLOCK).enumerate() {

@@ -1,10 +1,10 @@
 //! The inverse of a function of inverse depth that is given by its values alone.
 
-/// The true inverse depth ρ (1/mm) at which `measured` is `measured_rho`. `None` where there is none near `measured_rho`, or
-/// `measured` falls on the way there.
+/// The true inverse depth ρ (1/mm) at which `measured` is `measured_rho`. `None` where there is none near
+/// `measured_rho`, or `measured` falls on the way there.
 ///
-/// Newton's method, started at `measured_rho`, with slopes from symmetric differences; their error slows the iteration but does
-/// not move the root.
+/// Newton's method, started at `measured_rho`, with slopes from symmetric differences; their error slows the iteration
+/// but does not move the root.
 pub(crate) fn inverse_depth(measured: &impl Fn(f64) -> f64, measured_rho: f64) -> Option<f64> {
     let mut rho = measured_rho;
     for _ in 0..60 {

@@ -1,12 +1,13 @@
 //! Correction by a general function of pixel and depth, approximated by a short sum of products.
 //!
-//! At pixel i, measured and true depth differ by a function of true depth, w_m − w = g_i(w), where w is depth or inverse depth.
-//! The functions of all pixels are approximated by g_i(w) ≈ Σ_k c_ik φ_k(w) with at most [`MOST_TERMS`] terms. The
-//! approximation is exact for a field whose parameters enter linearly, given enough terms.
+//! At pixel i, measured and true depth differ by a function of true depth, w_m − w = g_i(w), where w is depth or
+//! inverse depth. The functions of all pixels are approximated by g_i(w) ≈ Σ_k c_ik φ_k(w) with at most [`MOST_TERMS`]
+//! terms. The approximation is exact for a field whose parameters enter linearly, given enough terms.
 //!
-//! The φ_k are found by empirical interpolation (Barrault, Maday, Nguyen, Patera 2004). In each round, the sampled pixel and
-//! depth with the largest error of the sum are found. The error of that pixel, as a function of depth and scaled to 1 at that
-//! depth, becomes the next φ; that depth becomes its pivot, at which the next coefficient of every pixel is read off.
+//! The φ_k are found by empirical interpolation (Barrault, Maday, Nguyen, Patera 2004). In each round, the sampled
+//! pixel and depth with the largest error of the sum are found. The error of that pixel, as a function of depth and
+//! scaled to 1 at that depth, becomes the next φ; that depth becomes its pivot, at which the next coefficient of every
+//! pixel is read off.
 //!
 //! The inverse solves w + g_i(w) = w_m by Newton's method, with the φ_k and their slopes from tables.
 
@@ -42,9 +43,9 @@ struct Function {
 }
 
 impl Separable {
-    /// The sum for `measured`, which maps pixel and true inverse depth (1/mm) to measured inverse depth. The functions φ are
-    /// found from the pixels `samples`; `usable` tells which pixels have a ray. w is depth or inverse depth, whichever needs
-    /// fewer terms. `None` where [`MOST_TERMS`] are not enough for either.
+    /// The sum for `measured`, which maps pixel and true inverse depth (1/mm) to measured inverse depth. The functions
+    /// φ are found from the pixels `samples`; `usable` tells which pixels have a ray. w is depth or inverse depth,
+    /// whichever needs fewer terms. `None` where [`MOST_TERMS`] are not enough for either.
     pub fn new(
         measured: &(impl Fn(usize, f64) -> f64 + Sync),
         samples: &[usize],
@@ -73,8 +74,8 @@ impl Separable {
         Some(Self { inverse, coefficients, functions: tables.collect() })
     }
 
-    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where the tables do
-    /// not reach or Newton's method did not converge.
+    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where the
+    /// tables do not reach or Newton's method did not converge.
     #[inline(always)]
     pub fn correct<I: Isa>(&self, isa: I, first: usize, z: &mut [f32]) {
         match self.functions.len() {
@@ -112,8 +113,8 @@ impl Separable {
     }
 }
 
-/// Newton steps. Measured depth, where they start, is off by some percent at most, and every step squares the error: two would
-/// do. The third is for functions with kinks, and its length tells whether the iteration has converged.
+/// Newton steps. Measured depth, where they start, is off by some percent at most, and every step squares the error:
+/// two would do. The third is for functions with kinks, and its length tells whether the iteration has converged.
 const NEWTON_STEPS: usize = 3;
 /// Longest last Newton step at which the iteration counts as converged, as a share of w.
 const CONVERGED: f32 = 1e-6;
@@ -165,8 +166,8 @@ fn weight(node: usize, inverse: bool) -> f64 {
     if inverse { z * z / SCALE } else { 1.0 }
 }
 
-/// Coefficients of a pixel from its differences w_m − w at the pivots, by forward substitution: at the pivot of φ_k, later
-/// functions are 0 and earlier ones are not.
+/// Coefficients of a pixel from its differences w_m − w at the pivots, by forward substitution: at the pivot of φ_k,
+/// later functions are 0 and earlier ones are not.
 fn coefficients(functions: &[Function], difference: impl Fn(usize) -> f64) -> [f64; MOST_TERMS] {
     let mut c = [0.0; MOST_TERMS];
     for (k, function) in functions.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! The sequence of stages that takes measured depth to true depth.
 //!
-//! Every depth piece of a camera is classified (`classify`) and becomes a stage of the fastest kind that can invert it. Stages run
-//! in the reverse order of the chain; neighbouring Möbius maps are composed into one. Where a piece fits no kind of stage there
-//! is no plan, and the camera inverts every pixel on its own.
+//! Every depth piece of a camera is classified (`classify`) and becomes a stage of the fastest kind that can invert it.
+//! Stages run in the reverse order of the chain; neighbouring Möbius maps are composed into one. Where a piece fits no
+//! kind of stage there is no plan, and the camera inverts every pixel on its own.
 
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Camera, Context};
@@ -49,7 +49,8 @@ pub(crate) struct Plan {
     pub error_mm: f64,
 }
 
-/// Most stages of a plan. Coefficients of a frame are kept in an array of this length, so that a frame allocates nothing.
+/// Most stages of a plan. Coefficients of a frame are kept in an array of this length, so that a frame allocates
+/// nothing.
 const MOST_STAGES: usize = 16;
 
 /// What the stages need of a frame.
@@ -62,8 +63,8 @@ pub(crate) struct FrameInputs<'a> {
 }
 
 impl Plan {
-    /// The stages of a camera whose rays, given for all pixels, are the same at every depth. `None` where a piece fits no kind of
-    /// stage.
+    /// The stages of a camera whose rays, given for all pixels, are the same at every depth. `None` where a piece fits
+    /// no kind of stage.
     pub fn of_pieces(camera: &Camera, rays: &[[f64; 2]]) -> Option<Self> {
         let pieces: Vec<(DepthPiece, PieceClass)> = camera
             .blocks()
@@ -133,9 +134,9 @@ impl Plan {
         (stages.len() <= MOST_STAGES).then_some(Self { stages, error_mm: 0.0 })
     }
 
-    /// The single stage of a camera whose rays depend on depth: its whole chain as a function of pixel and depth. `samples` are
-    /// the pixels that the stage is built from, `usable` tells which pixels have a ray. `None` where the function is not
-    /// separable.
+    /// The single stage of a camera whose rays depend on depth: its whole chain as a function of pixel and depth.
+    /// `samples` are the pixels that the stage is built from, `usable` tells which pixels have a ray. `None` where the
+    /// function is not separable.
     pub fn of_chain(camera: &Camera, samples: &[usize], usable: impl Fn(usize) -> bool + Sync) -> Option<Self> {
         let measured = |index: usize, rho: f64| {
             let context = Context { pixel: pixel(index, camera.width), ..Context::default() };
@@ -154,7 +155,8 @@ impl Plan {
         }
     }
 
-    /// What the stages need of a frame. `cosines` are those of the angle of incidence, one per pixel; 1 where they are not given.
+    /// What the stages need of a frame. `cosines` are those of the angle of incidence, one per pixel; 1 where they are
+    /// not given.
     pub fn inputs<'a>(&self, context: &FrameContext<'a>, cosines: Option<&'a [f32]>) -> FrameInputs<'a> {
         let of_frame = context.of_frame();
         let mut uniform = [[0.0; 3]; MOST_STAGES];
@@ -166,8 +168,8 @@ impl Plan {
         FrameInputs { uniform, amplitudes: context.amplitude.map(|image| image.data.as_slice()), cosines }
     }
 
-    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where the tables of a
-    /// stage do not reach or there is no true depth.
+    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where the
+    /// tables of a stage do not reach or there is no true depth.
     #[inline(always)]
     pub fn correct<I: Isa>(&self, isa: I, inputs: &FrameInputs<'_>, first: usize, z: &mut [f32]) {
         let pixels = first..first + z.len();
@@ -190,15 +192,16 @@ impl Plan {
         }
     }
 
-    /// p, and (dx, dy, dz) of r = dx x + dy y + dz over the rays, where the plan is a single Möbius map of this form: the
-    /// projective model.
+    /// p, and (dx, dy, dz) of r = dx x + dy y + dz over the rays, where the plan is a single Möbius map of this form:
+    /// the projective model.
     #[inline(always)]
     pub fn map_on_rays(&self) -> Option<(f32, [f32; 3])> {
         let map = self.only_moebius().filter(|map| map.tables() == Tables::Pole)?;
         Some((map.p_everywhere, map.r_from_ray?))
     }
 
-    /// [`Plan::correct`] given x and y of the pixels' rays, from which the projective model is computed without its table.
+    /// [`Plan::correct`] given x and y of the pixels' rays, from which the projective model is computed without its
+    /// table.
     #[inline(always)]
     pub fn correct_on_rays<I: Isa>(
         &self,

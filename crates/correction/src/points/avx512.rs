@@ -23,8 +23,8 @@ const LANE_INDICES: [u32; LANES] = {
 
 /// [`portable::from_u16`] in AVX-512's own instructions.
 ///
-/// With q = 0 the map is z = (1 + p) z_m / (1 − r z_m). Computed in this form, depth itself is rounded three times, some 0.001 mm
-/// at 5 m.
+/// With q = 0 the map is z = (1 + p) z_m / (1 − r z_m). Computed in this form, depth itself is rounded three times,
+/// some 0.001 mm at 5 m.
 #[inline(always)]
 pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> Option<PointCounts> {
     let f = v4.avx512f;
@@ -48,9 +48,9 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
         f._mm512_fmadd_ps(slope, places, c0)
     };
 
-    // Points are stored as whole cache lines. `head` is the number of pixels before the first point that begins at a line: a
-    // point has three values, a line has sixteen, and 3 · 11 = 1 modulo 16. From there on, sixteen points fill three lines;
-    // they come from two neighbouring blocks.
+    // Points are stored as whole cache lines. `head` is the number of pixels before the first point that begins at a
+    // line: a point has three values, a line has sixteen, and 3 · 11 = 1 modulo 16. From there on, sixteen points fill
+    // three lines; they come from two neighbouring blocks.
     let head = (out.as_ptr().align_offset(LINE) * 11) % LANES;
     let shift = f._mm512_add_epi32(cast(LANE_INDICES), f._mm512_set1_epi32(head as i32));
     let (steps_blocks, steps_rest) = measured.as_chunks::<LANES>();

@@ -2,7 +2,8 @@
 
 use crate::bands::Split;
 
-/// A buffer for the points of all pixels, row-major: x, y, z in mm in the camera frame, NaN where there is no depth or no ray.
+/// A buffer for the points of all pixels, row-major: x, y, z in mm in the camera frame, NaN where there is no depth or
+/// no ray.
 #[derive(Debug)]
 pub enum PointsMut<'a> {
     /// x y z x y z …, three values per pixel.

@@ -25,8 +25,8 @@ impl<const CORRECT: bool> Specialised for FromU16<'_, CORRECT> {
     }
 }
 
-/// Computes points from 16-bit depth, which is corrected first if CORRECT. `None`, with unspecified output, where f32 is not precise
-/// enough for a pixel.
+/// Computes points from 16-bit depth, which is corrected first if CORRECT. `None`, with unspecified output, where f32
+/// is not precise enough for a pixel.
 #[inline(always)]
 pub(crate) fn from_u16<I: Isa, const CORRECT: bool>(isa: I, pixels: DepthOnRays<'_>) -> Option<PointCounts> {
     isa.specialised(FromU16::<CORRECT>(pixels))

@@ -6,7 +6,8 @@ use crate::simd::{Isa, LANES};
 
 /// 16-bit depth and rays of consecutive pixels, and the place of their points, x y z x y z …
 pub(crate) struct DepthOnRays<'a> {
-    /// The Möbius map that corrects the depth: p, and (dx, dy, dz) of r = dx x + dy y + dz over the rays (`plan::moebius`).
+    /// The Möbius map that corrects the depth: p, and (dx, dy, dz) of r = dx x + dy y + dz over the rays
+    /// (`plan::moebius`).
     pub map: (f32, [f32; 3]),
     /// Depth in steps of `unit_mm`; 0 where there is none.
     pub measured: &'a [u16],
@@ -25,8 +26,8 @@ pub(crate) struct PointCounts {
     pub points: usize,
 }
 
-/// Computes points from 16-bit depth, which is corrected first if CORRECT. `None`, with unspecified `out`, where f32 is not
-/// precise enough for a pixel.
+/// Computes points from 16-bit depth, which is corrected first if CORRECT. `None`, with unspecified `out`, where f32 is
+/// not precise enough for a pixel.
 #[inline(always)]
 pub(crate) fn from_u16<I: Isa, const CORRECT: bool>(isa: I, from: DepthOnRays<'_>) -> Option<PointCounts> {
     let DepthOnRays { map, measured, unit_mm, rays, out, .. } = from;
@@ -59,8 +60,8 @@ pub(crate) fn from_u16<I: Isa, const CORRECT: bool>(isa: I, from: DepthOnRays<'_
     lost.iter().all(|lost| *lost == 0).then_some(PointCounts { depths, points })
 }
 
-/// [`from_u16`] for one block. Returns, per pixel, 1 or 0 for whether it has a point, and for whether f32 is not precise enough
-/// for it.
+/// [`from_u16`] for one block. Returns, per pixel, 1 or 0 for whether it has a point, and for whether f32 is not
+/// precise enough for it.
 #[inline(always)]
 fn block<I: Isa, const CORRECT: bool>(
     isa: I,

@@ -29,8 +29,8 @@ impl Rays {
         Self { camera: camera.clone(), fast }
     }
 
-    /// x = X/Z and y = Y/Z of all pixels, each in a row-major buffer, in f32: to within 1e-3 px. NaN where the lens maps no ray to
-    /// the pixel.
+    /// x = X/Z and y = Y/Z of all pixels, each in a row-major buffer, in f32: to within 1e-3 px. NaN where the lens
+    /// maps no ray to the pixel.
     ///
     /// # Errors
     ///
@@ -56,8 +56,8 @@ impl Rays {
             }
         }
         let threads = rayon::current_num_threads();
-        // Two bands per thread, so that a thread that is free early finds more work. But the first rows of a band, which cannot
-        // be extrapolated, take several times as long, so that low images have one band per thread.
+        // Two bands per thread, so that a thread that is free early finds more work. But the first rows of a band,
+        // which cannot be extrapolated, take several times as long, so that low images have one band per thread.
         let bands = if threads == 1 || height < LOW * threads { threads } else { 2 * threads };
         let band = height.div_ceil(bands).max(8);
         let work = |(k, (x, y)): (usize, (&mut [T], &mut [T]))| self.rows(k * band, x, y);

@@ -19,8 +19,8 @@ pub(crate) struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// The lens of a camera that has this lens and no other, or none, and whose depth image is displaced by the same amount at
-    /// all pixels. `None` for other cameras.
+    /// The lens of a camera that has this lens and no other, or none, and whose depth image is displaced by the same
+    /// amount at all pixels. `None` for other cameras.
     pub fn of(camera: &Camera) -> Option<Self> {
         let mut pieces = camera.blocks().iter().filter(|b| b.piece().is_some() && b.hook() == HookKind::Lens);
         let k = match (pieces.next(), pieces.next()) {

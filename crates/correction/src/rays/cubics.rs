@@ -1,8 +1,8 @@
 //! Rays as cubics along the rows, which need less memory traffic than a table.
 //!
 //! As a table of f32, the ray of a pixel takes eight bytes: more than its depth, and a third of all memory traffic of
-//! back-projection. A lens bends the rays of sixteen consecutive pixels so little that a cubic for each coordinate is as accurate
-//! as f32, and takes two bytes per pixel.
+//! back-projection. A lens bends the rays of sixteen consecutive pixels so little that a cubic for each coordinate is
+//! as accurate as f32, and takes two bytes per pixel.
 
 use rayon::prelude::*;
 
@@ -14,14 +14,14 @@ const TOLERANCE: f64 = 5e-8;
 /// Coefficients of c₀ + c₁ t + c₂ t² + c₃ t³ over sixteen pixels, with t = −7.5 … 7.5 from their middle.
 pub(crate) type Cubic = [f32; 4];
 
-/// Cubics of x and y for every sixteen consecutive pixels. NaN where no cubic is accurate enough: where the end of a row lies
-/// among the sixteen, or a pixel without a ray.
+/// Cubics of x and y for every sixteen consecutive pixels. NaN where no cubic is accurate enough: where the end of a
+/// row lies among the sixteen, or a pixel without a ray.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct RayCubics(Vec<[Cubic; 2]>);
 
 impl RayCubics {
-    /// Fits the rays of all pixels, row-major. Where there is a cubic, its values overwrite the rays in `planes` (x and y), so
-    /// that all loops use the same rays.
+    /// Fits the rays of all pixels, row-major. Where there is a cubic, its values overwrite the rays in `planes` (x and
+    /// y), so that all loops use the same rays.
     pub fn new(rays: &[[f64; 2]], planes: &mut [Vec<f32>; 2]) -> Self {
         let fit = Fit::new();
         let of_block = |rays: &[[f64; 2]]| {
@@ -48,7 +48,8 @@ impl RayCubics {
     }
 }
 
-/// The value of a cubic at one of the sixteen pixels. Loops must evaluate it in this order, so that they get the same bits.
+/// The value of a cubic at one of the sixteen pixels. Loops must evaluate it in this order, so that they get the same
+/// bits.
 fn at([c0, c1, c2, c3]: &Cubic, i: usize) -> f32 {
     let t = PLACES[i];
     c3.mul_add(t, *c2).mul_add(t, *c1).mul_add(t, *c0)
@@ -65,8 +66,8 @@ pub(crate) const PLACES: [f32; LANES] = {
     places
 };
 
-/// Least-squares fit over sixteen pixels. Even and odd powers of t are orthogonal there, so that the normal equations are two
-/// 2×2 systems, whose inverses are kept.
+/// Least-squares fit over sixteen pixels. Even and odd powers of t are orthogonal there, so that the normal equations
+/// are two 2×2 systems, whose inverses are kept.
 struct Fit {
     even: [[f64; 2]; 2],
     odd: [[f64; 2]; 2],

@@ -6,8 +6,8 @@ use super::brown_conrady::distort;
 use super::real::Real;
 use crate::conventions::{NO_RAY, TYPICAL_RHO, pixel};
 
-/// Replaces the rays of those pixels of a row for which Newton's method has not converged or went beyond the lens' limit by
-/// [`Camera::ray`]. `first` is the index of the row's first pixel, `target` as in `newton`.
+/// Replaces the rays of those pixels of a row for which Newton's method has not converged or went beyond the lens'
+/// limit by [`Camera::ray`]. `first` is the index of the row's first pixel, `target` as in `newton`.
 #[inline(never)]
 pub(crate) fn repair<T: Real>(
     camera: &Camera,

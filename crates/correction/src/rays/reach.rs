@@ -9,11 +9,12 @@ use super::brown_conrady::{BrownConrady, distort};
 use super::real::Real;
 use crate::conventions::{NO_RAY, TYPICAL_RHO};
 
-/// The pixels that the lens reaches. Beyond its limit the lens folds; pixels that only the folded part reaches have no ray.
+/// The pixels that the lens reaches. Beyond its limit the lens folds; pixels that only the folded part reaches have no
+/// ray.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Reach {
-    /// For each row, the columns well inside the limit: the first one, and the one after the last. Empty where every pixel has
-    /// a ray.
+    /// For each row, the columns well inside the limit: the first one, and the one after the last. Empty where every
+    /// pixel has a ray.
     spans: Vec<[u32; 2]>,
     /// Index and ray of the pixels within a thousandth of the limit, in order.
     limit: Vec<(usize, [f64; 2])>,

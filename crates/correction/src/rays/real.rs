@@ -65,6 +65,7 @@ macro_rules! real {
         }
     };
 }
-// Newton's method squares its error: a last step of 1e-4 leaves some 1e-8, a hundred-thousandth of a pixel; one of 1e-7 some 1e-14.
+// Newton's method squares its error: a last step of 1e-4 leaves some 1e-8, a hundred-thousandth of a pixel; one of 1e-7
+// some 1e-14.
 real!(f32, 2, 1e-4, I::divide);
 real!(f64, 3, 1e-7, |_, a, b| a / b);

@@ -1,7 +1,7 @@
 //! Rays of whole rows by Newton's method.
 //!
-//! Neighbouring rows have nearly the same rays. Extrapolating a row from those before it starts Newton's method less than a
-//! thousandth of a pixel from the root, and one step squares that error.
+//! Neighbouring rows have nearly the same rays. Extrapolating a row from those before it starts Newton's method less
+//! than a thousandth of a pixel from the root, and one step squares that error.
 
 use depthcal_model::Camera;
 
@@ -85,7 +85,8 @@ impl<T: Real> Kernel for Rows<'_, T> {
     }
 }
 
-/// Extrapolates a row from the one to three rows before it, from column `from` on. A single row is continued by adding `step`.
+/// Extrapolates a row from the one to three rows before it, from column `from` on. A single row is continued by adding
+/// `step`.
 #[inline(always)]
 fn extrapolate<T: Real>(rows: usize, before: &[T], width: usize, from: usize, own: &mut [T], step: T) {
     let n = own.len();
@@ -123,8 +124,8 @@ fn fill_ends<T: Real>(row: &mut [T]) {
     }
 }
 
-/// A Newton step for all pixels of a row, whose distorted rays are (start + u · step, yd). Returns the number of pixels that have
-/// not converged.
+/// A Newton step for all pixels of a row, whose distorted rays are (start + u · step, yd). Returns the number of pixels
+/// that have not converged.
 #[inline(always)]
 fn newton<T: Real, I: Isa>(isa: I, k: &[T; 5], (start, step, yd): (T, T, T), x: &mut [T], y: &mut [T]) -> u32 {
     let width = x.len();

@@ -2,7 +2,8 @@
 
 use crate::simd::{Isa, Kernel, dispatch};
 
-/// Pixels of the window that the sources of a segment lie in: a 16-bit index cannot leave it, so that loops need no bounds checks.
+/// Pixels of the window that the sources of a segment lie in: a 16-bit index cannot leave it, so that loops need no
+/// bounds checks.
 pub const WINDOW: usize = 1 << 16;
 
 /// The four source pixels of an output pixel, and its place among them.
@@ -69,8 +70,8 @@ impl Means for [u8; 3] {
     }
 }
 
-/// A segment of bytes. Fetching them cannot be vectorised, so that is a loop of its own, which packs the four bytes of a pixel into 32
-/// bits; the loop over the packed bytes is vectorised.
+/// A segment of bytes. Fetching them cannot be vectorised, so that is a loop of its own, which packs the four bytes of
+/// a pixel into 32 bits; the loop over the packed bytes is vectorised.
 struct Bytes<'a> {
     windows: [&'a [u8; WINDOW]; 4],
     cells: &'a [Cell],

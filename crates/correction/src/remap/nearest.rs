@@ -1,7 +1,7 @@
 //! Nearest source pixels, as runs of consecutive pixels.
 //!
-//! Along a row of the output, the source moves on by one pixel most of the time. Runs that are copied as a whole take less memory
-//! traffic than an index per pixel.
+//! Along a row of the output, the source moves on by one pixel most of the time. Runs that are copied as a whole take
+//! less memory traffic than an index per pixel.
 
 use crate::simd::{Isa, Kernel};
 
@@ -16,8 +16,8 @@ pub(crate) struct Run {
 /// The source of output pixels without one.
 const OUTSIDE: u32 = u32::MAX;
 
-/// The runs of all output pixels, given the source (column, row) of each, NaN where there is none, and the size of the image. The
-/// runs of row r are those from the r-th to the (r + 1)-th of the numbers returned with them.
+/// The runs of all output pixels, given the source (column, row) of each, NaN where there is none, and the size of the
+/// image. The runs of row r are those from the r-th to the (r + 1)-th of the numbers returned with them.
 pub(crate) fn runs(sources: &[[f64; 2]], width: usize, height: usize) -> (Vec<Run>, Vec<u32>) {
     let inside = |at: f64, size: usize| at >= -0.5 && at < size as f64 - 0.5;
     let nearest = |[u, v]: [f64; 2]| {

@@ -10,8 +10,8 @@ pub(crate) const SEGMENT: usize = 64;
 pub(crate) struct Segment {
     /// First source pixel of the window.
     pub base: u32,
-    /// Whether all its pixels have four sources in the window, and the window and the one a row and a column further lie in the
-    /// image.
+    /// Whether all its pixels have four sources in the window, and the window and the one a row and a column further
+    /// lie in the image.
     pub whole: bool,
 }
 
@@ -25,12 +25,13 @@ pub(crate) fn windows<T>(image: &[T], base: usize, width: usize) -> Option<[&[T;
     Some([window(base)?, window(base + 1)?, window(base + width)?, window(base + width + 1)?])
 }
 
-/// The segments of all output rows, and the cell of every output pixel, given the source (column, row) of each, NaN where there is
-/// none, and the size of the image.
+/// The segments of all output rows, and the cell of every output pixel, given the source (column, row) of each, NaN
+/// where there is none, and the size of the image.
 pub(crate) fn segments(sources: &[[f64; 2]], width: usize, height: usize) -> (Vec<Segment>, Vec<Cell>) {
     let pixels = width * height;
     let spare = WINDOW + width + 1;
-    // Index of the upper left source pixel, and the fractions of a pixel to the right and down, for sources in the image.
+    // Index of the upper left source pixel, and the fractions of a pixel to the right and down, for sources in the
+    // image.
     let corner = |[u, v]: [f64; 2]| {
         let inside = u >= 0.0 && v >= 0.0 && u <= width as f64 - 1.0 && v <= height as f64 - 1.0;
         let (column, row) = ((u as usize).min(width.max(2) - 2), (v as usize).min(height.max(2) - 2));

@@ -10,8 +10,9 @@ use crate::conventions::{TYPICAL_RHO, pixel};
 use crate::error::CorrectorError;
 use crate::simd::dispatch;
 
-/// Maps a camera's images to those of an ideal pinhole camera, without lens distortion, in the same place. Pixels whose source lies
-/// outside the image become 0. All images are row-major, with one value per pixel of the calibrated resolution.
+/// Maps a camera's images to those of an ideal pinhole camera, without lens distortion, in the same place. Pixels whose
+/// source lies outside the image become 0. All images are row-major, with one value per pixel of the calibrated
+/// resolution.
 #[derive(Debug, Clone)]
 pub struct Remap {
     width: usize,
@@ -61,8 +62,8 @@ impl Remap {
         Ok(())
     }
 
-    /// Interpolates linearly between four source pixels, with weights that are multiples of 1/256: for images. The nearest pixel at
-    /// the border of the image, where the four are not complete.
+    /// Interpolates linearly between four source pixels, with weights that are multiples of 1/256: for images. The
+    /// nearest pixel at the border of the image, where the four are not complete.
     ///
     /// # Errors
     ///
@@ -73,8 +74,8 @@ impl Remap {
         Ok(())
     }
 
-    /// Interpolates depth between four source pixels on the same surface: all four valid, and less than 3 % apart. The mean is that
-    /// of inverse depth, which is affine over the image of a plane. Elsewhere, takes the nearest pixel.
+    /// Interpolates depth between four source pixels on the same surface: all four valid, and less than 3 % apart. The
+    /// mean is that of inverse depth, which is affine over the image of a plane. Elsewhere, takes the nearest pixel.
     ///
     /// # Errors
     ///
@@ -128,9 +129,9 @@ impl Remap {
         dispatch(Nearest { runs, image, out });
     }
 
-    /// Interpolates an image. Segments that are whole are computed by `means`, from their windows and cells. In other segments,
-    /// pixels with four source pixels are computed by `mean`, from these, their weights and the nearest pixel; the others become the
-    /// nearest pixel.
+    /// Interpolates an image. Segments that are whole are computed by `means`, from their windows and cells. In other
+    /// segments, pixels with four source pixels are computed by `mean`, from these, their weights and the nearest
+    /// pixel; the others become the nearest pixel.
     fn for_segments<T: Copy + Default + Send + Sync>(
         &self,
         image: &[T],
@@ -161,14 +162,15 @@ impl Remap {
     }
 }
 
-/// The pixel of the camera's depth image that shows what the given pinhole camera shows at a pixel; NaN where there is none.
+/// The pixel of the camera's depth image that shows what the given pinhole camera shows at a pixel; NaN where there is
+/// none.
 fn source(camera: &Camera, [fx, fy, cx, cy, skew]: [f64; 5], [u, v]: [f64; 2]) -> [f64; 2] {
     let y = (v - cy) / fy;
     let x = (u - cx - skew * y) / fx;
     let z = 1.0 / TYPICAL_RHO;
     let Some(image) = camera.project(&[x * z, y * z, z].into()) else { return [f64::NAN; 2] };
-    // Pieces at the hook `pixel` map image to depth image. The camera offers only their inverse, so this is a fixed-point
-    // iteration.
+    // Pieces at the hook `pixel` map image to depth image. The camera offers only their inverse, so this is a
+    // fixed-point iteration.
     let mut pixel = image;
     for _ in 0..4 {
         let seen = camera.image_pixel(&Context { pixel, ..Context::default() });
@@ -190,7 +192,8 @@ mod tests {
         Camera::new(width, height, [f, f, 0.49 * width as f64, 0.5 * height as f64, 0.0], vec![lens])
     }
 
-    /// A large image has windows, a small one goes pixel by pixel; a longer focal length sees less, a shorter one beyond.
+    /// A large image has windows, a small one goes pixel by pixel; a longer focal length sees less, a shorter one
+    /// beyond.
     fn cases() -> impl Iterator<Item = (Camera, Remap, [f64; 5])> {
         [(640, 480), (100, 70)].into_iter().flat_map(|(w, h)| {
             let camera = camera(w, h);
@@ -220,7 +223,8 @@ mod tests {
 
     /// Where an output pixel comes from, by the definition of the map.
     enum Origin {
-        /// Upper left, upper right, lower left, lower right source pixel, and the fractions of a pixel to the right and down.
+        /// Upper left, upper right, lower left, lower right source pixel, and the fractions of a pixel to the right and
+        /// down.
         Between([usize; 4], [f64; 2]),
         /// The nearest pixel, at the border of the image.
         Border(usize),
@@ -242,7 +246,8 @@ mod tests {
         Origin::Outside
     }
 
-    /// The mean of a function of four values, mapped back by the same function. Weights are multiples of 1/256 and below 1.
+    /// The mean of a function of four values, mapped back by the same function. Weights are multiples of 1/256 and
+    /// below 1.
     fn mean(four: [f64; 4], fractions: [f64; 2], map: impl Fn(f64) -> f64) -> f64 {
         let [right, lower] = fractions.map(|fraction| (256.0 * fraction).round().min(255.0) / 256.0);
         let [a, b, c, d] = four.map(&map);
@@ -303,8 +308,8 @@ mod tests {
     fn depth_is_interpolated_on_surfaces_at_every_depth_and_is_the_nearest_pixel_elsewhere() {
         for (camera, remap, pinhole) in cases() {
             let (w, n) = (camera.width, camera.width * camera.height);
-            // A surface from 65535 to 701 with 2.6 % across every four pixels, again and again; one with 70 across every four
-            // pixels, which is more than 3 % up to a depth of 2333; noise.
+            // A surface from 65535 to 701 with 2.6 % across every four pixels, again and again; one with 70 across
+            // every four pixels, which is more than 3 % up to a depth of 2333; noise.
             let surface = |i: usize| (65_535.0 * (-0.013 * ((i % w + i / w) % 350) as f64).exp()) as u16;
             let steep = |i: usize| (1000 + 40 * (i % w) + 30 * (i / w)) as u16;
             let noise = |i: usize| if i.is_multiple_of(5) { 0 } else { (i * 40_503 % 65_536) as u16 };

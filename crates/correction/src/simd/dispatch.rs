@@ -8,8 +8,8 @@ use super::isa::{Isa, Portable};
 pub(crate) trait Kernel {
     type Output;
 
-    /// Runs the loop. This must be `#[inline(always)]`, and so must everything that is called in its inner loops: a function
-    /// or closure that is not inlined is compiled for the target's baseline, not for the instruction set.
+    /// Runs the loop. This must be `#[inline(always)]`, and so must everything that is called in its inner loops: a
+    /// function or closure that is not inlined is compiled for the target's baseline, not for the instruction set.
     fn run<I: Isa>(self, isa: I) -> Self::Output;
 }
 

@@ -10,8 +10,8 @@ pub(crate) const LANES: usize = 16;
 
 /// An instruction set, as far as kernels need to know it.
 pub(crate) trait Isa: Copy {
-    /// Whether a b + c is one instruction. Where it is not, `f32::mul_add` is a function call that costs more than the rest of
-    /// a loop.
+    /// Whether a b + c is one instruction. Where it is not, `f32::mul_add` is a function call that costs more than the
+    /// rest of a loop.
     const FMA: bool;
 
     /// a b + c, rounded once where the instruction set can.
@@ -22,8 +22,8 @@ pub(crate) trait Isa: Copy {
 
     /// a / b to within an ulp, for b > 0. The result for b ≤ 0 is unspecified.
     ///
-    /// The division instruction would take longer than everything else done to a pixel. Instead, 1/b is estimated from the
-    /// bits of b (5 %) and refined by a step of third order (0.01 %); a step of second order refines the quotient.
+    /// The division instruction would take longer than everything else done to a pixel. Instead, 1/b is estimated from
+    /// the bits of b (5 %) and refined by a step of third order (0.01 %); a step of second order refines the quotient.
     #[inline(always)]
     fn divide(self, a: f32, b: f32) -> f32 {
         if !Self::FMA {

@@ -1,9 +1,9 @@
 //! Loops compiled for several instruction sets, the best of which is chosen at run time.
 //!
-//! A [`Kernel`] is a plain loop over slices. [`dispatch`] compiles it once for each instruction set that pulp knows (AVX-512,
-//! AVX2 with FMA, NEON, the baseline of the target) and runs the version for the present machine; vectorisation is left to the
-//! compiler. Operations that it vectorises badly are methods of [`Isa`]. A kernel that is faster in AVX-512's own instructions
-//! has a second version for them ([`Specialised`]).
+//! A [`Kernel`] is a plain loop over slices. [`dispatch`] compiles it once for each instruction set that pulp knows
+//! (AVX-512, AVX2 with FMA, NEON, the baseline of the target) and runs the version for the present machine;
+//! vectorisation is left to the compiler. Operations that it vectorises badly are methods of [`Isa`]. A kernel that is
+//! faster in AVX-512's own instructions has a second version for them ([`Specialised`]).
 
 mod aligned;
 #[cfg(target_arch = "x86_64")]

@@ -82,7 +82,8 @@ fn sixteen_bits_are_the_exact_inverse_rounded() {
                     expected.not_correctable += 1;
                     continue;
                 }
-                // Nearer than an offset, the camera's iteration fails. The result must then map back to the measured depth.
+                // Nearer than an offset, the camera's iteration fails. The result must then map back to the measured
+                // depth.
                 let ray = prepared.rays[i];
                 let back = camera.measured_inverse_depth(&of_pixel, ray, 1.0, 1.0 / (f64::from(*found) * unit_mm));
                 let miss = 1.0 / back / unit_mm - f64::from(*raw);
