@@ -46,12 +46,11 @@ pub fn calibration_record(
     observations: Option<FileReference>,
 ) -> Calibration {
     let camera = &result.camera;
-    let mut stds = result.std_devs().into_iter();
+    let stds = result.std_devs();
     let mut names = Vec::new();
     let pieces = camera
-        .blocks()
-        .iter()
-        .map(|block| PieceRecord {
+        .blocks_with_ranges()
+        .map(|(block, range)| PieceRecord {
             hook: block.hook(),
             name: block.name().to_owned(),
             parameters: block
@@ -59,13 +58,14 @@ pub fn calibration_record(
                 .iter()
                 .zip(&block.theta)
                 .zip(&block.free)
-                .map(|((parameter, value), free)| {
+                .zip(&stds[range])
+                .map(|(((parameter, value), free), std_dev)| {
                     names.push((format!("{}.{}", block.name(), parameter.name), *free));
                     ParameterRecord {
                         name: parameter.name.to_string(),
                         unit: parameter.unit.to_owned(),
                         value: *value,
-                        std_dev: stds.next().flatten(),
+                        std_dev: *std_dev,
                         fixed: !free,
                     }
                 })

@@ -204,16 +204,16 @@ fn print_fields(result: &Calibrated, block: &Block) {
 
 /// Parameters with standard deviations, and how the fit went.
 fn print_parameters(result: &Calibrated) {
-    let mut stds = result.std_devs().into_iter();
-    for block in result.camera.blocks() {
+    let stds = result.std_devs();
+    for (block, range) in result.camera.blocks_with_ranges() {
         say!("{}", block.name());
         if block.theta.len() > MOST_PRINTED {
             print_fields(result, block);
-            stds.nth(block.theta.len() - 1);
             continue;
         }
-        for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
-            let shown = measured(*value, stds.next().flatten());
+        let parameters = block.parameters().iter().zip(&block.theta).zip(&block.free).zip(&stds[range]);
+        for (((parameter, value), free), std) in parameters {
+            let shown = measured(*value, *std);
             print_parameter(parameter, &shown, if *free { "no std. dev." } else { "fixed" });
         }
     }

@@ -117,11 +117,10 @@ pub(super) fn datasets(input: &ReportInput<'_>) -> String {
 
 /// Parameters with standard deviations, units, effect on depth, and meaning.
 pub(super) fn parameters(c: &Calibrated) -> String {
-    let mut stds = c.std_devs().into_iter();
+    let stds = c.std_devs();
     let theta = c.camera.theta();
-    let mut index = 0;
     let mut rows = String::new();
-    for block in c.camera.blocks() {
+    for (block, range) in c.camera.blocks_with_ranges() {
         let source = block.piece().map_or("", |p| p.source());
         let constants = block.constants_in_words();
         let constants =
@@ -133,8 +132,9 @@ pub(super) fn parameters(c: &Calibrated) -> String {
             escape(&block.title()),
             escape(source)
         );
-        for ((parameter, value), free) in block.parameters().iter().zip(&block.theta).zip(&block.free) {
-            let std = stds.next().flatten();
+        let parameters = block.parameters().iter().zip(&block.theta).zip(&block.free).zip(range);
+        for (((parameter, value), free), index) in parameters {
+            let std = stds[index];
             let held = if *free { "" } else { " <span class=\"hint\">fixed</span>" };
             let unit = if parameter.unit == "1" { "" } else { parameter.unit };
             let effect = (block.hook() == HookKind::Depth && *free)
@@ -150,7 +150,6 @@ pub(super) fn parameters(c: &Calibrated) -> String {
                 escape(unit),
                 if parameter.meaning.is_empty() { "–".to_owned() } else { escape(parameter.meaning) }
             );
-            index += 1;
         }
     }
     let z = number(quantile(distances(c), 0.5));

@@ -91,10 +91,8 @@ impl<'a> CrossValidation<'a> {
         }
         let mut penalties = vec![DMatrix::zeros(n, n); smoothness.fields.len()];
         let mut ridge_matrix = DMatrix::zeros(n, n);
-        let mut offset = 0;
-        for block in camera.blocks() {
-            let own = &place[offset..offset + block.theta.len()];
-            offset += block.theta.len();
+        for (block, range) in camera.blocks_with_ranges() {
+            let own = &place[range];
             let Some(layout) = block.piece().and_then(|p| p.field()) else { continue };
             let add = |to: &mut DMatrix<f64>, entries: &[(usize, f64)]| {
                 for (i, a) in entries {

@@ -98,11 +98,10 @@ pub(super) fn stability(
 
 /// D (dx, dy, dz, dw), and its covariance where the estimator gives one.
 fn d_of(fitted: &Calibrated) -> Option<(Vector4<f64>, Option<Matrix4<f64>>)> {
-    let d = Vector4::from_column_slice(fitted.camera.block("projective")?.theta.get(..4)?);
-    let offset: usize =
-        fitted.camera.blocks().iter().take_while(|b| b.name() != "projective").map(|b| b.theta.len()).sum();
+    let (block, range) = fitted.camera.blocks_with_ranges().find(|(b, _)| b.name() == "projective")?;
+    let d = Vector4::from_column_slice(block.theta.get(..4)?);
     let covariance = (fitted.estimator == Estimator::Joint).then_some(fitted.covariance.as_ref()).flatten();
-    Some((d, covariance.map(|c| c.fixed_view::<4, 4>(offset, offset).into_owned())))
+    Some((d, covariance.map(|c| c.fixed_view::<4, 4>(range.start, range.start).into_owned())))
 }
 
 /// Σ (d − d̄)ᵀ Σ⁻¹ (d − d̄) about the weighted mean d̄, and its degrees of freedom.

@@ -1,5 +1,7 @@
 //! The effects that were added, with what each brought.
 
+use std::ops::Range;
+
 use depthcal_io::{DiagnosisParameter, GainInterval, HeldOutErrors, Interval};
 use depthcal_model::{Block, PieceSpec};
 
@@ -55,9 +57,9 @@ pub(super) fn steps(
         let (parameters, size_mm) = if name == FREE_MAP {
             (Vec::new(), added.evidence.expected_size_mm)
         } else {
-            let (first, block) =
+            let (range, block) =
                 fitted_block(fit, name).ok_or_else(|| DiagnoseError::NotFitted { effect: name.clone() })?;
-            (fitted_parameters(fit, first, block), states.size_mm(block))
+            (fitted_parameters(fit, range, block), states.size_mm(block))
         };
         Ok(Step {
             effects: added.effects.clone(),
@@ -75,22 +77,15 @@ pub(super) fn steps(
     model.added.iter().zip(befores).map(step).collect()
 }
 
-/// The block of a name and the place of its first parameter among all parameters of the camera.
-fn fitted_block<'a>(fit: &'a Calibrated, name: &str) -> Option<(usize, &'a Block)> {
-    let mut first = 0;
-    for block in fit.camera.blocks() {
-        if block.name() == name {
-            return Some((first, block));
-        }
-        first += block.theta.len();
-    }
-    None
+/// The block of a name and the range of its parameters among those of the camera.
+fn fitted_block<'a>(fit: &'a Calibrated, name: &str) -> Option<(Range<usize>, &'a Block)> {
+    fit.camera.blocks_with_ranges().find(|(block, _)| block.name() == name).map(|(block, range)| (range, block))
 }
 
-/// The parameters of a block with their standard deviations; `first` is the place of its first parameter.
-fn fitted_parameters(fit: &Calibrated, first: usize, block: &Block) -> Vec<DiagnosisParameter> {
+/// The parameters of a block with their standard deviations; `range` is their place among those of the camera.
+fn fitted_parameters(fit: &Calibrated, range: Range<usize>, block: &Block) -> Vec<DiagnosisParameter> {
     let stds = fit.std_devs();
-    let each = block.parameters().iter().zip(&block.theta).zip(&stds[first..]);
+    let each = block.parameters().iter().zip(&block.theta).zip(&stds[range]);
     each.map(|((p, value), std)| DiagnosisParameter {
         name: p.name.to_string(),
         value: *value,
