@@ -178,7 +178,7 @@ fn apply_removes_a_known_error_within_rounding() {
     let images = folder.arg("ir");
     let output = succeeds(["apply", &calibration, &folder.arg("depth"), "--out", &out, "--cloud", "--image", &images]);
     let pixels = WIDTH * HEIGHT;
-    let expected = format!("2 frames: {} pixels corrected, 10 had no depth", 2 * (pixels - 5));
+    let expected = format!("2 frames: {} pixels corrected, 10 without depth", 2 * (pixels - 5));
     assert!(stdout(&output).contains(&expected), "{}", stdout(&output));
     assert_eq!(stderr(&output), "");
     assert_eq!(folder.names("out"), ["far.away.ply", "far.away.png", "near.ply", "near.png"]);
