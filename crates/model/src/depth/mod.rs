@@ -13,7 +13,6 @@ crate::register::pieces! {
     signal_mixing: SignalMixing => add(|_| SignalMixing),
     temporal_drift: TemporalDrift => add(TemporalDrift::with_options),
     temperature_drift: TemperatureDrift => add(TemperatureDrift::with_options),
-    cubic_vignette: CubicVignette => add(|_| CubicVignette),
     free_map: FreeMap => add_field(FreeMap::field),
     bspline: Bspline => add_field(Bspline::field),
     multiplier: Multiplier => add_field(Multiplier::field),
