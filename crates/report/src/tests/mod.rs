@@ -61,7 +61,7 @@ fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
     assert!(html.contains("95\u{a0}% interval") && html.contains("over 9 frames"));
     assert!(html.contains("the board was not found"), "dropped frames have reasons");
     assert!(html.contains("A true camera was simulated."));
-    assert!(html.contains("A board cannot separate the causes behind D"));
+    assert!(html.contains("A board cannot tell apart what D takes up"));
     assert!(html.len() < 6_000_000, "{} bytes", html.len());
     assert_eq!(html, report(&fixture), "same input, same bytes");
 }
