@@ -2,6 +2,8 @@
 
 #[path = "../examples/support/bal.rs"]
 mod bal;
+#[path = "support/measured.rs"]
+mod data;
 #[path = "../examples/support/g2o.rs"]
 mod g2o;
 #[path = "../examples/support/words.rs"]
@@ -68,13 +70,7 @@ mod bal_problems {
     /// workspace.
     #[test]
     fn a_problem_of_the_benchmark() {
-        let root = std::env::var_os("DEPTHCAL_DATA")
-            .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-        let path = root.join("bal/problem-16-22106-pre.txt.bz2");
-        if !path.exists() {
-            eprintln!("SKIPPED: there is no {}; set DEPTHCAL_DATA to the folder of measured data", path.display());
-            return;
-        }
+        let Some(path) = crate::data::measured("bal/problem-16-22106-pre.txt.bz2") else { return };
         let problem = BalProblem::read(path).unwrap();
         assert_eq!((problem.cameras.len(), problem.points.len(), problem.observations.len()), (16, 22106, 83718));
         assert!(problem.cameras.iter().all(|camera| (100.0..10_000.0).contains(&camera[6])), "focal lengths in px");

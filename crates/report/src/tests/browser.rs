@@ -1,5 +1,8 @@
 //! The report in a real browser.
 
+#[path = "../../../../tests/support/measured.rs"]
+mod data;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -59,7 +62,7 @@ fn draws(chromium: &Path, page: &Path, html: &str, named: &[&str]) {
 #[test]
 fn a_browser_draws_diagnoses_and_comparisons_without_complaint() {
     let Some(chromium) = chromium() else {
-        eprintln!("SKIPPED: no chromium on the PATH, so diagnosis and comparison were not looked at in a browser");
+        data::skipped("no chromium on the PATH, so diagnosis and comparison were not looked at in a browser");
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -82,7 +85,7 @@ fn a_browser_draws_diagnoses_and_comparisons_without_complaint() {
 #[test]
 fn a_browser_draws_every_figure_without_complaint() {
     let Some(chromium) = chromium() else {
-        eprintln!("SKIPPED: no chromium on the PATH, so the report was not looked at in a browser");
+        data::skipped("no chromium on the PATH, so the report was not looked at in a browser");
         return;
     };
     let fixture = Fixture::simulated(&[Effect::new("cyclic_depth", 6.0).unwrap()]);
