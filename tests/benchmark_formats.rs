@@ -11,7 +11,7 @@ mod words;
 
 mod bal_problems {
     use std::io::Write;
-    use std::path::{Path, PathBuf};
+    use std::path::Path;
 
     use proptest::prelude::*;
 

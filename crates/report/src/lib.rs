@@ -4,7 +4,7 @@
 //! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]).
 //! - [`render_comparison`] makes the report of a comparison of depth models.
 //! - [`diagnosis_text`] and [`verdict_sentence`] word a diagnosis for a terminal.
-//! - [`format`] writes numbers as people read them; the command line prints through it as well.
+//! - [`mod@format`] writes numbers as people read them; the command line prints through it as well.
 //! - `rerun` (feature `rerun`) writes recordings for the rerun viewer.
 //!
 //! The page loads nothing from the network: its figures are drawn by plotly.js, which ships inside the `plotly` crate and

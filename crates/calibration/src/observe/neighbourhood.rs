@@ -8,9 +8,9 @@ use depthcal_model::SURROUND_PX;
 pub struct Neighbourhood {
     /// At the pixel.
     pub amplitude: f64,
-    /// Gaussian mean around it, see [`Context::surround`].
+    /// Gaussian mean around it, see [`depthcal_model::Context::surround`].
     pub surround: f64,
-    /// See [`Context::slope`].
+    /// See [`depthcal_model::Context::slope`].
     pub slope: [f64; 2],
 }
 

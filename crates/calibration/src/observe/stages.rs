@@ -13,7 +13,7 @@ use super::neighbourhood::Neighbourhood;
 /// A marker found in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarkerObservation {
-    /// Its number on the board, see [`Target::point`].
+    /// Its number on the board, see [`depthcal_model::Target::point`].
     pub index: usize,
     /// Where it was found, px.
     pub pixel: [f64; 2],
