@@ -19,15 +19,19 @@ pub enum DiagnosisDecision {
         /// Names of further effects that explain the residuals jointly with it, in descending order of their rank.
         #[serde(default)]
         with: Vec<String>,
-        /// Gain of these effects over the gain of them and the best free function fitted jointly, from 0 to 1. Gains
-        /// are falls of ½ Σ r² on left-out frames.
+        /// Share of what `competitor` explains that named effects explain; 1 when it explains nothing in addition to
+        /// them.
         explained_share: f64,
+        /// The reference of `explained_share`.
+        #[serde(default)]
+        competitor: DiagnosisCompetitor,
         /// Score statistic of these effects over that of a plane of its own in every frame; absent when such planes
         /// explain nothing.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         of_frame_planes: Option<f64>,
         /// Whether something else remains that no named effect explains. The effect is then added because it keeps its
-        /// gain when it is fitted jointly with any competing free function.
+        /// gain when it is fitted jointly with any competing free function, and `explained_share` is below its
+        /// threshold.
         #[serde(default)]
         despite_unexplained: bool,
         /// Whether the effect was added, and why not.
@@ -37,7 +41,7 @@ pub enum DiagnosisDecision {
     Unexplained {
         /// Covariate of the free function that explains most.
         along: DiagnosisCovariate,
-        /// Share of it that named effects explain; relative to `competitor`. It may exceed 1 for `frame_planes`.
+        /// Share of what `competitor` explains that named effects explain.
         explained_share: f64,
         /// The reference of `explained_share`.
         competitor: DiagnosisCompetitor,
@@ -47,12 +51,13 @@ pub enum DiagnosisDecision {
 }
 
 /// The reference that named effects are compared with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DiagnosisCompetitor {
-    /// The best free function of a covariate.
+    /// Named effects and the best free function fitted jointly, by their gain: the fall of ½ Σ r² on left-out frames.
+    #[default]
     FreeFunction,
-    /// A plane of its own in every frame.
+    /// A plane of its own in every frame, by the score statistic.
     FramePlanes,
 }
 
@@ -127,6 +132,7 @@ mod tests {
             spec: "cyclic_depth@period_mm=300".into(),
             with: vec!["radial_range".into()],
             explained_share: 0.97,
+            competitor: DiagnosisCompetitor::FreeFunction,
             of_frame_planes: Some(3.2),
             despite_unexplained: false,
             outcome,
@@ -148,7 +154,8 @@ mod tests {
             &add(outcome),
             json!({
                 "kind": "add", "effect": "cyclic_depth", "spec": "cyclic_depth@period_mm=300", "with": ["radial_range"],
-                "explained_share": 0.97, "of_frame_planes": 3.2, "despite_unexplained": false,
+                "explained_share": 0.97, "competitor": "free_function", "of_frame_planes": 3.2,
+                "despite_unexplained": false,
                 "outcome": {
                     "kind": "added", "effects": ["cyclic_depth@period_mm=300"], "taken_out": ["incidence_bias"],
                 },
