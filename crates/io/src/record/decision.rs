@@ -19,12 +19,10 @@ pub enum DiagnosisDecision {
         /// Names of further effects that explain the residuals jointly with it, in descending order of their rank.
         #[serde(default)]
         with: Vec<String>,
-        /// Share of what `competitor` explains that named effects explain; 1 when it explains nothing in addition to
-        /// them.
+        /// Gain of the named effects over the gain of them and the best free function fitted jointly; 1 when no free
+        /// function adds anything. Gains are falls of ½ Σ r² on left-out frames. With `despite_unexplained` the
+        /// reference may instead be a plane of its own in every frame, as in `Unexplained`.
         explained_share: f64,
-        /// The reference of `explained_share`.
-        #[serde(default)]
-        competitor: DiagnosisCompetitor,
         /// Score statistic of these effects over that of a plane of its own in every frame; absent when such planes
         /// explain nothing.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -51,11 +49,10 @@ pub enum DiagnosisDecision {
 }
 
 /// The reference that named effects are compared with.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DiagnosisCompetitor {
     /// Named effects and the best free function fitted jointly, by their gain: the fall of ½ Σ r² on left-out frames.
-    #[default]
     FreeFunction,
     /// A plane of its own in every frame, by the score statistic.
     FramePlanes,
@@ -132,7 +129,6 @@ mod tests {
             spec: "cyclic_depth@period_mm=300".into(),
             with: vec!["radial_range".into()],
             explained_share: 0.97,
-            competitor: DiagnosisCompetitor::FreeFunction,
             of_frame_planes: Some(3.2),
             despite_unexplained: false,
             outcome,
@@ -154,8 +150,7 @@ mod tests {
             &add(outcome),
             json!({
                 "kind": "add", "effect": "cyclic_depth", "spec": "cyclic_depth@period_mm=300", "with": ["radial_range"],
-                "explained_share": 0.97, "competitor": "free_function", "of_frame_planes": 3.2,
-                "despite_unexplained": false,
+                "explained_share": 0.97, "of_frame_planes": 3.2, "despite_unexplained": false,
                 "outcome": {
                     "kind": "added", "effects": ["cyclic_depth@period_mm=300"], "taken_out": ["incidence_bias"],
                 },
