@@ -20,15 +20,17 @@ pub enum DiagnosisDecision {
         /// Names of further effects that explain the residuals jointly with it, in descending order of their rank.
         #[serde(default)]
         with: Vec<String>,
-        /// Gain of these effects over the gain of them and the best free function fitted jointly, from 0 to 1. Gains
-        /// are falls of ½ Σ r² on left-out frames.
+        /// Gain of the named effects over the gain of them and the best free function fitted jointly; 1 when no free
+        /// function adds anything. Gains are falls of ½ Σ r² on left-out frames. With `despite_unexplained` the
+        /// reference may instead be a plane of its own in every frame, as in `Unexplained`.
         explained_share: f64,
         /// Score statistic of these effects over that of a plane of its own in every frame; absent when such planes
         /// explain nothing.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         of_frame_planes: Option<f64>,
         /// Whether something else remains that no named effect explains. The effect is then added because it keeps its
-        /// gain when it is fitted jointly with any competing free function.
+        /// gain when it is fitted jointly with any competing free function, and `explained_share` is below its
+        /// threshold.
         #[serde(default)]
         despite_unexplained: bool,
         /// Whether the effect was added, and why not.
@@ -38,7 +40,7 @@ pub enum DiagnosisDecision {
     Unexplained {
         /// Covariate of the free function that explains most.
         along: DiagnosisCovariate,
-        /// Share of it that named effects explain; relative to `competitor`. It may exceed 1 for `frame_planes`.
+        /// Share of what `competitor` explains that named effects explain.
         explained_share: f64,
         /// The reference of `explained_share`.
         competitor: DiagnosisCompetitor,
@@ -51,9 +53,9 @@ pub enum DiagnosisDecision {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DiagnosisCompetitor {
-    /// The best free function of a covariate.
+    /// Named effects and the best free function fitted jointly, by their gain: the fall of ½ Σ r² on left-out frames.
     FreeFunction,
-    /// A plane of its own in every frame.
+    /// A plane of its own in every frame, by the score statistic.
     FramePlanes,
 }
 
