@@ -57,7 +57,7 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
         assert!((fx - camera.focal_px[0]).abs() < 0.3, "fx = {fx}");
         assert!((fy - camera.focal_px[1]).abs() < 0.3, "fy = {fy}");
         let errors = evaluate(&result.camera, &loaded.capture).record();
-        println!("{}", depthcal::calibration::judge::evaluate::table(std::slice::from_ref(&errors), None));
+        println!("{}", depthcal::calibration::judge::table::table(std::slice::from_ref(&errors), None));
         let rms = errors.depth_rms_mm.unwrap();
         assert!(rms.after < 0.3 * rms.before, "depth rms {:.2} mm to {:.2} mm", rms.before, rms.after);
     }

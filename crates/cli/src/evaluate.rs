@@ -15,7 +15,8 @@ use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::judge::evaluate::{evaluate, table};
+use depthcal_calibration::judge::evaluate::evaluate;
+use depthcal_calibration::judge::table::table;
 use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportInput, Role};
 

@@ -29,6 +29,6 @@ pub use record::{
     DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisParameter, DiagnosisProposedFrame, DiagnosisRound,
     DiagnosisStep, DiagnosisUnexplainedOutcome, DroppedFrame, Errors, Evaluation, FileReference, FitRecord,
     FrameEvaluation, FrameObservations, FrameRecord, GainInterval, HeldOutErrors, Interval, LearningPoint,
-    MarkerObservation, MeanStd, ModelComparison, NoiseRecord, Observations, ParameterRecord, PieceRecord, Rms,
-    Separability, StabilityEstimate, StabilityRecord, Verdict,
+    MarkerObservation, MeanStd, ModelComparison, NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord,
+    Rms, Separability, StabilityEstimate, StabilityRecord, Verdict,
 };

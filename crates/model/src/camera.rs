@@ -180,7 +180,7 @@ impl Camera {
         Self::from_blocks(self.width, self.height, pinhole, pieces)
     }
 
-    fn of(&self, hook: HookKind) -> impl Iterator<Item = (&Arc<dyn AnyPiece>, &[f64])> {
+    pub(crate) fn of(&self, hook: HookKind) -> impl Iterator<Item = (&Arc<dyn AnyPiece>, &[f64])> {
         self.blocks.iter().filter(move |b| b.hook() == hook).filter_map(|b| b.piece().map(|p| (p, b.theta.as_slice())))
     }
 
@@ -260,7 +260,11 @@ impl Camera {
     }
 
     /// The same from a ray that is nearly right, which saves most of Newton's steps.
-    fn ray_near(&self, [u, v]: [f64; 2], rho: f64, start: Option<[f64; 2]>) -> Result<[f64; 2], CameraError> {
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::OutsideLens`] where the lens model has no inverse.
+    pub fn ray_near(&self, [u, v]: [f64; 2], rho: f64, start: Option<[f64; 2]>) -> Result<[f64; 2], CameraError> {
         let [fx, fy, cx, cy, skew] = self.pinhole();
         let yd = (v - cy) / fy;
         let xd = (u - cx - skew * yd) / fx;

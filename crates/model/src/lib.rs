@@ -26,6 +26,7 @@ pub mod depth;
 pub mod field;
 mod grid;
 pub mod hook;
+mod inverse;
 pub mod lens;
 mod piece;
 pub mod pinhole;

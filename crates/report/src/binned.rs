@@ -2,7 +2,7 @@
 
 use super::pool::{Pool, usable};
 use super::statistics::sign_generator;
-use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_statistics::{median, student_quantile};
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;

@@ -2,7 +2,7 @@
 
 use super::input::ReportInput;
 use super::pool::Pool;
-use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_calibration::judge::depth_errors::PixelError;
 
 /// Bins of a covariate.
 pub(super) const BINS: usize = 14;

@@ -9,8 +9,8 @@ use super::pool::{Pool, Pooled, usable};
 use super::statistics::rms;
 use super::uncertainty::standard_deviations;
 use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::judge::evaluate::PixelError;
-use depthcal_calibration::observe::board_region::BoardPlane;
+use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::observe::board_plane::BoardPlane;
 use depthcal_statistics::{chi_squared_tail, median, quantile};
 
 /// Fewest pixels of a tested frame.

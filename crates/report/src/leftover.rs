@@ -11,7 +11,7 @@ use super::format::{count, number, signed};
 use super::frame_noise::offsets;
 use super::input::{ReportInput, Role};
 use super::pool::Pool;
-use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_calibration::judge::depth_errors::PixelError;
 
 /// Columns of the map over the image.
 pub(super) const MAP_COLUMNS: usize = 20;

@@ -2,7 +2,8 @@
 
 use super::input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 use super::statistics::{Change, Kind, Total, change, estimate};
-use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+use depthcal_calibration::judge::depth_errors::{PixelError, Sums};
+use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_statistics::Estimate;
 
 /// A frame with its dataset and role.
@@ -67,7 +68,7 @@ impl<'a> Pool<'a> {
         self.pixels().next().is_some()
     }
 
-    /// All usable pixels.
+    /// All usable pixels of those that were kept one by one.
     pub(super) fn pixels(&self) -> impl Iterator<Item = &'a PixelError> + '_ {
         self.frames.iter().flat_map(|f| f.frame.pixels.iter()).filter(|p| usable(p))
     }
@@ -84,15 +85,17 @@ impl<'a> Pool<'a> {
 
     /// Mean plane error, mm; `None` without depth.
     pub(super) fn plane_error(&self) -> Option<Change> {
-        let before = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.height_before_mm.abs())));
-        let after = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.height_after_mm.abs())));
+        let total = |f: &EvaluatedFrame, of: &Sums| Total { sum: of.sizes_mm, count: f.depth.pixels };
+        let before = self.totals(|f| total(f, &f.depth.height.before));
+        let after = self.totals(|f| total(f, &f.depth.height.after));
         change(&before, &after, Kind::Mean)
     }
 
     /// Root mean square depth error, mm; `None` without depth.
     pub(super) fn depth_rms(&self) -> Option<Change> {
-        let before = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.before_mm.powi(2))));
-        let after = self.totals(|f| Total::of(f.pixels.iter().map(|p| p.after_mm.powi(2))));
+        let total = |f: &EvaluatedFrame, of: &Sums| Total { sum: of.squares_mm2, count: f.depth.pixels };
+        let before = self.totals(|f| total(f, &f.depth.depth.before));
+        let after = self.totals(|f| total(f, &f.depth.depth.after));
         change(&before, &after, Kind::Rms)
     }
 

@@ -11,7 +11,7 @@ use super::options::CalibrateOptions;
 use super::settle::{LEAST_INVERSE_DEPTH_SIGMA, State, joint_rules, settle};
 use crate::adjust::field_cells;
 use crate::adjust::smoothness_prior::{Smoothness, hold_untouched};
-use crate::observe::board_region::BoardPixel;
+use crate::observe::board_pixels::BoardPixel;
 use crate::observe::depth_sampling::{plane_deviations, sample_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel};
 use crate::observe::{Capture, PosedFrame, SampledFrame};

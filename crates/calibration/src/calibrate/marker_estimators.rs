@@ -7,8 +7,10 @@ use nalgebra::Vector4;
 use super::fitted::Calibrated;
 use super::options::Estimator;
 use crate::estimators::{EstimatorError, MarkerPoint, irls, linear, marker_points, nonlinear};
-use crate::observe::PosedFrame;
-use crate::observe::board_region::{BoardRegion, board_pixels};
+use crate::observe::board_pixels::board_pixels;
+use crate::observe::board_region::BoardRegion;
+use crate::observe::outliers::remove_outliers;
+use crate::observe::{PixelRays, PosedFrame};
 
 /// Fits D by one of the thesis' estimators, on top of a calibration from the images alone.
 ///
@@ -30,14 +32,16 @@ pub(super) fn estimate(
         _ => return Err(EstimatorError::NotProjective { estimator: estimator.name(), model }),
     };
     let unit_mm = result.capture.depth_unit_mm.unwrap_or(1.0);
-    let region = BoardRegion::new(&result.capture.target);
+    let rays = PixelRays::new(&result.camera);
     let points: Vec<MarkerPoint> = result
         .capture
         .frames
         .iter()
         .flat_map(|f| {
             let pose = &f.camera_from_board;
-            let pixels = board_pixels(f, unit_mm, &result.camera, &region, pose, 1);
+            let region = BoardRegion::within_markers(&result.capture.target, &f.markers);
+            let mut pixels = board_pixels(f, unit_mm, &rays, &region, pose, 1);
+            remove_outliers(&mut pixels);
             marker_points(f, &pixels, &result.camera, &result.capture.target, pose)
         })
         .flatten()

@@ -50,10 +50,10 @@ pub fn frame_errors(evaluated: &Evaluated) -> Vec<FrameErrors> {
         name: f.name.clone(),
         totals: [
             Total::of(f.dots.iter().map(|d| d[1])),
-            Total::of(f.pixels.iter().map(|p| p.height_after_mm.abs())),
-            Total::of(f.pixels.iter().map(|p| p.after_mm * p.after_mm)),
+            Total { sum: f.depth.height.after.sizes_mm, count: f.depth.pixels },
+            Total { sum: f.depth.depth.after.squares_mm2, count: f.depth.pixels },
         ],
-        uncorrectable: [f.uncorrectable, f.uncorrectable + f.pixels.len()],
+        uncorrectable: [f.uncorrectable, f.uncorrectable + f.depth.pixels],
     };
     evaluated.frames.iter().map(frame).collect()
 }

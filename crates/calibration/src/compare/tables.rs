@@ -6,7 +6,7 @@ use depthcal_io::{Comparison, DatasetEvaluation, Interval, MeanStd, ModelCompari
 use depthcal_model::ModelSpec;
 
 use super::variants::subsets;
-use crate::judge::evaluate::table;
+use crate::judge::table::table;
 
 /// A titled block of text.
 #[derive(Debug, Clone, PartialEq, Eq)]

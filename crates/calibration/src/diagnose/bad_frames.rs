@@ -10,8 +10,9 @@ use nalgebra::Isometry3;
 use super::frame_planes::FramePlane;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
-use crate::observe::board_region::{BoardPixel, BoardRegion, board_pixels};
-use crate::observe::{Capture, DetectedFrame};
+use crate::observe::board_pixels::{BoardPixel, board_pixels};
+use crate::observe::board_region::BoardRegion;
+use crate::observe::{Capture, DetectedFrame, PixelRays};
 
 /// Every how many columns and rows of a depth image are compared with the board.
 const STRIDE: usize = 5;
@@ -54,6 +55,8 @@ pub enum BadFrameReason {
 
 /// The reasons for frames with outlying planes: depth images that are exchanged among these frames, or else a movement.
 pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -> Vec<BadFrame> {
+    let rays = PixelRays::new(&fit.camera);
+    let deviation = |frame: usize, pose: &Isometry3<f64>| deviation(fit, &rays, frame, pose);
     let pose_of = |i: usize| fit.capture.frames[i].camera_from_board;
     let find = |name: &str| fit.capture.frames.iter().position(|f| f.name == name);
     let indices: Vec<usize> = bad.iter().filter_map(|p| find(&p.name)).collect();
@@ -62,9 +65,9 @@ pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -
             let own = find(&plane.name);
             // The bad frame whose pose fits this depth image best.
             let partner = own.and_then(|own| {
-                let before = deviation(fit, own, &pose_of(own))?;
+                let before = deviation(own, &pose_of(own))?;
                 let rest = indices.iter().filter(|i| **i != own);
-                rest.filter_map(|i| Some((*i, deviation(fit, own, &pose_of(*i))?)))
+                rest.filter_map(|i| Some((*i, deviation(own, &pose_of(*i))?)))
                     .filter(|(_, after)| *after < thresholds.exchanged_deviation_ratio * before)
                     .min_by(|a, b| a.1.total_cmp(&b.1))
             });
@@ -78,10 +81,10 @@ pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -
 }
 
 /// Median absolute deviation of a frame's depth image from the board in a pose, mm; `None` without depth on that board.
-fn deviation(fit: &Calibrated, frame: usize, pose: &Isometry3<f64>) -> Option<f64> {
+fn deviation(fit: &Calibrated, rays: &PixelRays<'_>, frame: usize, pose: &Isometry3<f64>) -> Option<f64> {
     let region = BoardRegion::new(&fit.capture.target);
     let unit_mm = fit.capture.depth_unit_mm?;
-    let pixels = board_pixels(&fit.capture.frames[frame], unit_mm, &fit.camera, &region, pose, STRIDE);
+    let pixels = board_pixels(&fit.capture.frames[frame], unit_mm, rays, &region, pose, STRIDE);
     let corrected =
         |p: &BoardPixel| Some(1.0 / fit.camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?.1);
     let mut deviations: Vec<f64> =

@@ -5,7 +5,9 @@ use depthcal_statistics::upper_median;
 use super::thresholds::Thresholds;
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::Calibrated;
-use crate::observe::board_region::{BoardRegion, board_pixels};
+use crate::observe::PixelRays;
+use crate::observe::board_pixels::board_pixels;
+use crate::observe::board_region::BoardRegion;
 
 /// Every how many columns and rows of a depth image are compared with the board.
 const STRIDE: usize = 7;
@@ -47,11 +49,12 @@ pub fn implausible_declarations(fit: &Calibrated, thresholds: &Thresholds) -> Ve
 /// Median of measured depth over the depth at which the image sees the board; `None` without depth.
 fn depth_scale(fit: &Calibrated) -> Option<f64> {
     let unit_mm = fit.capture.depth_unit_mm.unwrap_or(1.0);
-    let region = BoardRegion::new(&fit.capture.target);
     let without_depth_pieces = fit.camera.filtered(|b| !is_depth_only(b));
+    let rays = PixelRays::new(&without_depth_pieces);
     let mut ratios: Vec<f64> = Vec::new();
     for frame in &fit.capture.frames {
-        let pixels = board_pixels(frame, unit_mm, &without_depth_pieces, &region, &frame.camera_from_board, STRIDE);
+        let region = BoardRegion::within_markers(&fit.capture.target, &frame.markers);
+        let pixels = board_pixels(frame, unit_mm, &rays, &region, &frame.camera_from_board, STRIDE);
         ratios.extend(pixels.iter().map(|p| p.depth_mm / p.board_depth_mm));
     }
     upper_median(&mut ratios)

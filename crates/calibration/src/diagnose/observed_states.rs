@@ -5,7 +5,7 @@ use depthcal_model::{Block, Context};
 use depthcal_statistics::nearest_rank;
 
 use crate::calibrate::Calibrated;
-use crate::observe::board_region::BoardPlane;
+use crate::observe::board_plane::BoardPlane;
 
 /// Most depth samples over which sizes are averaged.
 const MOST_SAMPLES: usize = 6000;

@@ -4,7 +4,7 @@ use depthcal_model::{Camera, Target};
 use nalgebra::{Isometry3, Vector3, Vector4};
 
 use crate::observe::DetectedFrame;
-use crate::observe::board_region::BoardPixel;
+use crate::observe::board_pixels::BoardPixel;
 use crate::observe::marker_depth::marker_inverse_depths;
 
 /// A marker with depth: everything that the thesis' estimators use of it.
@@ -18,7 +18,7 @@ pub struct MarkerPoint {
     pub inverse_depth: f64,
 }
 
-/// Markers of a frame with the depth measured at them, from the board pixels around (see [`crate::observe::board_region::board_pixels`]) under a camera
+/// Markers of a frame with the depth measured at them, from the board pixels around (see [`crate::observe::board_pixels::board_pixels`]) under a camera
 /// and a pose from the image. `None` where the depth around a marker is missing.
 pub fn marker_points(
     frame: &DetectedFrame,

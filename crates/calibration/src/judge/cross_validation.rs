@@ -74,7 +74,7 @@ const FEWEST_FRAMES: usize = 3;
 
 /// Sum of a frame's squared depth errors after correction, mm², and their number.
 fn squares(f: &EvaluatedFrame) -> (f64, f64) {
-    (f.pixels.iter().map(|p| p.after_mm * p.after_mm).sum(), f.pixels.len() as f64)
+    (f.depth.depth.after.squares_mm2, f.depth.pixels as f64)
 }
 
 /// Root mean square over frames, given the sum of squares and the number of each.
@@ -114,27 +114,32 @@ pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainI
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::judge::depth_errors::{DepthErrors, PixelError};
 
     fn evaluated(errors_mm: &[f64]) -> Evaluated {
-        let frames = errors_mm.iter().enumerate().map(|(i, e)| EvaluatedFrame {
-            name: format!("{i:03}"),
-            camera_from_board: nalgebra::Isometry3::identity(),
-            reprojection: Vec::new(),
-            dots: Vec::new(),
-            pixels: vec![
-                crate::judge::evaluate::PixelError {
-                    context: depthcal_model::Context::default(),
-                    board_depth_mm: 1000.0,
-                    board: [0.0; 2],
-                    cos_incidence: 1.0,
-                    before_mm: *e,
-                    after_mm: *e,
-                    height_before_mm: *e,
-                    height_after_mm: *e,
-                };
-                10
-            ],
-            uncorrectable: 0,
+        let frames = errors_mm.iter().enumerate().map(|(i, e)| {
+            let pixel = PixelError {
+                context: depthcal_model::Context::default(),
+                board_depth_mm: 1000.0,
+                board: [0.0; 2],
+                cos_incidence: 1.0,
+                before_mm: *e,
+                after_mm: *e,
+                height_before_mm: *e,
+                height_after_mm: *e,
+            };
+            let pixels = vec![pixel; 10];
+            EvaluatedFrame {
+                name: format!("{i:03}"),
+                camera_from_board: nalgebra::Isometry3::identity(),
+                reprojection: Vec::new(),
+                dots: Vec::new(),
+                depth: DepthErrors::of(&pixels),
+                pixels,
+                outliers: 0,
+                outlier_limit_mm: None,
+                uncorrectable: 0,
+            }
         });
         Evaluated { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
     }

@@ -1,4 +1,6 @@
 //! Errors of a fitted camera: on a capture, and on frames that its fit did not see.
 
 pub mod cross_validation;
+pub mod depth_errors;
 pub mod evaluate;
+pub mod table;

@@ -1,105 +1,29 @@
-//! The depth pixels that lie on the board, and the board's depth on their rays.
+//! The region of a board whose depth is used.
 
-use depthcal_io::DepthImage;
-use depthcal_model::{Camera, Context, Pattern, Target};
-use nalgebra::{Isometry3, Point3, Vector3};
+use depthcal_model::{Pattern, Target};
 
-use super::stages::{DepthPixel, MeasuredDepth, RawFrame};
+use super::stages::MarkerObservation;
 
 /// Pixels nearer than this to a dot's edge are excluded: depth on the dark print and at its rim is unreliable.
 pub const MARKER_MARGIN_PX: f64 = 1.5;
 
-/// A valid depth pixel inside the board's outermost markers.
-#[derive(Debug, Clone, Copy)]
-pub struct BoardPixel {
-    /// The pixel with its covariates.
-    pub context: Context,
-    /// Measured depth, mm.
-    pub depth_mm: f64,
-    /// The board's depth on this pixel's ray, mm.
-    pub board_depth_mm: f64,
-    /// The board point that it sees, mm.
-    pub board: [f64; 2],
-    /// True ray (X/Z, Y/Z).
-    pub ray: [f64; 2],
-    /// Cosine of the angle of incidence.
-    pub cos_incidence: f64,
-}
-
-/// The board's plane in the camera frame.
-#[derive(Debug, Clone, Copy)]
-pub struct BoardPlane {
-    board_from_camera: Isometry3<f64>,
-    normal: Vector3<f64>,
-    offset: f64,
-}
-
-impl BoardPlane {
-    /// The plane z = 0 of the board's frame.
-    pub fn new(camera_from_board: &Isometry3<f64>) -> Self {
-        let normal = camera_from_board.rotation * Vector3::z();
-        let offset = normal.dot(&camera_from_board.translation.vector);
-        Self { board_from_camera: camera_from_board.inverse(), normal, offset }
-    }
-
-    /// Depth (mm) at which a ray (X/Z, Y/Z) meets the plane; `None` where it meets none in front of the camera.
-    pub fn depth(&self, ray: [f64; 2]) -> Option<f64> {
-        let z = self.offset / self.normal.dot(&Vector3::new(ray[0], ray[1], 1.0));
-        (z > 0.0 && z.is_finite()).then_some(z)
-    }
-
-    /// Depth (mm) at which a ray meets the board as the camera's board pieces shape it.
-    pub fn depth_of_shape(&self, ray: [f64; 2], camera: &Camera) -> Option<f64> {
-        let d = Vector3::new(ray[0], ray[1], 1.0);
-        let mut depth = self.depth(ray)?;
-        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more.
-        for _ in 0..4 {
-            let at = self.to_board(ray, depth);
-            let height = camera.board_point([at.x, at.y])[2];
-            if height == at.z {
-                break;
-            }
-            depth = (self.offset + height) / self.normal.dot(&d);
-        }
-        (depth > 0.0 && depth.is_finite()).then_some(depth)
-    }
-
-    /// Height of a point on a ray at a depth (mm) over the board as the camera's board pieces shape it, mm.
-    pub fn height_over_shape(&self, ray: [f64; 2], depth_mm: f64, camera: &Camera) -> f64 {
-        let at = self.to_board(ray, depth_mm);
-        at.z - camera.board_point([at.x, at.y])[2]
-    }
-
-    /// A point on a ray at a depth (mm), in board coordinates, mm.
-    pub fn to_board(&self, ray: [f64; 2], depth_mm: f64) -> Point3<f64> {
-        self.board_from_camera * Point3::new(ray[0] * depth_mm, ray[1] * depth_mm, depth_mm)
-    }
-
-    /// Cosine of the angle between a ray and the normal, in [0, 1].
-    pub fn cos_incidence(&self, ray: [f64; 2]) -> f64 {
-        let d = Vector3::new(ray[0], ray[1], 1.0);
-        self.normal.dot(&d).abs() / d.norm()
-    }
-}
-
-/// The region of the board whose depth is used: the convex hull of all markers, without dots and their surroundings.
+/// The region of the board whose depth is used: the convex hull of the markers, without dots and their surroundings.
 #[derive(Debug, Clone)]
 pub struct BoardRegion {
     hull: Vec<[f64; 2]>,
-    dots: Vec<[f64; 2]>,
-    dot_radius_mm: f64,
+    dots: Option<DotGrid>,
 }
 
 impl BoardRegion {
-    /// The region of a board.
+    /// The region within all markers of a board.
     pub fn new(target: &Target) -> Self {
-        let points = target.points();
-        let dots = match target.pattern {
-            Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => points.clone(),
-            _ => Vec::new(),
-        };
-        let dot_radius_mm = target.circle_diameter_mm().unwrap_or(0.0) / 2.0;
-        Self { hull: convex_hull(points), dots, dot_radius_mm }
+        Self { hull: convex_hull(target.points()), dots: DotGrid::of(target) }
+    }
+
+    /// The region within the markers that were found in a frame. What lies beyond them may be hidden, or be no board.
+    pub fn within_markers(target: &Target, markers: &[MarkerObservation]) -> Self {
+        let found = markers.iter().map(|m| target.point(m.index)).collect();
+        Self { hull: convex_hull(found), dots: DotGrid::of(target) }
     }
 
     /// Corners of the convex hull in order, board frame, mm.
@@ -108,14 +32,78 @@ impl BoardRegion {
     }
 
     /// Whether a board point (mm) is in the region; `mm_per_px` is the size of a pixel on the board there.
-    pub fn contains(&self, [x, y]: [f64; 2], mm_per_px: f64) -> bool {
+    pub fn contains(&self, point: [f64; 2], mm_per_px: f64) -> bool {
+        let [x, y] = point;
         let n = self.hull.len();
-        let inside = (0..n).all(|i| {
-            let (a, b) = (self.hull[i], self.hull[(i + 1) % n]);
-            (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) >= 0.0
-        });
-        let keep_off = self.dot_radius_mm + MARKER_MARGIN_PX * mm_per_px;
-        inside && self.dots.iter().all(|d| (d[0] - x).hypot(d[1] - y) > keep_off)
+        let inside = n > 2
+            && (0..n).all(|i| {
+                let (a, b) = (self.hull[i], self.hull[(i + 1) % n]);
+                (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]) >= 0.0
+            });
+        inside && self.dots.as_ref().is_none_or(|dots| !dots.any_within(point, MARKER_MARGIN_PX * mm_per_px))
+    }
+}
+
+/// The dots of a board, sorted into cells as wide as their distance, so that only near ones are looked at.
+#[derive(Debug, Clone)]
+struct DotGrid {
+    cells: Vec<Vec<[f64; 2]>>,
+    columns: usize,
+    low: [f64; 2],
+    cell_mm: f64,
+    radius_mm: f64,
+}
+
+impl DotGrid {
+    /// `None` for boards without dots.
+    fn of(target: &Target) -> Option<Self> {
+        if !matches!(target.pattern, Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. }) {
+            return None;
+        }
+        let dots = target.points();
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for dot in &dots {
+            for i in 0..2 {
+                low[i] = low[i].min(dot[i]);
+                high[i] = high[i].max(dot[i]);
+            }
+        }
+        let cell_mm = target.spacing_mm;
+        // A cell of margin all round: neighbours of every point inside the hull exist.
+        let low = low.map(|l| l - cell_mm);
+        let [columns, rows] = [0, 1].map(|i| ((high[i] - low[i]) / cell_mm) as usize + 2);
+        let radius_mm = target.circle_diameter_mm().unwrap_or(0.0) / 2.0;
+        let mut grid = Self { cells: vec![Vec::new(); columns * rows], columns, low, cell_mm, radius_mm };
+        for dot in dots {
+            if let Some([column, row]) = grid.cell(dot) {
+                grid.cells[row * columns + column].push(dot);
+            }
+        }
+        Some(grid)
+    }
+
+    fn cell(&self, point: [f64; 2]) -> Option<[usize; 2]> {
+        let at = [0, 1].map(|i| (point[i] - self.low[i]) / self.cell_mm);
+        let rows = self.cells.len() / self.columns;
+        let inside = at[0] >= 0.0 && at[1] >= 0.0 && at[0] < self.columns as f64 && at[1] < rows as f64;
+        inside.then(|| at.map(|t| t as usize))
+    }
+
+    /// Whether the edge of any dot is nearer than `margin_mm`. Margins of more than a cell reach a dot everywhere on the board.
+    fn any_within(&self, point: [f64; 2], margin_mm: f64) -> bool {
+        let reach = self.radius_mm + margin_mm;
+        if reach >= self.cell_mm {
+            return true;
+        }
+        let Some([column, row]) = self.cell(point) else { return false };
+        let rows = self.cells.len() / self.columns;
+        let near = |at: usize, n: usize| at.saturating_sub(1)..(at + 2).min(n);
+        near(row, rows).any(|r| {
+            near(column, self.columns).any(|c| {
+                let dots = &self.cells[r * self.columns + c];
+                dots.iter().any(|d| (d[0] - point[0]).powi(2) + (d[1] - point[1]).powi(2) <= reach * reach)
+            })
+        })
     }
 }
 
@@ -140,120 +128,60 @@ fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     hull
 }
 
-/// All valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image every
-/// `stride`-th column and row, row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
-pub fn board_pixels(
-    frame: &RawFrame,
-    unit_mm: f64,
-    camera: &Camera,
-    region: &BoardRegion,
-    camera_from_board: &Isometry3<f64>,
-    stride: usize,
-) -> Vec<BoardPixel> {
-    match &frame.depth {
-        MeasuredDepth::None => Vec::new(),
-        MeasuredDepth::Image(depth) => image_pixels(frame, depth, unit_mm, camera, region, camera_from_board, stride),
-        MeasuredDepth::Pixels(pixels) => given_pixels(pixels, camera, region, camera_from_board),
-    }
-}
-
-fn image_pixels(
-    frame: &RawFrame,
-    depth: &DepthImage,
-    unit_mm: f64,
-    camera: &Camera,
-    region: &BoardRegion,
-    camera_from_board: &Isometry3<f64>,
-    stride: usize,
-) -> Vec<BoardPixel> {
-    let corners: Vec<[f64; 2]> = region
-        .hull()
-        .iter()
-        .filter_map(|c| camera.project(&(camera_from_board * Point3::new(c[0], c[1], 0.0)).coords))
-        .collect();
-    let Some((low, high)) = bounds(&corners, depth.width, depth.height) else { return Vec::new() };
-    let plane = BoardPlane::new(camera_from_board);
-    let [fx, ..] = camera.pinhole();
-    let mut pixels = Vec::new();
-    for v in (low[1]..=high[1]).filter(|v| v % stride == 0) {
-        for u in (low[0]..=high[0]).filter(|u| u % stride == 0) {
-            let raw = depth.data[v * depth.width + u];
-            if raw == 0 {
-                continue;
-            }
-            let context = frame.context([u as f64, v as f64]);
-            let depth_mm = f64::from(raw) * unit_mm;
-            let Ok(ray) = camera.ray(camera.image_pixel(&context), 1.0 / depth_mm) else { continue };
-            let Some(board_depth_mm) = plane.depth_of_shape(ray, camera) else { continue };
-            let on_board = plane.to_board(ray, board_depth_mm);
-            let cos_incidence = plane.cos_incidence(ray);
-            // Along the direction of tilt a pixel covers more of the board.
-            let mm_per_px = board_depth_mm / (fx * cos_incidence.max(0.1));
-            let board = [on_board.x, on_board.y];
-            if region.contains(board, mm_per_px) {
-                pixels.push(BoardPixel { context, depth_mm, board_depth_mm, board, ray, cos_incidence });
-            }
-        }
-    }
-    pixels
-}
-
-fn given_pixels(
-    pixels: &[DepthPixel],
-    camera: &Camera,
-    region: &BoardRegion,
-    camera_from_board: &Isometry3<f64>,
-) -> Vec<BoardPixel> {
-    let plane = BoardPlane::new(camera_from_board);
-    let pixel = |s: &DepthPixel| {
-        let ray = camera.ray(camera.image_pixel(&s.context), 1.0 / s.depth_mm).ok()?;
-        let board_depth_mm = plane.depth_of_shape(ray, camera)?;
-        let on_board = plane.to_board(ray, board_depth_mm);
-        let board = [on_board.x, on_board.y];
-        let cos_incidence = plane.cos_incidence(ray);
-        let pixel = BoardPixel { context: s.context, depth_mm: s.depth_mm, board_depth_mm, board, ray, cos_incidence };
-        region.contains(board, 0.0).then_some(pixel)
-    };
-    pixels.iter().filter_map(pixel).collect()
-}
-
-/// First and last column and row that the corners span, with a margin for a displaced depth image, clipped to the image;
-/// `None` where the corners are outside.
-fn bounds(corners: &[[f64; 2]], width: usize, height: usize) -> Option<([usize; 2], [usize; 2])> {
-    const MARGIN_PX: f64 = 10.0;
-    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-    for c in corners {
-        for i in 0..2 {
-            low[i] = low[i].min(c[i] - MARGIN_PX);
-            high[i] = high[i].max(c[i] + MARGIN_PX);
-        }
-    }
-    let size = [width, height];
-    let inside = (0..2).all(|i| high[i] >= 0.0 && low[i] <= size[i] as f64 - 1.0);
-    inside.then(|| {
-        let clamp = |x: f64, i: usize| x.clamp(0.0, size[i] as f64 - 1.0) as usize;
-        ([clamp(low[0], 0), clamp(low[1], 1)], [clamp(high[0], 0), clamp(high[1], 1)])
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_region_is_the_hull_without_the_dots() {
-        let target = Target {
+    fn target() -> Target {
+        Target {
             pattern: Pattern::SymmetricCircles { circle_diameter_mm: 10.0 },
             columns: 3,
             rows: 3,
             spacing_mm: 30.0,
-        };
-        let region = BoardRegion::new(&target);
+        }
+    }
+
+    #[test]
+    fn the_region_is_the_hull_without_the_dots() {
+        let region = BoardRegion::new(&target());
         assert_eq!(region.hull().len(), 4);
         assert!(region.contains([15.0, 15.0], 1.0), "between four dots");
         assert!(!region.contains([30.0, 30.0], 1.0), "on a dot");
         assert!(!region.contains([36.4, 30.0], 1.0), "within 1.5 px of a dot");
         assert!(region.contains([36.6, 30.0], 1.0), "beyond that margin");
         assert!(!region.contains([-0.1, 15.0], 1.0), "outside the markers");
+    }
+
+    /// The cells change nothing: every dot of the board is compared with every point of a dense grid.
+    #[test]
+    fn cells_find_every_near_dot() {
+        for target in
+            [target(), Target { pattern: Pattern::AsymmetricCircles { circle_diameter_mm: 20.0 }, ..target() }]
+        {
+            let grid = DotGrid::of(&target).unwrap();
+            let radius_mm = target.circle_diameter_mm().unwrap() / 2.0;
+            for i in -10..160 {
+                for j in -10..80 {
+                    let p = [f64::from(i) * 0.93, f64::from(j) * 1.07];
+                    for margin_mm in [0.5, 3.0, 14.0] {
+                        let near =
+                            target.points().iter().any(|d| (d[0] - p[0]).hypot(d[1] - p[1]) <= radius_mm + margin_mm);
+                        assert_eq!(grid.any_within(p, margin_mm), near, "{p:?} {margin_mm}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_three_markers_there_is_no_region() {
+        let marker = |index| MarkerObservation { index, pixel: [0.0; 2], std_px: 1.0 };
+        let on_a_line = [marker(0), marker(1), marker(2)];
+        for markers in [&[][..], &on_a_line[..1], &on_a_line[..2], &on_a_line] {
+            assert!(!BoardRegion::within_markers(&target(), markers).contains([15.0, 0.0], 0.1));
+        }
+        let corner = [marker(0), marker(1), marker(3), marker(4)];
+        let region = BoardRegion::within_markers(&target(), &corner);
+        assert!(region.contains([15.0, 15.0], 1.0) && !region.contains([45.0, 15.0], 1.0));
     }
 }

@@ -1,15 +1,17 @@
 //! Selection of the depth pixels for the joint adjustment: on a grid no finer than the correlation length of their noise, so
 //! that their errors are independent.
 
-use std::collections::HashMap;
-
 use depthcal_model::Camera;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::board_region::{BoardPixel, BoardPlane, BoardRegion, board_pixels};
+use super::board_pixels::{BoardPixel, board_pixels};
+use super::board_plane::BoardPlane;
+use super::board_region::BoardRegion;
 use super::capture::Capture;
 use super::noise::clipped_sigma;
+use super::outliers::{remove_outliers, remove_outliers_and_rim};
+use super::pixel_rays::PixelRays;
 use super::stages::{DepthPixel, DepthSample, MeasuredDepth, PosedFrame, SampledFrame};
 
 /// Longest distance at which correlation is measured, px.
@@ -21,21 +23,25 @@ const COARSEST_PX: usize = 64;
 /// Frames from which the correlation length is measured, about.
 const FRAMES: usize = 8;
 
-/// Samples the depth of every frame. Of a depth image, the pixels on a grid whose step is the measured correlation length of
-/// the noise, or larger where the frame would have more than `most_per_frame` samples; of single pixels, all whose ray meets
-/// the board's plane. Returns the frames and, where there are depth images, the correlation length, px.
+/// Samples the depth of every frame within its markers, but no outliers. Of a depth image, the pixels on a grid whose step is the
+/// measured correlation length of the noise, or larger where the frame would have more than `most_per_frame` samples; of single
+/// pixels, all whose ray meets the board. Returns the frames and, where there are depth images, the correlation length, px.
 pub fn sample_depth(
     capture: Capture<PosedFrame>,
     camera: &Camera,
     most_per_frame: usize,
 ) -> (Capture<SampledFrame>, Option<usize>) {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
-    let region = BoardRegion::new(&capture.target);
-    let on_board =
-        |frame: &PosedFrame, step: usize| board_pixels(frame, unit_mm, camera, &region, &frame.camera_from_board, step);
+    let rays = PixelRays::new(camera);
+    let on_board = |frame: &PosedFrame| {
+        let region = BoardRegion::within_markers(&capture.target, &frame.markers);
+        let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &frame.camera_from_board, 1);
+        remove_outliers_and_rim(&mut pixels);
+        pixels
+    };
     let correlation_length_px = capture.frames.iter().any(|f| f.depth_image().is_some()).then(|| {
         let stride = capture.frames.len().div_ceil(FRAMES).max(1);
-        let pixels: Vec<Vec<BoardPixel>> = capture.frames.par_iter().step_by(stride).map(|f| on_board(f, 1)).collect();
+        let pixels: Vec<Vec<BoardPixel>> = capture.frames.par_iter().step_by(stride).map(on_board).collect();
         correlation_length(&pixels)
     });
     let frames: Vec<Vec<DepthSample>> = capture
@@ -43,11 +49,14 @@ pub fn sample_depth(
         .par_iter()
         .map(|frame| match &frame.depth {
             MeasuredDepth::None => Vec::new(),
-            MeasuredDepth::Pixels(pixels) => seeded(pixels, camera, &frame.camera_from_board),
+            MeasuredDepth::Pixels(pixels) => seeded(pixels, &rays, &frame.camera_from_board),
             MeasuredDepth::Image(_) => {
-                let pixels = thinned(|step| on_board(frame, step), correlation_length_px.unwrap_or(1), most_per_frame);
-                let sample =
-                    |p: &BoardPixel| DepthSample { context: p.context, depth_mm: p.depth_mm, board_seed: p.board };
+                let pixels = thinned(on_board(frame), correlation_length_px.unwrap_or(1), most_per_frame);
+                let sample = |p: &BoardPixel| DepthSample {
+                    context: frame.context(p.context.pixel),
+                    depth_mm: p.depth_mm,
+                    board_seed: p.board,
+                };
                 pixels.iter().map(sample).collect()
             }
         })
@@ -59,26 +68,33 @@ pub fn sample_depth(
 }
 
 /// Pixels on a grid with the step `step`, or a larger one where these would be more than `most`.
-fn thinned(pixels_at: impl Fn(usize) -> Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<BoardPixel> {
+fn thinned(mut pixels: Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<BoardPixel> {
+    let is_on_grid = |p: &BoardPixel, step: usize| p.context.pixel.iter().all(|c| *c as usize % step == 0);
     loop {
-        let pixels = pixels_at(step);
-        if pixels.len() <= most || step >= COARSEST_PX {
+        let count = pixels.iter().filter(|p| is_on_grid(p, step)).count();
+        if count <= most || step >= COARSEST_PX {
+            pixels.retain(|p| is_on_grid(p, step));
             return pixels;
         }
-        let ratio = (pixels.len() as f64 / most as f64).sqrt();
+        let ratio = (count as f64 / most as f64).sqrt();
         step = (step + 1).max((step as f64 * ratio) as usize);
     }
 }
 
-/// Single pixels with the board points that their rays meet; pixels whose ray meets none are dropped.
-fn seeded(pixels: &[DepthPixel], camera: &Camera, camera_from_board: &Isometry3<f64>) -> Vec<DepthSample> {
+/// Single pixels with the board points that their rays meet; outliers and pixels whose ray meets no board are dropped.
+fn seeded(pixels: &[DepthPixel], rays: &PixelRays<'_>, camera_from_board: &Isometry3<f64>) -> Vec<DepthSample> {
     let plane = BoardPlane::new(camera_from_board);
-    let sample = |pixel: &DepthPixel| {
-        let ray = camera.ray(pixel.context.pixel, 1.0 / pixel.depth_mm).ok()?;
-        let point = plane.to_board(ray, plane.depth(ray)?);
-        Some(DepthSample { context: pixel.context, depth_mm: pixel.depth_mm, board_seed: [point.x, point.y] })
+    let pixel = |p: &DepthPixel| {
+        let ray = rays.camera().ray(p.context.pixel, 1.0 / p.depth_mm).ok()?;
+        let board_depth_mm = plane.depth(ray)?;
+        let point = plane.to_board(ray, board_depth_mm);
+        let (context, depth_mm, board) = (p.context, p.depth_mm, [point.x, point.y]);
+        Some(BoardPixel { context, depth_mm, board_depth_mm, board, ray, cos_incidence: plane.cos_incidence(ray) })
     };
-    pixels.iter().filter_map(sample).collect()
+    let mut pixels: Vec<BoardPixel> = pixels.iter().filter_map(pixel).collect();
+    remove_outliers(&mut pixels);
+    let sample = |p: &BoardPixel| DepthSample { context: p.context, depth_mm: p.depth_mm, board_seed: p.board };
+    pixels.iter().map(sample).collect()
 }
 
 /// Correlation length of the noise, px, from the structure function ½ E[(e(x + h) − e(x))²] of the deviations e from a plane in
@@ -89,15 +105,21 @@ fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
     for pixels in frames {
         let deviations = plane_deviations(pixels);
         let scale = 6.0 * clipped_sigma(&deviations);
-        let key = |p: &BoardPixel| (p.context.pixel[0] as i64, p.context.pixel[1] as i64);
+        let key = |p: &BoardPixel| [p.context.pixel[0] as usize, p.context.pixel[1] as usize];
         let inliers = || pixels.iter().zip(&deviations).filter(|(_, e)| e.abs() <= scale);
-        let field: HashMap<(i64, i64), f64> = inliers().map(|(p, e)| (key(p), *e / scale)).collect();
-        // In the order of the pixels, not of the map: sums must not depend on hashing.
+        let size = pixels.iter().map(key).fold([0; 2], |s, p| [s[0].max(p[0] + 1), s[1].max(p[1] + 1)]);
+        // Pixels that neighbours are looked for beyond the last column and row are there, and empty.
+        let columns = size[0] + LONGEST_PX;
+        let mut field = vec![f64::NAN; columns * (size[1] + LONGEST_PX)];
         for (p, e) in inliers() {
-            let (u, v) = key(p);
+            let [u, v] = key(p);
+            field[v * columns + u] = e / scale;
+        }
+        for (p, e) in inliers() {
+            let [u, v] = key(p);
             for (h, sum) in sums.iter_mut().enumerate().skip(1) {
-                for neighbour in [(u + h as i64, v), (u, v + h as i64)] {
-                    if let Some(other) = field.get(&neighbour) {
+                for other in [field[v * columns + u + h], field[(v + h) * columns + u]] {
+                    if !other.is_nan() {
                         sum.0 += (e / scale - other).powi(2);
                         sum.1 += 1;
                     }

@@ -1,15 +1,19 @@
 //! Measurements: frames at every stage, depth samples, their noise, and the pixels that show the board.
 
+pub mod board_pixels;
+pub mod board_plane;
 pub mod board_region;
 mod capture;
 pub mod depth_sampling;
 pub mod marker_depth;
-mod neighbourhood;
+pub mod neighbourhood;
 pub mod noise;
+pub mod outliers;
+pub mod pixel_rays;
 mod stages;
 
 pub use capture::{Capture, DroppedFrame};
-pub use neighbourhood::Neighbourhood;
+pub use pixel_rays::PixelRays;
 pub use stages::{
     AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, MarkerObservation, MeasuredDepth, PosedFrame, RawFrame,
     SampledFrame,

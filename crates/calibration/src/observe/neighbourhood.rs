@@ -1,55 +1,132 @@
-//! The infrared amplitude at a pixel and around it, a covariate of some effects.
+//! The infrared amplitude around pixels, a covariate of some effects.
 
 use depthcal_io::GrayImage;
 use depthcal_model::SURROUND_PX;
 
-/// Infrared amplitude at a pixel and around it.
-#[derive(Debug, Clone, Copy)]
-pub struct Neighbourhood {
-    /// At the pixel.
-    pub amplitude: f64,
-    /// Gaussian mean around it, see [`depthcal_model::Context::surround`].
-    pub surround: f64,
-    /// See [`depthcal_model::Context::slope`].
-    pub slope: [f64; 2],
+/// Reach of the Gaussian window to either side, px.
+const REACH: usize = 4;
+const TAPS: usize = 2 * REACH + 1;
+
+fn weights() -> [f64; TAPS] {
+    const SPREAD: f64 = 1.0 / (2.0 * SURROUND_PX * SURROUND_PX);
+    std::array::from_fn(|i| (-(i as f64 - REACH as f64).powi(2) * SPREAD).exp())
 }
 
-impl Neighbourhood {
-    /// Reach of the Gaussian window to either side, px.
-    const REACH: i64 = 4;
+/// Gaussian mean of the amplitude around every pixel of a part of an image, and the slope of its logarithm, see
+/// [`depthcal_model::Context::surround`]. The window is separable: rows first, then columns.
+#[derive(Debug)]
+pub struct Surroundings {
+    low: [usize; 2],
+    columns: usize,
+    /// (mean, slope along u, slope along v) row by row.
+    values: Vec<[f64; 3]>,
+}
 
-    /// The neighbourhood of the pixel nearest to (u, v); `None` outside the image.
-    pub fn at(image: &GrayImage, [u, v]: [f64; 2]) -> Option<Self> {
-        let (u, v) = (u.round(), v.round());
-        let inside = u >= 0.0 && v >= 0.0 && u < image.width as f64 && v < image.height as f64;
-        inside.then(|| Self::around(image, u as i64, v as i64))
-    }
-
-    fn around(image: &GrayImage, u: i64, v: i64) -> Self {
-        const SPREAD: f64 = 1.0 / (2.0 * SURROUND_PX * SURROUND_PX);
-        let weights: [f64; 2 * Self::REACH as usize + 1] =
-            std::array::from_fn(|i| (-((i as i64 - Self::REACH) as f64).powi(2) * SPREAD).exp());
-        let (mut total, mut sum, mut moment) = (0.0, 0.0, [0.0; 2]);
-        for (dv, wv) in (-Self::REACH..).zip(weights) {
-            let row = v + dv;
-            if row < 0 || row >= image.height as i64 {
-                continue;
-            }
-            for (du, wu) in (-Self::REACH..).zip(weights) {
-                let column = u + du;
-                if column < 0 || column >= image.width as i64 {
-                    continue;
+impl Surroundings {
+    /// Of the pixels from `low` to `high` (column, row, both included), which must lie in the image. Beyond the image's border the
+    /// window is cut off.
+    pub fn of(image: &GrayImage, low: [usize; 2], high: [usize; 2]) -> Self {
+        let w = weights();
+        let columns = high[0] - low[0] + 1;
+        let first = low[1].saturating_sub(REACH);
+        let last = (high[1] + REACH).min(image.height - 1);
+        // Of every row: the weighted sum, and its first moment along u.
+        let mut rows: Vec<[f64; 2]> = Vec::with_capacity(columns * (last - first + 1));
+        for v in first..=last {
+            let line = &image.data[v * image.width..][..image.width];
+            for u in low[0]..=high[0] {
+                let (from, to) = (u.saturating_sub(REACH), (u + REACH).min(image.width - 1));
+                let (mut sum, mut moment) = (0.0, 0.0);
+                for (i, value) in line[from..=to].iter().enumerate() {
+                    let tap = from + i + REACH - u;
+                    let weighted = w[tap] * f64::from(*value);
+                    sum += weighted;
+                    moment += weighted * (tap as f64 - REACH as f64);
                 }
-                let weighted = wu * wv * f64::from(image.data[row as usize * image.width + column as usize]);
-                total += wu * wv;
-                sum += weighted;
-                moment[0] += weighted * du as f64;
-                moment[1] += weighted * dv as f64;
+                rows.push([sum, moment]);
             }
         }
-        // The derivative of a Gaussian mean is its first moment over the variance.
-        let slope = moment.map(|m| if sum > 0.0 { m / (sum * SURROUND_PX * SURROUND_PX) } else { 0.0 });
-        let amplitude = f64::from(image.data[v as usize * image.width + u as usize]);
-        Self { amplitude, surround: sum / total, slope }
+        let total = |at: usize, size: usize| -> f64 {
+            let (from, to) = (at.saturating_sub(REACH), (at + REACH).min(size - 1));
+            (from..=to).map(|i| w[i + REACH - at]).sum()
+        };
+        let across: Vec<f64> = (low[0]..=high[0]).map(|u| total(u, image.width)).collect();
+        let mut values = Vec::with_capacity(columns * (high[1] - low[1] + 1));
+        for v in low[1]..=high[1] {
+            let down = total(v, image.height);
+            let (from, to) = (v.saturating_sub(REACH), (v + REACH).min(image.height - 1));
+            for (u, across) in across.iter().enumerate() {
+                let (mut sum, mut moment) = (0.0, [0.0; 2]);
+                for row in from..=to {
+                    let tap = row + REACH - v;
+                    let [s, m] = rows[(row - first) * columns + u];
+                    sum += w[tap] * s;
+                    moment[0] += w[tap] * m;
+                    moment[1] += w[tap] * s * (tap as f64 - REACH as f64);
+                }
+                // The derivative of a Gaussian mean is its first moment over the variance.
+                let slope = moment.map(|m| if sum > 0.0 { m / (sum * SURROUND_PX * SURROUND_PX) } else { 0.0 });
+                values.push([sum / (across * down), slope[0], slope[1]]);
+            }
+        }
+        Self { low, columns, values }
+    }
+
+    /// Mean around a pixel of the part, and the slope of its logarithm along u and v, 1/px.
+    pub fn at(&self, u: usize, v: usize) -> (f64, [f64; 2]) {
+        let [mean, along, across] = self.values[(v - self.low[1]) * self.columns + u - self.low[0]];
+        (mean, [along, across])
+    }
+}
+
+/// The amplitude at the pixel nearest to (u, v); NaN outside the image.
+pub fn amplitude(image: &GrayImage, [u, v]: [f64; 2]) -> f64 {
+    nearest(image, [u, v]).map_or(f64::NAN, |[u, v]| f64::from(image.data[v * image.width + u]))
+}
+
+/// Mean around the pixel nearest to (u, v), and the slope of its logarithm, 1/px; NaN outside the image.
+pub fn surround(image: &GrayImage, [u, v]: [f64; 2]) -> (f64, [f64; 2]) {
+    let Some([u, v]) = nearest(image, [u, v]) else { return (f64::NAN, [f64::NAN; 2]) };
+    Surroundings::of(image, [u, v], [u, v]).at(u, v)
+}
+
+fn nearest(image: &GrayImage, [u, v]: [f64; 2]) -> Option<[usize; 2]> {
+    let (u, v) = (u.round(), v.round());
+    let inside = u >= 0.0 && v >= 0.0 && u < image.width as f64 && v < image.height as f64;
+    inside.then_some([u as usize, v as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums over the window as the definition has them, at pixels in the middle, at a border and in corners.
+    #[test]
+    fn the_separable_window_is_the_window() {
+        let (width, height) = (23, 17);
+        let data: Vec<u16> = (0..width * height).map(|i| (i * 7919 % 251 + 3) as u16).collect();
+        let image = GrayImage { width, height, data, bits: 8 };
+        let part = Surroundings::of(&image, [0, 0], [width - 1, height - 1]);
+        for [u, v] in [[0, 0], [11, 8], [22, 16], [3, 16], [22, 5]] {
+            let (mut total, mut sum, mut moment) = (0.0, 0.0, [0.0; 2]);
+            for dv in -4_i64..=4 {
+                for du in -4_i64..=4 {
+                    let (x, y) = (u as i64 + du, v as i64 + dv);
+                    if x < 0 || y < 0 || x >= width as i64 || y >= height as i64 {
+                        continue;
+                    }
+                    let w = (-((du * du + dv * dv) as f64) / (2.0 * SURROUND_PX * SURROUND_PX)).exp();
+                    let value = w * f64::from(image.data[y as usize * width + x as usize]);
+                    (total, sum) = (total + w, sum + value);
+                    moment = [moment[0] + value * du as f64, moment[1] + value * dv as f64];
+                }
+            }
+            let expected = [sum / total, moment[0] / (sum * 4.0), moment[1] / (sum * 4.0)];
+            for (mean, slope) in [part.at(u, v), surround(&image, [u as f64, v as f64])] {
+                let got = [mean, slope[0], slope[1]];
+                assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{u}, {v}: {got:?} {expected:?}");
+            }
+        }
+        assert!(surround(&image, [-1.0, 3.0]).0.is_nan() && amplitude(&image, [3.0, 17.0]).is_nan());
     }
 }

@@ -8,7 +8,7 @@ use depthcal_io::{DepthImage, FrameMetadata, GrayImage};
 use depthcal_model::Context;
 use nalgebra::Isometry3;
 
-use super::neighbourhood::Neighbourhood;
+use super::neighbourhood;
 
 /// A marker found in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,12 +71,20 @@ pub struct RawFrame {
 }
 
 impl RawFrame {
-    /// Covariates of an observation at a pixel of the depth image.
+    /// Covariates of an observation at a pixel of the depth image, those of its surroundings among them.
     pub fn context(&self, pixel: [f64; 2]) -> Context {
-        let neighbourhood = self.image.as_ref().and_then(|image| Neighbourhood::at(image, pixel));
-        let unknown = Neighbourhood { amplitude: f64::NAN, surround: f64::NAN, slope: [f64::NAN; 2] };
-        let Neighbourhood { amplitude, surround, slope } = neighbourhood.unwrap_or(unknown);
-        Context { pixel, amplitude, surround, slope, time_s: self.time_s, temperature_c: self.temperature_c }
+        let mut context = self.conditions(pixel);
+        if let Some(image) = &self.image {
+            (context.surround, context.slope) = neighbourhood::surround(image, pixel);
+        }
+        context
+    }
+
+    /// The same without its surroundings, which cost some hundred times as much.
+    pub fn conditions(&self, pixel: [f64; 2]) -> Context {
+        let amplitude = self.image.as_ref().map_or(f64::NAN, |image| neighbourhood::amplitude(image, pixel));
+        let (time_s, temperature_c) = (self.time_s, self.temperature_c);
+        Context { pixel, amplitude, time_s, temperature_c, ..Context::default() }
     }
 
     /// The depth image, where there is one.

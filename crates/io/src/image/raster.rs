@@ -13,7 +13,7 @@ pub struct GrayImage {
     pub bits: u8,
 }
 
-/// A depth image, row-major, in steps of the dataset's depth unit; 0 means no measurement.
+/// A depth image, row-major, in steps of the dataset's depth unit; 0 and the largest value mean no measurement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DepthImage {
     /// Width in px.
@@ -22,6 +22,13 @@ pub struct DepthImage {
     pub height: usize,
     /// `height` × `width` values.
     pub data: Vec<u16>,
+}
+
+impl DepthImage {
+    /// Whether a value is a measurement: cameras write 0 or the largest value where they have none.
+    pub fn is_measurement(value: u16) -> bool {
+        value != 0 && value != u16::MAX
+    }
 }
 
 /// A colour image, row-major.

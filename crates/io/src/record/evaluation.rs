@@ -33,6 +33,9 @@ pub struct DatasetEvaluation {
     /// Root mean square of depth minus the board's depth, over all valid board pixels of all frames, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<BeforeAfter<f64>>,
+    /// Board pixels that are no measurements of the board, and are therefore in none of these errors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outliers: Option<Outliers>,
     /// The same errors for every frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames_detail: Vec<FrameEvaluation>,
@@ -47,6 +50,9 @@ pub struct FrameEvaluation {
     pub markers: usize,
     /// Number of valid depth pixels on the board.
     pub depth_pixels: usize,
+    /// Number of board pixels that are no measurements of the board, and are left out.
+    #[serde(default)]
+    pub outliers: usize,
     /// Reprojection error, px.
     pub reprojection_px: Rms,
     /// Dot error, mm.
@@ -58,6 +64,18 @@ pub struct FrameEvaluation {
     /// Root mean square of the depth error, mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<BeforeAfter<f64>>,
+}
+
+/// Board pixels that were left out: more than 20 robust standard deviations and 5 % of the distance off their frame's own
+/// plane.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Outliers {
+    /// Their number.
+    pub count: usize,
+    /// Their share of the valid depth pixels on the board.
+    pub share: f64,
+    /// Depth error from which on a pixel is left out, at the median frame's distance, mm.
+    pub limit_mm: f64,
 }
 
 /// A quantity computed from the depth as measured and from the corrected depth.
@@ -125,6 +143,7 @@ mod tests {
                 dot_error_mm: Some(error),
                 plane_error_mm: Some(error),
                 depth_rms_mm: Some(BeforeAfter { before: 10.5, after: 6.5 }),
+                outliers: Some(Outliers { count: 3, share: 0.125, limit_mm: 30.0 }),
                 frames_detail: Vec::new(),
             }],
         };
@@ -135,6 +154,7 @@ mod tests {
         let expected = json!({"datasets": [{
             "name": "general1", "frames": 27, "reprojection_px": {"rms": 0.125}, "dot_error_mm": both,
             "plane_error_mm": both, "depth_rms_mm": {"before": 10.5, "after": 6.5},
+            "outliers": {"count": 3, "share": 0.125, "limit_mm": 30.0},
         }]});
         assert_eq!(read_json::<serde_json::Value>(&path).unwrap(), expected);
         assert_eq!(Evaluation::read(&path).unwrap(), evaluation);

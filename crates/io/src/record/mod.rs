@@ -25,7 +25,7 @@ pub use diagnosis::{
     DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
     DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
-pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Rms};
+pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms};
 pub use findings::{
     DeclaredValue, DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
     DiagnosisProposedFrame,

@@ -16,7 +16,8 @@ use crate::input::ReportInput;
 use crate::leftover::noise_mm;
 use crate::pool::{Pool, usable};
 use crate::statistics::rms;
-use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_statistics::median;
 
 /// Most pixels of the line of the added effects.
@@ -113,10 +114,7 @@ pub(crate) fn model_curve(
 
 /// Depth error of every frame under both models, and the size of the frame's own plane.
 pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let rms = |f: &EvaluatedFrame| {
-        let rms = rms(f.pixels.iter().filter(|p| usable(p)).map(|p| p.after_mm));
-        rms.is_finite().then_some(rms)
-    };
+    let rms = |f: &EvaluatedFrame| f.depth.rms_mm().map(|rms| rms.after);
     let of = |frames: &[EvaluatedFrame]| -> Vec<(String, f64)> {
         frames.iter().filter_map(|f| Some((plain(&f.name), rms(f)?))).collect()
     };

@@ -11,7 +11,7 @@ use crate::html::escape;
 use crate::input::ReportInput;
 use crate::leftover::{noise_mm, tested_frames};
 use crate::pool::Pool;
-use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_statistics::quantile;
 
 /// Most single pixels that are drawn behind the bins, before and after correction each.

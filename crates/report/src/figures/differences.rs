@@ -8,7 +8,8 @@ use crate::format::{count, number};
 use crate::input::ReportDiagnosis;
 use crate::input::ReportInput;
 use crate::pool::{Pool, Pooled, usable};
-use depthcal_calibration::judge::evaluate::{EvaluatedFrame, PixelError};
+use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_statistics::{median, quantile};
 
 /// Most cells of all frames together, which bounds the size of the file.
@@ -60,7 +61,7 @@ fn note(f: &Pooled<'_>) -> String {
     let record = f.frame.record();
     let z = quantile(f.frame.pixels.iter().map(|p| p.board_depth_mm), 0.5);
     let cos = quantile(f.frame.pixels.iter().map(|p| p.cos_incidence), 0.5);
-    let mut text = format!("{} at {} mm", count(f.frame.pixels.len(), "pixel"), number(z));
+    let mut text = format!("{} at {} mm", count(f.frame.depth.pixels, "pixel"), number(z));
     if cos.is_finite() {
         text += &format!(", angle of incidence {}°", number(cos.clamp(-1.0, 1.0).acos().to_degrees()));
     }

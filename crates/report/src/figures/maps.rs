@@ -12,7 +12,7 @@ use crate::input::ReportInput;
 use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, noise_mm, tested_frames};
 use crate::pool::Pool;
 use crate::statistics::rms;
-use depthcal_calibration::judge::evaluate::PixelError;
+use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_statistics::quantile;
 
 /// A map of cells, row by row.

@@ -7,8 +7,9 @@ use nalgebra::Point3;
 
 use super::super::{ReportDataset, ReportInput, Role, render};
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame, PixelError};
-use depthcal_calibration::observe::board_region::BoardPlane;
+use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame};
+use depthcal_calibration::observe::board_plane::BoardPlane;
 use depthcal_calibration::observe::{Capture, DepthPixel, DetectedFrame, DroppedFrame, MeasuredDepth};
 use depthcal_calibration::start::{FrameMarkers, estimate_pose};
 use depthcal_model::{Camera, ModelSpec};

@@ -1,0 +1,104 @@
+//! Depth errors of board pixels, and their sums over a frame.
+
+use depthcal_io::{BeforeAfter, MeanStd};
+use depthcal_model::Context;
+
+/// A board pixel with its depth before and after correction.
+#[derive(Debug, Clone, Copy)]
+pub struct PixelError {
+    /// The pixel with its covariates.
+    pub context: Context,
+    /// The board's depth there, mm.
+    pub board_depth_mm: f64,
+    /// The board point, mm.
+    pub board: [f64; 2],
+    /// Cosine of the angle of incidence.
+    pub cos_incidence: f64,
+    /// Measured minus board depth, mm.
+    pub before_mm: f64,
+    /// Corrected minus board depth, mm.
+    pub after_mm: f64,
+    /// Height of the measured point over the board, mm (board z).
+    pub height_before_mm: f64,
+    /// Height of the corrected point over the board, mm.
+    pub height_after_mm: f64,
+}
+
+/// Number of values, and the sums of their sizes and of their squares.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sums {
+    /// Σ |e|, mm.
+    pub sizes_mm: f64,
+    /// Σ e², mm².
+    pub squares_mm2: f64,
+}
+
+impl Sums {
+    fn add(&mut self, value: f64) {
+        self.sizes_mm += value.abs();
+        self.squares_mm2 += value * value;
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.sizes_mm += other.sizes_mm;
+        self.squares_mm2 += other.squares_mm2;
+    }
+}
+
+/// Sums over all board pixels of a frame, or of several.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct DepthErrors {
+    /// Number of pixels.
+    pub pixels: usize,
+    /// Of depth minus the board's depth.
+    pub depth: BeforeAfter<Sums>,
+    /// Of heights over the board.
+    pub height: BeforeAfter<Sums>,
+}
+
+impl DepthErrors {
+    /// Counts a pixel.
+    pub fn add(&mut self, p: &PixelError) {
+        self.pixels += 1;
+        self.depth.before.add(p.before_mm);
+        self.depth.after.add(p.after_mm);
+        self.height.before.add(p.height_before_mm);
+        self.height.after.add(p.height_after_mm);
+    }
+
+    /// The sums of some pixels.
+    pub fn of<'a>(pixels: impl IntoIterator<Item = &'a PixelError>) -> Self {
+        let mut sums = Self::default();
+        pixels.into_iter().for_each(|p| sums.add(p));
+        sums
+    }
+
+    /// The sums of several frames.
+    pub fn over<'a>(frames: impl IntoIterator<Item = &'a Self>) -> Self {
+        let mut all = Self::default();
+        for frame in frames {
+            all.pixels += frame.pixels;
+            all.depth.before.merge(&frame.depth.before);
+            all.depth.after.merge(&frame.depth.after);
+            all.height.before.merge(&frame.height.before);
+            all.height.after.merge(&frame.height.after);
+        }
+        all
+    }
+
+    /// Root mean square of depth minus the board's depth, mm; `None` of no pixels.
+    pub fn rms_mm(&self) -> Option<BeforeAfter<f64>> {
+        let rms = |sums: &Sums| (sums.squares_mm2 / self.pixels as f64).sqrt();
+        (self.pixels > 0).then(|| BeforeAfter { before: rms(&self.depth.before), after: rms(&self.depth.after) })
+    }
+
+    /// Mean and standard deviation of absolute heights over the board (thesis eq. 5.4, 5.5), mm; `None` of no pixels.
+    pub fn plane_error_mm(&self) -> Option<BeforeAfter<MeanStd>> {
+        let n = self.pixels as f64;
+        let of = |sums: &Sums| {
+            let mean = sums.sizes_mm / n;
+            MeanStd { mean, std: (sums.squares_mm2 / n - mean * mean).max(0.0).sqrt() }
+        };
+        (self.pixels > 0).then(|| BeforeAfter { before: of(&self.height.before), after: of(&self.height.after) })
+    }
+}

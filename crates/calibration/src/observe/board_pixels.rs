@@ -1,0 +1,132 @@
+//! The depth pixels of a frame that lie on the board.
+
+use depthcal_io::DepthImage;
+use depthcal_model::Context;
+use nalgebra::{Isometry3, Point3};
+
+use super::board_plane::BoardSurface;
+use super::board_region::BoardRegion;
+use super::neighbourhood::Surroundings;
+use super::pixel_rays::PixelRays;
+use super::stages::{DepthPixel, MeasuredDepth, RawFrame};
+
+/// A valid depth pixel inside the board's outermost markers.
+#[derive(Debug, Clone, Copy)]
+pub struct BoardPixel {
+    /// The pixel with its covariates; those of its surroundings only where a piece needs them, see [`PixelRays::needs_surroundings`].
+    pub context: Context,
+    /// Measured depth, mm.
+    pub depth_mm: f64,
+    /// The board's depth on this pixel's ray, mm.
+    pub board_depth_mm: f64,
+    /// The board point that it sees, mm.
+    pub board: [f64; 2],
+    /// True ray (X/Z, Y/Z).
+    pub ray: [f64; 2],
+    /// Cosine of the angle of incidence.
+    pub cos_incidence: f64,
+}
+
+/// All valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image every
+/// `stride`-th column and row, row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
+pub fn board_pixels(
+    frame: &RawFrame,
+    unit_mm: f64,
+    rays: &PixelRays<'_>,
+    region: &BoardRegion,
+    camera_from_board: &Isometry3<f64>,
+    stride: usize,
+) -> Vec<BoardPixel> {
+    match &frame.depth {
+        MeasuredDepth::None => Vec::new(),
+        MeasuredDepth::Image(depth) => image_pixels(frame, depth, unit_mm, rays, region, camera_from_board, stride),
+        MeasuredDepth::Pixels(pixels) => given_pixels(pixels, rays, region, camera_from_board),
+    }
+}
+
+fn image_pixels(
+    frame: &RawFrame,
+    depth: &DepthImage,
+    unit_mm: f64,
+    rays: &PixelRays<'_>,
+    region: &BoardRegion,
+    camera_from_board: &Isometry3<f64>,
+    stride: usize,
+) -> Vec<BoardPixel> {
+    let camera = rays.camera();
+    let corners: Vec<[f64; 2]> = region
+        .hull()
+        .iter()
+        .filter_map(|c| camera.project(&(camera_from_board * Point3::new(c[0], c[1], 0.0)).coords))
+        .collect();
+    let Some((low, high)) = bounds(&corners, depth.width, depth.height) else { return Vec::new() };
+    let surface = BoardSurface::new(camera_from_board, camera);
+    let plane = surface.plane();
+    let [fx, ..] = camera.pinhole();
+    let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
+    let surroundings = image.map(|i| Surroundings::of(i, low, high));
+    let mut pixels = Vec::with_capacity((high[0] - low[0] + 1) * (high[1] - low[1] + 1) / (2 * stride * stride));
+    for v in (low[1]..=high[1]).filter(|v| v % stride == 0) {
+        for u in (low[0]..=high[0]).filter(|u| u % stride == 0) {
+            let raw = depth.data[v * depth.width + u];
+            if !DepthImage::is_measurement(raw) {
+                continue;
+            }
+            let depth_mm = f64::from(raw) * unit_mm;
+            let mut context = frame.conditions([u as f64, v as f64]);
+            if let Some(surroundings) = &surroundings {
+                (context.surround, context.slope) = surroundings.at(u, v);
+            }
+            let Some(ray) = rays.ray(&context, depth_mm) else { continue };
+            let Some(board_depth_mm) = surface.depth(ray) else { continue };
+            let on_board = plane.to_board(ray, board_depth_mm);
+            let cos_incidence = plane.cos_incidence(ray);
+            // Along the direction of tilt a pixel covers more of the board.
+            let mm_per_px = board_depth_mm / (fx * cos_incidence.max(0.1));
+            let board = [on_board.x, on_board.y];
+            if region.contains(board, mm_per_px) {
+                pixels.push(BoardPixel { context, depth_mm, board_depth_mm, board, ray, cos_incidence });
+            }
+        }
+    }
+    pixels
+}
+
+fn given_pixels(
+    pixels: &[DepthPixel],
+    rays: &PixelRays<'_>,
+    region: &BoardRegion,
+    camera_from_board: &Isometry3<f64>,
+) -> Vec<BoardPixel> {
+    let surface = BoardSurface::new(camera_from_board, rays.camera());
+    let plane = surface.plane();
+    let pixel = |s: &DepthPixel| {
+        let ray = rays.ray(&s.context, s.depth_mm)?;
+        let board_depth_mm = surface.depth(ray)?;
+        let on_board = plane.to_board(ray, board_depth_mm);
+        let board = [on_board.x, on_board.y];
+        let cos_incidence = plane.cos_incidence(ray);
+        let pixel = BoardPixel { context: s.context, depth_mm: s.depth_mm, board_depth_mm, board, ray, cos_incidence };
+        region.contains(board, 0.0).then_some(pixel)
+    };
+    pixels.iter().filter_map(pixel).collect()
+}
+
+/// First and last column and row that the corners span, with a margin for a displaced depth image, clipped to the image;
+/// `None` where the corners are outside.
+fn bounds(corners: &[[f64; 2]], width: usize, height: usize) -> Option<([usize; 2], [usize; 2])> {
+    const MARGIN_PX: f64 = 10.0;
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for c in corners {
+        for i in 0..2 {
+            low[i] = low[i].min(c[i] - MARGIN_PX);
+            high[i] = high[i].max(c[i] + MARGIN_PX);
+        }
+    }
+    let size = [width, height];
+    let inside = (0..2).all(|i| high[i] >= 0.0 && low[i] <= size[i] as f64 - 1.0);
+    inside.then(|| {
+        let clamp = |x: f64, i: usize| x.clamp(0.0, size[i] as f64 - 1.0) as usize;
+        ([clamp(low[0], 0), clamp(low[1], 1)], [clamp(high[0], 0), clamp(high[1], 1)])
+    })
+}

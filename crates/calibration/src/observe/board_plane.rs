@@ -1,0 +1,83 @@
+//! The board's plane in the camera frame, and the board's depth on rays.
+
+use depthcal_model::Camera;
+use depthcal_model::hook::HookKind;
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// The board's plane in the camera frame.
+#[derive(Debug, Clone, Copy)]
+pub struct BoardPlane {
+    board_from_camera: Isometry3<f64>,
+    normal: Vector3<f64>,
+    offset: f64,
+}
+
+impl BoardPlane {
+    /// The plane z = 0 of the board's frame.
+    pub fn new(camera_from_board: &Isometry3<f64>) -> Self {
+        let normal = camera_from_board.rotation * Vector3::z();
+        let offset = normal.dot(&camera_from_board.translation.vector);
+        Self { board_from_camera: camera_from_board.inverse(), normal, offset }
+    }
+
+    /// Depth (mm) at which a ray (X/Z, Y/Z) meets the plane; `None` where it meets none in front of the camera.
+    pub fn depth(&self, ray: [f64; 2]) -> Option<f64> {
+        let z = self.offset / self.normal.dot(&Vector3::new(ray[0], ray[1], 1.0));
+        (z > 0.0 && z.is_finite()).then_some(z)
+    }
+
+    /// A point on a ray at a depth (mm), in board coordinates, mm.
+    pub fn to_board(&self, ray: [f64; 2], depth_mm: f64) -> Point3<f64> {
+        self.board_from_camera * Point3::new(ray[0] * depth_mm, ray[1] * depth_mm, depth_mm)
+    }
+
+    /// Cosine of the angle between a ray and the normal, in [0, 1].
+    pub fn cos_incidence(&self, ray: [f64; 2]) -> f64 {
+        let d = Vector3::new(ray[0], ray[1], 1.0);
+        self.normal.dot(&d).abs() / d.norm()
+    }
+}
+
+/// The board's surface in the camera frame: its plane, or what the camera's board pieces make of it.
+#[derive(Debug, Clone, Copy)]
+pub struct BoardSurface<'a> {
+    plane: BoardPlane,
+    /// The camera, where it has board pieces.
+    shape: Option<&'a Camera>,
+}
+
+impl<'a> BoardSurface<'a> {
+    /// The surface of a board in a pose.
+    pub fn new(camera_from_board: &Isometry3<f64>, camera: &'a Camera) -> Self {
+        let shaped = camera.blocks().iter().any(|b| b.hook() == HookKind::Board);
+        Self { plane: BoardPlane::new(camera_from_board), shape: shaped.then_some(camera) }
+    }
+
+    /// The plane of the nominal board.
+    pub fn plane(&self) -> &BoardPlane {
+        &self.plane
+    }
+
+    /// Depth (mm) at which a ray (X/Z, Y/Z) meets the surface; `None` where it meets none in front of the camera.
+    pub fn depth(&self, ray: [f64; 2]) -> Option<f64> {
+        let mut depth = self.plane.depth(ray)?;
+        let Some(camera) = self.shape else { return Some(depth) };
+        let d = Vector3::new(ray[0], ray[1], 1.0);
+        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more.
+        for _ in 0..4 {
+            let at = self.plane.to_board(ray, depth);
+            let height = camera.board_point([at.x, at.y])[2];
+            if height == at.z {
+                break;
+            }
+            depth = (self.plane.offset + height) / self.plane.normal.dot(&d);
+        }
+        (depth > 0.0 && depth.is_finite()).then_some(depth)
+    }
+
+    /// Height over the surface of a point on a ray at a depth (mm), mm.
+    pub fn height(&self, ray: [f64; 2], depth_mm: f64) -> f64 {
+        let at = self.plane.to_board(ray, depth_mm);
+        at.z - self.shape.map_or(0.0, |camera| camera.board_point([at.x, at.y])[2])
+    }
+}
