@@ -81,7 +81,8 @@ impl Study {
         let effects = vec![declared(truth, last_s(&all), full_scale)];
         let told = CalibrateOptions { effects, ..CalibrateOptions::default() };
         let folds = DiagnoseOptions::default().folds;
-        let oracle = cross_validate(&diagnosis.last.capture.detected(), folds, &told)?;
+        let with_effect = calibrate(&diagnosis.last.capture.detected(), &told)?;
+        let oracle = cross_validate(&with_effect, folds, Parts::Interleaved, &told)?;
         let recovery = if diagnosis.last.camera.block(name).is_some() {
             recovery(simulation, &diagnosis.last, truth, full_scale)?
         } else {

@@ -20,6 +20,7 @@ use depthcal_calibration::adjust::smoothness_prior::indices;
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use depthcal_calibration::judge::cross_validation::{cross_validate, split};
 use depthcal_calibration::judge::evaluate::evaluate;
+use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::declared_camera;
 use depthcal_report::format::{Measured, count, interval, measured, number, quantity};
@@ -84,6 +85,10 @@ pub(super) struct Calibrate {
     /// calibration itself is fitted to all frames.
     #[arg(long, visible_alias = "folds", value_name = "N", conflicts_with = "hold_out", value_parser = clap::value_parser!(u16).range(2..))]
     cross_validate: Option<u16>,
+    /// The parts of --cross-validate are blocks of consecutive frames: neighbours of a sweep are alike, so that errors on frames
+    /// whose neighbours were fitted are too small.
+    #[arg(long, requires = "cross_validate")]
+    blocks: bool,
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
@@ -130,7 +135,8 @@ impl Calibrate {
         let held_out = match (&held, self.cross_validate) {
             (Some(held), _) => Some(("held out", evaluate(&result.camera, held))),
             (None, Some(folds)) => {
-                Some(("cross-validated", cross_validate(&loaded.capture, usize::from(folds), &options)?))
+                let how = if self.blocks { Parts::Blocks } else { Parts::Interleaved };
+                Some(("cross-validated", cross_validate(&result, usize::from(folds), how, &options)?))
             }
             (None, None) => None,
         };

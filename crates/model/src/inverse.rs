@@ -1,4 +1,4 @@
-//! The inverse of a camera for batches of pixels: rays of image rows, and true from measured inverse depths.
+//! The inverse of a camera for batches of pixels: rays of grids of pixels, and true from measured inverse depths.
 //!
 //! The results are those of [`Camera::ray`] and [`Camera::true_inverse_depth`] up to rounding; a batch costs one virtual call per
 //! piece and Newton step instead of one per pixel.
@@ -37,57 +37,52 @@ impl Camera {
         })
     }
 
-    /// Rays (X/Z, Y/Z) of the pixels (0, v), (1, v), … of rows `first_row`, `first_row + 1`, …: `rays` has whole rows of the
-    /// image's width. NaN where the lens model has no inverse. Only for cameras with [fixed rays](Camera::has_fixed_rays); pixel
-    /// pieces do not take part.
-    pub fn rays_of_rows(&self, first_row: usize, rays: &mut [[f64; 2]]) {
-        let width = self.width;
+    /// Rays (X/Z, Y/Z) of the pixels `grid` of the image, row by row. NaN where the lens model has no inverse. Only for cameras with
+    /// [fixed rays](Camera::has_fixed_rays); pixel pieces do not take part.
+    pub fn rays_of_grid(&self, grid: &PixelGrid) -> Vec<[f64; 2]> {
+        let n = grid.columns;
+        let mut rays: Vec<[f64; 2]> = Vec::with_capacity(n * grid.rows);
         let mut scratch = RowScratch::default();
-        for row in 0..rays.len() / width.max(1) {
-            let v = (first_row + row) as f64;
-            let (known, rest) = rays.split_at_mut(row * width);
-            let out = &mut rest[..width];
+        for row in 0..grid.rows {
             if row == 0 {
-                out.iter_mut().enumerate().for_each(|(u, ray)| *ray = self.ray_or_nan(u as f64, v));
+                rays.extend((0..n).map(|column| self.ray_or_nan(grid.pixel(column, row))));
                 continue;
             }
             // The rows above predict this one.
-            let above = &known[(row - 1) * width..];
-            out.copy_from_slice(above);
-            if row >= 2 {
-                let before = &known[(row - 2) * width..];
-                for (ray, before) in out.iter_mut().zip(before) {
-                    *ray = [2.0 * ray[0] - before[0], 2.0 * ray[1] - before[1]];
-                }
+            for column in 0..n {
+                let [a, b] = [1, 2].map(|back| rays[(row.max(back) - back) * n + column]);
+                rays.push([2.0 * a[0] - b[0], 2.0 * a[1] - b[1]]);
             }
-            self.refine_row(v, out, &mut scratch);
+            self.refine_row(grid, row, &mut rays[row * n..], &mut scratch);
         }
+        rays
     }
 
-    fn ray_or_nan(&self, u: f64, v: f64) -> [f64; 2] {
-        self.ray([u, v], 1e-3).unwrap_or([f64::NAN; 2])
+    fn ray_or_nan(&self, pixel: [f64; 2]) -> [f64; 2] {
+        self.ray(pixel, 1e-3).unwrap_or([f64::NAN; 2])
     }
 
     /// Newton's method on all pixels of a row together, from rays that are nearly right.
-    fn refine_row(&self, v: f64, rays: &mut [[f64; 2]], scratch: &mut RowScratch) {
+    fn refine_row(&self, grid: &PixelGrid, row: usize, rays: &mut [[f64; 2]], scratch: &mut RowScratch) {
         let n = rays.len();
         let [fx, fy, cx, cy, skew] = self.pinhole();
-        let yd = (v - cy) / fy;
         scratch.contexts.resize(n, Context::default());
         scratch.step.clear();
         scratch.step.resize(n, f64::INFINITY);
         for _ in 0..MOST_STEPS {
             self.distort_batch(rays, scratch);
             let mut worst = 0.0_f64;
-            for (u, ray) in rays.iter_mut().enumerate() {
-                let xd = (u as f64 - cx - skew * yd) / fx;
-                let d = &scratch.total[4 * u..4 * u + 4];
-                let (ex, ey) = (xd - scratch.state[5 * u + 3], yd - scratch.state[5 * u + 4]);
+            for (column, ray) in rays.iter_mut().enumerate() {
+                let [u, v] = grid.pixel(column, row);
+                let yd = (v - cy) / fy;
+                let xd = (u - cx - skew * yd) / fx;
+                let d = &scratch.total[4 * column..4 * column + 4];
+                let (ex, ey) = (xd - scratch.state[5 * column + 3], yd - scratch.state[5 * column + 4]);
                 let det = d[0] * d[3] - d[1] * d[2];
                 let step = [(d[3] * ex - d[1] * ey) / det, (d[0] * ey - d[2] * ex) / det];
                 let size = if det > 0.0 { step[0].abs().max(step[1].abs()) } else { f64::NAN };
                 *ray = [ray[0] + step[0], ray[1] + step[1]];
-                scratch.step[u] = size;
+                scratch.step[column] = size;
                 // NaN does not raise the maximum: such pixels are left to the method for single ones.
                 worst = worst.max(size);
             }
@@ -96,10 +91,10 @@ impl Camera {
             }
         }
         let limit = self.lens_limit();
-        for (u, ray) in rays.iter_mut().enumerate() {
+        for (column, ray) in rays.iter_mut().enumerate() {
             // Negated so that NaN is refused too.
-            if !(scratch.step[u] < RAY_SETTLED && ray[0].hypot(ray[1]) <= limit) {
-                *ray = self.ray_or_nan(u as f64, v);
+            if !(scratch.step[column] < RAY_SETTLED && ray[0].hypot(ray[1]) <= limit) {
+                *ray = self.ray_or_nan(grid.pixel(column, row));
             }
         }
     }
@@ -164,6 +159,8 @@ impl Camera {
         scratch.settled.resize(n, false);
         scratch.lost.clear();
         scratch.lost.resize(n, false);
+        scratch.between.clear();
+        scratch.between.resize(n, [0.0, f64::INFINITY]);
         for _ in 0..MOST_STEPS {
             scratch.state.clear();
             let states = rays.iter().zip(&*rho).zip(cos_incidence);
@@ -193,8 +190,12 @@ impl Camera {
                     // An inverse depth that is indistinguishable from zero is an infinite depth.
                     scratch.lost[k] = !(rho[k] * slope > 10.0 * tolerance);
                 } else {
+                    // Between these the solution lies; steps that leave them are left to the method for single pixels.
+                    let [low, high] = &mut scratch.between[k];
+                    *(if value < measured[k] { low } else { high }) = rho[k];
                     rho[k] += (measured[k] - value) / slope;
-                    open += 1;
+                    scratch.lost[k] = !(rho[k] > scratch.between[k][0] && rho[k] < scratch.between[k][1]);
+                    open += usize::from(!scratch.lost[k]);
                 }
             }
             if open == 0 {
@@ -210,7 +211,27 @@ impl Camera {
     }
 }
 
-/// Memory of [`Camera::rays_of_rows`].
+/// Evenly spaced pixels of an image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelGrid {
+    /// Column and row of the first pixel, px.
+    pub first: [f64; 2],
+    /// Distance of neighbours, px.
+    pub step: f64,
+    /// Number of columns.
+    pub columns: usize,
+    /// Number of rows.
+    pub rows: usize,
+}
+
+impl PixelGrid {
+    /// The pixel in a column and row of the grid, px.
+    pub fn pixel(&self, column: usize, row: usize) -> [f64; 2] {
+        [self.first[0] + self.step * column as f64, self.first[1] + self.step * row as f64]
+    }
+}
+
+/// Memory of [`Camera::rays_of_grid`].
 #[derive(Default)]
 struct RowScratch {
     contexts: Vec<Context>,
@@ -230,6 +251,7 @@ struct DepthScratch {
     d: Vec<f64>,
     settled: Vec<bool>,
     lost: Vec<bool>,
+    between: Vec<[f64; 2]>,
 }
 
 #[cfg(test)]
@@ -249,15 +271,14 @@ mod tests {
 
     /// A barrel lens with a tilted sensor, over the whole image; beyond the lens' limit both are NaN.
     #[test]
-    fn rays_of_rows_are_those_of_single_pixels() {
+    fn rays_of_a_grid_are_those_of_single_pixels() {
         for k1 in [-0.2, 0.15, -0.6] {
             let lens = [k1, 0.05, 1e-3, -8e-4, 0.0];
             let camera = camera(&[("brown_conrady", &lens), ("tilted_sensor", &[0.02, -0.01])]);
             assert!(camera.has_fixed_rays());
-            let mut rays = vec![[0.0; 2]; 160 * 120];
-            camera.rays_of_rows(0, &mut rays);
-            for (i, ray) in rays.iter().enumerate() {
-                let single = camera.ray([(i % 160) as f64, (i / 160) as f64], 1e-3);
+            let grid = PixelGrid { first: [-3.0, -2.5], step: 1.5, columns: 110, rows: 82 };
+            for (i, ray) in camera.rays_of_grid(&grid).iter().enumerate() {
+                let single = camera.ray(grid.pixel(i % grid.columns, i / grid.columns), 1e-3);
                 match single {
                     Ok(single) => {
                         let off = (ray[0] - single[0]).abs().max((ray[1] - single[1]).abs());

@@ -39,6 +39,7 @@ pub mod target;
 
 pub use block::Block;
 pub use camera::{Camera, CameraError};
+pub use inverse::PixelGrid;
 pub use piece::{
     AnyPiece, Constant, Context, Covariate, Options, Parameter, Piece, Role, SURROUND_PX, Scan, ScanKind, erase,
 };

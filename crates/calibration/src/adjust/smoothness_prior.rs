@@ -51,6 +51,17 @@ pub struct Smoothness {
 }
 
 impl Smoothness {
+    /// Takes over the strength of every field and of the ridge from an earlier choice, where that had them.
+    pub(crate) fn start_from(&mut self, earlier: &Self) {
+        for field in &mut self.fields {
+            let same = earlier.fields.iter().find(|f| f.piece == field.piece && f.field == field.field);
+            field.roughness = same.map_or(field.roughness, |f| f.roughness);
+        }
+        if self.with_projective == earlier.with_projective && !earlier.fields.is_empty() {
+            self.ridge = earlier.ridge;
+        }
+    }
+
     /// All fields of a camera at the roughness with which the search starts.
     pub fn of(camera: &Camera, thresholds: &FieldThresholds) -> Self {
         let mut fields = Vec::new();

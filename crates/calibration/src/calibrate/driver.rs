@@ -6,11 +6,11 @@ use tracing::info;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::image::calibrate_image;
-use super::joint::joint;
+use super::joint::{joint, sample};
 use super::marker_estimators::estimate;
 use super::options::{CalibrateOptions, Estimator};
 use crate::adjust::blocks::is_depth_only;
-use crate::observe::{Capture, PosedFrame};
+use crate::observe::{Capture, PosedFrame, SampledFrame};
 
 /// Calibrates a depth camera: markers first, then depth by the estimator asked for.
 ///
@@ -26,6 +26,24 @@ pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibr
         from_image.reprojection_rms_px
     );
     calibrate_depth(from_image, options)
+}
+
+/// The same by the joint adjustment, and the depth samples before any were left out as outliers: what
+/// [`readjust`](super::readjust::readjust) starts from.
+///
+/// # Errors
+///
+/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn calibrate_keeping_samples(
+    capture: &Capture,
+    options: &CalibrateOptions,
+) -> Result<(Calibrated, Capture<SampledFrame>), CalibrateError> {
+    let blocks = depth_blocks(options)?;
+    let from_image = calibrate_image(capture, options)?;
+    let (capture, correlation) = sample(from_image.capture, &from_image.camera, options)?;
+    let samples = capture.clone();
+    let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
+    Ok((fit, samples))
 }
 
 /// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
@@ -46,13 +64,17 @@ pub fn calibrate_depth(
         return Err(CalibrateError::NoDepth { dataset, model });
     }
     match options.estimator {
-        Estimator::Joint => joint(from_image, depth_blocks, options),
+        Estimator::Joint => {
+            let Calibrated { capture, camera, noise, .. } = from_image;
+            let (capture, correlation) = sample(capture, &camera, options)?;
+            joint(capture, correlation, camera, noise, depth_blocks, options)
+        }
         other => Ok(estimate(from_image, depth_blocks, other)?),
     }
 }
 
 /// Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
-fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
+pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
     let mut blocks = Vec::new();
     for effect in &options.effects {
         let block = options.register.make(effect, None)?;

@@ -1,6 +1,6 @@
 //! Everything in one adjustment: markers and depth pixels, with the noise of both estimated on the way.
 
-use depthcal_model::Block;
+use depthcal_model::{Block, Camera};
 
 use super::domain::seen;
 use super::error::CalibrateError;
@@ -16,30 +16,57 @@ use crate::observe::depth_sampling::{plane_deviations, sample_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel};
 use crate::observe::{Capture, PosedFrame, SampledFrame};
 
-/// Adds the depth pieces to a camera that was fitted to the images, and adjusts everything jointly.
-pub(super) fn joint(
-    from_image: Calibrated<PosedFrame>,
-    depth_blocks: Vec<Block>,
+/// Samples the depth of frames with a pose; also returns the correlation length of the noise, px.
+pub(super) fn sample(
+    capture: Capture<PosedFrame>,
+    camera: &Camera,
     options: &CalibrateOptions,
-) -> Result<Calibrated, CalibrateError> {
-    let (capture, correlation) = sample_depth(from_image.capture, &from_image.camera, options.samples_per_frame);
+) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
+    let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame);
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
     }
+    Ok((capture, correlation))
+}
+
+/// Adds the depth pieces to a camera that was fitted to the images, with the noise of its markers, and adjusts everything jointly.
+pub(super) fn joint(
+    capture: Capture<SampledFrame>,
+    correlation_length_px: Option<usize>,
+    mut camera: Camera,
+    noise: NoiseModel,
+    depth_blocks: Vec<Block>,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
     let domain = seen(&capture);
-    let mut camera = from_image.camera;
     for block in depth_blocks {
         camera = camera.with_block(block.over(&domain));
     }
-    camera = hold_untouched(&camera, &capture);
-    let coarse = field_cells::coarse(&camera, &options.register, &domain)?;
-    let noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
-    let start = State { smoothness: Smoothness::of(&camera, &options.field_thresholds), capture, camera, noise };
-    let mut result = match coarse {
+    let noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..noise };
+    let result = adjust_samples(capture, camera, noise, None, options)?;
+    Ok(Calibrated { correlation_length_px, ..result })
+}
+
+/// Adjusts a camera with depth pieces to sampled frames. Where `earlier` is given, the search for the roughness of fields starts
+/// from the values of this fit.
+pub(super) fn adjust_samples(
+    capture: Capture<SampledFrame>,
+    camera: Camera,
+    noise: NoiseModel,
+    earlier: Option<&Smoothness>,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let camera = hold_untouched(&camera, &capture);
+    let coarse = field_cells::coarse(&camera, &options.register, &seen(&capture))?;
+    let mut smoothness = Smoothness::of(&camera, &options.field_thresholds);
+    if let Some(earlier) = earlier {
+        smoothness.start_from(earlier);
+    }
+    let start = State { smoothness, capture, camera, noise };
+    let result = match coarse {
         None => settle(start, &joint_rules(), options)?,
         Some((coarse, factors)) => settle_by_node(start, &coarse, &factors, options)?,
     };
-    result.correlation_length_px = correlation;
     check_invertible(&result)?;
     Ok(result)
 }

@@ -1,5 +1,7 @@
 //! The declared model with the effects that the loop has added: fits, held-out errors, effects added and removed.
 
+use std::cell::RefCell;
+
 use depthcal_model::PieceSpec;
 use tracing::info;
 
@@ -10,10 +12,11 @@ use super::held_out::{HeldOut, improves};
 use super::merit::significant;
 use super::options::DiagnoseOptions;
 use super::thresholds::Thresholds;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
+use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, readjust};
 use crate::judge::cross_validation::{cross_validate, errors};
 use crate::judge::evaluate::evaluate;
-use crate::observe::Capture;
+use crate::judge::parts::Parts;
+use crate::observe::{Capture, SampledFrame};
 use crate::progress::Job;
 
 /// A fit and its errors on frames that it did not see.
@@ -51,13 +54,32 @@ pub(super) struct AugmentedModel<'a> {
     /// The round of the loop, from 1; 0 before the loop.
     pub round: usize,
     job: Box<dyn Job>,
+    basis: RefCell<Option<Basis>>,
+}
+
+/// What fits start from.
+struct Basis {
+    /// All frames that a fit has used, with their depth samples, before any were left out as outliers of a model.
+    samples: Capture<SampledFrame>,
+    /// The last fit.
+    last: Calibrated,
+}
+
+impl Basis {
+    /// The samples of the frames of a capture; `None` where it has frames that were never sampled.
+    fn samples_of(&self, capture: &Capture) -> Option<Capture<SampledFrame>> {
+        let (frames, dropped) = (&self.samples.frames, &self.samples.dropped);
+        let known = |name: &str| frames.iter().any(|f| f.name == name) || dropped.iter().any(|d| d.name == name);
+        let wanted = |name: &str| capture.frames.iter().any(|f| f.name == name);
+        capture.frames.iter().all(|f| known(&f.name)).then(|| self.samples.subset(|_, f| wanted(&f.name)))
+    }
 }
 
 impl<'a> AugmentedModel<'a> {
     /// The declared model, with nothing added.
     pub fn new(capture: Capture, verify: Option<&'a Capture>, options: &'a DiagnoseOptions) -> Self {
         let job = options.calibrate.progress.open_ended("diagnosing");
-        Self { capture, verify, options, added: Vec::new(), round: 0, job }
+        Self { capture, verify, options, added: Vec::new(), round: 0, job, basis: RefCell::default() }
     }
 
     /// Options of the declared model.
@@ -94,9 +116,24 @@ impl<'a> AugmentedModel<'a> {
     }
 
     /// Fits a model to the frames.
+    ///
+    /// The first fit samples the depth; later ones start from the one before, with the same samples.
     pub fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
         self.report("fitting", model);
-        calibrate(&self.capture, model)
+        let mut basis = self.basis.borrow_mut();
+        let from_last = basis.as_ref().and_then(|b| Some(readjust(&b.last, b.samples_of(&self.capture)?, model)));
+        match (from_last, &mut *basis) {
+            (Some(Ok(fit)), Some(basis)) => {
+                basis.last = fit.clone();
+                return Ok(fit);
+            }
+            (Some(Err(error @ CalibrateError::Undetermined(_))), _) => return Err(error),
+            (Some(Err(error)), _) => info!("from the last fit: {error}; fitted from the start"),
+            _ => {}
+        }
+        let (fit, samples) = calibrate_keeping_samples(&self.capture, model)?;
+        *basis = Some(Basis { samples, last: fit.clone() });
+        Ok(fit)
     }
 
     /// Held-out errors of a model: those of its fit on the dataset that verifies, or by cross-validation on the frames.
@@ -105,7 +142,7 @@ impl<'a> AugmentedModel<'a> {
         let folds = self.options.folds;
         let evaluated = match self.verify {
             Some(verify) => evaluate(&fit.camera, verify),
-            None => cross_validate(&fit.capture.detected(), folds.min(fit.capture.frames.len()), model)?,
+            None => cross_validate(fit, folds.min(fit.capture.frames.len()), Parts::Interleaved, model)?,
         };
         Ok(HeldOut { errors: errors(&evaluated), evaluated })
     }

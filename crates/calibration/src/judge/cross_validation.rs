@@ -2,11 +2,14 @@
 
 use depthcal_io::{GainInterval, HeldOutErrors, Interval};
 use depthcal_statistics::Bootstrap;
+use rayon::prelude::*;
+use tracing::warn;
 
-use crate::calibrate::{CalibrateError, CalibrateOptions, calibrate};
-use crate::judge::evaluate::{Evaluated, EvaluatedFrame, evaluate};
-use crate::observe::Capture;
+use super::evaluate::{Evaluated, EvaluatedFrame, evaluate};
+use super::parts::{Parts, parts_of};
+use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, readjust};
 use crate::observe::noise::DepthNoise;
+use crate::observe::{Capture, DroppedFrame, SampledFrame};
 
 /// The frames to fit and the held-out ones, every `every`-th counted from `first`.
 pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture) {
@@ -16,24 +19,55 @@ pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture
     (capture.subset(|i, _| !held(i)), rest)
 }
 
-/// Errors of every frame under a fit that did not see it: `folds` fits, each without every `folds`-th frame.
+/// Errors of every frame of a fit under a model that was adjusted without it: the model of `options`, adjusted again without each of
+/// so many parts of the frames, starting from `fit`. Where it cannot be adjusted without a part, the part's frames are dropped
+/// with the reason.
 ///
 /// # Errors
 ///
-/// [`CalibrateError`] of any of the fits.
+/// [`CalibrateError`] where the model can be adjusted without none of the parts.
 pub fn cross_validate(
-    capture: &Capture,
-    folds: usize,
+    fit: &Calibrated,
+    parts: usize,
+    how: Parts,
     options: &CalibrateOptions,
 ) -> Result<Evaluated, CalibrateError> {
-    let job = options.progress.steps("cross-validating", folds);
-    let mut all = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
-    for first in 0..folds {
-        let (fitted, held) = split(capture, folds, first);
-        let evaluated = evaluate(&calibrate(&fitted, options)?.camera, &held);
-        all.frames.extend(evaluated.frames);
-        all.dropped.extend(evaluated.dropped);
+    let job = options.progress.steps("cross-validating", parts);
+    let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
+    let part_of = parts_of(&markers, parts, how);
+    let evaluate_part = |part: usize| {
+        let mut held = fit.capture.subset(|i, _| part_of[i] == part);
+        held.dropped.clear();
+        let rest = fit.capture.subset(|i, _| part_of[i] != part);
+        let camera = if options.estimator == Estimator::Joint && fit.with_depth {
+            readjust(fit, rest, options).map(|fit| fit.camera)
+        } else {
+            calibrate(&rest.detected(), options).map(|fit| fit.camera)
+        };
+        let evaluated = camera.map(|camera| evaluate(&camera, &held)).map_err(|error| (error, held));
         job.advance();
+        evaluated
+    };
+    let evaluated: Vec<_> = (0..parts).into_par_iter().map(evaluate_part).collect();
+    let mut all = Evaluated { name: fit.capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
+    let mut failure = None;
+    for part in evaluated {
+        match part {
+            Ok(part) => {
+                all.frames.extend(part.frames);
+                all.dropped.extend(part.dropped);
+            }
+            Err((error, held)) => {
+                let reason = format!("without its part of the frames the model cannot be fitted: {error}");
+                warn!("{} frames are not judged: {reason}", held.frames.len());
+                let dropped = |f: &SampledFrame| DroppedFrame { name: f.name.clone(), reason: reason.clone() };
+                all.dropped.extend(held.frames.iter().map(dropped));
+                failure = Some(error);
+            }
+        }
+    }
+    if let Some(failure) = failure.filter(|_| all.frames.is_empty()) {
+        return Err(failure);
     }
     all.frames.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(all)

@@ -16,8 +16,8 @@ use crate::observe::board_pixels::{BoardPixel, board_pixels};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, PixelRays};
-use crate::start::{FrameMarkers, estimate_pose};
+use crate::observe::{Capture, DetectedFrame, DroppedFrame, EvaluableFrame, PixelRays};
+use crate::start::{FrameMarkers, estimate_pose, refine_pose};
 
 /// Most pixels of all frames together that are kept one by one, about.
 const KEPT_PIXELS: usize = 200_000;
@@ -61,7 +61,7 @@ pub struct Evaluated {
 /// Evaluates a camera on all frames of a capture.
 pub fn evaluate<F>(camera: &Camera, capture: &Capture<F>) -> Evaluated
 where
-    F: AsRef<DetectedFrame> + Sync,
+    F: EvaluableFrame,
 {
     // Pixel pieces belong to the correction: uncorrected depth is located by the pixel of the depth image itself.
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
@@ -70,7 +70,7 @@ where
     let kept_pixels = (KEPT_PIXELS / capture.frames.len().max(1)).clamp(least, most);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels };
     let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> =
-        capture.frames.par_iter().map(|frame| evaluation.of_frame(frame.as_ref())).collect();
+        capture.frames.par_iter().map(|frame| evaluation.of_frame(frame.as_ref(), frame.known_pose())).collect();
     let mut evaluated = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: capture.dropped.clone() };
     for frame in frames {
         match frame {
@@ -91,11 +91,15 @@ struct Evaluation<'a, F> {
 }
 
 impl<F> Evaluation<'_, F> {
-    fn of_frame(&self, frame: &DetectedFrame) -> Result<EvaluatedFrame, DroppedFrame> {
+    fn of_frame(&self, frame: &DetectedFrame, known: Option<&Isometry3<f64>>) -> Result<EvaluatedFrame, DroppedFrame> {
         let target = &self.capture.target;
         let markers = FrameMarkers { name: &frame.name, markers: &frame.markers };
-        let fit = estimate_pose(self.camera, target, &markers)
-            .map_err(|e| DroppedFrame { name: frame.name.clone(), reason: e.to_string() })?;
+        let refined = known.and_then(|pose| refine_pose(self.camera, target, &frame.markers, pose));
+        let fit = match refined {
+            Some(fit) => fit,
+            None => estimate_pose(self.camera, target, &markers)
+                .map_err(|e| DroppedFrame { name: frame.name.clone(), reason: e.to_string() })?,
+        };
         let pose = fit.camera_from_board;
         let reprojection = frame
             .markers

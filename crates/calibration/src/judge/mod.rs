@@ -3,4 +3,5 @@
 pub mod cross_validation;
 pub mod depth_errors;
 pub mod evaluate;
+pub mod parts;
 pub mod table;

@@ -15,6 +15,6 @@ mod stages;
 pub use capture::{Capture, DroppedFrame};
 pub use pixel_rays::PixelRays;
 pub use stages::{
-    AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, MarkerObservation, MeasuredDepth, PosedFrame, RawFrame,
-    SampledFrame,
+    AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MarkerObservation, MeasuredDepth,
+    PosedFrame, RawFrame, SampledFrame,
 };

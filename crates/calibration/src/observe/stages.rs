@@ -188,6 +188,28 @@ impl AsRef<DetectedFrame> for SampledFrame {
     }
 }
 
+/// A frame that can be evaluated: it has markers, and may have a pose that is nearly right.
+pub trait EvaluableFrame: AsRef<DetectedFrame> + Sync {
+    /// The pose from which the search for the one that the image shows starts; without it, it starts from the markers.
+    fn known_pose(&self) -> Option<&Isometry3<f64>> {
+        None
+    }
+}
+
+impl EvaluableFrame for DetectedFrame {}
+
+impl EvaluableFrame for PosedFrame {
+    fn known_pose(&self) -> Option<&Isometry3<f64>> {
+        Some(&self.camera_from_board)
+    }
+}
+
+impl EvaluableFrame for SampledFrame {
+    fn known_pose(&self) -> Option<&Isometry3<f64>> {
+        Some(&self.camera_from_board)
+    }
+}
+
 /// A frame that can be adjusted: it has markers and a pose, and may have depth samples.
 pub trait AdjustableFrame: AsRef<DetectedFrame> + Deref + Clone + Send + Sync {
     /// The frame with its pose.

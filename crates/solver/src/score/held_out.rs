@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::linearization::{Cluster, Linearization};
-use super::pseudo_inverse::{NEGLIGIBLE, pseudo_inverse};
+use super::pseudo_inverse::{NEGLIGIBLE, pseudo_solve};
 
 /// Strengths of smoothness priors that are tried: trace of the prior's precision relative to that of the data's information.
 const STRENGTHS: [f64; 6] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
@@ -46,7 +46,7 @@ impl Linearization {
             .iter()
             .map(|cluster| {
                 let (h, g) = pick(cluster);
-                let step = -(pseudo_inverse(&(&whole - &h), NEGLIGIBLE) * (&gradient - &g));
+                let step = -pseudo_solve(&(&whole - &h), &(&gradient - &g), NEGLIGIBLE);
                 g.dot(&step) + 0.5 * step.dot(&(h * &step))
             })
             .collect()
@@ -76,7 +76,7 @@ impl Linearization {
         let mut h = DMatrix::from_fn(columns.len(), columns.len(), |i, k| self.total.hessian[(columns[i], columns[k])]);
         let g = DVector::from_fn(columns.len(), |i, _| self.total.gradient[columns[i]]);
         self.add_priors(candidates, self.best_strength(candidates), &mut h);
-        let step = -(pseudo_inverse(&h, NEGLIGIBLE) * g);
+        let step = -pseudo_solve(&h, &g, NEGLIGIBLE);
         step.rows(self.shared, step.len() - self.shared).into_owned()
     }
 

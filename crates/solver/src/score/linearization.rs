@@ -353,7 +353,8 @@ fn accumulate(
         cost += 0.5 * r.iter().map(|x| x * x).sum::<f64>();
         let used: Vec<usize> = (0..width).filter(|c| target[*c].is_some()).collect();
         let compact = DMatrix::from_fn(rows, used.len(), |row, c| j[row * width + used[c]]);
-        let product = compact.tr_mul(&compact);
+        // The product of two matrices is blocked; that with a transposed view is not.
+        let product = compact.transpose() * &compact;
         let by_residual = compact.tr_mul(&DVector::from_vec(r));
         let place: Vec<usize> = used.iter().filter_map(|c| target[*c]).collect();
         for (a, at) in place.iter().enumerate() {

@@ -1,0 +1,71 @@
+//! A model adjusted again from a fit that is nearly right: to a part of its frames, or with other effects. Far cheaper than a
+//! calibration: the images are not adjusted alone, depth is not sampled again, and few iterations remain.
+
+use depthcal_model::{Block, Camera, RegisterError, Role};
+
+use super::domain::seen;
+use super::driver::depth_blocks;
+use super::error::CalibrateError;
+use super::fitted::Calibrated;
+use super::joint::adjust_samples;
+use super::options::CalibrateOptions;
+use crate::adjust::blocks::is_depth_only;
+use crate::observe::{Capture, SampledFrame};
+
+/// Adjusts the model of `options` jointly to sampled frames, from the camera, poses and noise of `start`. The optimum does not depend
+/// on the start; what does is only how many iterations lead there.
+///
+/// # Errors
+///
+/// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn readjust(
+    start: &Calibrated,
+    mut capture: Capture<SampledFrame>,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    for frame in &mut capture.frames {
+        let fitted = start.capture.frames.iter().find(|f| f.name == frame.name);
+        if let Some(fitted) = fitted {
+            frame.camera_from_board = fitted.camera_from_board;
+        }
+    }
+    if capture.frames.iter().all(|f| f.samples.is_empty()) {
+        return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
+    }
+    let camera = with_model(&start.camera, &capture, options)?;
+    let mut result = adjust_samples(capture, camera, start.noise, Some(&start.smoothness), options)?;
+    result.correlation_length_px = start.correlation_length_px;
+    Ok(result)
+}
+
+/// The camera with the depth model and the effects of `options`, in the order in which a calibration puts them. Parameters that
+/// both have keep their values.
+fn with_model(
+    camera: &Camera,
+    capture: &Capture<SampledFrame>,
+    options: &CalibrateOptions,
+) -> Result<Camera, RegisterError> {
+    let domain = seen(capture);
+    let is_effect = |b: &Block| b.piece().is_some_and(|p| p.role() == Role::Effect);
+    let (pinhole, own): (Vec<Block>, Vec<Block>) = camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
+    let mut pieces: Vec<Block> = own.into_iter().filter(|b| !is_depth_only(b) && !is_effect(b)).collect();
+    let mut effects = Vec::new();
+    for effect in &options.effects {
+        let block = options.register.make(effect, None)?;
+        if !is_depth_only(&block) {
+            effects.push(block);
+        }
+    }
+    let depth = depth_blocks(options)?.into_iter().map(|block| block.over(&domain));
+    for mut block in effects.into_iter().chain(depth) {
+        let fitted = camera.block(block.name()).filter(|b| b.theta.len() == block.theta.len());
+        for (i, value) in fitted.iter().flat_map(|b| b.theta.iter().enumerate()) {
+            if block.free[i] {
+                block.theta[i] = *value;
+            }
+        }
+        pieces.push(block);
+    }
+    let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole([f64::NAN; 5]));
+    Ok(Camera::from_blocks(camera.width, camera.height, pinhole, pieces))
+}
