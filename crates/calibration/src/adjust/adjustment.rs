@@ -36,6 +36,15 @@ pub struct Adjustment {
     depth: Option<BatchId>,
 }
 
+/// Which second derivatives normal equations have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Curvature {
+    /// Of the reweighted squares that the solver minimises in each step: always definite.
+    OfWeights,
+    /// Of the loss itself, which is zero beyond [`HUBER`]: what tells how the optimum moves with the data.
+    OfLoss,
+}
+
 /// A solved adjustment.
 pub struct Adjusted {
     /// The camera with its adjusted parameters.
@@ -136,7 +145,7 @@ impl Adjustment {
 
     /// What every frame says of the camera's free parameters at the present values, priors left out, with residuals weighted
     /// by their losses. Frames that cannot be evaluated say nothing.
-    pub fn frame_information(&self) -> Vec<FrameInformation> {
+    pub fn frame_information(&self, curvature: Curvature) -> Vec<FrameInformation> {
         let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
         let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
         let size = POSE + columns.len();
@@ -149,7 +158,7 @@ impl Adjustment {
                     if let Some(batch) = batch.and_then(|b| self.graph.batch(b)) {
                         let own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose.id()));
                         for group in own {
-                            self.add_information(batch, group, &columns, &mut normal, &mut gradient);
+                            self.add_information(batch, group, &columns, curvature, (&mut normal, &mut gradient));
                         }
                     }
                     (normal, gradient)
@@ -164,8 +173,8 @@ impl Adjustment {
         batch: &dyn FactorBatch,
         group: usize,
         columns: &[usize],
-        normal: &mut DMatrix<f64>,
-        gradient: &mut DVector<f64>,
+        curvature: Curvature,
+        (normal, gradient): (&mut DMatrix<f64>, &mut DVector<f64>),
     ) {
         let rows = batch.row_count(group);
         let width: usize = batch.variables(group).iter().map(|id| self.values.dim(*id)).sum();
@@ -177,9 +186,12 @@ impl Adjustment {
         // Images see the leading part of the parameters only.
         let places: Vec<usize> = (0..POSE).chain(columns.iter().copied().filter(|c| *c < width)).collect();
         let mut part = DMatrix::zeros(rows, places.len());
+        // Residuals in the linear part of the loss, which has no curvature.
+        let mut linear = Vec::new();
         for (k, (residual, rows)) in r.chunks_exact_mut(dim).zip(jacobian.chunks_exact(dim * width)).enumerate() {
             let size = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
             let weight = if size > HUBER { (HUBER / size).sqrt() } else { 1.0 };
+            linear.extend((size > HUBER).then_some(k));
             for (i, row) in rows.chunks_exact(width).enumerate() {
                 residual[i] *= weight;
                 for (c, place) in places.iter().enumerate() {
@@ -188,8 +200,18 @@ impl Adjustment {
             }
         }
         let n = places.len();
-        normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &part, &part, 1.0);
-        gradient.rows_mut(0, n).gemv_tr(1.0, &part, &DVector::from_vec(r), 1.0);
+        let own_gradient = part.tr_mul(&DVector::from_vec(r));
+        if curvature == Curvature::OfLoss {
+            for row in linear.into_iter().flat_map(|k| k * dim..(k + 1) * dim) {
+                part.row_mut(row).fill(0.0);
+            }
+        }
+        // The product of two matrices is blocked; that with a transposed view is not.
+        let own_normal = part.transpose() * &part;
+        let mut normal = normal.view_mut((0, 0), (n, n));
+        normal += own_normal;
+        let mut gradient = gradient.rows_mut(0, n);
+        gradient += own_gradient;
     }
 
     /// Minimises the problem from its start values.

@@ -6,6 +6,7 @@ pub mod factors;
 pub(crate) mod field_cells;
 mod field_thresholds;
 pub mod frame_rows;
+pub mod leave_out;
 pub mod smoothness_prior;
 pub mod smoothness_selection;
 

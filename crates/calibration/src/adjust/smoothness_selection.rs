@@ -179,7 +179,7 @@ impl<'a> CrossValidation<'a> {
 
 /// Solution of a symmetric positive definite system whose unknowns differ in size by many orders of magnitude; `None` where it
 /// is not positive definite.
-fn solve_scaled(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+pub(super) fn solve_scaled(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     let scale = scale(&mut matrix);
     Some(matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale))
 }

@@ -9,7 +9,7 @@ use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
-use crate::adjust::adjustment::{Adjusted, Adjustment};
+use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::smoothness_selection;
 use crate::observe::noise::{DepthNoise, NoiseModel, clipped_sigma};
@@ -118,7 +118,7 @@ pub(super) fn settle<F: AdjustableFrame>(
         let noise_settled = has_settled(&used, &state.noise, &residuals, rules.depth_noise_settled);
         let mut smoothness_settled = true;
         if rules.chooses_smoothness && !state.smoothness.fields.is_empty() && round < rules.most_rounds {
-            let frames = adjustment.frame_information();
+            let frames = adjustment.frame_information(Curvature::OfWeights);
             let chosen = smoothness_selection::choose(&adjusted.camera, &state.smoothness, &frames);
             smoothness_settled = chosen.close_to(&state.smoothness);
             state.smoothness = chosen;

@@ -7,6 +7,7 @@ use tracing::warn;
 
 use super::evaluate::{Evaluated, EvaluatedFrame, evaluate};
 use super::parts::{Parts, parts_of};
+use crate::adjust::leave_out::cameras_without_parts;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, readjust};
 use crate::observe::noise::DepthNoise;
 use crate::observe::{Capture, DroppedFrame, SampledFrame};
@@ -35,14 +36,21 @@ pub fn cross_validate(
     let job = options.progress.steps("cross-validating", parts);
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
+    let is_joint = options.estimator == Estimator::Joint && fit.with_depth;
+    let mut linear = if is_joint && fit.smoothness.fields.is_empty() {
+        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &part_of, parts)
+    } else {
+        Vec::new()
+    };
+    linear.resize(parts, None);
     let evaluate_part = |part: usize| {
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();
-        let rest = fit.capture.subset(|i, _| part_of[i] != part);
-        let camera = if options.estimator == Estimator::Joint && fit.with_depth {
-            readjust(fit, rest, options).map(|fit| fit.camera)
-        } else {
-            calibrate(&rest.detected(), options).map(|fit| fit.camera)
+        let rest = || fit.capture.subset(|i, _| part_of[i] != part);
+        let camera = match &linear[part] {
+            Some(camera) => Ok(camera.clone()),
+            None if is_joint => readjust(fit, rest(), options).map(|fit| fit.camera),
+            None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera.map(|camera| evaluate(&camera, &held)).map_err(|error| (error, held));
         job.advance();

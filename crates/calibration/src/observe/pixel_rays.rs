@@ -5,9 +5,11 @@ use depthcal_model::{Camera, Context, Covariate, PixelGrid};
 use rayon::prelude::*;
 
 /// Distances of the exactly computed pixels that are tried, widest first, px. At 1 every pixel is exact.
-const STEPS: [usize; 4] = [8, 4, 2, 1];
-/// Largest error of an interpolated ray on the normalised image plane: a thousandth of a micrometre at 1 m.
-const TOLERANCE: f64 = 1e-9;
+const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
+/// Largest error of an interpolated ray on the normalised image plane: a few millionths of a pixel.
+const TOLERANCE: f64 = 1e-8;
+/// Nodes to either side of a pixel that it is interpolated from.
+const REACH: usize = 3;
 /// Columns and rows of the pixels at which the interpolation is compared with exact rays.
 const CHECKS: [usize; 2] = [9, 7];
 
@@ -84,7 +86,7 @@ fn needs_surroundings(camera: &Camera) -> bool {
     pieces.into_iter().any(|p| p.needs().contains(&Covariate::Surroundings))
 }
 
-/// The rays of all pixels, row by row: exact on a grid, cubic between its nodes where that is as good.
+/// The rays of all pixels, row by row: exact on a grid, of fifth order between its nodes where that is as good.
 fn table(camera: &Camera) -> Vec<[f64; 2]> {
     let fits = |step: &&usize| **step == 1 || Nodes::of(camera, **step).error() <= TOLERANCE;
     match STEPS.iter().find(fits) {
@@ -96,7 +98,7 @@ fn table(camera: &Camera) -> Vec<[f64; 2]> {
     }
 }
 
-/// Exact rays on a grid of pixels that reaches beyond the image by a node all round.
+/// Exact rays on a grid of pixels that reaches beyond the image by two nodes or more all round.
 struct Nodes<'a> {
     camera: &'a Camera,
     step: usize,
@@ -104,20 +106,22 @@ struct Nodes<'a> {
     rays: Vec<[f64; 2]>,
 }
 
-/// Weights of four equidistant nodes at −1, 0, 1, 2 for the cubic through them, at t in [0, 1] (Lagrange).
-fn cubic(t: f64) -> [f64; 4] {
-    let (a, b, c) = (t + 1.0, t - 1.0, t - 2.0);
-    [-t * b * c / 6.0, a * b * c / 2.0, -a * t * c / 2.0, a * t * b / 6.0]
+/// Weights of the nodes at −2, −1, 0, 1, 2, 3 for the polynomial of fifth order through them, at t in [0, 1] (Lagrange).
+fn quintic(t: f64) -> [f64; 2 * REACH] {
+    std::array::from_fn(|i| {
+        let node = |k: usize| k as f64 - (REACH as f64 - 1.0);
+        (0..2 * REACH).filter(|k| *k != i).map(|k| (t - node(k)) / (node(i) - node(k))).product()
+    })
 }
 
-fn combine(weights: &[f64; 4], rays: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
+fn combine(weights: &[f64; 2 * REACH], rays: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
     weights.iter().zip(rays).fold([0.0; 2], |sum, (w, ray)| [sum[0] + w * ray[0], sum[1] + w * ray[1]])
 }
 
 impl<'a> Nodes<'a> {
     fn of(camera: &'a Camera, step: usize) -> Self {
-        let nodes = |size: usize| size.div_ceil(step) + 3;
-        let first = -(step as f64);
+        let nodes = |size: usize| size.div_ceil(step) + 2 * REACH - 1;
+        let first = -((REACH - 1) as f64 * step as f64);
         let (columns, rows) = (nodes(camera.width), nodes(camera.height));
         let grid = PixelGrid { first: [first; 2], step: step as f64, columns, rows };
         Self { camera, step, grid, rays: camera.rays_of_grid(&grid) }
@@ -125,19 +129,20 @@ impl<'a> Nodes<'a> {
 
     /// Rays of the nodes' columns at a row of the image.
     fn along_row(&self, v: usize) -> Vec<[f64; 2]> {
-        let weights = cubic((v % self.step) as f64 / self.step as f64);
+        let weights = quintic((v % self.step) as f64 / self.step as f64);
         let first = v / self.step;
-        let node = |column: usize| (first..first + 4).map(move |row| self.rays[row * self.grid.columns + column]);
+        let node =
+            |column: usize| (first..first + 2 * REACH).map(move |row| self.rays[row * self.grid.columns + column]);
         (0..self.grid.columns).map(|column| combine(&weights, node(column))).collect()
     }
 
-    fn at(&self, row: &[[f64; 2]], weights: &[[f64; 4]], u: usize) -> [f64; 2] {
+    fn at(&self, row: &[[f64; 2]], weights: &[[f64; 2 * REACH]], u: usize) -> [f64; 2] {
         let first = u / self.step;
-        combine(&weights[u % self.step], row[first..first + 4].iter().copied())
+        combine(&weights[u % self.step], row[first..first + 2 * REACH].iter().copied())
     }
 
-    fn weights(&self) -> Vec<[f64; 4]> {
-        (0..self.step).map(|i| cubic(i as f64 / self.step as f64)).collect()
+    fn weights(&self) -> Vec<[f64; 2 * REACH]> {
+        (0..self.step).map(|i| quintic(i as f64 / self.step as f64)).collect()
     }
 
     /// Largest error of the interpolation at pixels half way between nodes, on the normalised image plane.

@@ -1,0 +1,43 @@
+//! Cameras as they would be without a part of the frames, from the adjustment of all frames.
+//!
+//! At the optimum of all frames the cost of the others is quadratic in the parameters to the extent that taking a part out moves them:
+//! by less than a standard deviation or so. One Gauss–Newton step from the normal equations of the frames, each with its
+//! pose eliminated, is then the estimate without the part (Pregibon 1981, one-step approximation), and costs no adjustment.
+
+use depthcal_model::Camera;
+use nalgebra::{DMatrix, DVector};
+
+use super::adjustment::{Adjustment, Curvature};
+use super::smoothness_selection::solve_scaled;
+use crate::observe::noise::NoiseModel;
+use crate::observe::{AdjustableFrame, Capture};
+
+/// The cameras without each of `parts` parts, given the part of every frame, at the optimum `camera` of all frames; `None` where
+/// the other frames do not determine the parameters. Cameras with fields have priors and cannot be treated so.
+pub fn cameras_without_parts<F: AdjustableFrame>(
+    capture: &Capture<F>,
+    camera: &Camera,
+    noise: &NoiseModel,
+    part_of: &[usize],
+    parts: usize,
+) -> Vec<Option<Camera>> {
+    let frames = Adjustment::new(capture, camera, noise, true).frame_information(Curvature::OfLoss);
+    let free: Vec<usize> = {
+        let free = camera.blocks().iter().flat_map(|b| b.free.iter().copied());
+        free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
+    };
+    let without = |part: usize| {
+        let (mut normal, mut gradient) = (DMatrix::zeros(free.len(), free.len()), DVector::zeros(free.len()));
+        for (frame, _) in frames.iter().zip(part_of).filter(|(_, of)| **of != part) {
+            normal += &frame.fitted.0;
+            gradient += &frame.fitted.1;
+        }
+        let step = solve_scaled(normal, &-gradient)?;
+        let mut theta = camera.theta();
+        for (i, step) in free.iter().zip(step.iter()) {
+            theta[*i] += step;
+        }
+        Some(camera.with_theta(&theta))
+    };
+    (0..parts).map(without).collect()
+}
