@@ -28,6 +28,8 @@ pub enum Kind {
     Sameheight2,
     /// General poses, almost always in the left half of the image.
     Vertical1,
+    /// Not of the thesis: so near that the board fills most of the image.
+    Filling1,
 }
 
 impl Kind {
@@ -43,10 +45,10 @@ impl Kind {
         Self::Vertical1,
     ];
 
-    /// Number of frames in the thesis' capture.
+    /// Number of frames in the thesis' capture, or a usual one.
     pub fn frames(self) -> usize {
         match self {
-            Self::General(_) | Self::Sameheight2 => 27,
+            Self::General(_) | Self::Sameheight2 | Self::Filling1 => 27,
             Self::Centered1 => 18,
             Self::Longplywood1 => 12,
             Self::Longplywood2 => 6,
@@ -77,6 +79,13 @@ impl Kind {
             Self::Plywood1 => Placement { near_mm: 350.0, far_mm: 900.0, max_tilt_deg: 40.0, ..general },
             Self::Sameheight1 => parallel(990.0, 1010.0),
             Self::Sameheight2 => parallel(485.0, 515.0),
+            Self::Filling1 => Placement {
+                near_mm: 190.0,
+                far_mm: 300.0,
+                max_tilt_deg: 35.0,
+                max_roll_deg: 10.0,
+                region: [0.4, 0.4, 0.6, 0.6],
+            },
             Self::Vertical1 => Placement { near_mm: 350.0, far_mm: 1200.0, region: [0.0, 0.0, 0.45, 1.0], ..general },
         }
     }
@@ -108,6 +117,7 @@ impl fmt::Display for Kind {
             Self::Sameheight1 => "sameheight1",
             Self::Sameheight2 => "sameheight2",
             Self::Vertical1 => "vertical1",
+            Self::Filling1 => "filling1",
         };
         f.write_str(name)
     }
@@ -126,9 +136,10 @@ impl FromStr for Kind {
                 return Ok(Self::General(number));
             }
         }
-        Self::ALL.into_iter().find(|kind| kind.to_string() == name).ok_or_else(|| SimulateError::UnknownKind {
+        let known = || Self::ALL.into_iter().chain([Self::Filling1]);
+        known().find(|kind| kind.to_string() == name).ok_or_else(|| SimulateError::UnknownKind {
             name: name.to_owned(),
-            known: Self::ALL.map(|kind| kind.to_string()).join(", ") + ", general2, general3, …",
+            known: known().map(|kind| kind.to_string()).collect::<Vec<_>>().join(", ") + ", general2, general3, …",
         })
     }
 }
@@ -153,7 +164,7 @@ mod tests {
 
     #[test]
     fn names_are_read_back() {
-        for kind in Kind::ALL.into_iter().chain([Kind::General(7)]) {
+        for kind in Kind::ALL.into_iter().chain([Kind::General(7), Kind::Filling1]) {
             assert_eq!(kind.to_string().parse::<Kind>().unwrap(), kind);
         }
         assert_eq!("general".parse::<Kind>().unwrap(), Kind::General(1));
