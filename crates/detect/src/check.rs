@@ -37,7 +37,10 @@ pub(crate) fn check_target(target: &Target) -> Result<(), DetectError> {
     };
     match target.pattern {
         Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } => {
-            positive("board.circle_diameter_mm", circle_diameter_mm)?;
+            // 0 stands for a diameter that is not known.
+            if circle_diameter_mm != 0.0 {
+                positive("board.circle_diameter_mm", circle_diameter_mm)?;
+            }
             if circle_diameter_mm >= step_mm(target) {
                 let remedy = "dots must not touch: smaller than the distance between neighbours, in mm";
                 return Err(DetectError::Field {

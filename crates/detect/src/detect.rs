@@ -30,7 +30,14 @@ pub fn detect(image: &GrayImage, target: &Target, options: &DetectOptions) -> Re
         Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => {
             let Some(mut detection) = circles::find(image, target) else { return Ok(None) };
             if options.refine {
-                refine::sharpen_circles(image, &mut detection, target)?;
+                let sized = match target.circle_diameter_mm() {
+                    Some(_) => Some(target.clone()),
+                    None => refine::measure_circle_diameter(image, &detection, target)?
+                        .map(|measured| target.with_circle_diameter_mm(measured.diameter_mm)),
+                };
+                if let Some(sized) = sized {
+                    refine::sharpen_circles(image, &mut detection, &sized)?;
+                }
             }
             Ok(Some(detection))
         }

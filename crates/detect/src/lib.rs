@@ -3,7 +3,7 @@
 //! [`detect()`] finds the markers of a [`Target`](depthcal_model::target::Target) in one image, [`detect_all`] in many
 //! images in parallel. Once a camera is known approximately, [`refine_circles`] fits the centres of dots again under
 //! that camera, which removes the bias of circle centres under perspective; while there is none, [`homography_mapping`]
-//! takes its place. [`refine_corners`] fits the corners of chessboards and tags.
+//! takes its place. [`measure_circle_diameter`] measures dots whose size is not known. [`refine_corners`] fits the corners of chessboards and tags.
 //!
 //! Chessboards, ChArUco boards and AprilGrids are found with OpenCV. Circle grids are found by code of this crate,
 //! which copes with small dots, uneven light and clutter better than OpenCV's grid finder does.
@@ -38,4 +38,7 @@ pub use detect::detect;
 pub use detection::{DetectOptions, Detection, Marker, Polarity};
 pub use error::DetectError;
 pub use geometry::{BoardMap, Homography};
-pub use refine::{RefineOptions, RefinedMarker, homography_mapping, refine_circles, refine_corners};
+pub use refine::{
+    CircleDiameter, RefineOptions, RefinedMarker, homography_mapping, measure_circle_diameter, refine_circles,
+    refine_corners,
+};

@@ -58,6 +58,19 @@ impl Plane {
         self.data.len() <= 1_500_000
     }
 
+    /// The value at `pixel`, interpolated between the four pixels around it; `None` outside the image.
+    #[cfg(feature = "opencv")]
+    pub(crate) fn between(&self, [u, v]: [f64; 2]) -> Option<f64> {
+        let inside = u >= 0.0 && v >= 0.0 && u < self.width as f64 - 1.0 && v < self.height as f64 - 1.0;
+        let (x, y) = (u as usize, v as usize);
+        let (s, t) = (u - x as f64, v - y as f64);
+        let at = |x: usize, y: usize| f64::from(self.data[y * self.width + x]);
+        inside.then(|| {
+            (1.0 - t) * ((1.0 - s) * at(x, y) + s * at(x + 1, y))
+                + t * ((1.0 - s) * at(x, y + 1) + s * at(x + 1, y + 1))
+        })
+    }
+
     /// Quantised to 8 bits.
     pub(crate) fn to_bytes(&self) -> Vec<u8> {
         self.data.iter().map(|&v| (v * 255.0 + 0.5) as u8).collect()

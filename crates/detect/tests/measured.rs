@@ -81,3 +81,85 @@ fn infrared_chessboard() {
     assert_eq!(found, 51);
     assert!(after < before && after < 0.04, "{after} px");
 }
+
+#[cfg(not(fiducials = "contrib"))]
+#[test]
+fn charuco_boards_that_opencv_finds() {
+    common::skipped("this OpenCV has no contrib module aruco, with whose ChArUco boards tests/measured.rs compares");
+}
+
+/// Boards that fill much of the image, in part outside it, many of them blurred by motion.
+#[cfg(fiducials = "contrib")]
+#[test]
+fn charuco_boards_that_opencv_finds() {
+    use opencv::aruco;
+    use opencv::core::no_array;
+    use opencv::prelude::*;
+
+    let dictionary = aruco::get_predefined_dictionary_i32(16).expect("a dictionary");
+    let pattern = depthcal_model::Pattern::Charuco { marker_mm: 10.4375, dictionary: "DICT_ARUCO_ORIGINAL".into() };
+    let target = Target { pattern, columns: 10, rows: 8, spacing_mm: 20.875 };
+    let board = aruco::CharucoBoard::create(10, 8, 20.875, 10.4375, &dictionary).expect("a board");
+    let board: opencv::core::Ptr<aruco::CharucoBoard> = board;
+    // The number of corners that OpenCV interpolates between markers, with corners beside one marker or two.
+    let by_opencv = |image: &GrayImage| {
+        let bytes: Vec<u8> = image.data.iter().map(|&v| v.min(255) as u8).collect();
+        let mat = Mat::new_rows_cols_with_data(image.height as i32, image.width as i32, &bytes).expect("an image");
+        let mut best = 0;
+        for refinement in [0, 1] {
+            let mut parameters = aruco::DetectorParameters::create().expect("parameters");
+            parameters.set_corner_refinement_method(refinement);
+            let (mut tags, mut ids) = (Vector::<Vector<Point2f>>::new(), Vector::<i32>::new());
+            aruco::detect_markers(&mat, &dictionary, &mut tags, &mut ids, &parameters, &mut no_array())
+                .expect("a search");
+            for least in [1, 2].into_iter().filter(|_| !ids.is_empty()) {
+                let (mut corners, mut numbers) = (Mat::default(), Mat::default());
+                let (camera, lens) = (no_array(), no_array());
+                let count = aruco::interpolate_corners_charuco(
+                    &tags,
+                    &ids,
+                    &mat,
+                    &board,
+                    &mut corners,
+                    &mut numbers,
+                    &camera,
+                    &lens,
+                    least,
+                )
+                .expect("corners");
+                best = best.max(count as usize);
+            }
+        }
+        best
+    };
+    for (dataset, least) in [
+        ("truedepth/ipad4/calib", 48),
+        ("truedepth/ipad4/check", 5),
+        ("truedepth/iphone11pro/calib", 50),
+        ("truedepth/iphone11pro/check", 5),
+    ] {
+        let Some(frames) = images(dataset, "image") else { return };
+        let loaders: Vec<_> =
+            frames.iter().map(|(name, image)| (name.clone(), || Ok::<_, std::io::Error>(image.clone()))).collect();
+        let clock = std::time::Instant::now();
+        let found = detect_all(&loaders, &target, &DetectOptions::default(), &|_, _| {});
+        let each = clock.elapsed() / frames.len() as u32;
+        let counts: Vec<usize> =
+            found.iter().map(|f| f.as_ref().expect("no error").as_ref().map_or(0, |d| d.markers.len())).collect();
+        let theirs: Vec<usize> = frames.iter().map(|(_, image)| by_opencv(image)).collect();
+        for ((name, _), (ours, theirs)) in frames.iter().zip(counts.iter().zip(&theirs)) {
+            println!("  {name}: {ours} corners, {theirs} by OpenCV");
+        }
+        let of = |counts: &[usize]| (counts.iter().filter(|c| **c >= 12).count(), counts.iter().sum::<usize>());
+        println!(
+            "{dataset}: frames with 12 corners, corners {:?}, by OpenCV {:?}, {each:?} per frame",
+            of(&counts),
+            of(&theirs)
+        );
+        for ((name, _), (ours, theirs)) in frames.iter().zip(counts.iter().zip(&theirs)) {
+            assert!(*theirs < 12 || ours >= theirs, "{name}: {ours} corners, but {theirs} by OpenCV");
+        }
+        let frames_found = counts.iter().filter(|c| **c >= 12).count();
+        assert!(frames_found >= least, "{dataset}: {frames_found} of {} frames", frames.len());
+    }
+}

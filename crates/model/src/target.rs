@@ -11,12 +11,14 @@ use serde::{Deserialize, Serialize};
 pub enum Pattern {
     /// Dots whose odd rows are shifted by one spacing: dot (row i, column j) at ((2 j + i mod 2) s, i s).
     AsymmetricCircles {
-        /// Diameter of a dot.
+        /// Diameter of a dot; 0, and absent in files, where it is not known: then it is measured in the images.
+        #[serde(default, skip_serializing_if = "is_unknown")]
         circle_diameter_mm: f64,
     },
     /// Dots on a square grid: (j s, i s).
     SymmetricCircles {
-        /// Diameter of a dot.
+        /// Diameter of a dot; 0, and absent in files, where it is not known: then it is measured in the images.
+        #[serde(default, skip_serializing_if = "is_unknown")]
         circle_diameter_mm: f64,
     },
     /// Inner corners of a chessboard on a square grid: (j s, i s).
@@ -35,6 +37,10 @@ pub enum Pattern {
         /// Side of a tag, outer edge of its black border.
         marker_mm: f64,
     },
+}
+
+fn is_unknown(length_mm: &f64) -> bool {
+    *length_mm == 0.0
 }
 
 /// A calibration board: the pattern and its size.
@@ -97,14 +103,31 @@ impl Target {
         (0..self.len()).map(|i| self.point(i)).collect()
     }
 
-    /// Diameter of the printed dots in mm, where the board has dots.
+    /// Diameter of the printed dots in mm, where the board has dots and their diameter is known.
     pub fn circle_diameter_mm(&self) -> Option<f64> {
         match self.pattern {
             Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } => {
-                Some(circle_diameter_mm)
+                (circle_diameter_mm != 0.0).then_some(circle_diameter_mm)
             }
             _ => None,
         }
+    }
+
+    /// Whether the markers are dots.
+    pub fn has_circles(&self) -> bool {
+        matches!(self.pattern, Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. })
+    }
+
+    /// The same board with dots of another diameter, in mm, or of an unknown one, 0. Boards without dots stay as they
+    /// are.
+    pub fn with_circle_diameter_mm(&self, diameter_mm: f64) -> Target {
+        let mut target = self.clone();
+        if let Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } =
+            &mut target.pattern
+        {
+            *circle_diameter_mm = diameter_mm;
+        }
+        target
     }
 }
 
@@ -124,6 +147,15 @@ mod tests {
         assert_eq!(target.point(0), [0.0, 0.0]);
         assert_eq!(target.point(4), [17.0, 17.0]);
         assert_eq!(target.point(9), [34.0, 34.0]);
+    }
+
+    #[test]
+    fn an_unknown_diameter_can_be_set() {
+        let pattern = Pattern::SymmetricCircles { circle_diameter_mm: 0.0 };
+        let target = Target { pattern, columns: 4, rows: 5, spacing_mm: 20.0 };
+        assert_eq!(target.circle_diameter_mm(), None);
+        let known = target.with_circle_diameter_mm(12.0);
+        assert_eq!(known.circle_diameter_mm(), Some(12.0));
     }
 
     #[test]

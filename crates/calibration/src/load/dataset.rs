@@ -11,14 +11,18 @@ use depthcal_io::{
 };
 use depthcal_model::{Block, Camera, Register};
 use rayon::prelude::*;
-use tracing::{debug, info};
+use tracing::{debug, info, warn};
 
+use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
+use super::found::Found;
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame};
 use crate::progress::ProgressHandle;
 
 /// Version of detection and refinement: cached detections of another are not used.
-const DETECTION_VERSION: &str = "1";
+const DETECTION_VERSION: &str = "2";
+/// The setting that holds it.
+const DETECTION: &str = "detection";
 
 /// How a dataset is read.
 #[derive(Debug, Clone)]
@@ -55,7 +59,7 @@ pub fn default_cache() -> Option<PathBuf> {
 /// A dataset, read: what it declares and what was observed.
 #[derive(Debug, Clone)]
 pub struct Loaded {
-    /// What `dataset.toml` declares.
+    /// What `dataset.toml` declares; a diameter of dots that it does not declare is the measured one.
     pub dataset: Dataset,
     /// Path and digest, for the record.
     pub reference: FileReference,
@@ -63,6 +67,8 @@ pub struct Loaded {
     pub capture: Capture,
     /// Whether the markers came from the cache.
     pub from_cache: bool,
+    /// The diameter of the board's dots, measured in the images; `None` for boards without dots.
+    pub circle_diameter: Option<MeasuredDiameter>,
 }
 
 impl Loaded {
@@ -79,7 +85,7 @@ impl Loaded {
         Observations {
             dataset: self.reference.clone(),
             target: self.capture.target.clone(),
-            settings: settings(),
+            settings: settings(self.circle_diameter),
             frames: frames.collect(),
         }
     }
@@ -93,8 +99,9 @@ fn from_file(m: &depthcal_io::MarkerObservation) -> MarkerObservation {
     MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
 }
 
-fn settings() -> BTreeMap<String, String> {
-    BTreeMap::from([("detection".to_owned(), DETECTION_VERSION.to_owned())])
+fn settings(circle_diameter: Option<MeasuredDiameter>) -> BTreeMap<String, String> {
+    let version = (DETECTION.to_owned(), DETECTION_VERSION.to_owned());
+    circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain([version]).collect()
 }
 
 /// Reads a dataset: images, depth images, and the board in every image.
@@ -103,7 +110,7 @@ fn settings() -> BTreeMap<String, String> {
 ///
 /// [`LoadError`], naming the file or field, what is wrong and the remedy.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let dataset = Dataset::open(path)?;
+    let mut dataset = Dataset::open(path)?;
     if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
         return Err(LoadError::NoImages { root: dataset.root });
     }
@@ -111,15 +118,25 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
     let (frames, (width, height)) = read_frames(&dataset, &options.progress)?;
     let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));
-    let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached_markers(path, &digest, &dataset));
+    let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
     let from_cache = cached.is_some();
-    let markers = match cached {
-        Some(markers) => {
+    let Found { markers, circle_diameter } = match cached {
+        Some(found) => {
             debug!("markers of {} come from the cache", dataset.name);
-            markers
+            found
         }
         None => find_markers(&dataset, &frames, options)?,
     };
+    if let Some(measured) = circle_diameter {
+        if measured.contradicts_declaration() {
+            warn!("{}: {measured}", dataset.name);
+        } else {
+            info!("{}: {measured}", dataset.name);
+        }
+        if measured.declared_mm.is_none() {
+            dataset.target = dataset.target.with_circle_diameter_mm(measured.diameter_mm);
+        }
+    }
     let mut dropped = Vec::new();
     let mut kept = Vec::new();
     for (raw, markers) in frames.into_iter().zip(markers) {
@@ -143,7 +160,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         frames: kept,
         dropped,
     };
-    let loaded = Loaded { dataset, reference, capture, from_cache };
+    let loaded = Loaded { dataset, reference, capture, from_cache, circle_diameter };
     if let (Some(path), false) = (cache, from_cache) {
         let mut observations = loaded.observations();
         // Frames without a board are part of the answer.
@@ -162,14 +179,22 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     Ok(loaded)
 }
 
-fn cached_markers(path: &Path, digest: &str, dataset: &Dataset) -> Option<Vec<Vec<MarkerObservation>>> {
+/// What the cache holds of a dataset; `None` where it is of another version, dataset or board.
+fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     let cached = Observations::read(path).ok()?;
-    let holds = cached.dataset.digest == digest && cached.settings == settings() && cached.target == dataset.target;
-    if !holds {
+    let declared_mm = dataset.target.circle_diameter_mm();
+    let circle_diameter = MeasuredDiameter::from_settings(&cached.settings, declared_mm);
+    let target = match (declared_mm, circle_diameter) {
+        (None, Some(measured)) => dataset.target.with_circle_diameter_mm(measured.diameter_mm),
+        _ => dataset.target.clone(),
+    };
+    let version = cached.settings.get(DETECTION).is_some_and(|version| version == DETECTION_VERSION);
+    if !version || cached.dataset.digest != digest || cached.target != target {
         return None;
     }
     let of = |name: &str| cached.frame(name).map(|f| f.markers.iter().map(from_file).collect());
-    dataset.frames.iter().map(|f| of(&f.name)).collect()
+    let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
+    Some(Found { markers, circle_diameter })
 }
 
 /// All images and depth images, and their common size.
@@ -234,19 +259,11 @@ pub fn declared_camera(dataset: &Dataset, width: usize, height: usize, register:
 }
 
 #[cfg(not(feature = "detect"))]
-fn find_markers(
-    dataset: &Dataset,
-    _frames: &[RawFrame],
-    _options: &LoadOptions,
-) -> Result<Vec<Vec<MarkerObservation>>, LoadError> {
+fn find_markers(dataset: &Dataset, _frames: &[RawFrame], _options: &LoadOptions) -> Result<Found, LoadError> {
     Err(LoadError::NoDetection { root: dataset.root.clone() })
 }
 
 #[cfg(feature = "detect")]
-fn find_markers(
-    dataset: &Dataset,
-    frames: &[RawFrame],
-    options: &LoadOptions,
-) -> Result<Vec<Vec<MarkerObservation>>, LoadError> {
+fn find_markers(dataset: &Dataset, frames: &[RawFrame], options: &LoadOptions) -> Result<Found, LoadError> {
     super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)
 }

@@ -1,23 +1,29 @@
 //! Boards in images, and circle centres refined with the camera that they give.
 
-use depthcal_detect::{DetectError, DetectOptions, Detection, FrameError, Marker, RefineOptions};
+use depthcal_detect::{
+    CircleDiameter, DetectError, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
+};
 use depthcal_model::{Camera, Register, Target};
 use depthcal_statistics::upper_median;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use tracing::info;
 
+use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
+use super::found::Found;
 use crate::calibrate::{CalibrateOptions, calibrate_image};
 use crate::observe::{Capture, DetectedFrame, MarkerObservation, RawFrame};
 use crate::progress::ProgressHandle;
 
 /// Rounds of calibration and refinement; the second moves centres by less than a hundredth of a pixel.
 const ROUNDS: usize = 2;
+/// Number of frames in which the diameter of dots is measured, at most.
+const MEASURED_FRAMES: usize = 24;
 /// What no fit of one dot's grey values knows (uneven print, rounding), px: no marker counts as better than this.
 const FLOOR_PX: f64 = 0.02;
 
-/// Markers of every frame, in order; none where the board was not found. Dots are refined as in Datta, Kim, Kanade 2009:
+/// Markers of every frame, in order; none where the board was not found. The diameter of dots is measured. Dots are refined as in Datta, Kim, Kanade 2009:
 /// calibrate, rectify with the camera, match, map back, again. Where the frames do not determine a camera (all boards
 /// parallel, too few frames), the rectification of each frame's own homography stays.
 pub(crate) fn find_markers(
@@ -25,7 +31,43 @@ pub(crate) fn find_markers(
     frames: &[RawFrame],
     register: &Register,
     progress: &ProgressHandle,
-) -> Result<Vec<Vec<MarkerObservation>>, LoadError> {
+) -> Result<Found, LoadError> {
+    let mut detections = detect(target, frames, progress)?;
+    if target.circle_diameter_mm().is_some() && detections.iter().all(Option::is_none) {
+        // The declared diameter may be far from the truth, for instance be the radius.
+        detections = detect(&target.with_circle_diameter_mm(0.0), frames, progress)?;
+    }
+    let mut markers: Vec<Vec<MarkerObservation>> =
+        detections.iter().map(|d| d.as_ref().map(plain_markers).unwrap_or_default()).collect();
+    if !target.has_circles() {
+        return Ok(Found { markers, circle_diameter: None });
+    }
+    let circle_diameter = measure(target, frames, &detections)?;
+    let diameter_mm = match circle_diameter {
+        Some(measured) if measured.declared_mm.is_none() || measured.contradicts_declaration() => {
+            Some(measured.diameter_mm)
+        }
+        _ => target.circle_diameter_mm(),
+    };
+    if let Some(diameter_mm) = diameter_mm {
+        let target = target.with_circle_diameter_mm(diameter_mm);
+        for round in 0..ROUNDS {
+            if !refine(&target, frames, &detections, &mut markers, register)? {
+                info!("the frames give no camera: circle centres keep the rectification of their own frame");
+                break;
+            }
+            info!("circle centres refined, round {}", round + 1);
+        }
+    }
+    Ok(Found { markers, circle_diameter })
+}
+
+/// The board in every frame, in order.
+fn detect(
+    target: &Target,
+    frames: &[RawFrame],
+    progress: &ProgressHandle,
+) -> Result<Vec<Option<Detection>>, LoadError> {
     let job = progress.steps("looking for boards", frames.len());
     let loaders: Vec<(String, _)> = frames
         .iter()
@@ -45,19 +87,25 @@ pub(crate) fn find_markers(
             Err(_) => None,
         });
     }
-    drop(job);
-    let mut markers: Vec<Vec<MarkerObservation>> =
-        detections.iter().map(|d| d.as_ref().map(plain_markers).unwrap_or_default()).collect();
-    if target.circle_diameter_mm().is_some() {
-        for round in 0..ROUNDS {
-            if !refine(target, frames, &detections, &mut markers, register)? {
-                info!("the frames give no camera: circle centres keep the rectification of their own frame");
-                break;
-            }
-            info!("circle centres refined, round {}", round + 1);
-        }
-    }
-    Ok(markers)
+    Ok(detections)
+}
+
+/// The diameter of the dots, from frames spread over the capture; `None` where it cannot be measured in any.
+fn measure(
+    target: &Target,
+    frames: &[RawFrame],
+    detections: &[Option<Detection>],
+) -> Result<Option<MeasuredDiameter>, LoadError> {
+    let found: Vec<_> =
+        frames.iter().zip(detections).filter_map(|(f, d)| Some((f.image.as_deref()?, d.as_ref()?))).collect();
+    let every = found.len().div_ceil(MEASURED_FRAMES).max(1);
+    let chosen: Vec<_> = found.into_iter().step_by(every).collect();
+    let measured: Vec<Option<CircleDiameter>> = chosen
+        .into_par_iter()
+        .map(|(image, detection)| measure_circle_diameter(image, detection, target))
+        .collect::<Result<_, DetectError>>()?;
+    let frames: Vec<(f64, f64)> = measured.into_iter().flatten().map(|m| (m.diameter_mm, m.std_mm)).collect();
+    Ok(MeasuredDiameter::from_frames(&frames, target.circle_diameter_mm()))
 }
 
 fn plain_markers(detection: &Detection) -> Vec<MarkerObservation> {

@@ -3,6 +3,6 @@
 
 mod find;
 mod order;
-mod saddles;
+pub(crate) mod saddles;
 
 pub(crate) use find::find;

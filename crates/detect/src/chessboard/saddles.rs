@@ -2,6 +2,8 @@
 //! border around the outer squares, steep views. The saddle points of the smoothed image are the candidates over which
 //! a lattice is grown; the board is then found in the lattice, as with circle grids.
 
+use std::collections::BTreeMap;
+
 use depthcal_model::target::Target;
 
 use crate::geometry::BoardMap;
@@ -52,6 +54,28 @@ pub(crate) fn find(plane: &Plane, target: &Target) -> Option<Vec<[f64; 2]>> {
                     .collect()
             })
         })
+    })
+}
+
+/// Lattices of at least `least` crossings, grown over the saddle points of the image smoothed by `sigma` px; at most one
+/// per seed. Nodes are in px, in a basis that is right-handed in the image.
+pub(crate) fn lattices(plane: &Plane, sigma: f32, least: usize) -> impl Iterator<Item = BTreeMap<[i32; 2], [f64; 2]>> {
+    let saddles = saddles(&smoothed(plane, sigma));
+    let width = plane.width;
+    // A seed that a large lattice has contained would give the same one again.
+    let mut used = vec![false; saddles.len()];
+    (0..saddles.len().min(MAX_SEEDS)).filter_map(move |seed| {
+        if used[seed] {
+            return None;
+        }
+        let hood = Neighbourhood::new(&saddles, width);
+        let grown =
+            hood.bases_of_point(seed).into_iter().map(|basis| hood.grow(seed, basis)).max_by_key(|l| l.len())?;
+        if grown.len() < least {
+            return None;
+        }
+        grown.values().for_each(|&i| used[i] = true);
+        Some(grown.into_iter().map(|(cell, i)| (cell, saddles[i].center)).collect())
     })
 }
 

@@ -46,7 +46,25 @@ pub(crate) fn find(image: &GrayImage, target: &Target) -> Option<Detection> {
 
 fn find_among(blobs: &[Blob], width: usize, target: &Target, board: &[[i32; 2]]) -> Option<Vec<Marker>> {
     let hood = Neighbourhood::new(blobs, width);
-    let step_in_radii = 2.0 * step_mm(target) / target.circle_diameter_mm()?;
+    steps_in_radii(target).into_iter().find_map(|step| find_with_step(blobs, &hood, target, board, step))
+}
+
+/// Distances of neighbouring dots, in radii of a dot, for which lattices are grown. Each covers dots from 0.67 to 1.67
+/// times its own size; where the size is not known, both together those from 0.17 to 1 distance in diameter.
+fn steps_in_radii(target: &Target) -> Vec<f64> {
+    match target.circle_diameter_mm() {
+        Some(diameter_mm) => vec![2.0 * step_mm(target) / diameter_mm],
+        None => vec![2.0 / 0.6, 2.0 / 0.25],
+    }
+}
+
+fn find_with_step(
+    blobs: &[Blob],
+    hood: &Neighbourhood,
+    target: &Target,
+    board: &[[i32; 2]],
+    step_in_radii: f64,
+) -> Option<Vec<Marker>> {
     let mut proposals = 0;
     for seed in 0..blobs.len() {
         for basis in hood.bases(seed, step_in_radii) {

@@ -1,4 +1,7 @@
-//! ChArUco boards: the tags locate the board, and the crossings of its chessboard are the markers.
+//! ChArUco boards: the tags locate the board, and the crossings of its chessboard are the markers. All crossings that
+//! follow from those beside legible tags are found; a board without any legible tag is found by its crossings.
+
+use std::collections::BTreeMap;
 
 use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};
@@ -6,14 +9,24 @@ use depthcal_model::target::{Pattern, Target};
 use super::attempts::attempts;
 use super::consistent::consistent;
 use super::dictionary::dictionary_number;
+use super::extend::extend;
+use super::placement::{Crossings, Print, place};
+use crate::chessboard::saddles::lattices;
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
 use crate::geometry::{Homography, Pair};
-use crate::open_cv::tags::{Reading, Tag, dictionary_size, read_tags};
-use crate::refine::{RefineOptions, homography_mapping, refine_corners};
+use crate::open_cv::tags::{Reading, Tag, dictionary_size, read_tags, tag_cells};
+use crate::stretch::{Plane, Stretch};
 
-/// Largest distance of a fitted crossing from the position that the tags predict, in squares.
-const TOLERANCE: f64 = 0.15;
+/// Number of tags that agree with each other from which on their numbers are beyond doubt.
+const SURE_TAGS: usize = 3;
+/// Least number of crossings from which a board without legible tags is identified.
+const LEAST_CROSSINGS: usize = 12;
+/// Standard deviations of the smoothing with which crossings are searched, px: the second for blurred images and large
+/// squares.
+const CROSSING_SMOOTHING: [f32; 2] = [1.5, 3.0];
+/// Distance from the image border, px, within which a crossing is not expected to be found.
+const BORDER_PX: f64 = 4.0;
 
 /// Column and row of the square that carries tag `id`; `None` when the board has fewer tags. Tags are numbered row by
 /// row over the white squares. `first_white` is the column of the first white square: 1 when the top left square is
@@ -31,7 +44,22 @@ fn square_of(id: usize, columns: usize, rows: usize, first_white: usize) -> Opti
     None
 }
 
-/// Searches an image for a ChArUco board.
+/// The corners of tag `id` on the board, mm, clockwise from the top left; `None` when the board has fewer tags.
+fn tag_corners(target: &Target, marker_mm: f64, id: usize, first_white: usize) -> Option<[[f64; 2]; 4]> {
+    let [column, row] = square_of(id, target.columns, target.rows, first_white)?;
+    let margin = (target.spacing_mm - marker_mm) / 2.0;
+    let low = [column as f64 * target.spacing_mm + margin, row as f64 * target.spacing_mm + margin];
+    let high = [low[0] + marker_mm, low[1] + marker_mm];
+    Some([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+}
+
+/// The columns of the first white square that a board may have. Boards with an even number of rows begin with a white
+/// square when drawn by OpenCV before 4.6.
+fn layouts(target: &Target) -> &'static [usize] {
+    if target.rows.is_multiple_of(2) { &[1, 0] } else { &[1] }
+}
+
+/// Searches an image for a ChArUco board: first for its tags, then, where they cannot be read, for its crossings.
 pub(crate) fn find(
     image: &GrayImage,
     target: &Target,
@@ -44,36 +72,110 @@ pub(crate) fn find(
     if got < need {
         return Err(DetectError::DictionaryTooSmall { dictionary: dictionary.to_owned(), need, got });
     }
-    let margin = (target.spacing_mm - marker_mm) / 2.0;
-    let corners_of = |id: usize, first_white: usize| {
-        let [column, row] = square_of(id, target.columns, target.rows, first_white)?;
-        let low = [column as f64 * target.spacing_mm + margin, row as f64 * target.spacing_mm + margin];
-        let high = [low[0] + marker_mm, low[1] + marker_mm];
-        Some([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-    };
-    let mut best: Option<Detection> = None;
+    let print = print(target, number)?;
+    let least = options.min_markers.max(4);
+    let mut best: Vec<Marker> = Vec::new();
+    let mut crossings_tried = false;
     for (plane, scale) in attempts(image) {
+        // Tags that are too blurred to be read are not made legible by enlarging them.
+        if scale > 1 && !crossings_tried {
+            crossings_tried = true;
+            keep_better(&mut best, from_crossings(image, &print, least, options));
+            if is_complete(&best, target, image, least) {
+                break;
+            }
+        }
         let tags = read_tags(&plane, &Reading { dictionary: number, border_bits: 1, scale })?;
-        // Boards with an even number of rows begin with a white square when drawn by OpenCV before 4.6.
-        let layouts: &[usize] = if target.rows.is_multiple_of(2) { &[1, 0] } else { &[1] };
-        let layout = layouts
+        let layout = layouts(target)
             .iter()
-            .map(|&first| (first, consistent(tags.clone(), |id| corners_of(id, first), 0.2)))
+            .map(|&first| (first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2)))
             .max_by_key(|(first, kept)| (kept.len(), *first));
         let Some((first_white, kept)) = layout else { continue };
-        let markers = predict(&kept, target, |id| corners_of(id, first_white));
-        let mut detection = Detection { markers, polarity: Polarity::DarkOnBright };
+        let mut markers = predict(&kept, target, |id| tag_corners(target, marker_mm, id, first_white));
         if options.refine {
-            detection = settle(image, detection, target)?;
+            markers = extend(image, target, &markers);
         }
-        if best.as_ref().is_none_or(|b| b.markers.len() < detection.markers.len()) {
-            best = Some(detection);
+        if kept.len() >= SURE_TAGS || is_confirmed(&markers, &print, &plane) {
+            keep_better(&mut best, markers);
         }
-        if best.as_ref().is_some_and(|b| 10 * b.markers.len() >= 9 * target.len()) {
+        if is_complete(&best, target, image, least) {
             break;
         }
     }
-    Ok(best.filter(|b| b.markers.len() >= options.min_markers.max(4)))
+    if !crossings_tried && !is_complete(&best, target, image, least) {
+        keep_better(&mut best, from_crossings(image, &print, least, options));
+    }
+    Ok((best.len() >= least).then_some(Detection { markers: best, polarity: Polarity::DarkOnBright }))
+}
+
+fn keep_better(best: &mut Vec<Marker>, markers: Vec<Marker>) {
+    if markers.len() > best.len() {
+        *best = markers;
+    }
+}
+
+/// The printed tags of the board, in every layout that it may have.
+fn print(target: &Target, dictionary: i32) -> Result<Print<'_>, DetectError> {
+    let mut all = Vec::new();
+    for &first_white in layouts(target) {
+        let mut tags = BTreeMap::new();
+        let mut id = 0;
+        while let Some(square) = square_of(id, target.columns, target.rows, first_white) {
+            tags.insert(square, tag_cells(dictionary, id)?);
+            id += 1;
+        }
+        all.push(tags);
+    }
+    Ok(Print { target, layouts: all })
+}
+
+/// Whether nine tenths of the crossings that lie in the image are found.
+fn is_complete(markers: &[Marker], target: &Target, image: &GrayImage, least: usize) -> bool {
+    if markers.len() < least {
+        return false;
+    }
+    let pairs: Vec<Pair> = markers.iter().map(|m| (target.point(m.index), m.pixel)).collect();
+    let Some(map) = Homography::fit(&pairs) else { return false };
+    let (width, height) = (image.width as f64, image.height as f64);
+    let visible = target
+        .points()
+        .into_iter()
+        .filter_map(|p| map.apply(p))
+        .filter(|[u, v]| *u > BORDER_PX && *v > BORDER_PX && *u < width - BORDER_PX && *v < height - BORDER_PX)
+        .count();
+    10 * markers.len() >= 9 * visible
+}
+
+/// Whether the tags between the crossings confirm the crossings' places on the board.
+fn is_confirmed(markers: &[Marker], print: &Print, plane: &Plane) -> bool {
+    let columns = print.target.columns - 1;
+    let node = |index: usize| [(index % columns) as i32, (index / columns) as i32];
+    let crossings: Crossings = markers.iter().map(|m| (node(m.index), m.pixel)).collect();
+    place(&crossings, print, plane)
+        .is_some_and(|placed| markers.iter().all(|m| placed.get(&node(m.index)) == Some(&m.index)))
+}
+
+/// The markers from the crossings of the image, placed by the tags between them.
+fn from_crossings(image: &GrayImage, print: &Print, least: usize, options: &DetectOptions) -> Vec<Marker> {
+    for &stretch in Stretch::candidates(image) {
+        let plane = Plane::stretched(image, stretch);
+        for sigma in CROSSING_SMOOTHING {
+            for crossings in lattices(&plane, sigma, least.max(LEAST_CROSSINGS)) {
+                let Some(placed) = place(&crossings, print, &plane) else { continue };
+                let mut markers: Vec<Marker> =
+                    placed.into_iter().map(|(node, index)| Marker { index, pixel: crossings[&node] }).collect();
+                markers.sort_by_key(|m| m.index);
+                if !options.refine {
+                    return markers;
+                }
+                let markers = extend(image, print.target, &markers);
+                if markers.len() >= least && is_confirmed(&markers, print, &plane) {
+                    return markers;
+                }
+            }
+        }
+    }
+    Vec::new()
 }
 
 /// Positions of the crossings, each predicted from the nearest tags; crossings without a tag next to them are left out.
@@ -101,28 +203,6 @@ fn predict(tags: &[Tag], target: &Target, corners_of: impl Fn(usize) -> Option<[
         }
     }
     markers
-}
-
-/// Fits the crossings and drops those that cannot be fitted or end away from their predicted position.
-fn settle(image: &GrayImage, mut detection: Detection, target: &Target) -> Result<Detection, DetectError> {
-    let refined = refine_corners(image, &detection, target, &RefineOptions::default())?;
-    let map = homography_mapping(&detection, target);
-    let before = detection.clone();
-    detection.markers = refined
-        .iter()
-        .filter(|r| {
-            let Some(at) = before.markers.iter().find(|m| m.index == r.index).map(|m| m.pixel) else { return false };
-            let p = target.point(r.index);
-            let step = map.as_ref().and_then(|map| {
-                let (a, x) = (map.apply(p)?, map.apply([p[0] + target.spacing_mm, p[1]])?);
-                let y = map.apply([p[0], p[1] + target.spacing_mm])?;
-                Some((x[0] - a[0]).hypot(x[1] - a[1]).min((y[0] - a[0]).hypot(y[1] - a[1])))
-            });
-            step.is_some_and(|step| (r.pixel[0] - at[0]).hypot(r.pixel[1] - at[1]) < TOLERANCE * step + 0.3)
-        })
-        .map(|r| Marker { index: r.index, pixel: r.pixel })
-        .collect();
-    Ok(detection)
 }
 
 #[cfg(test)]

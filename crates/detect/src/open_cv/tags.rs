@@ -1,7 +1,8 @@
 //! OpenCV's reader of tags: contrib's `aruco` until 4.6, `objdetect` since 4.7.
 
-use opencv::core::{Point2f, ToInputArray, Vector};
+use opencv::core::{MatTraitConst, Point2f, ToInputArray, Vector};
 
+use super::context::Context;
 use super::image::{to_mat, unscaled};
 use crate::error::DetectError;
 use crate::stretch::Plane;
@@ -41,6 +42,14 @@ mod implementation {
         Ok(dictionary(number)?.bytes_list().rows().max(0) as usize)
     }
 
+    pub(super) fn draw(number: i32, id: i32) -> Result<Mat, DetectError> {
+        let dictionary = dictionary(number)?;
+        let mut drawn = Mat::default();
+        aruco::draw_marker(&dictionary, id, dictionary.marker_size() + 2, &mut drawn, 1)
+            .context("aruco::drawMarker")?;
+        Ok(drawn)
+    }
+
     pub(super) fn detect(
         mat: &impl ToInputArray,
         reading: &Reading,
@@ -72,6 +81,15 @@ mod implementation {
         Ok(dictionary(number)?.bytes_list().rows().max(0) as usize)
     }
 
+    pub(super) fn draw(number: i32, id: i32) -> Result<Mat, DetectError> {
+        let dictionary = dictionary(number)?;
+        let mut drawn = Mat::default();
+        dictionary
+            .generate_image_marker(id, dictionary.marker_size() + 2, &mut drawn, 1)
+            .context("Dictionary::generateImageMarker")?;
+        Ok(drawn)
+    }
+
     pub(super) fn detect(
         mat: &impl ToInputArray,
         reading: &Reading,
@@ -91,6 +109,8 @@ mod implementation {
 
 #[cfg(fiducials = "none")]
 mod implementation {
+    use opencv::core::Mat;
+
     use super::*;
 
     fn missing() -> DetectError {
@@ -105,6 +125,10 @@ mod implementation {
         Err(missing())
     }
 
+    pub(super) fn draw(_: i32, _: i32) -> Result<Mat, DetectError> {
+        Err(missing())
+    }
+
     pub(super) fn detect(
         _: &impl ToInputArray,
         _: &Reading,
@@ -116,6 +140,13 @@ mod implementation {
 }
 
 pub(crate) use implementation::dictionary_size;
+
+/// The cells of tag `id` of a dictionary, row by row, with its black border of one cell: whether each is white.
+pub(crate) fn tag_cells(dictionary: i32, id: usize) -> Result<Vec<Vec<bool>>, DetectError> {
+    let drawn = implementation::draw(dictionary, id as i32)?;
+    let cell = |row, column| drawn.at_2d::<u8>(row, column).map(|v| *v > 127).context("Mat::at");
+    (0..drawn.rows()).map(|row| (0..drawn.cols()).map(|column| cell(row, column)).collect()).collect()
+}
 
 /// Reads all tags of a dictionary in an image.
 pub(crate) fn read_tags(plane: &Plane, reading: &Reading) -> Result<Vec<Tag>, DetectError> {

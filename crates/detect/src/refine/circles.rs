@@ -27,7 +27,7 @@ use crate::geometry::LocalMap;
 /// border, without contrast) are left out.
 ///
 /// # Errors
-/// [`DetectError`] when the board has no dots, a marker is not on the board, or the image is inconsistent.
+/// [`DetectError`] when the board has no dots or dots of unknown diameter, a marker is not on the board, or the image is inconsistent.
 pub fn refine_circles(
     image: &GrayImage,
     detection: &Detection,
@@ -37,8 +37,14 @@ pub fn refine_circles(
 ) -> Result<Vec<RefinedMarker>, DetectError> {
     check_image(image)?;
     check_markers(detection, target)?;
-    let diameter =
-        target.circle_diameter_mm().ok_or(DetectError::WrongKind { kind: kind(target), markers: "circles" })?;
+    if !target.has_circles() {
+        return Err(DetectError::WrongKind { kind: kind(target), markers: "circles" });
+    }
+    let diameter = target.circle_diameter_mm().ok_or(DetectError::Field {
+        field: "board.circle_diameter_mm",
+        value: 0.0,
+        remedy: "the diameter of the dots is not known; measure it first with measure_circle_diameter",
+    })?;
     let pixels = Pixels::new(image);
     let radius = diameter / 2.0;
     let gap = (step_mm(target) - diameter).max(0.0);

@@ -4,13 +4,13 @@ use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};
 use rayon::prelude::*;
 
-use super::crossing::{Shape, fit_crossing};
+use super::crossing::{FittedCrossing, Shape, fit_crossing};
 use super::mapping::homography_mapping;
 use super::marker::{RefineOptions, RefinedMarker, standard_deviation};
 use super::pixels::Pixels;
 use crate::board::kind;
 use crate::check::{check_image, check_markers};
-use crate::detection::Detection;
+use crate::detection::{Detection, Marker};
 use crate::error::DetectError;
 
 /// Radius of the smallest neighbourhood that determines a crossing, px.
@@ -30,7 +30,7 @@ pub fn refine_corners(
 ) -> Result<Vec<RefinedMarker>, DetectError> {
     check_image(image)?;
     check_markers(detection, target)?;
-    if target.circle_diameter_mm().is_some() {
+    if target.has_circles() {
         return Err(DetectError::WrongKind { kind: kind(target), markers: "corners" });
     }
     let Some(map) = homography_mapping(detection, target) else { return Ok(Vec::new()) };
@@ -39,32 +39,43 @@ pub fn refine_corners(
         .markers
         .par_iter()
         .map(|marker| {
-            let p = target.point(marker.index);
-            let (shape, axes, clear_mm) = surroundings(target, marker.index, options)?;
-            let half = clear_mm;
-            let difference = |d: [f64; 2]| {
-                let (a, b) = (
-                    map.apply([p[0] - half * d[0], p[1] - half * d[1]])?,
-                    map.apply([p[0] + half * d[0], p[1] + half * d[1]])?,
-                );
-                Some([(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0])
-            };
-            let axes = [difference(axes[0])?, difference(axes[1])?];
-            let shortest = axes[0][0].hypot(axes[0][1]).min(axes[1][0].hypot(axes[1][1]));
-            let reach = shortest.clamp(MIN_REACH_PX, options.max_corner_reach_px.max(MIN_REACH_PX));
-            let fitted = fit_crossing(&pixels, shape, marker.pixel, axes, reach, options.iterations)?;
+            let fitted = fit_corner(&pixels, target, marker, &|p| map.apply(p), options)?;
             Some(RefinedMarker {
                 index: marker.index,
                 pixel: fitted.pixel,
                 std_px: standard_deviation(&fitted.covariance),
                 relative_noise: fitted.relative_noise,
                 blur_px: fitted.width_px,
-                contrast: fitted.contrast,
+                contrast: fitted.contrast.abs(),
                 radius_ratio: 1.0,
             })
         })
         .collect::<Vec<Option<RefinedMarker>>>();
     Ok(refined.into_iter().flatten().collect())
+}
+
+/// Fits one crossing or corner near `marker.pixel`. `pixel_from_board` maps the board (mm) to the image (px) around it;
+/// only the directions and lengths that it gives are used. `None` when there is no such corner, or the map is undefined.
+pub(crate) fn fit_corner(
+    pixels: &Pixels,
+    target: &Target,
+    marker: &Marker,
+    pixel_from_board: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
+    options: &RefineOptions,
+) -> Option<FittedCrossing> {
+    let p = target.point(marker.index);
+    let (shape, axes, half) = surroundings(target, marker.index, options)?;
+    let difference = |d: [f64; 2]| {
+        let (a, b) = (
+            pixel_from_board([p[0] - half * d[0], p[1] - half * d[1]])?,
+            pixel_from_board([p[0] + half * d[0], p[1] + half * d[1]])?,
+        );
+        Some([(b[0] - a[0]) / 2.0, (b[1] - a[1]) / 2.0])
+    };
+    let axes = [difference(axes[0])?, difference(axes[1])?];
+    let shortest = axes[0][0].hypot(axes[0][1]).min(axes[1][0].hypot(axes[1][1]));
+    let reach = shortest.clamp(MIN_REACH_PX, options.max_corner_reach_px.max(MIN_REACH_PX));
+    fit_crossing(pixels, shape, marker.pixel, axes, reach, options.iterations)
 }
 
 /// Appearance of a corner: its shape, the directions of its two edges on the board (right-handed; for a tag's corner

@@ -50,14 +50,14 @@ impl Shape {
 }
 
 /// The fitted crossing.
-pub(super) struct FittedCrossing {
-    pub(super) pixel: [f64; 2],
-    pub(super) covariance: Matrix2<f64>,
-    pub(super) width_px: f64,
-    /// Grey values of bright minus dark, positive.
-    pub(super) contrast: f64,
+pub(crate) struct FittedCrossing {
+    pub(crate) pixel: [f64; 2],
+    pub(crate) covariance: Matrix2<f64>,
+    pub(crate) width_px: f64,
+    /// Grey value of the quadrant between the two axes minus that of its neighbours: negative where it is dark.
+    pub(crate) contrast: f64,
     /// Standard deviation of the grey values about the model, over the contrast.
-    pub(super) relative_noise: f64,
+    pub(crate) relative_noise: f64,
 }
 
 struct CrossingModel<'a> {
@@ -185,7 +185,7 @@ pub(super) fn fit_crossing(
         pixel: [fit.parameters[0], fit.parameters[1]],
         covariance: fit.covariance.fixed_view::<2, 2>(0, 0).into_owned(),
         width_px: fit.parameters[WIDTH],
-        contrast: contrast.abs(),
+        contrast,
         relative_noise: fit.noise / contrast.abs(),
     })
 }

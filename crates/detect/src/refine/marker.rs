@@ -44,6 +44,6 @@ impl Default for RefineOptions {
 }
 
 /// Standard deviation of one coordinate, from the covariance of both.
-pub(super) fn standard_deviation(covariance: &Matrix2<f64>) -> f64 {
+pub(crate) fn standard_deviation(covariance: &Matrix2<f64>) -> f64 {
     (covariance.trace() / 2.0).max(0.0).sqrt()
 }

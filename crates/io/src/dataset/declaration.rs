@@ -20,7 +20,7 @@ pub const DATASET_FILE: &str = "dataset.toml";
 /// The contents of `dataset.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DatasetFile {
-    /// The board.
+    /// The board; the diameter of its dots is 0 where it is not declared.
     pub board: Target,
     /// Where the frames are.
     pub frames: FramesSection,
@@ -79,8 +79,10 @@ const SPACING: Field = Field {
     name: "board.spacing_mm",
     remedy: "give the grid spacing in mm (asymmetric circles: the distance between neighbouring rows)",
 };
-const CIRCLE: Field =
-    Field { name: "board.circle_diameter_mm", remedy: "measure the diameter of a printed dot and give it in mm" };
+const CIRCLE: Field = Field {
+    name: "board.circle_diameter_mm",
+    remedy: "give the diameter of a printed dot in mm, or leave it out: then it is measured in the images",
+};
 const MARKER: Field = Field {
     name: "board.marker_mm",
     remedy: "give the side of a marker, over its black border, in mm; it is smaller than spacing_mm",
@@ -216,15 +218,20 @@ fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
             Err(board.source.field_error(board.required(field)?, field, problem))
         }
     };
+    // Without a declaration the diameter is measured in the images.
+    let diameter_below = |limit: f64| match board.get(CIRCLE) {
+        Some(_) => length_below(CIRCLE, limit, "the distance of neighbouring dots"),
+        None => Ok(0.0),
+    };
     let (pattern, used): (_, &[&str]) = match kind {
         "asymmetric-circles" => {
             // The nearest dot lies one spacing to the side and one down.
             let limit = spacing_mm * std::f64::consts::SQRT_2;
-            let circle_diameter_mm = length_below(CIRCLE, limit, "the distance of neighbouring dots")?;
+            let circle_diameter_mm = diameter_below(limit)?;
             (Pattern::AsymmetricCircles { circle_diameter_mm }, &["circle_diameter_mm"])
         }
         "symmetric-circles" => {
-            let circle_diameter_mm = length_below(CIRCLE, spacing_mm, "the distance of neighbouring dots")?;
+            let circle_diameter_mm = diameter_below(spacing_mm)?;
             (Pattern::SymmetricCircles { circle_diameter_mm }, &["circle_diameter_mm"])
         }
         "charuco" => {

@@ -19,7 +19,7 @@ pub struct Dataset {
     pub root: PathBuf,
     /// The folder's name.
     pub name: String,
-    /// The board.
+    /// The board; the diameter of its dots is 0 where `dataset.toml` does not declare it.
     pub target: Target,
     /// The frames in natural order of their names.
     pub frames: Vec<Frame>,

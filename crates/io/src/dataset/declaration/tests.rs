@@ -77,11 +77,18 @@ fn missing_parts_come_with_a_remedy() {
     complains("", &["`board`", "[board]"]);
     complains(CHESSBOARD, &["`frames`", "[frames]"]);
     complains(&format!("{CHESSBOARD}[frames]\n"), &["`frames.image`", "glob"]);
-    complains(
-        &format!("{}{FRAMES}", DOTS.replace("circle_diameter_mm = 20.0", "")),
-        &["circle_diameter_mm", "measure"],
-    );
     complains(&format!("{}{FRAMES}", CHESSBOARD.replace("spacing_mm = 25", "")), &["board.spacing_mm", "in mm"]);
+}
+
+#[test]
+fn the_diameter_of_dots_may_be_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dataset.toml");
+    let file = parse(&format!("{}{FRAMES}", DOTS.replace("circle_diameter_mm = 20.0", ""))).unwrap();
+    assert_eq!(file.board.circle_diameter_mm(), None);
+    file.write(&path).unwrap();
+    assert_eq!(DatasetFile::read(&path).unwrap(), file);
+    complains(&format!("{}{FRAMES}", DOTS.replace("= 20.0", "= 0.0")), &["circle_diameter_mm", "leave it out"]);
 }
 
 #[test]
