@@ -6,6 +6,7 @@ use super::domain::seen;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::folds::check_invertible;
+use super::held::hold;
 use super::large_fields::settle_by_node;
 use super::options::CalibrateOptions;
 use super::settle::{LEAST_INVERSE_DEPTH_SIGMA, State, joint_rules, settle};
@@ -22,6 +23,7 @@ pub(super) fn joint(
     depth_blocks: Vec<Block>,
     options: &CalibrateOptions,
 ) -> Result<Calibrated, CalibrateError> {
+    let lens_choice = from_image.lens_choice;
     let (capture, correlation) = sample_depth(from_image.capture, &from_image.camera, options.samples_per_frame);
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
@@ -31,7 +33,8 @@ pub(super) fn joint(
     for block in depth_blocks {
         camera = camera.with_block(block.over(&domain));
     }
-    camera = hold_untouched(&camera, &capture);
+    // The pinhole has its value from the images already.
+    camera = hold(&hold_untouched(&camera, &capture), &options.held, true);
     let coarse = field_cells::coarse(&camera, &options.register, &domain)?;
     let noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..from_image.noise };
     let start = State { smoothness: Smoothness::of(&camera, &options.field_thresholds), capture, camera, noise };
@@ -40,6 +43,7 @@ pub(super) fn joint(
         Some((coarse, factors)) => settle_by_node(start, &coarse, &factors, options)?,
     };
     result.correlation_length_px = correlation;
+    result.lens_choice = lens_choice;
     check_invertible(&result)?;
     Ok(result)
 }

@@ -5,16 +5,27 @@ mod driver;
 mod error;
 mod fitted;
 mod folds;
+mod frame_checks;
+#[cfg(test)]
+mod hard_frames_tests;
+mod held;
 mod image;
 mod joint;
 mod large_fields;
+mod lens_choice;
+mod lens_order;
 mod marker_estimators;
 mod options;
 mod residuals;
 mod settle;
+mod undetermined;
 
 pub use driver::{calibrate, calibrate_depth};
 pub use error::CalibrateError;
 pub use fitted::Calibrated;
+pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;
+pub use lens_choice::{LensCandidate, LensChoice};
+pub use lens_order::LensOrder;
 pub use options::{CalibrateOptions, Estimator};
+pub use undetermined::UndeterminedModel;
