@@ -13,7 +13,7 @@ use super::common::{
 };
 use super::failure::{Failure, input};
 use super::recording::Recording;
-use super::session::Session;
+use super::session::{LENSES, Session};
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::adjust::smoothness_prior::indices;
@@ -69,11 +69,13 @@ pub(super) struct Calibrate {
     /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,
-    /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them.
+    /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
+    /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model.
-    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    /// Lens model. Terms of brown-conrady that the markers do not determine over the whole image are chosen on left-out frames;
+    /// brown-conrady:full and the others fit what they say.
+    #[arg(long, default_value = "brown-conrady", value_parser = LENSES)]
     lens: String,
     /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
@@ -99,9 +101,11 @@ pub(super) struct Calibrate {
 
 impl Calibrate {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let (effects, held) = session.effects(&self.with)?;
         let mut options = CalibrateOptions {
             model: session.model("--model", &self.model)?,
-            effects: session.effects(&self.with)?,
+            effects,
+            held,
             lens: self.lens.clone(),
             estimator: match self.estimator {
                 EstimatorName::Joint => Estimator::Joint,

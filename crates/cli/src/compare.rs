@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::common::{Output, Reading, command_line, frames_of, value_of};
 use super::failure::{Failure, input};
-use super::session::Session;
+use super::session::{LENSES, Session};
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
@@ -43,11 +43,12 @@ pub(super) struct Compare {
         default_value = "none,projective:xw,projective,bspline,multiplier,disparity_decay,polynomial_map,projective+bspline"
     )]
     models: Vec<String>,
-    /// Further effects that are part of every model.
+    /// Further effects that are part of every model; fixed:PIECE.PARAMETER holds a parameter instead of fitting it.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model.
-    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    /// Lens model. Terms of brown-conrady that the markers do not determine over the whole image are chosen on left-out frames;
+    /// brown-conrady:full and the others fit what they say.
+    #[arg(long, default_value = "brown-conrady", value_parser = LENSES)]
     lens: String,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
@@ -66,8 +67,8 @@ pub(super) struct Compare {
 
 impl Compare {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let effects = session.effects(&self.with)?;
-        let mut base = CalibrateOptions { effects, lens: self.lens.clone(), ..session.calibrate_options() };
+        let (effects, held) = session.effects(&self.with)?;
+        let mut base = CalibrateOptions { effects, held, lens: self.lens.clone(), ..session.calibrate_options() };
         let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
         let train = self.reading.load(&self.train, session)?;
         let verify = self.verify.iter().map(|path| self.reading.load(path, session)).collect::<Result<Vec<_>, _>>()?;

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::common::{Output, Reading, command_line, frames_of, value_of, write_calibration, write_report};
 use super::failure::{Failure, input};
 use super::recording::Recording;
-use super::session::Session;
+use super::session::{LENSES, Session};
 use super::voice::say;
 use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::diagnose::record::to_file;
@@ -40,11 +40,13 @@ pub(super) struct Diagnose {
     /// Depth model to start from: none, projective, projective:xw, or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,
-    /// Effects that are part of the model from the start.
+    /// Effects that are part of the model from the start; fixed:PIECE.PARAMETER holds a parameter instead of fitting it, such as
+    /// fixed:brown_conrady.k3.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model.
-    #[arg(long, default_value = "brown-conrady", value_parser = ["brown-conrady", "none"])]
+    /// Lens model. Terms of brown-conrady that the markers do not determine over the whole image are chosen on left-out frames;
+    /// brown-conrady:full and the others fit what they say.
+    #[arg(long, default_value = "brown-conrady", value_parser = LENSES)]
     lens: String,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
@@ -70,9 +72,11 @@ impl From<DiagnoseError> for Failure {
 
 impl Diagnose {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let (effects, held) = session.effects(&self.with)?;
         let mut options = CalibrateOptions {
             model: session.model("--model", &self.model)?,
-            effects: session.effects(&self.with)?,
+            effects,
+            held,
             lens: self.lens.clone(),
             ..session.calibrate_options()
         };

@@ -1,11 +1,17 @@
 //! The register and the progress bars that the commands of one run share.
 
-use depthcal_calibration::calibrate::CalibrateOptions;
+use std::fmt::Display;
+
+use depthcal_calibration::calibrate::{CalibrateOptions, HeldError, HeldParameter};
 use depthcal_calibration::progress::ProgressHandle;
 use depthcal_model::{ModelSpec, PieceSpec, Register};
 
 use super::failure::Failure;
 use crate::progress::Bars;
+
+/// Values of `--lens`.
+pub(super) const LENSES: [&str; 6] =
+    ["brown-conrady", "brown-conrady:full", "brown-conrady:k1k2p1p2", "brown-conrady:k1k2", "brown-conrady:k1", "none"];
 
 /// The known pieces, and where progress is shown.
 #[derive(Debug)]
@@ -27,11 +33,17 @@ impl Session {
         self.register.model_spec(text).map_err(|e| Failure::Input(format!("{option} {text}: {e}")))
     }
 
-    /// The effects that `--with` names.
-    pub(crate) fn effects(&self, texts: &[String]) -> Result<Vec<PieceSpec>, Failure> {
-        let effect =
-            |text: &String| self.register.piece_spec(text).map_err(|e| Failure::Input(format!("--with {text}: {e}")));
-        texts.iter().map(effect).collect()
+    /// The effects that `--with` names, and the parameters that it holds.
+    pub(crate) fn effects(&self, texts: &[String]) -> Result<(Vec<PieceSpec>, Vec<HeldParameter>), Failure> {
+        let (mut effects, mut held) = (Vec::new(), Vec::new());
+        for text in texts {
+            let wrong = |e: &dyn Display| Failure::Input(format!("--with {text}: {e}"));
+            match text.strip_prefix("fixed:") {
+                Some(parameter) => held.push(parameter.parse().map_err(|e: HeldError| wrong(&e))?),
+                None => effects.push(self.register.piece_spec(text).map_err(|e| wrong(&e))?),
+            }
+        }
+        Ok((effects, held))
     }
 
     /// Default options of a fit with this session's pieces and progress.

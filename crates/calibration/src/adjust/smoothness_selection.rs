@@ -179,7 +179,7 @@ impl<'a> CrossValidation<'a> {
 
 /// Solution of a symmetric positive definite system whose unknowns differ in size by many orders of magnitude; `None` where it
 /// is not positive definite.
-pub(super) fn solve_scaled(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
+pub(crate) fn solve_scaled(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     let scale = scale(&mut matrix);
     Some(matrix.cholesky()?.solve(&right.component_mul(&scale)).component_mul(&scale))
 }
@@ -282,7 +282,7 @@ fn simplest(problem: &CrossValidation<'_>, best: &mut [f64], mut costs: Vec<f64>
 }
 
 /// Mean of `tried` − `best`, costs fold by fold, in standard errors.
-fn errors_worse(best: &[f64], tried: &[f64]) -> f64 {
+pub(crate) fn errors_worse(best: &[f64], tried: &[f64]) -> f64 {
     let n = best.len() as f64;
     let worse: Vec<f64> = tried.iter().zip(best).map(|(tried, best)| tried - best).collect();
     let mean = worse.iter().sum::<f64>() / n;

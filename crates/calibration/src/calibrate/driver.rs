@@ -43,7 +43,7 @@ pub fn calibrate_keeping_samples(
     let (capture, correlation) = sample(from_image.capture, &from_image.camera, options)?;
     let samples = capture.clone();
     let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
-    Ok((fit, samples))
+    Ok((Calibrated { lens_choice: from_image.lens_choice, ..fit }, samples))
 }
 
 /// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
@@ -65,9 +65,10 @@ pub fn calibrate_depth(
     }
     match options.estimator {
         Estimator::Joint => {
-            let Calibrated { capture, camera, noise, .. } = from_image;
+            let Calibrated { capture, camera, noise, lens_choice, .. } = from_image;
             let (capture, correlation) = sample(capture, &camera, options)?;
-            joint(capture, correlation, camera, noise, depth_blocks, options)
+            let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
+            Ok(Calibrated { lens_choice, ..fit })
         }
         other => Ok(estimate(from_image, depth_blocks, other)?),
     }

@@ -4,6 +4,7 @@ use depthcal_model::{CameraError, RegisterError};
 use depthcal_solver::{CovarianceError, SolveError};
 use thiserror::Error;
 
+use super::undetermined::UndeterminedModel;
 use crate::estimators::EstimatorError;
 use crate::start::StartError;
 
@@ -26,8 +27,25 @@ pub enum CalibrateError {
         reason: String,
     },
     /// The data leave parameters undetermined.
-    #[error("the captures do not determine the model: {0}")]
-    Undetermined(#[from] CovarianceError),
+    #[error("{0}")]
+    Undetermined(Box<UndeterminedModel>),
+    /// The covariance cannot be computed for another reason.
+    #[error("the precision of the model cannot be computed: {0}")]
+    Covariance(#[from] CovarianceError),
+    /// A parameter is to be held that the model does not have.
+    #[error("there is no parameter '{held}' to be held; the model has {}", known.join(", "))]
+    UnknownHeld {
+        /// The parameter as it was asked for.
+        held: String,
+        /// The parameters of the model.
+        known: Vec<String>,
+    },
+    /// A focal length is to be held, but no value is declared.
+    #[error("'{held}' has no value at which it could be held: declare it under [camera] in dataset.toml")]
+    HeldWithoutValue {
+        /// The parameter as it was asked for.
+        held: String,
+    },
     /// An estimator of D failed.
     #[error(transparent)]
     Estimator(#[from] EstimatorError),
@@ -59,6 +77,9 @@ pub enum CalibrateError {
 impl CalibrateError {
     /// Whether the fit itself cannot be trusted (rather than the input being at fault).
     pub fn is_untrusted_fit(&self) -> bool {
-        matches!(self, Self::Solve(_) | Self::NotConverged { .. } | Self::Undetermined(_) | Self::Folded(_))
+        matches!(
+            self,
+            Self::Solve(_) | Self::NotConverged { .. } | Self::Undetermined(_) | Self::Covariance(_) | Self::Folded(_)
+        )
     }
 }

@@ -3,6 +3,7 @@
 use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
+use super::lens_choice::LensChoice;
 use super::options::Estimator;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
@@ -27,6 +28,9 @@ pub struct Calibrated<F = SampledFrame> {
     pub correlation_length_px: Option<usize>,
     /// Depth samples that were left out as outliers.
     pub outliers: usize,
+    /// How the order of the lens was chosen; `None` where the markers determine it over the whole image, or where it was asked
+    /// for.
+    pub lens_choice: Option<LensChoice>,
     /// Fields of the depth model: how rough they may be, what determines them.
     pub smoothness: Smoothness,
     /// Reprojection error: root mean square distance, px.
@@ -72,6 +76,7 @@ impl Calibrated<PosedFrame> {
             with_depth: self.with_depth,
             correlation_length_px: self.correlation_length_px,
             outliers: self.outliers,
+            lens_choice: self.lens_choice,
             smoothness: self.smoothness,
             reprojection_rms_px: self.reprojection_rms_px,
             depth_rms_mm: self.depth_rms_mm,

@@ -6,6 +6,7 @@ use super::domain::seen;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::folds::check_invertible;
+use super::held::hold;
 use super::large_fields::settle_by_node;
 use super::options::CalibrateOptions;
 use super::settle::{LEAST_INVERSE_DEPTH_SIGMA, State, joint_rules, settle};
@@ -56,7 +57,8 @@ pub(super) fn adjust_samples(
     earlier: Option<&Smoothness>,
     options: &CalibrateOptions,
 ) -> Result<Calibrated, CalibrateError> {
-    let camera = hold_untouched(&camera, &capture);
+    // The pinhole has its value from the images already.
+    let camera = hold(&hold_untouched(&camera, &capture), &options.held, true);
     let coarse = field_cells::coarse(&camera, &options.register, &seen(&capture))?;
     let mut smoothness = Smoothness::of(&camera, &options.field_thresholds);
     if let Some(earlier) = earlier {

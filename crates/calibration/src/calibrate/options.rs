@@ -2,6 +2,7 @@
 
 use depthcal_model::{Camera, ModelSpec, PieceSpec, Register};
 
+use super::held::HeldParameter;
 use crate::adjust::FieldThresholds;
 use crate::progress::ProgressHandle;
 
@@ -38,7 +39,10 @@ pub struct CalibrateOptions {
     pub model: ModelSpec,
     /// Further effects, at whatever hook they act; those of depth act before the depth model.
     pub effects: Vec<PieceSpec>,
-    /// Lens model: `brown-conrady` or `none`.
+    /// Parameters that are held at their nominal values.
+    pub held: Vec<HeldParameter>,
+    /// Lens model: `brown-conrady`, whose order is chosen where the markers do not determine it over the whole image,
+    /// `brown-conrady:ORDER` with the name of a [`LensOrder`](super::LensOrder), or `none`.
     pub lens: String,
     /// How the depth model is estimated.
     pub estimator: Estimator,
@@ -59,6 +63,7 @@ impl Default for CalibrateOptions {
         Self {
             model: ModelSpec::of(PieceSpec::new("projective")),
             effects: Vec::new(),
+            held: Vec::new(),
             lens: "brown-conrady".to_owned(),
             estimator: Estimator::Joint,
             samples_per_frame: 800,

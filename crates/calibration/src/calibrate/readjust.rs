@@ -35,6 +35,7 @@ pub fn readjust(
     let camera = with_model(&start.camera, &capture, options)?;
     let mut result = adjust_samples(capture, camera, start.noise, Some(&start.smoothness), options)?;
     result.correlation_length_px = start.correlation_length_px;
+    result.lens_choice.clone_from(&start.lens_choice);
     Ok(result)
 }
 

@@ -9,6 +9,7 @@ use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
+use super::undetermined::explained;
 use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::smoothness_selection;
@@ -25,6 +26,7 @@ const LEAST_PIXEL_SIGMA: f64 = 1e-4;
 pub(super) const LEAST_INVERSE_DEPTH_SIGMA: f64 = 1e-9;
 
 /// What the loop changes from round to round.
+#[derive(Clone)]
 pub(super) struct State<F> {
     /// Frames with their poses and samples.
     pub capture: Capture<F>,
@@ -94,7 +96,8 @@ pub(super) fn settle<F: AdjustableFrame>(
     options: &CalibrateOptions,
 ) -> Result<Calibrated<F>, CalibrateError> {
     let mut outliers = 0;
-    let mut round = 0;
+    // Rounds that began anew after a repair estimate no noise and do not count.
+    let (mut round, mut repairs) = (0, 0);
     loop {
         round += 1;
         let mut adjustment = Adjustment::new(&state.capture, &state.camera, &state.noise, rules.with_depth)
@@ -102,12 +105,16 @@ pub(super) fn settle<F: AdjustableFrame>(
         let adjusted = adjustment.solve()?;
         state.camera = adjusted.camera.clone();
         state.capture.set_poses(&adjusted.poses);
-        if (rules.repair)(round, &mut state, &adjusted)? {
+        if (rules.repair)(round + repairs, &mut state, &adjusted)? {
+            (round, repairs) = (round - 1, repairs + 1);
             continue;
         }
         let used = state.noise;
         let covariance = match rules.freedom {
-            Freedom::FromCovariance => Some(adjustment.covariance()?),
+            Freedom::FromCovariance => {
+                let undetermined = |error| explained(error, &state.camera, &state.capture, rules.with_depth);
+                Some(adjustment.covariance().map_err(undetermined)?)
+            }
             Freedom::Counted(_) => None,
         };
         let residuals = inverse_depth_residuals(&state.capture, &adjusted.depth_residuals, &used);
@@ -134,6 +141,7 @@ pub(super) fn settle<F: AdjustableFrame>(
                 with_depth: rules.with_depth,
                 correlation_length_px: None,
                 outliers,
+                lens_choice: None,
                 smoothness: state.smoothness,
                 reprojection_rms_px: reprojection_rms(&state.capture, &adjusted, used.pixel_sigma),
                 depth_rms_mm: depth_mm.map(rms),

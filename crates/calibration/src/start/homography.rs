@@ -9,6 +9,19 @@ use super::frame_markers::FrameMarkers;
 /// Ratio of the narrow to the wide extent of the markers below which they count as collinear.
 const COLLINEAR: f64 = 1e-3;
 
+/// A homography with what its markers say of its precision.
+#[derive(Debug, Clone)]
+pub struct HomographyFit {
+    /// Maps board coordinates (mm, homogeneous) to pixels; of unit norm.
+    pub matrix: Matrix3<f64>,
+    /// A square root of its covariance where markers have a standard deviation of 1 px per coordinate: the covariance of the
+    /// matrix' elements is Σₖ vec(Sₖ) vec(Sₖ)ᵀ, to first order (Hartley, Zisserman 2004, section 5.2).
+    pub deviations: [Matrix3<f64>; 8],
+    /// Root mean square of the distances that are left, per coordinate and degree of freedom, px. Lens distortion is part of
+    /// it.
+    pub rms_px: f64,
+}
+
 /// The homography that maps board coordinates (mm, homogeneous) to pixels, by the normalised direct linear transform
 /// (Hartley, Zisserman 2004, algorithm 4.2), refined on the pixel distances by Gauss–Newton.
 ///
@@ -16,6 +29,15 @@ const COLLINEAR: f64 = 1e-3;
 ///
 /// [`StartError::TooFewMarkers`], [`StartError::Collinear`].
 pub fn homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Matrix3<f64>, StartError> {
+    Ok(fit_homography(target, frame)?.matrix)
+}
+
+/// The same homography with its precision. Markers all but one of which lie on a line leave it undetermined as well.
+///
+/// # Errors
+///
+/// [`StartError::TooFewMarkers`], [`StartError::Collinear`].
+pub fn fit_homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<HomographyFit, StartError> {
     let found = frame.markers.len();
     if found < FEWEST_MARKERS {
         return Err(StartError::TooFewMarkers { frame: frame.name.to_owned(), found, needed: FEWEST_MARKERS });
@@ -39,8 +61,7 @@ pub fn homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Matrix3<f
     let mut h = Matrix3::from_row_iterator(h.iter().copied());
     h /= h.m33;
     for _ in 0..10 {
-        let step = gauss_newton_step(&h, &board_n, &image_n);
-        let Some(step) = step else { break };
+        let Some(step) = linearized(&h, &board_n, &image_n).step() else { break };
         for i in 0..8 {
             h[(i / 3, i % 3)] += step[i];
         }
@@ -48,16 +69,42 @@ pub fn homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Matrix3<f
             break;
         }
     }
+    let last = linearized(&h, &board_n, &image_n);
+    let undetermined = || StartError::Collinear { frame: frame.name.to_owned() };
+    let factor = last.normal.cholesky().ok_or_else(undetermined)?.l();
+    // N = L Lᵀ, so that the columns of L⁻ᵀ are a square root of N⁻¹.
+    let root = factor.try_inverse().ok_or_else(undetermined)?.transpose();
     let invert = |n: &Matrix3<f64>| {
         Matrix3::new(1.0 / n.m11, 0.0, -n.m13 / n.m11, 0.0, 1.0 / n.m22, -n.m23 / n.m22, 0.0, 0.0, 1.0)
     };
-    let h = invert(&to_image) * h * to_board;
-    Ok(h / h.norm())
+    let from_normalised = |h: Matrix3<f64>| invert(&to_image) * h * to_board;
+    let matrix = from_normalised(h);
+    let norm = matrix.norm();
+    // A pixel is `to_image.m11` in normalised coordinates.
+    let deviations = std::array::from_fn(|k| {
+        let change = Matrix3::from_fn(|r, c| if (r, c) == (2, 2) { 0.0 } else { root[(3 * r + c, k)] });
+        from_normalised(change) * (to_image.m11 / norm)
+    });
+    let freedom = (2 * found - 8) as f64;
+    Ok(HomographyFit { matrix: matrix / norm, deviations, rms_px: (last.cost / freedom).sqrt() / to_image.m11 })
 }
 
-/// Step of the first eight coefficients, the ninth being 1; `None` where the points do not determine it.
-fn gauss_newton_step(h: &Matrix3<f64>, board: &[[f64; 2]], image: &[[f64; 2]]) -> Option<SVector<f64, 8>> {
-    let (mut normal, mut rhs) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros());
+/// Normal equations of the first eight coefficients, the ninth being 1.
+struct Linearized {
+    normal: SMatrix<f64, 8, 8>,
+    rhs: SVector<f64, 8>,
+    cost: f64,
+}
+
+impl Linearized {
+    /// The step of Gauss and Newton; `None` where the points do not determine it.
+    fn step(&self) -> Option<SVector<f64, 8>> {
+        self.normal.cholesky().map(|c| c.solve(&self.rhs))
+    }
+}
+
+fn linearized(h: &Matrix3<f64>, board: &[[f64; 2]], image: &[[f64; 2]]) -> Linearized {
+    let (mut normal, mut rhs, mut cost) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros(), 0.0);
     for ([x, y], [u, v]) in board.iter().zip(image) {
         let w = h.m31 * x + h.m32 * y + h.m33;
         let (pu, pv) = ((h.m11 * x + h.m12 * y + h.m13) / w, (h.m21 * x + h.m22 * y + h.m23) / w);
@@ -66,8 +113,9 @@ fn gauss_newton_step(h: &Matrix3<f64>, board: &[[f64; 2]], image: &[[f64; 2]]) -
         let jv = SVector::<f64, 8>::from([0.0, 0.0, 0.0, a, b, c, -pv * a, -pv * b]);
         normal += ju * ju.transpose() + jv * jv.transpose();
         rhs += ju * (u - pu) + jv * (v - pv);
+        cost += (u - pu).powi(2) + (v - pv).powi(2);
     }
-    normal.cholesky().map(|c| c.solve(&rhs))
+    Linearized { normal, rhs, cost }
 }
 
 /// Smaller over larger extent of points: the ratio of the roots of their scatter matrix' eigenvalues.

@@ -6,12 +6,14 @@ mod error;
 mod frame_markers;
 mod homography;
 mod pose;
+mod pose_precision;
 mod start_values;
 mod zhang;
 
 pub use error::{FEWEST_FRAMES, FEWEST_MARKERS, PARALLEL_DEG, StartError};
 pub use frame_markers::FrameMarkers;
-pub use homography::homography;
-pub use pose::{PoseFit, estimate_pose, refine_pose};
-pub use start_values::start_values;
+pub use homography::{HomographyFit, fit_homography, homography};
+pub use pose::{PoseFit, estimate_pose, local_poses, refine_pose};
+pub use pose_precision::{MOST_UNCERTAIN_DEPTH, PoseDoubt, pose_doubt};
+pub use start_values::{start_camera, start_values};
 pub use zhang::{check_tilts, pinhole_from_homographies};

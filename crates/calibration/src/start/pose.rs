@@ -18,15 +18,25 @@ pub struct PoseFit {
     pub rms_px: f64,
 }
 
-/// The pose that minimises the reprojection error under a given camera.
-///
-/// The search starts from the homography of the undistorted markers and from the pose mirrored about the line of sight, which
-/// is the other local minimum of a plane's pose (Schweighofer, Pinz 2006); the better result is returned.
+/// The pose that minimises the reprojection error under a given camera: the best of [`local_poses`].
 ///
 /// # Errors
 ///
 /// [`StartError`], where the markers are too few, collinear or outside the lens model, or no pose is in front of the camera.
 pub fn estimate_pose(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -> Result<PoseFit, StartError> {
+    let best = local_poses(camera, target, frame)?.into_iter().next();
+    best.ok_or_else(|| StartError::NoPose { frame: frame.name.to_owned() })
+}
+
+/// The poses at which the reprojection error has a minimum under a given camera, one or two, the best first.
+///
+/// The search starts from the homography of the undistorted markers and from the pose mirrored about the line of sight, which
+/// is the other local minimum of a plane's pose (Schweighofer, Pinz 2006).
+///
+/// # Errors
+///
+/// As [`estimate_pose`].
+pub fn local_poses(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -> Result<Vec<PoseFit>, StartError> {
     let no_pose = || StartError::NoPose { frame: frame.name.to_owned() };
     let undistorted: Vec<MarkerObservation> = frame
         .markers
@@ -36,9 +46,11 @@ pub fn estimate_pose(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>)
     let h = homography(target, &FrameMarkers { name: frame.name, markers: &undistorted })?;
     let first = from_homography(&h).ok_or_else(no_pose)?;
     let mirrored = mirror(&first, target);
-    let fits = [Some(first), mirrored].into_iter().flatten();
-    let fits = fits.filter_map(|pose| refine_pose(camera, target, frame.markers, &pose));
-    fits.min_by(|a, b| a.rms_px.total_cmp(&b.rms_px)).ok_or_else(no_pose)
+    let starts = [Some(first), mirrored].into_iter().flatten();
+    let fits = starts.filter_map(|pose| refine_pose(camera, target, frame.markers, &pose));
+    let mut fits: Vec<PoseFit> = fits.collect();
+    fits.sort_by(|a, b| a.rms_px.total_cmp(&b.rms_px));
+    if fits.is_empty() { Err(no_pose()) } else { Ok(fits) }
 }
 
 /// K⁻¹H = λ (r₁ r₂ t), with the nearest rotation to (r₁, r₂, r₁ × r₂).

@@ -5,7 +5,7 @@ use nalgebra::Isometry3;
 
 use super::error::{FEWEST_FRAMES, StartError};
 use super::frame_markers::FrameMarkers;
-use super::homography::homography;
+use super::homography::fit_homography;
 use super::pose::estimate_pose;
 use super::zhang::{check_tilts, pinhole_from_homographies};
 
@@ -24,15 +24,31 @@ pub fn start_values(
     lens: &str,
     register: &Register,
 ) -> Result<(Camera, Vec<Isometry3<f64>>), StartError> {
-    if frames.len() < FEWEST_FRAMES {
-        return Err(StartError::TooFewFrames { found: frames.len(), needed: FEWEST_FRAMES });
-    }
-    let homographies = frames.iter().map(|f| homography(target, f)).collect::<Result<Vec<_>, _>>()?;
-    check_tilts(&homographies, width, height)?;
-    let pinhole = pinhole_from_homographies(&homographies, width, height)?;
-    let lens = if lens == "none" { Vec::new() } else { vec![register.block(lens, None)?] };
-    let camera = Camera::from_blocks(width, height, Block::pinhole(pinhole), lens);
+    let camera = start_camera(target, width, height, frames, lens, register)?;
     let poses = frames.iter().map(|f| estimate_pose(&camera, target, f).map(|fit| fit.camera_from_board));
     let poses = poses.collect::<Result<Vec<_>, _>>()?;
     Ok((camera, poses))
+}
+
+/// The camera of [`start_values`] alone. Each frame counts as much as its markers determine its homography.
+///
+/// # Errors
+///
+/// [`StartError`], where the frames do not determine a camera, or where the lens model is unknown.
+pub fn start_camera(
+    target: &Target,
+    width: usize,
+    height: usize,
+    frames: &[FrameMarkers<'_>],
+    lens: &str,
+    register: &Register,
+) -> Result<Camera, StartError> {
+    if frames.len() < FEWEST_FRAMES {
+        return Err(StartError::TooFewFrames { found: frames.len(), needed: FEWEST_FRAMES });
+    }
+    let homographies = frames.iter().map(|f| fit_homography(target, f)).collect::<Result<Vec<_>, _>>()?;
+    check_tilts(&homographies, width, height)?;
+    let pinhole = pinhole_from_homographies(&homographies, width, height)?;
+    let lens = if lens == "none" { Vec::new() } else { vec![register.block(lens, None)?] };
+    Ok(Camera::from_blocks(width, height, Block::pinhole(pinhole), lens))
 }
