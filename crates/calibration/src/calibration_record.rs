@@ -82,6 +82,9 @@ pub fn calibration_record(
     });
     let mut other = BTreeMap::new();
     other.insert("depth_outliers".to_owned(), result.outliers as f64);
+    if result.noise.planes.of_noise > 0.0 {
+        other.insert("frame_planes_of_noise".to_owned(), result.noise.planes.of_noise);
+    }
     for field in &result.smoothness.fields {
         let mut note =
             |what: &str, value: f64| _ = other.insert(format!("{}.{}.{what}", field.piece, field.field), value);

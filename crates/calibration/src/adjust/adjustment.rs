@@ -119,7 +119,7 @@ impl Adjustment {
                 let groups = frames.flat_map(|(f, k)| cell_groups(f.samples(), *k, noise, &blocks));
                 DepthBatch::by_cell(chain, groups.collect(), loss)
             } else {
-                let groups = frames.map(|(f, k)| depth_group(f.samples(), *k, noise));
+                let groups = frames.map(|(f, k)| depth_group(f.samples(), *k, noise).with_planes(noise, camera));
                 DepthBatch::new(shared, groups.collect(), loss)
             })
         });
@@ -238,6 +238,11 @@ impl Adjustment {
         })
     }
 
+    /// Residuals of the depth samples at the present values, whitened, frame after frame; none where they cannot be evaluated.
+    pub fn depth_residuals(&self) -> Vec<f64> {
+        self.depth.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default()
+    }
+
     /// Whether fields are so large that their nodes are variables of their own. Covariances are then out of reach.
     pub fn by_node(&self) -> bool {
         self.blocks.iter().any(|b| matches!(b, BlockKeys::Nodes { .. }))
@@ -276,7 +281,7 @@ impl Adjustment {
     /// evaluated.
     pub(crate) fn frame_rows(&self, frame: usize) -> Option<FrameRows> {
         let pose = self.poses.get(frame)?.id();
-        let (mut residuals, mut columns, mut depth) = (Vec::new(), Vec::new(), 0);
+        let (mut residuals, mut weights, mut columns, mut depth) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for id in [Some(self.image), self.depth].into_iter().flatten() {
             let batch = self.graph.batch(id)?;
             let mut own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose));
@@ -293,12 +298,13 @@ impl Adjustment {
             for (residual, rows) in r.chunks_exact(dim).zip(j.chunks_exact(dim * width)) {
                 let weight = batch.loss().evaluate(residual.iter().map(|x| x * x).sum())[1].sqrt();
                 residuals.extend(residual.iter().map(|x| x * weight));
+                weights.extend(residual.iter().map(|_| weight));
                 columns.extend(rows.chunks_exact(width).flat_map(|row| row[..6].iter().map(|d| d * weight)));
             }
             depth = if Some(id) == self.depth { rows } else { 0 };
         }
         let pose = DMatrix::from_row_slice(residuals.len(), 6, &columns);
-        Some(FrameRows { residuals: DVector::from_vec(residuals), pose, depth })
+        Some(FrameRows { residuals: DVector::from_vec(residuals), weights, pose, depth })
     }
 
     /// Joint covariance of all camera parameters, in the order of [`Camera::theta`]; rows and columns of held

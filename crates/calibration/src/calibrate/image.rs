@@ -12,7 +12,7 @@ use super::options::CalibrateOptions;
 use super::settle::{Freedom, ROUNDS, Rules, State, settle};
 use crate::adjust::blocks::is_depth_only;
 use crate::adjust::smoothness_prior::Smoothness;
-use crate::observe::noise::{DepthNoise, NoiseModel};
+use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{Capture, PosedFrame};
 use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, start_camera};
 
@@ -55,7 +55,11 @@ pub fn calibrate_image(
     if capture.frames.is_empty() {
         return Err(StartError::TooFewFrames { found: 0, needed: FEWEST_FRAMES }.into());
     }
-    let noise = NoiseModel { pixel_sigma: 0.3, depth: DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 } };
+    let noise = NoiseModel {
+        pixel_sigma: 0.3,
+        depth: DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 },
+        planes: PlaneScatter::default(),
+    };
     let rules = Rules {
         with_depth: false,
         freedom: Freedom::FromCovariance,

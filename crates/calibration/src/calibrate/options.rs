@@ -48,6 +48,9 @@ pub struct CalibrateOptions {
     pub estimator: Estimator,
     /// Most depth pixels of a frame that enter the adjustment.
     pub samples_per_frame: usize,
+    /// Whether the depth of whole frames may scatter by planes of their own: their variances are then estimated, and a frame says
+    /// no more of what its pixels share than these allow.
+    pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,
     /// The pieces that names may mean.
@@ -67,6 +70,7 @@ impl Default for CalibrateOptions {
             lens: "brown-conrady".to_owned(),
             estimator: Estimator::Joint,
             samples_per_frame: 800,
+            frame_planes: false,
             camera: None,
             register: Register::builtin(),
             field_thresholds: FieldThresholds::default(),

@@ -11,15 +11,18 @@ use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
 use super::undetermined::explained;
 use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
+use crate::adjust::plane_scatter::plane_scatter;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::smoothness_selection;
-use crate::observe::noise::{DepthNoise, NoiseModel, clipped_sigma};
+use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter, clipped_sigma};
 use crate::observe::{AdjustableFrame, Capture, SampledFrame};
 
 /// Rounds of adjustment and noise estimation.
 pub(super) const ROUNDS: usize = 4;
 /// Relative change of a standard deviation below which the noise has settled.
 const NOISE_SETTLED: f64 = 0.01;
+/// … and of the frames' planes, whose scatter is known to some ten per cent at best.
+const PLANES_SETTLED: f64 = 0.05;
 /// Markers are never taken for more precise than this, px: simulated ones may be exact.
 const LEAST_PIXEL_SIGMA: f64 = 1e-4;
 /// Nor is inverse depth, 1/mm: a micrometre at 1 m.
@@ -118,11 +121,17 @@ pub(super) fn settle<F: AdjustableFrame>(
             Freedom::Counted(_) => None,
         };
         let residuals = inverse_depth_residuals(&state.capture, &adjusted.depth_residuals, &used);
+        let planes = match rules.with_depth && options.frame_planes && !adjustment.by_node() {
+            true => plane_scatter(&state.capture, &state.camera, &used),
+            false => PlaneScatter::default(),
+        };
         state.noise = estimate_noise(&used, &adjusted, &residuals, &adjustment, covariance.as_ref(), &rules.freedom);
         let dropped =
             if round <= rules.last_to_drop { drop_outliers(&mut state.capture, &residuals, &state.noise) } else { 0 };
         outliers += dropped;
-        let noise_settled = has_settled(&used, &state.noise, &residuals, rules.depth_noise_settled);
+        state.noise.planes = planes;
+        let noise_settled = has_settled(&used, &state.noise, &residuals, rules.depth_noise_settled)
+            && planes_settled(&used.planes, &planes);
         let mut smoothness_settled = true;
         if rules.chooses_smoothness && !state.smoothness.fields.is_empty() && round < rules.most_rounds {
             let frames = adjustment.frame_information(Curvature::OfWeights);
@@ -133,8 +142,11 @@ pub(super) fn settle<F: AdjustableFrame>(
         if (dropped == 0 && noise_settled && smoothness_settled) || round >= rules.most_rounds {
             converged(&adjusted)?;
             let covariance = covariance.map(|c| adjustment.camera_covariance(&c));
-            let depth_mm =
-                rules.with_depth.then(|| depth_residuals_mm(&state.capture, &adjusted.depth_residuals, &used));
+            let depth_mm = rules.with_depth.then(|| {
+                let plain = NoiseModel { planes: PlaneScatter::default(), ..used };
+                let residuals = Adjustment::new(&state.capture, &state.camera, &plain, true).depth_residuals();
+                depth_residuals_mm(&state.capture, &residuals, &plain)
+            });
             return Ok(Calibrated {
                 covariance,
                 noise: state.noise,
@@ -195,6 +207,11 @@ fn has_settled(used: &NoiseModel, new: &NoiseModel, depth_residuals: &[(f64, f64
         && depth_residuals
             .iter()
             .all(|(rho, _)| change(new.depth.sigma(*rho), used.depth.sigma(*rho)) < depth_tolerance)
+}
+
+/// Whether the scatter of the frames' planes has changed by no more than [`PLANES_SETTLED`].
+fn planes_settled(used: &PlaneScatter, new: &PlaneScatter) -> bool {
+    (used.of_noise - new.of_noise).abs() <= PLANES_SETTLED * new.of_noise
 }
 
 fn converged(adjusted: &Adjusted) -> Result<(), CalibrateError> {

@@ -20,6 +20,7 @@ use super::options::DiagnoseOptions;
 use super::round::{Round, RoundOutcome};
 use super::step::steps;
 use super::stepwise_selection::score_given;
+use crate::calibrate::CalibrateOptions;
 use crate::observe::Capture;
 
 /// Diagnoses a capture: which effects does the declared model lack? Errors are those on `verify` where it is given, else on
@@ -36,6 +37,8 @@ pub fn diagnose(
     if !capture.has_depth() {
         return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
     }
+    let calibrate = CalibrateOptions { frame_planes: false, ..options.calibrate.clone() };
+    let options = &DiagnoseOptions { calibrate, ..options.clone() };
     let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
     let (capture, mut bad_frames) = without_duplicates(capture, thresholds);
     let whole = capture.clone();

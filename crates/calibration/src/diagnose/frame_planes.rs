@@ -1,13 +1,14 @@
 //! Deviation of every frame's depth, as a whole, from the pose that its image shows: a plane in inverse depth.
 
-use depthcal_statistics::{chi_squared_tail, upper_median};
-use nalgebra::{SMatrix, SVector, Vector3};
-
 use super::thresholds::Thresholds;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::frame_rows::FrameRows;
+use crate::adjust::plane_scatter::own_plane;
+use crate::adjust::plane_whitening::plane_shapes;
 use crate::calibrate::Calibrated;
 use crate::observe::SampledFrame;
+use crate::observe::noise::{NoiseModel, PlaneScatter};
+use depthcal_statistics::{chi_squared_tail, upper_median};
 
 /// A frame's plane a + b u + c v, estimated jointly with the frame's pose, by which its measured inverse depth deviates.
 #[derive(Debug, Clone)]
@@ -28,7 +29,8 @@ pub struct FramePlane {
 
 /// The planes of the frames that have depth samples and markers, given the fitted camera.
 pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
-    let adjustment = Adjustment::new(&fit.capture, &fit.camera, &fit.noise, true);
+    let noise = NoiseModel { planes: PlaneScatter::default(), ..fit.noise };
+    let adjustment = Adjustment::new(&fit.capture, &fit.camera, &noise, true);
     let mut planes = Vec::new();
     for (index, frame) in fit.capture.frames.iter().enumerate() {
         if frame.samples.is_empty() || frame.markers.is_empty() {
@@ -44,42 +46,18 @@ pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
 
 /// The plane of one frame from its residuals and their derivatives by the pose; `None` where they do not determine it.
 fn plane_of(frame: &SampledFrame, fit: &Calibrated, rows: &FrameRows) -> Option<FramePlane> {
-    let first = rows.residuals.len() - rows.depth;
     let samples = &frame.samples;
-    // The plane's columns (1, u, v), pixels scaled to [−1, 1].
-    let (width, height) = (fit.camera.width as f64, fit.camera.height as f64);
-    let shape = |k: usize| {
-        let [u, v] = samples[k].context.pixel;
-        Vector3::new(1.0, 2.0 * u / width - 1.0, 2.0 * v / height - 1.0)
-    };
-    let sigma = |k: usize| fit.noise.depth.sigma(1.0 / samples[k].depth_mm);
-    let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    let mut rhs = SVector::<f64, 9>::zeros();
-    for row in 0..rows.residuals.len() {
-        let mut columns = SVector::<f64, 9>::zeros();
-        for c in 0..6 {
-            columns[c] = rows.pose[(row, c)];
-        }
-        if row >= first {
-            // The adjustment's residual is predicted minus measured inverse depth: the plane adds to what is predicted.
-            let k = row - first;
-            columns.fixed_rows_mut::<3>(6).copy_from(&(shape(k) / sigma(k)));
-        }
-        normal += columns * columns.transpose();
-        rhs += columns * rows.residuals[row];
-    }
-    let step = -normal.cholesky()?.solve(&rhs);
-    let covariance = normal.try_inverse()?;
-    let plane = step.fixed_rows::<3>(6).into_owned();
-    let information = covariance.fixed_view::<3, 3>(6, 6).into_owned().try_inverse()?;
-    let statistic = plane.dot(&(information * plane));
+    let placed: Vec<_> = samples.iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
+    let shapes = plane_shapes(&fit.camera, &placed, &fit.noise.depth);
+    let own = own_plane(rows, &shapes)?;
+    let statistic = own.statistic();
     let (mut sum, mut squares, mut of_noise) = (0.0, 0.0, 0.0);
     for (k, sample) in samples.iter().enumerate() {
-        let d_rho = shape(k).dot(&plane);
-        let mm = -d_rho * sample.depth_mm * sample.depth_mm;
+        let in_noise = shapes[k].dot(&own.plane);
+        let mm = -in_noise * fit.noise.depth.sigma(1.0 / sample.depth_mm) * sample.depth_mm * sample.depth_mm;
         sum += mm;
         squares += mm * mm;
-        of_noise += (d_rho / sigma(k)).powi(2);
+        of_noise += in_noise * in_noise;
     }
     let n = samples.len() as f64;
     Some(FramePlane {

@@ -12,6 +12,17 @@ pub struct NoiseModel {
     pub pixel_sigma: f64,
     /// Of depth.
     pub depth: DepthNoise,
+    /// Of the depth of whole frames.
+    pub planes: PlaneScatter,
+}
+
+/// Scatter of the frames' own planes in inverse depth.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlaneScatter {
+    /// Standard deviation of each of their coefficients of (1, u, v), u and v the undistorted coordinates, from −1 to 1 over the image, in
+    /// standard deviations of the noise of a pixel; 0 where frames have no planes of their own. One for all three: with one each, the scale of depth
+    /// and the scatter of the constants could grow together.
+    pub of_noise: f64,
 }
 
 /// Standard deviation of measured inverse depth: σ_ρ² = a² + (b ρ²)².
