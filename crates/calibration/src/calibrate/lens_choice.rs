@@ -24,14 +24,14 @@ use crate::observe::PosedFrame;
 
 /// Standard deviation, px, of the place at which a ray meets the corners or edges of the image, up to which the markers
 /// determine the lens there.
-const DETERMINED_PX: f64 = 1.0;
+const DETERMINED_PX: f64 = 2.0;
 /// Parts of the cross-validation.
 const MOST_FOLDS: usize = 10;
 /// Standard errors by which an order may be worse than the best and still be chosen for being simpler.
 const EQUAL_STANDARD_ERRORS: f64 = 1.0;
-/// … and the rise of the cost of all left-out frames up to which it may: two standard deviations of what is left out. Where the
+/// … and the rise of the cost of all left-out frames up to which it may: one standard deviation of what is left out. Where the
 /// information on a term is in one frame alone, the standard error over frames is as large as the difference itself.
-const MOST_COST: f64 = 2.0;
+const MOST_COST: f64 = 0.5;
 /// Depth at which rays are cast, mm; the lens does not depend on it unless it breathes.
 const RAY_DEPTH_MM: f64 = 1000.0;
 
