@@ -21,6 +21,9 @@ use crate::refine::{RefineOptions, fit_corner, standard_deviation};
 const LEAST_CONTRAST: f64 = 0.35;
 /// Largest standard deviation of a coordinate of a fitted corner, px.
 const MAX_STD_PX: f64 = 0.35;
+/// Largest standard deviation of the blur, relative to the distance within which nothing else is printed: beyond, the tag
+/// beside a crossing displaces it.
+const MAX_BLUR: f64 = 0.3;
 /// Distance from the image border, px, within which a corner's surroundings are not seen on all sides.
 const BORDER_PX: f64 = 2.0;
 
@@ -102,10 +105,13 @@ impl Search<'_> {
         let step = (right[0] - at[0]).hypot(right[1] - at[1]).min((down[0] - at[0]).hypot(down[1] - at[1]));
         let options = RefineOptions::default();
         let marker = Marker { index, pixel: place };
-        let fitted = fit_corner(&self.pixels, self.target, &marker, &|p| map.apply(p), &options)?;
+        let (fitted, clear_px) = fit_corner(&self.pixels, self.target, &marker, &|p| map.apply(p), &options)?;
         let moved = (fitted.pixel[0] - place[0]).hypot(fitted.pixel[1] - place[1]);
-        let good =
-            moved < share * step + 0.5 && standard_deviation(&fitted.covariance) < MAX_STD_PX && inside(fitted.pixel);
+        let sharp = fitted.width_px < MAX_BLUR * clear_px;
+        let good = sharp
+            && moved < share * step + 0.5
+            && standard_deviation(&fitted.covariance) < MAX_STD_PX
+            && inside(fitted.pixel);
         good.then_some(Corner { pixel: fitted.pixel, contrast: fitted.contrast })
     }
 
