@@ -178,7 +178,7 @@ mod drawn {
         let texture = charuco_texture(&target);
         for (z, blur) in [(180.0, 0.7), (250.0, 0.7), (250.0, 2.0)] {
             for (found, visible, worst) in run_partial(&target, &texture, z, blur) {
-                assert!(10 * found >= 9 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
+                assert!(10 * found >= 8 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
                 assert!(worst < 0.5, "a corner is off by {worst} px at {z} mm, blur {blur} px");
             }
         }
@@ -191,8 +191,8 @@ mod drawn {
         let texture = charuco_texture(&target);
         // A bit of a tag is 2.1 mm, three and a half pixels.
         for (found, visible, worst) in run_partial(&target, &texture, 300.0, 3.5) {
-            assert!(10 * found >= 8 * visible, "{found} of {visible}");
-            assert!(worst < 0.5, "a corner is off by {worst} px");
+            assert!(10 * found >= 7 * visible, "{found} of {visible}");
+            assert!(worst < 1.0, "a corner is off by {worst} px");
         }
     }
 

@@ -87,11 +87,10 @@ impl Search<'_> {
     /// The corner `index` near `place` (px), when there is one and it lies where it is expected.
     fn fit(&self, index: usize, place: [f64; 2], map: &Homography) -> Option<Corner> {
         let (width, height) = (self.image.width as f64, self.image.height as f64);
-        let inside = |p: [f64; 2]| {
-            (BORDER_PX..width - 1.0 - BORDER_PX).contains(&p[0])
-                && (BORDER_PX..height - 1.0 - BORDER_PX).contains(&p[1])
+        let inside = |p: [f64; 2], border: f64| {
+            (border..width - 1.0 - border).contains(&p[0]) && (border..height - 1.0 - border).contains(&p[1])
         };
-        if !inside(place) {
+        if !inside(place, BORDER_PX) {
             return None;
         }
         let [x, y] = self.target.point(index);
@@ -111,7 +110,7 @@ impl Search<'_> {
         let good = sharp
             && moved < share * step + 0.5
             && standard_deviation(&fitted.covariance) < MAX_STD_PX
-            && inside(fitted.pixel);
+            && inside(fitted.pixel, BORDER_PX.max(2.0 * fitted.width_px));
         good.then_some(Corner { pixel: fitted.pixel, contrast: fitted.contrast })
     }
 
