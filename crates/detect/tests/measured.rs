@@ -138,15 +138,22 @@ fn charuco_boards_that_opencv_finds() {
                     least,
                 )
                 .expect("corners");
-                // Without the corners of the column that the board does not have.
-                let real = (0..count).filter(|&i| *numbers.at::<i32>(i).expect("a number") % 10 != 0).count();
+                // Without the corners of the column that the board does not have, and without those in the outermost
+                // pixels, where nothing shows that they are right.
+                let inside = |p: &Point2f| {
+                    (3.0..mat.cols() as f32 - 4.0).contains(&p.x) && (3.0..mat.rows() as f32 - 4.0).contains(&p.y)
+                };
+                let real = (0..count)
+                    .filter(|&i| *numbers.at::<i32>(i).expect("a number") % 10 != 0)
+                    .filter(|&i| inside(corners.at::<Point2f>(i).expect("a corner")))
+                    .count();
                 best = best.max(real);
             }
         }
         best
     };
     for (dataset, least) in [
-        ("truedepth/ipad4/calib", 48),
+        ("truedepth/ipad4/calib", 39),
         ("truedepth/ipad4/check", 5),
         ("truedepth/iphone11pro/calib", 50),
         ("truedepth/iphone11pro/check", 5),
