@@ -86,6 +86,10 @@ impl Reading {
         for frame in &loaded.capture.dropped {
             say!("  not used: {} ({})", frame.name, frame.reason);
         }
+        // A diameter that contradicts its declaration is a warning of the library.
+        if let Some(measured) = loaded.circle_diameter.filter(|m| m.declared_mm.is_none()) {
+            say!("  {measured}");
+        }
         Ok(loaded)
     }
 }

@@ -34,10 +34,17 @@ impl Detect {
         let loaded = self.reading.load(&self.dataset, session)?;
         let markers: usize = loaded.capture.frames.iter().map(|f| f.markers.len()).sum();
         say!("{}", count(markers, "marker"));
+        if let Some(measured) = loaded.circle_diameter.filter(|m| m.declared_mm.is_some()) {
+            say!("{measured}");
+        }
         if let Some(out) = &self.out {
             loaded.observations().write(out.join("observations.json")).map_err(input)?;
         }
         let capture = &loaded.capture;
-        Ok(json!({ "frames": frames_of(&capture.name, capture.frames.len(), &capture.dropped), "markers": markers }))
+        let frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
+        let diameter = loaded.circle_diameter.map(
+            |m| json!({ "measured": m.diameter_mm, "std": m.std_mm, "declared": m.declared_mm, "frames": m.frames }),
+        );
+        Ok(json!({ "frames": frames, "markers": markers, "circle_diameter_mm": diameter }))
     }
 }

@@ -175,3 +175,38 @@ fn a_larger_board_than_declared_is_not_labelled_at_random() {
     assert_eq!(found.markers.len(), printed.len());
     assert_eq!(detect(&image, &declared, &DetectOptions::default()).expect("no error"), None);
 }
+
+#[test]
+fn the_diameter_of_dots_is_measured() {
+    use depthcal_detect::measure_circle_diameter;
+    let camera = Camera::thesis();
+    for (printed, truth) in [
+        (common::asymmetric(4, 11, 17.0, 11.5), 11.5),
+        (common::asymmetric(4, 11, 17.0, 6.0), 6.0),
+        (common::symmetric(7, 6, 24.0, 18.0), 18.0),
+        (common::symmetric(7, 6, 24.0, 9.0), 9.0),
+    ] {
+        let texture = Texture::new(printed.clone(), 20.0);
+        for (z, tilt) in [(350.0, 0.0), (450.0, 0.6)] {
+            let middle = printed.point(printed.len() / 2);
+            let pose = Pose::looking(&camera, middle, [320.0, 240.0], z, tilt, 0.8, 0.3);
+            let scene = Scene::new(camera, pose, &texture, 7);
+            let image = scene.render();
+            // Not declared, right, and wrong by a fifth.
+            for declared in [0.0, truth, 1.2 * truth, 0.8 * truth] {
+                let target = printed.with_circle_diameter_mm(declared);
+                let found = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
+                let measured = measure_circle_diameter(&image, &found, &target).expect("no error").expect("dots");
+                let error = measured.diameter_mm / truth - 1.0;
+                println!("{truth} mm, declared {declared}: {:.3} ± {:.3} mm", measured.diameter_mm, measured.std_mm);
+                assert!(error.abs() < 0.02, "{truth} mm, declared {declared}: {measured:?}");
+                assert!(measured.std_mm < 0.02 * truth && measured.dots > printed.len() / 2);
+                let rms = common::rms(found.markers.iter().map(|m| {
+                    let t = scene.truth(printed.point(m.index));
+                    (m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1]) / 2f64.sqrt()
+                }));
+                assert!(rms < 0.06, "{truth} mm, declared {declared}: centres are off by {rms} px rms");
+            }
+        }
+    }
+}

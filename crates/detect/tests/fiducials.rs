@@ -46,9 +46,10 @@ mod drawn {
     }
 
     fn charuco_texture(target: &Target) -> Texture {
+        let Pattern::Charuco { marker_mm, .. } = target.pattern else { panic!("no tags") };
         let dictionary = aruco::get_predefined_dictionary_i32(5).expect("a dictionary");
         let (columns, rows) = (target.columns as i32, target.rows as i32);
-        let board = aruco::CharucoBoard::create(columns, rows, 30.0, 22.5, &dictionary).expect("a board");
+        let board = aruco::CharucoBoard::create(columns, rows, 30.0, marker_mm as f32, &dictionary).expect("a board");
         let mut board = board;
         let side = (30.0 * SCALE) as i32;
         let mut drawn = Mat::default();
@@ -132,5 +133,104 @@ mod drawn {
         let (found, part, rms, worst) = run(&target, &texture, &distances);
         println!("aprilgrid: {found} of 8 found, {part:.2} of the corners, rms {rms:.4}, worst {worst:.3}");
         assert!(found == 8 && part > 0.85 && rms < 0.12);
+    }
+
+    /// Boards that fill more than the image, at several places of it, with motion or defocus.
+    fn run_partial(target: &Target, texture: &Texture, z: f64, blur: f64) -> Vec<(usize, usize, f64)> {
+        // The thesis' lens is not invertible in the corners of the image.
+        let camera = Camera { lens: [-0.05, 0.0, 0.0, 0.0, 0.0], ..Camera::thesis() };
+        let corners = [[0.0, 0.0], [0.5, 0.1], [0.9, 0.9], [0.1, 0.8], [0.5, 0.5]];
+        let extent = target.points().into_iter().fold([0.0f64; 2], |e, p| [e[0].max(p[0]), e[1].max(p[1])]);
+        corners
+            .into_iter()
+            .enumerate()
+            .map(|(i, [x, y])| {
+                let middle = [x * extent[0], y * extent[1]];
+                let tilt = 0.15 * (i % 3) as f64;
+                let pose = Pose::looking(&camera, middle, [320.0, 240.0], z, tilt, i as f64, 1.3 * i as f64);
+                let mut scene = Scene::new(camera, pose, texture, i as u64);
+                scene.blur = blur;
+                let image = scene.render();
+                let inside = |p: [f64; 2]| (6.0..633.0).contains(&p[0]) && (6.0..473.0).contains(&p[1]);
+                let ahead = |p: [f64; 2]| {
+                    let p = pose.apply(p);
+                    p.z > 0.0 && (p.x / p.z).hypot(p.y / p.z) < 1.2
+                };
+                let visible = target.points().into_iter().filter(|p| ahead(*p) && inside(scene.truth(*p))).count();
+                let found = detect(&image, target, &DetectOptions::default()).expect("no error");
+                let markers = found.map(|d| d.markers).unwrap_or_default();
+                let worst = markers
+                    .iter()
+                    .map(|m| {
+                        let t = scene.truth(target.point(m.index));
+                        (m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1])
+                    })
+                    .fold(0.0, f64::max);
+                println!("z {z}, blur {blur}, view {i}: {} of {visible} visible, worst {worst:.3} px", markers.len());
+                (markers.len(), visible, worst)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_charuco_board_that_is_seen_in_part_is_found_as_far_as_it_is_seen() {
+        let target = charuco(12, 9);
+        let texture = charuco_texture(&target);
+        for (z, blur) in [(180.0, 0.7), (250.0, 0.7), (250.0, 2.0)] {
+            for (found, visible, worst) in run_partial(&target, &texture, z, blur) {
+                assert!(10 * found >= 8 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
+                assert!(worst < 0.5, "a corner is off by {worst} px at {z} mm, blur {blur} px");
+            }
+        }
+    }
+
+    #[test]
+    fn a_charuco_board_without_legible_tags_is_found_by_its_crossings() {
+        let pattern = Pattern::Charuco { marker_mm: 15.0, dictionary: "DICT_5X5_100".into() };
+        let target = Target { pattern, ..charuco(10, 7) };
+        let texture = charuco_texture(&target);
+        // A bit of a tag is 2.1 mm, three and a half pixels.
+        for (found, visible, worst) in run_partial(&target, &texture, 300.0, 3.5) {
+            assert!(10 * found >= 7 * visible, "{found} of {visible}");
+            assert!(worst < 1.0, "a corner is off by {worst} px");
+        }
+    }
+
+    #[test]
+    fn an_aprilgrid_that_is_seen_in_part_is_found_as_far_as_it_is_seen() {
+        let target = aprilgrid();
+        let texture = aprilgrid_texture(&target);
+        for (z, blur) in [(130.0, 0.7), (180.0, 0.7), (180.0, 1.5)] {
+            for (found, visible, worst) in run_partial(&target, &texture, z, blur) {
+                assert!(10 * found >= 8 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
+                assert!(worst < 1.0, "a corner is off by {worst} px at {z} mm, blur {blur} px");
+            }
+        }
+    }
+
+    #[test]
+    fn an_occluded_corner_is_left_out_and_clutter_gives_none() {
+        let target = charuco(8, 6);
+        let texture = charuco_texture(&target);
+        let camera = Camera::thesis();
+        let pose = Pose::looking(&camera, target.point(17), [320.0, 240.0], 350.0, 0.2, 0.4, 0.3);
+        let scene = Scene::new(camera, pose, &texture, 5);
+        let mut image = scene.render();
+        let hidden = 17;
+        let [u, v] = scene.truth(target.point(hidden));
+        for y in 0..image.height {
+            for x in 0..image.width {
+                if (x as f64 - u).hypot(y as f64 - v) < 14.0 {
+                    image.data[y * image.width + x] = 120;
+                }
+            }
+        }
+        let found = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
+        assert!(found.markers.iter().all(|m| m.index != hidden));
+        assert_eq!(found.markers.len(), target.len() - 1);
+        // The same image, searched for a board with other tags.
+        let other = Pattern::Charuco { marker_mm: 22.5, dictionary: "DICT_4X4_100".into() };
+        let other = Target { pattern: other, ..target.clone() };
+        assert_eq!(detect(&image, &other, &DetectOptions::default()).expect("no error"), None);
     }
 }

@@ -16,6 +16,8 @@ use crate::stretch::Plane;
 const MAX_SADDLES: usize = 1200;
 /// Number of candidates from which a lattice is grown.
 const MAX_SEEDS: usize = 400;
+/// Number of candidates from which a part of a board is grown; a part that is large enough has several of them.
+const MAX_LATTICE_SEEDS: usize = 120;
 /// Weakest response relative to that at the strongest tenth. The response is proportional to the square of the
 /// contrast.
 const WEAKEST: f32 = 0.02;
@@ -57,26 +59,49 @@ pub(crate) fn find(plane: &Plane, target: &Target) -> Option<Vec<[f64; 2]>> {
     })
 }
 
-/// Lattices of at least `least` crossings, grown over the saddle points of the image smoothed by `sigma` px; at most one
-/// per seed. Nodes are in px, in a basis that is right-handed in the image.
+/// Lattices of at least `least` crossings, grown over the saddle points of the image smoothed by `sigma` px. Nodes are in
+/// px, in a basis that is right-handed in the image. Bright and dark change places from each node to the next, which tells
+/// the lattice of a chessboard from the one along its diagonals.
 pub(crate) fn lattices(plane: &Plane, sigma: f32, least: usize) -> impl Iterator<Item = BTreeMap<[i32; 2], [f64; 2]>> {
-    let saddles = saddles(&smoothed(plane, sigma));
+    let smooth = smoothed(plane, sigma);
+    let saddles = saddles(&smooth);
+    let angles: Vec<f64> = saddles.iter().map(|s| bright_angle(&smooth, s.center)).collect();
     let width = plane.width;
-    // A seed that a large lattice has contained would give the same one again.
+    // A seed that a lattice has contained would give the same one again.
     let mut used = vec![false; saddles.len()];
-    (0..saddles.len().min(MAX_SEEDS)).filter_map(move |seed| {
+    (0..saddles.len().min(MAX_LATTICE_SEEDS)).filter_map(move |seed| {
         if used[seed] {
             return None;
         }
+        let alternate = |a: usize, b: usize| (2.0 * (angles[a] - angles[b])).cos() < -0.4;
         let hood = Neighbourhood::new(&saddles, width);
-        let grown =
-            hood.bases_of_point(seed).into_iter().map(|basis| hood.grow(seed, basis)).max_by_key(|l| l.len())?;
-        if grown.len() < least {
-            return None;
-        }
+        let grown = hood
+            .bases_of_point(seed)
+            .into_iter()
+            .filter(|basis| basis.iter().all(|&b| alternate(seed, b)))
+            .map(|basis| hood.grow(seed, basis))
+            .filter(|lattice| lattice.len() >= least)
+            .filter(|lattice| {
+                let steps = lattice.iter().flat_map(|(&[x, y], &i)| [([x + 1, y], i), ([x, y + 1], i)]);
+                let pairs: Vec<bool> =
+                    steps.filter_map(|(next, i)| lattice.get(&next).map(|&j| alternate(i, j))).collect();
+                10 * pairs.iter().filter(|p| **p).count() >= 8 * pairs.len()
+            })
+            .max_by_key(|lattice| lattice.len())?;
         grown.values().for_each(|&i| used[i] = true);
         Some(grown.into_iter().map(|(cell, i)| (cell, saddles[i].center)).collect())
     })
+}
+
+/// Direction in which the image is brighter on both sides of a saddle point, rad, modulo π.
+fn bright_angle(plane: &Plane, center: [f64; 2]) -> f64 {
+    let (x, y) = (center[0].round() as usize, center[1].round() as usize);
+    let at = |x: usize, y: usize| f64::from(plane.data[y.min(plane.height - 1) * plane.width + x.min(plane.width - 1)]);
+    let (left, above) = (x.saturating_sub(1), y.saturating_sub(1));
+    let xx = at(x + 1, y) - 2.0 * at(x, y) + at(left, y);
+    let yy = at(x, y + 1) - 2.0 * at(x, y) + at(x, above);
+    let xy = (at(x + 1, y + 1) - at(left, y + 1) - at(x + 1, above) + at(left, above)) / 4.0;
+    (2.0 * xy).atan2(xx - yy) / 2.0
 }
 
 /// Local maxima of minus the determinant of the Hessian that are crossings, the strongest first.

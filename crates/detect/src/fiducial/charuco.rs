@@ -78,7 +78,7 @@ pub(crate) fn find(
     let mut crossings_tried = false;
     for (plane, scale) in attempts(image) {
         // Tags that are too blurred to be read are not made legible by enlarging them.
-        if scale > 1 && !crossings_tried {
+        if scale > 1 && !crossings_tried && best.len() < least {
             crossings_tried = true;
             keep_better(&mut best, from_crossings(image, &print, least, options));
             if is_complete(&best, target, image, least) {
@@ -102,7 +102,7 @@ pub(crate) fn find(
             break;
         }
     }
-    if !crossings_tried && !is_complete(&best, target, image, least) {
+    if !crossings_tried && best.len() < least {
         keep_better(&mut best, from_crossings(image, &print, least, options));
     }
     Ok((best.len() >= least).then_some(Detection { markers: best, polarity: Polarity::DarkOnBright }))

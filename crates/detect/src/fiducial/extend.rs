@@ -21,6 +21,9 @@ use crate::refine::{RefineOptions, fit_corner, standard_deviation};
 const LEAST_CONTRAST: f64 = 0.35;
 /// Largest standard deviation of a coordinate of a fitted corner, px.
 const MAX_STD_PX: f64 = 0.35;
+/// Largest standard deviation of the blur, relative to the distance within which nothing else is printed: beyond, the tag
+/// beside a crossing displaces it.
+const MAX_BLUR: f64 = 0.3;
 /// Distance from the image border, px, within which a corner's surroundings are not seen on all sides.
 const BORDER_PX: f64 = 2.0;
 
@@ -84,11 +87,10 @@ impl Search<'_> {
     /// The corner `index` near `place` (px), when there is one and it lies where it is expected.
     fn fit(&self, index: usize, place: [f64; 2], map: &Homography) -> Option<Corner> {
         let (width, height) = (self.image.width as f64, self.image.height as f64);
-        let inside = |p: [f64; 2]| {
-            (BORDER_PX..width - 1.0 - BORDER_PX).contains(&p[0])
-                && (BORDER_PX..height - 1.0 - BORDER_PX).contains(&p[1])
+        let inside = |p: [f64; 2], border: f64| {
+            (border..width - 1.0 - border).contains(&p[0]) && (border..height - 1.0 - border).contains(&p[1])
         };
-        if !inside(place) {
+        if !inside(place, BORDER_PX) {
             return None;
         }
         let [x, y] = self.target.point(index);
@@ -102,10 +104,13 @@ impl Search<'_> {
         let step = (right[0] - at[0]).hypot(right[1] - at[1]).min((down[0] - at[0]).hypot(down[1] - at[1]));
         let options = RefineOptions::default();
         let marker = Marker { index, pixel: place };
-        let fitted = fit_corner(&self.pixels, self.target, &marker, &|p| map.apply(p), &options)?;
+        let (fitted, clear_px) = fit_corner(&self.pixels, self.target, &marker, &|p| map.apply(p), &options)?;
         let moved = (fitted.pixel[0] - place[0]).hypot(fitted.pixel[1] - place[1]);
-        let good =
-            moved < share * step + 0.5 && standard_deviation(&fitted.covariance) < MAX_STD_PX && inside(fitted.pixel);
+        let sharp = fitted.width_px < MAX_BLUR * clear_px;
+        let good = sharp
+            && moved < share * step + 0.5
+            && standard_deviation(&fitted.covariance) < MAX_STD_PX
+            && inside(fitted.pixel, BORDER_PX.max(2.0 * fitted.width_px));
         good.then_some(Corner { pixel: fitted.pixel, contrast: fitted.contrast })
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use depthcal_model::target::Target;
 
-use super::neighbours::{local_map, near};
+use super::neighbours::{near, prediction};
 use crate::detection::Marker;
 
 /// A marker is a stray when it is farther from its prediction than this many standard deviations of all markers.
@@ -20,9 +20,10 @@ const LIMIT_PX: f64 = 1.0;
 pub(super) fn without_strays(markers: Vec<Marker>, target: &Target) -> Vec<Marker> {
     let mut places: BTreeMap<usize, [f64; 2]> = markers.iter().map(|m| (m.index, m.pixel)).collect();
     let distance = |index: usize, places: &BTreeMap<usize, [f64; 2]>| {
-        let at = local_map(target, index, false, places)?.apply(target.point(index))?;
+        let (at, factor) = prediction(target, index, places)?;
         let pixel = places.get(&index)?;
-        Some((at[0] - pixel[0]).hypot(at[1] - pixel[1]))
+        // A prediction from one side only is not held against a marker as much as one from all sides.
+        Some((at[0] - pixel[0]).hypot(at[1] - pixel[1]) / factor)
     };
     loop {
         let far: BTreeMap<usize, f64> = places.keys().filter_map(|&i| Some((i, distance(i, &places)?))).collect();

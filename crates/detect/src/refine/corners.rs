@@ -39,7 +39,7 @@ pub fn refine_corners(
         .markers
         .par_iter()
         .map(|marker| {
-            let fitted = fit_corner(&pixels, target, marker, &|p| map.apply(p), options)?;
+            let (fitted, _) = fit_corner(&pixels, target, marker, &|p| map.apply(p), options)?;
             Some(RefinedMarker {
                 index: marker.index,
                 pixel: fitted.pixel,
@@ -55,14 +55,15 @@ pub fn refine_corners(
 }
 
 /// Fits one crossing or corner near `marker.pixel`. `pixel_from_board` maps the board (mm) to the image (px) around it;
-/// only the directions and lengths that it gives are used. `None` when there is no such corner, or the map is undefined.
+/// only the directions and lengths that it gives are used. Also returns the distance, px, within which nothing else is
+/// printed. `None` when there is no such corner, or the map is undefined.
 pub(crate) fn fit_corner(
     pixels: &Pixels,
     target: &Target,
     marker: &Marker,
     pixel_from_board: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
     options: &RefineOptions,
-) -> Option<FittedCrossing> {
+) -> Option<(FittedCrossing, f64)> {
     let p = target.point(marker.index);
     let (shape, axes, half) = surroundings(target, marker.index, options)?;
     let difference = |d: [f64; 2]| {
@@ -75,7 +76,8 @@ pub(crate) fn fit_corner(
     let axes = [difference(axes[0])?, difference(axes[1])?];
     let shortest = axes[0][0].hypot(axes[0][1]).min(axes[1][0].hypot(axes[1][1]));
     let reach = shortest.clamp(MIN_REACH_PX, options.max_corner_reach_px.max(MIN_REACH_PX));
-    fit_crossing(pixels, shape, marker.pixel, axes, reach, options.iterations)
+    let fitted = fit_crossing(pixels, shape, marker.pixel, axes, reach, options.iterations)?;
+    Some((fitted, shortest))
 }
 
 /// Appearance of a corner: its shape, the directions of its two edges on the board (right-handed; for a tag's corner

@@ -13,6 +13,7 @@ use super::marker::RefineOptions;
 use crate::board::step_mm;
 use crate::detection::Detection;
 use crate::error::DetectError;
+use crate::geometry::BoardMap;
 
 /// Diameters to start from where none is known, or the known one is wrong, over the distance of neighbouring dots.
 const STARTS: [f64; 5] = [0.65, 0.5, 0.8, 0.35, 0.25];
@@ -85,12 +86,33 @@ fn fit(
         return Ok(None);
     }
     let noise = median(refined.iter().map(|r| r.relative_noise));
-    let diameter_mm = start_mm * median(refined.iter().map(|r| r.radius_ratio));
-    let deviation = median(refined.iter().map(|r| (start_mm * r.radius_ratio - diameter_mm).abs()));
+    let diameters: Vec<f64> = refined
+        .iter()
+        .filter_map(|r| Some(unbent(start_mm * r.radius_ratio, r.blur_px, px_per_mm(&map, target.point(r.index))?)))
+        .collect();
+    if diameters.is_empty() {
+        return Ok(None);
+    }
+    let diameter_mm = median(diameters.iter().copied());
+    let deviation = median(diameters.iter().map(|d| (d - diameter_mm).abs()));
     // 1.4826: from the median deviation to the standard deviation of a normal distribution; 1.2533: from the standard
     // deviation of a mean to that of a median.
     let std_mm = 1.2533 * 1.4826 * deviation / (refined.len() as f64).sqrt();
     Ok(Some((noise, CircleDiameter { diameter_mm, std_mm, dots: refined.len() })))
+}
+
+/// The diameter (mm) of a dot, from that of the straight blurred edges fitted to it. Blur moves the middle of a bent edge
+/// inwards by σ²/(2 R), to first order in the curvature 1/R.
+fn unbent(fitted_mm: f64, blur_px: f64, px_per_mm: f64) -> f64 {
+    let radius_px = fitted_mm / 2.0 * px_per_mm;
+    fitted_mm + blur_px * blur_px / radius_px / px_per_mm
+}
+
+/// Scale of the image at a board point: the square root of the areas' ratio.
+fn px_per_mm(map: &BoardMap, [x, y]: [f64; 2]) -> Option<f64> {
+    let (at, right, down) = (map.apply([x, y])?, map.apply([x + 1.0, y])?, map.apply([x, y + 1.0])?);
+    let (a, b) = ([right[0] - at[0], right[1] - at[1]], [down[0] - at[0], down[1] - at[1]]);
+    Some((a[0] * b[1] - a[1] * b[0]).abs().sqrt()).filter(|scale| *scale > 0.0)
 }
 
 /// The upper median of at least one number.
