@@ -4,6 +4,7 @@ use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal::calibration::diagnose::examination::scores;
 use depthcal::calibration::diagnose::{DiagnoseOptions, Thresholds};
 use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
+use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
 use depthcal::model::PieceSpec;
