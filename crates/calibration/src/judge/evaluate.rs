@@ -17,7 +17,7 @@ use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, EvaluableFrame, PixelRays};
-use crate::start::{FrameMarkers, estimate_pose, refine_pose};
+use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt, refine_pose};
 
 /// Most pixels of all frames together that are kept one by one, about.
 const KEPT_PIXELS: usize = 200_000;
@@ -69,8 +69,21 @@ where
     let [least, most] = KEPT_OF_A_FRAME;
     let kept_pixels = (KEPT_PIXELS / capture.frames.len().max(1)).clamp(least, most);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels };
-    let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> =
-        capture.frames.par_iter().map(|frame| evaluation.of_frame(frame.as_ref(), frame.known_pose())).collect();
+    let poses: Vec<Result<PoseFit, StartError>> =
+        capture.frames.par_iter().map(|frame| evaluation.pose(frame.as_ref(), frame.known_pose())).collect();
+    // Errors of the markers are those of the median frame: few markers fit any pose.
+    let mut rms_px: Vec<f64> = poses.iter().flatten().map(|p| p.rms_px).collect();
+    let sigma_px = upper_median(&mut rms_px).unwrap_or(0.0) / std::f64::consts::SQRT_2;
+    let frame = |(frame, pose): (&F, Result<PoseFit, StartError>)| {
+        let frame = frame.as_ref();
+        let dropped = |reason: String| DroppedFrame { name: frame.name.clone(), reason };
+        let pose = pose.map_err(|e| dropped(e.to_string()))?.camera_from_board;
+        match pose_doubt(camera, &capture.target, &markers_of(frame), &pose, sigma_px) {
+            Some(doubt) => Err(dropped(doubt.to_string())),
+            None => Ok(evaluation.of_frame(frame, pose)),
+        }
+    };
+    let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> = capture.frames.par_iter().zip(poses).map(frame).collect();
     let mut evaluated = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: capture.dropped.clone() };
     for frame in frames {
         match frame {
@@ -91,16 +104,15 @@ struct Evaluation<'a, F> {
 }
 
 impl<F> Evaluation<'_, F> {
-    fn of_frame(&self, frame: &DetectedFrame, known: Option<&Isometry3<f64>>) -> Result<EvaluatedFrame, DroppedFrame> {
+    /// The pose from the image alone, searched from a known one where there is one.
+    fn pose(&self, frame: &DetectedFrame, known: Option<&Isometry3<f64>>) -> Result<PoseFit, StartError> {
         let target = &self.capture.target;
-        let markers = FrameMarkers { name: &frame.name, markers: &frame.markers };
         let refined = known.and_then(|pose| refine_pose(self.camera, target, &frame.markers, pose));
-        let fit = match refined {
-            Some(fit) => fit,
-            None => estimate_pose(self.camera, target, &markers)
-                .map_err(|e| DroppedFrame { name: frame.name.clone(), reason: e.to_string() })?,
-        };
-        let pose = fit.camera_from_board;
+        refined.map_or_else(|| estimate_pose(self.camera, target, &markers_of(frame)), Ok)
+    }
+
+    fn of_frame(&self, frame: &DetectedFrame, pose: Isometry3<f64>) -> EvaluatedFrame {
+        let target = &self.capture.target;
         let reprojection = frame
             .markers
             .iter()
@@ -146,7 +158,7 @@ impl<F> Evaluation<'_, F> {
             .zip(points(&kept))
             .filter_map(|(before, after)| Some([dot_distance(&before?), dot_distance(&after?)]))
             .collect();
-        Ok(EvaluatedFrame {
+        EvaluatedFrame {
             name: frame.name.clone(),
             camera_from_board: pose,
             reprojection,
@@ -156,7 +168,7 @@ impl<F> Evaluation<'_, F> {
             outliers,
             outlier_limit_mm,
             uncorrectable: found - kept.len(),
-        })
+        }
     }
 
     /// The pixels with their corrected depth; `None` where the camera cannot correct it.
@@ -182,6 +194,10 @@ impl<F> Evaluation<'_, F> {
         let on_board = surface.plane().to_board(ray, board_depth_mm);
         Some(BoardPixel { depth_mm: 1.0 / rho, board_depth_mm, board: [on_board.x, on_board.y], ray, ..*p })
     }
+}
+
+fn markers_of(frame: &DetectedFrame) -> FrameMarkers<'_> {
+    FrameMarkers { name: &frame.name, markers: &frame.markers }
 }
 
 /// A key of a pixel's place.
