@@ -1,8 +1,10 @@
-//! The register and the progress bars that the commands of one run share.
+//! The register, the progress bars and the clock that the commands of one run share.
 
 use depthcal_calibration::calibrate::CalibrateOptions;
+use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+use depthcal_calibration::observe::{Capture, EvaluableFrame};
 use depthcal_calibration::progress::ProgressHandle;
-use depthcal_model::{ModelSpec, PieceSpec, Register};
+use depthcal_model::{Camera, ModelSpec, PieceSpec, Register};
 
 use super::failure::Failure;
 use crate::progress::Bars;
@@ -12,7 +14,7 @@ use crate::progress::Bars;
 pub(crate) struct Session {
     /// Pieces of depthcal and of the program that runs the command line.
     pub(crate) register: Register,
-    /// Bars on terminals.
+    /// Bars on terminals, and the times of the run's stages.
     pub(crate) progress: ProgressHandle,
 }
 
@@ -32,6 +34,12 @@ impl Session {
         let effect =
             |text: &String| self.register.piece_spec(text).map_err(|e| Failure::Input(format!("--with {text}: {e}")));
         texts.iter().map(effect).collect()
+    }
+
+    /// Evaluates a camera on all frames of a capture, as a stage of the run.
+    pub(crate) fn evaluate<F: EvaluableFrame>(&self, camera: &Camera, capture: &Capture<F>) -> Evaluated {
+        let _stage = self.progress.stage("evaluation");
+        evaluate(camera, capture)
     }
 
     /// Default options of a fit with this session's pieces and progress.

@@ -69,7 +69,10 @@ pub fn calibrate_depth(
             let (capture, correlation) = sample(capture, &camera, options)?;
             joint(capture, correlation, camera, noise, depth_blocks, options)
         }
-        other => Ok(estimate(from_image, depth_blocks, other)?),
+        other => {
+            let _stage = options.progress.stage("estimating D from markers");
+            Ok(estimate(from_image, depth_blocks, other)?)
+        }
     }
 }
 

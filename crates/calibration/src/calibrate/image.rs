@@ -31,6 +31,7 @@ pub fn calibrate_image(
     capture: &Capture,
     options: &CalibrateOptions,
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    let _stage = options.progress.stage("image calibration");
     let mut capture = capture.clone();
     capture.frames.retain(|frame| {
         let enough = frame.markers.len() >= FEWEST_MARKERS;
