@@ -183,8 +183,8 @@ fn left_out(pool: &Pool<'_>, add: &mut impl FnMut(Level, &'static str, String)) 
         named.push(count(large - MOST_NAMED, "more frame"));
     }
     let answer = format!(
-        "No: a large share of the board's pixels was left out in {}. Look there for something in front of the board, for markers \
-         that are not on the board's edge but beyond it, and for reflections.",
+        "No: a large share of the board's pixels was left out in {}. Look there for something in front of the board, at the board's \
+         edge, and for reflections.",
         join(&named)
     );
     add(Level::Care, "Is all that was measured on the board the board?", answer);
