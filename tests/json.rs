@@ -12,6 +12,13 @@ fn json(arguments: &[&str]) -> (Value, String) {
     (serde_json::from_str(&stdout(&output)).unwrap(), stderr(&output))
 }
 
+/// The stages of a run; the time of each is a positive number.
+fn stages(value: &Value) -> Vec<String> {
+    let stages = value["stages"].as_array().unwrap_or_else(|| panic!("no stages: {value}"));
+    assert!(stages.iter().all(|s| s["seconds"].as_f64().unwrap() > 0.0), "{stages:?}");
+    stages.iter().map(|s| s["stage"].as_str().unwrap().to_owned()).collect()
+}
+
 #[test]
 fn calibrate_evaluate_diagnose_and_compare() {
     let folder = Folder::new();
@@ -30,16 +37,36 @@ fn calibrate_evaluate_diagnose_and_compare() {
     assert!(words.contains("the board was found in"), "{words}");
     assert!(value["calibration"]["camera"]["pieces"].as_array().unwrap().len() >= 3);
     assert!(value["datasets"][0]["depth_rms_mm"]["after"].as_f64().unwrap() > 0.0);
+    let stages = stages(&value);
+    for stage in
+        ["reading images", "looking for boards", "image calibration", "joint adjustment", "evaluation", "report"]
+    {
+        assert_eq!(stages.iter().filter(|s| *s == stage).count(), 1, "{stage} in {stages:?}");
+    }
+    assert!(!words.contains("joint adjustment"), "silent without -v: {words}");
     for path in value["written"].as_array().unwrap() {
         assert!(std::path::Path::new(path.as_str().unwrap()).is_file(), "{path}");
     }
 
     let calibration = format!("{result}/calibration.json");
-    let (value, _) = json(&["evaluate", &calibration, &other, "--out", &folder.arg("check")]);
+    let (value, words) = json(&["evaluate", &calibration, &other, "-v", "--out", &folder.arg("check")]);
+    let stages_of_evaluation = stages(&value);
+    assert!(stages_of_evaluation.iter().any(|s| s == "evaluation"), "{stages_of_evaluation:?}");
+    let table = words.split_once("stage  ").expect("a table with -v").1;
+    assert!(stages_of_evaluation.iter().all(|s| table.contains(s.as_str())), "{words}");
+    assert!(words.contains("INFO evaluation: ") && table.contains("everything else"), "{words}");
+    let html = std::fs::read_to_string(folder.path("check/report.html")).unwrap();
+    assert!(html.contains("until this report") && html.contains("<th scope=\"row\">evaluation</th>"));
+    let evaluation = std::fs::read_to_string(folder.path("check/evaluation.json")).unwrap();
+    assert!(!evaluation.contains("stages") && !evaluation.contains("seconds"), "files have no times");
     assert_eq!(value["frames"][0]["dataset"], "other");
     assert_eq!(value["datasets"][0]["name"], "other");
 
     let (value, _) = json(&["diagnose", &captures, "--verify", &other, "--out", &folder.arg("diagnosed")]);
+    let rounds = stages(&value);
+    for part in ["round 1: examining", "round 1: fitting", "judging on held-out frames", "separability"] {
+        assert!(rounds.iter().any(|s| s.contains(part)), "{part} in {rounds:?}");
+    }
     let diagnosis = &value["diagnosis"];
     assert_eq!(diagnosis["steps"][0]["effects"][0], "cyclic_depth", "{diagnosis}");
     assert_eq!(diagnosis["separability"]["effects"][0], "cyclic_depth");

@@ -15,7 +15,8 @@
 //! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
 //! | fits as records for files | [`calibration_record`] |
 //!
-//! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options.
+//! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options, whose handle also measures
+//! the time of every stage ([`stage_clock`]).
 
 pub mod adjust;
 pub mod calibrate;
@@ -29,4 +30,5 @@ pub mod observe;
 pub mod progress;
 #[cfg(any(test, feature = "simulate"))]
 pub mod simulated;
+pub mod stage_clock;
 pub mod start;

@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     /// Writes the result as JSON to standard output; messages go to standard error.
     #[arg(long, global = true)]
     pub(super) json: bool,
-    /// More log messages (-v: info, -vv: debug).
+    /// More log messages (-v: info, and the time of every stage; -vv: debug).
     #[arg(long, short, global = true, action = clap::ArgAction::Count)]
     pub(super) verbose: u8,
 }

@@ -19,7 +19,6 @@ use crate::progress::Progress;
 use depthcal_calibration::adjust::smoothness_prior::indices;
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use depthcal_calibration::judge::cross_validation::{cross_validate, split};
-use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::declared_camera;
@@ -134,10 +133,10 @@ impl Calibrate {
         let result = calibrate(&fitted, &options)?;
         drop(busy);
         print_parameters(&result);
-        let fitted = evaluate(&result.camera, &result.capture);
+        let fitted = session.evaluate(&result.camera, &result.capture);
         let mut datasets = vec![fitted.record()];
         let held_out = match (&held, self.cross_validate) {
-            (Some(held), _) => Some(("held out", evaluate(&result.camera, held))),
+            (Some(held), _) => Some(("held out", session.evaluate(&result.camera, held))),
             (None, Some(folds)) => {
                 let how = if self.blocks { Parts::Blocks } else { Parts::Interleaved };
                 Some(("cross-validated", cross_validate(&result, usize::from(folds), how, &options)?))
@@ -159,12 +158,13 @@ impl Calibrate {
         let report = ReportInput {
             title: result.capture.name.clone(),
             command_line: command_line(),
+            stages: session.progress.stage_times(),
             calibrated: Some(&result),
             evaluations: &shown,
             diagnosis: None,
             story: &[],
         };
-        let report = write_report(&report, &self.output.out)?;
+        let report = write_report(&report, session, &self.output.out)?;
         say!("written: {} and {}", written.display(), report.display());
         // A recording is of one camera; cross-validation has one for every part.
         let detected = result.capture.detected();

@@ -113,7 +113,8 @@ pub(super) fn write_calibration(
 }
 
 /// Writes `report.html` into a folder; returns its path.
-pub(super) fn write_report(report: &ReportInput<'_>, out: &Path) -> Result<PathBuf, Failure> {
+pub(super) fn write_report(report: &ReportInput<'_>, session: &Session, out: &Path) -> Result<PathBuf, Failure> {
+    let _stage = session.progress.stage("report");
     let html = render(report).map_err(input)?;
     let path = out.join("report.html");
     write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;

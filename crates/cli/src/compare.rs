@@ -99,12 +99,13 @@ impl Compare {
         let busy = Progress::busy("comparing models");
         let comparison = compare(&train.capture, &captures, &options).map_err(input)?;
         // Fitted again for its maps in the report: the comparison keeps no cameras.
+        let stage = session.progress.stage("fitting the best model");
         let best = comparison.models.first().filter(|m| m.failed.is_none()).and_then(|best| {
             let model = session.register.model_spec(&best.model).ok()?;
             let options = CalibrateOptions { model, ..options.calibrate.clone() };
             calibrate(&train.capture, &options).ok()
         });
-        drop(busy);
+        drop((stage, busy));
         let tables = tables(&comparison);
         for table in &tables {
             say!("\n{}\n{}", table.title, table.text);
@@ -114,9 +115,12 @@ impl Compare {
         }
         let path = self.output.file("comparison.json");
         comparison.write(&path).map_err(input)?;
-        let html = render_comparison(&comparison, &tables, best.as_ref(), &command_line()).map_err(input)?;
+        let times = session.progress.stage_times();
+        let stage = session.progress.stage("report");
+        let html = render_comparison(&comparison, &tables, best.as_ref(), &command_line(), &times).map_err(input)?;
         let report = self.output.file("report.html");
         write_atomically(&report, |file| file.write_all(html.as_bytes())).map_err(input)?;
+        drop(stage);
         say!("written: {} and {}", path.display(), report.display());
         if comparison.models.iter().all(|m| m.failed.is_some()) {
             return Err(Failure::Untrusted(comparison.verdict.join(" ")));

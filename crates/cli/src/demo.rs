@@ -41,8 +41,8 @@ impl Demo {
         clear(&captures)?;
         let (fitted, other) = (captures.join("general1"), captures.join("general2"));
         say!("rendering two captures of a camera with {EFFECT}, which the declared model lacks");
-        render(&fitted, Kind::General(1))?;
-        render(&other, Kind::General(2))?;
+        render(&fitted, Kind::General(1), session)?;
+        render(&other, Kind::General(2), session)?;
 
         let reading = Reading { refresh: false, no_cache: true };
         let (loaded, judge) = (reading.load(&fitted, session)?, reading.load(&other, session)?);
@@ -68,10 +68,11 @@ fn story() -> Vec<String> {
     )]
 }
 
-fn render(folder: &Path, kind: Kind) -> Result<(), Failure> {
+fn render(folder: &Path, kind: Kind, session: &Session) -> Result<(), Failure> {
     let camera = CameraTruth::published(1).map_err(input)?;
     let effect = Effect::new(EFFECT, SIZE_MM).map_err(input)?;
     let _busy = Progress::busy("rendering");
+    let _stage = session.progress.stage("rendering");
     Simulation::new(camera, kind, &[effect], SEED).write_dataset(folder).map_err(input)?;
     Ok(())
 }

@@ -15,7 +15,6 @@ use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
-use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::load::{Loaded, declared_camera};
 use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text};
@@ -96,7 +95,7 @@ impl Diagnose {
             story: Vec::new(),
         };
         let mut result = tell(&d, &loaded, told, session, &self.output.out)?;
-        let fitted = evaluate(&d.last.camera, &d.last.capture);
+        let fitted = session.evaluate(&d.last.camera, &d.last.capture);
         let detected = d.last.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         // Held-out frames of the dataset itself were evaluated with several cameras.
@@ -132,13 +131,15 @@ pub(super) fn tell(
 ) -> Result<Value, Failure> {
     let mut record = to_file(d, loaded.reference.clone(), told.model);
     // The matrix is optional in the record; the diagnosis itself has linearised the same model.
+    let stage = session.progress.stage("separability");
     record.separability = separability(d, &session.register).ok();
+    drop(stage);
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
     say!("\n{}", diagnosis_text(&record));
     let file = out.join("diagnosis.json");
     record.write(&file).map_err(input)?;
-    let fitted = evaluate(&d.last.camera, &d.last.capture);
+    let fitted = session.evaluate(&d.last.camera, &d.last.capture);
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
     let calibration = write_calibration(&d.last, &fitted, loaded, vec![fitted.record(), held_out], out)?;
@@ -150,12 +151,13 @@ pub(super) fn tell(
     let report = ReportInput {
         title: told.title,
         command_line: told.command_line,
+        stages: session.progress.stage_times(),
         calibrated: Some(&d.last),
         evaluations: &shown,
         diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated, register: &session.register }),
         story: &told.story,
     };
-    let report = write_report(&report, out)?;
+    let report = write_report(&report, session, out)?;
     say!("written: {} and {}", file.display(), report.display());
     let capture = &d.last.capture;
     let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);

@@ -15,7 +15,6 @@ use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::judge::table::table;
 use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportInput, Role};
@@ -69,7 +68,7 @@ impl Evaluate {
                 Role::Other
             };
             let busy = Progress::busy("measuring");
-            let evaluated = evaluate(&camera, &loaded.capture);
+            let evaluated = session.evaluate(&camera, &loaded.capture);
             drop(busy);
             print_not_evaluated(&evaluated, &loaded.capture.dropped);
             frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
@@ -92,12 +91,13 @@ impl Evaluate {
         let report = ReportInput {
             title: format!("Evaluation of {}", self.calibration.display()),
             command_line: command_line(),
+            stages: session.progress.stage_times(),
             calibrated: None,
             evaluations: &shown,
             diagnosis: None,
             story: &[],
         };
-        let report = write_report(&report, &self.output.out)?;
+        let report = write_report(&report, session, &self.output.out)?;
         say!("written: {} and {}", path.display(), report.display());
         let recorded: Vec<_> = all.iter().map(|(evaluated, _, capture)| (capture, evaluated)).collect();
         let recording = self.recording.write(&camera, &recorded)?;

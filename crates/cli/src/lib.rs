@@ -13,7 +13,7 @@
 //! ```
 //!
 //! One file per command, a folder for `apply`. `arguments` has the list of commands, `common` the options and files that
-//! several share, `session` the register and the progress bars of one run. `voice` is the only module that writes to standard
+//! several share, `session` the register, the progress bars and the clock of one run. `voice` is the only module that writes to standard
 //! output or standard error, except for progress bars (`progress`) and log messages (`tracing`).
 
 mod apply;
@@ -34,6 +34,7 @@ mod recording;
 mod run;
 mod session;
 mod simulate;
+mod stage_table;
 mod voice;
 
 pub use run::run;

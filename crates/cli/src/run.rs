@@ -10,6 +10,7 @@ use tracing_subscriber::EnvFilter;
 use super::arguments::Arguments;
 use super::failure::Failure;
 use super::session::Session;
+use super::stage_table::{seconds_of, stage_table};
 use super::voice;
 
 /// Runs the program: parses the arguments of the process, runs the command with the pieces of `register`, writes messages and
@@ -41,7 +42,8 @@ pub fn run(register: Register) -> ExitCode {
     }
     voice::keep_stdout_for_json(arguments.json);
     let name = arguments.command.name();
-    let (code, mut value) = match arguments.command.run(&Session::new(register)) {
+    let session = Session::new(register);
+    let (code, mut value) = match arguments.command.run(&session) {
         Ok(value) => (0, value),
         Err(failure) => {
             let (kind, code, message) = match failure {
@@ -52,7 +54,12 @@ pub fn run(register: Register) -> ExitCode {
             (code, json!({ "error": message }))
         }
     };
+    let times = session.progress.stage_times();
+    if tracing::enabled!(tracing::Level::INFO) && !times.stages.is_empty() {
+        voice::note_line(format_args!("{}", stage_table(&times)));
+    }
     if !value.is_null() {
+        value["stages"] = json!(times.stages.iter().map(seconds_of).collect::<Vec<_>>());
         value["command"] = json!(name);
         value["exit_code"] = json!(code);
         voice::result(&value);

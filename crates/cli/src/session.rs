@@ -1,10 +1,12 @@
-//! The register and the progress bars that the commands of one run share.
+//! The register, the progress bars and the clock that the commands of one run share.
 
 use std::fmt::Display;
 
 use depthcal_calibration::calibrate::{CalibrateOptions, HeldError, HeldParameter};
+use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+use depthcal_calibration::observe::{Capture, EvaluableFrame};
 use depthcal_calibration::progress::ProgressHandle;
-use depthcal_model::{ModelSpec, PieceSpec, Register};
+use depthcal_model::{Camera, ModelSpec, PieceSpec, Register};
 
 use super::failure::Failure;
 use crate::progress::Bars;
@@ -18,7 +20,7 @@ pub(super) const LENSES: [&str; 6] =
 pub(crate) struct Session {
     /// Pieces of depthcal and of the program that runs the command line.
     pub(crate) register: Register,
-    /// Bars on terminals.
+    /// Bars on terminals, and the times of the run's stages.
     pub(crate) progress: ProgressHandle,
 }
 
@@ -44,6 +46,12 @@ impl Session {
             }
         }
         Ok((effects, held))
+    }
+
+    /// Evaluates a camera on all frames of a capture, as a stage of the run.
+    pub(crate) fn evaluate<F: EvaluableFrame>(&self, camera: &Camera, capture: &Capture<F>) -> Evaluated {
+        let _stage = self.progress.stage("evaluation");
+        evaluate(camera, capture)
     }
 
     /// Default options of a fit with this session's pieces and progress.

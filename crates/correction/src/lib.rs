@@ -36,7 +36,8 @@
 //!
 //! - Corrected depth stays at its pixel of the depth image. Pieces at the hook `pixel` change the ray that belongs to a
 //!   depth pixel; no value is moved to another pixel.
-//! - Invalid depth stays invalid: 0, and for f32 also negative, infinite and NaN, become 0 in images and NaN in points.
+//! - Invalid depth stays invalid: 0 and 65535, which cameras write where they measure nothing, and for f32 also negative,
+//!   infinite and NaN, become 0 in images and NaN in points.
 //! - A pixel without a ray, or with a depth that the model cannot invert, becomes invalid and is counted
 //!   ([`CorrectionSummary::not_correctable`]).
 //! - A result beyond the range of its type is set to the nearest end of that range. It never wraps.

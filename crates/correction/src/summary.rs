@@ -10,7 +10,7 @@ pub struct CorrectionSummary {
     pub corrected: usize,
     /// Corrected pixels whose depth lies beyond the range of the output type and was set to the nearest end of it.
     pub saturated: usize,
-    /// Pixels without a measured depth.
+    /// Pixels without a measured depth: 0 or 65535 in images of 16 bits.
     pub invalid: usize,
     /// Pixels with a measured depth but no corrected one: they have no ray, or the model has no inverse there.
     pub not_correctable: usize,

@@ -5,6 +5,7 @@ use super::format::join;
 use super::format::{count, fixed, number};
 use super::headline::{Direction, direction};
 use super::input::{ReportInput, Role};
+use super::left_out::sentence;
 use super::leftover::Leftover;
 use super::pool::Pool;
 
@@ -51,6 +52,10 @@ const COVERED: f64 = 0.7;
 const DEPTH_RATIO: f64 = 1.5;
 /// Tilt of the board, degrees, below which focal length and distance are hardly separable.
 const TILT: f64 = 20.0;
+/// Share of a frame's board pixels above which their being left out is worth a look at the frame.
+const MUCH_LEFT_OUT: f64 = 0.05;
+/// Most frames that are named.
+const MOST_NAMED: usize = 5;
 const IMAGE_COVERED: &str = "Is the image covered?";
 const RANGE_COVERED: &str = "Is the range of distances covered?";
 const BOARDS_TILTED: &str = "Were the boards tilted?";
@@ -130,6 +135,7 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
             add(level, "Were there many outliers?", answer);
         }
     }
+    left_out(&Pool::of(input, |_| true), &mut add);
     let dropped: usize = super::tables::dropped(input).len();
     let used = input.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(input, |_| true).frames.len());
     let share = dropped as f64 / (dropped + used).max(1) as f64;
@@ -146,6 +152,42 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
     }
     list.sort_by_key(|c| std::cmp::Reverse(c.level));
     list
+}
+
+/// Frames of which a large part of the board was left out, the worst first, and what to look for there.
+fn left_out(pool: &Pool<'_>, add: &mut impl FnMut(Level, &'static str, String)) {
+    let Some(all) = pool.outliers() else { return };
+    // Frames of a cross-validation are those of the fit once more.
+    let mut frames: Vec<(&str, f64)> = Vec::new();
+    for f in &pool.frames {
+        let share = f.frame.outlier_share();
+        match frames.iter_mut().find(|(name, _)| *name == f.frame.name) {
+            Some((_, most)) => *most = most.max(share),
+            None => frames.push((&f.frame.name, share)),
+        }
+    }
+    frames.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let large = frames.iter().filter(|f| f.1 > MUCH_LEFT_OUT).count();
+    if large == 0 {
+        let worst = frames.first().filter(|f| f.1 > 0.0);
+        let most = worst.map_or_else(String::new, |w| {
+            format!(" At most {} of a frame's ({}).", super::left_out::share(Some(w.1)), w.0)
+        });
+        add(Level::Good, "Is all that was measured on the board the board?", sentence(&all) + &most);
+        return;
+    }
+    let named =
+        frames[..large.min(MOST_NAMED)].iter().map(|f| format!("{} ({})", f.0, super::left_out::share(Some(f.1))));
+    let mut named: Vec<String> = named.collect();
+    if large > MOST_NAMED {
+        named.push(count(large - MOST_NAMED, "more frame"));
+    }
+    let answer = format!(
+        "No: a large share of the board's pixels was left out in {}. Look there for something in front of the board, at the board's \
+         edge, and for reflections.",
+        join(&named)
+    );
+    add(Level::Care, "Is all that was measured on the board the board?", answer);
 }
 
 fn coverage(input: &ReportInput<'_>, image: &Image, add: &mut impl FnMut(Level, &'static str, String)) {

@@ -8,12 +8,16 @@ use super::content::Content;
 use super::format::{fixed, interval, number, percent, pieces};
 use super::html::escape;
 use super::input::ReportError;
+use super::left_out::share;
+use super::made::made;
 use super::{figures, page};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::compare::tables::Table;
+use depthcal_calibration::stage_clock::StageTimes;
 
 /// Renders a comparison as one self-contained HTML file. `tables` are the comparison's tables, the ranking first; `best` is
-/// the best model fitted to all training frames, whose correction is shown as maps; `command` is shown below the heading.
+/// the best model fitted to all training frames, whose correction is shown as maps; `command` and the times of its stages are shown
+/// below the heading.
 ///
 /// # Errors
 ///
@@ -23,6 +27,7 @@ pub fn render_comparison(
     tables: &[Table],
     best: Option<&Calibrated>,
     command: &str,
+    stages: &StageTimes,
 ) -> Result<String, ReportError> {
     if c.models.is_empty() {
         return Err(ReportError::Nothing);
@@ -45,7 +50,7 @@ pub fn render_comparison(
         content.close();
     }
     thesis(&mut content, c, tables);
-    page::render(&format!("Depth models on {}", c.train), command, &content)
+    page::render(&format!("Depth models on {}", c.train), &made(command, stages), &content)
 }
 
 fn first_screen(content: &mut Content, c: &Comparison) {
@@ -93,7 +98,7 @@ fn ranked(content: &mut Content, c: &Comparison) {
         if let Some(reason) = &m.failed {
             let _ = writeln!(
                 rows,
-                "<tr><th scope=\"row\"><code>{name}</code></th><td colspan=\"7\" class=\"text bad\">no fit: {}</td></tr>",
+                "<tr><th scope=\"row\"><code>{name}</code></th><td colspan=\"8\" class=\"text bad\">no fit: {}</td></tr>",
                 escape(reason)
             );
             continue;
@@ -104,12 +109,13 @@ fn ranked(content: &mut Content, c: &Comparison) {
         let _ = writeln!(
             rows,
             "<tr><th scope=\"row\"><code>{name}</code>{worse}</th><td>{} <span class=\"interval\">of {}</span></td>\
-             {}{}{}{}<td>{}</td><td>{}</td></tr>",
+             {}{}{}<td>{}</td>{}<td>{}</td><td>{}</td></tr>",
             fixed(m.effective_parameters, 1),
             m.parameters,
             show(held.dot_error_mm),
             show(held.plane_error_mm),
             show(held.depth_rms_mm),
+            escape(&share(m.left_out_share())),
             show(m.worse_than_best_mm),
             criterion(m.aic),
             criterion(m.bic),
@@ -119,7 +125,7 @@ fn ranked(content: &mut Content, c: &Comparison) {
         content.body,
         "<div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th scope=\"col\">model</th><th scope=\"col\">effective \
          parameters</th><th scope=\"col\">dot error / mm</th><th scope=\"col\">plane error / mm</th><th scope=\"col\">depth error, \
-         rms / mm</th><th scope=\"col\">dot error minus that of the best / mm</th><th scope=\"col\">ΔAIC</th><th \
+         rms / mm</th><th scope=\"col\">left out</th><th scope=\"col\">dot error minus that of the best / mm</th><th scope=\"col\">ΔAIC</th><th \
          scope=\"col\">ΔBIC</th></tr></thead><tbody>{rows}</tbody></table></div>"
     );
     let refused: Vec<String> = c

@@ -1,5 +1,6 @@
 //! The content of a page while it is put together: HTML, navigation and figures.
 
+use rayon::prelude::*;
 use serde_json::Value;
 
 use super::figures::Figure;
@@ -13,7 +14,31 @@ pub(super) struct Content {
     pub figures: Vec<Value>,
 }
 
+/// What adds one or more sections to a page.
+pub(super) type Section<'a> = Box<dyn Fn(&mut Content) + Send + Sync + 'a>;
+
 impl Content {
+    /// Sections in the given order, drawn on all threads of the current pool.
+    pub(super) fn of(sections: &[Section<'_>]) -> Self {
+        let drawn: Vec<Self> = sections
+            .par_iter()
+            .map(|section| {
+                let mut content = Self::default();
+                section(&mut content);
+                content
+            })
+            .collect();
+        drawn.into_iter().fold(Self::default(), Self::followed_by)
+    }
+
+    /// This content and then another.
+    pub(super) fn followed_by(mut self, other: Self) -> Self {
+        self.body += &other.body;
+        self.navigation += &other.navigation;
+        self.figures.extend(other.figures);
+        self
+    }
+
     /// Begins a section with its entry in the navigation; `intro` is HTML.
     pub(super) fn open(&mut self, id: &str, [short, title]: [&str; 2], intro: &str) {
         self.navigation += &format!("<li><a href=\"#{id}\">{short}</a></li>\n");

@@ -61,6 +61,9 @@ impl Image {
     }
 }
 
+/// The value of a quantity at a pixel.
+type Value = Box<dyn Fn(&PixelError) -> f64 + Send + Sync>;
+
 /// A quantity that an error may depend on.
 pub(super) struct Covariate {
     /// Identifier in the page, such as `depth` in `against-depth`.
@@ -70,13 +73,13 @@ pub(super) struct Covariate {
     pub unit: &'static str,
     /// What it is, and what a dependence on it indicates.
     pub hint: &'static str,
-    pub value: Box<dyn Fn(&PixelError) -> f64>,
+    pub value: Value,
 }
 
 /// All covariates. Data in which one is unknown or constant have no axis for it.
 pub(super) fn all(image: &Image) -> Vec<Covariate> {
     let centre = image.centre;
-    let new = |id, name, unit, hint, value: Box<dyn Fn(&PixelError) -> f64>| Covariate { id, name, unit, hint, value };
+    let new = |id, name, unit, hint, value: Value| Covariate { id, name, unit, hint, value };
     vec![
         new(
             "depth",

@@ -56,7 +56,9 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
         };
         let depth_mm = pixels.iter().map(|p| p.board_depth_mm).sum::<f64>() / pixels.len() as f64;
         let noise = c.noise.depth.sigma(1.0 / depth_mm) * depth_mm.powi(2);
-        let mean = noise * (apart * apart / pixels.len() as f64).sqrt().min(1.0);
+        // The kept pixels are scattered over all of the frame's: as many are independent as fit their distance, at most all kept.
+        let independent = (frame.frame.depth.pixels as f64 / (apart * apart)).min(pixels.len() as f64).max(1.0);
+        let mean = noise / independent.sqrt();
         let value = median(&mut pixels.iter().map(|p| p.after_mm).collect::<Vec<_>>());
         let allowed = (mean.powi(2) + (sigma_px * pose).powi(2) + fit.powi(2)).sqrt();
         if allowed.is_finite() && allowed > 0.0 {

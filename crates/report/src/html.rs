@@ -21,6 +21,11 @@ pub(super) fn script_json(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }
 
+/// Keeps numbers and units on one line.
+pub(super) fn tie(text: &str) -> String {
+    [" mm", " px", " %"].iter().fold(text.to_owned(), |t, unit| t.replace(unit, &unit.replace(' ', "\u{a0}")))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,6 +2,7 @@
 
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::judge::evaluate::Evaluated;
+use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_io::DiagnosisFile;
 use depthcal_model::Register;
 use thiserror::Error;
@@ -65,6 +66,8 @@ pub struct ReportInput<'a> {
     pub title: String,
     /// The command that made the report; shown below the heading.
     pub command_line: String,
+    /// How long its stages took, up to the report; shown below the command. Nothing is shown where there are none.
+    pub stages: StageTimes,
     /// The calibration.
     pub calibrated: Option<&'a Calibrated>,
     /// Evaluated datasets, in the order in which they are shown.

@@ -10,7 +10,7 @@
 //! The page loads nothing from the network: its figures are drawn by plotly.js, which ships inside the `plotly` crate and
 //! is written into the page, and a content security policy forbids the page to load anything. Every number and sentence is
 //! in the HTML itself and readable without scripts. The same input gives the same bytes: nothing depends on the time of
-//! day, and resampling has a fixed seed.
+//! day, resampling has a fixed seed, and times of stages are those that the caller gives.
 //!
 //! Intervals come from resampling whole frames: pixels of a frame share the error of its pose and are correlated with
 //! their neighbours, so a frame counts as one observation.
@@ -34,7 +34,9 @@ mod frame_noise;
 mod headline;
 mod html;
 mod input;
+mod left_out;
 mod leftover;
+mod made;
 mod page;
 mod parameters;
 mod pool;

@@ -18,15 +18,10 @@ fn library() -> Option<String> {
     (!script.trim().is_empty()).then(|| script.to_owned())
 }
 
-/// The whole file: the template filled with a title, the command line, and content.
-pub(super) fn render(title: &str, command_line: &str, content: &Content) -> Result<String, ReportError> {
+/// The whole file: the template filled with a title, how the page was made (HTML), and content.
+pub(super) fn render(title: &str, made: &str, content: &Content) -> Result<String, ReportError> {
     let library = library().ok_or(ReportError::NoScript)?;
     let title = if title.trim().is_empty() { "Calibration report" } else { title.trim() };
-    let command = if command_line.is_empty() {
-        String::new()
-    } else {
-        format!("<p class=\"command\"><code>{}</code></p>", escape(command_line))
-    };
     let figures = script_json(&Value::Array(content.figures.clone()));
     let escaped = escape(title);
     // One pass over the template, so that nothing inside the content can be taken for a placeholder.
@@ -34,7 +29,7 @@ pub(super) fn render(title: &str, command_line: &str, content: &Content) -> Resu
         match name {
             "title" => &escaped,
             "style" => STYLE,
-            "command" => &command,
+            "made" => made,
             "navigation" => &content.navigation,
             "body" => &content.body,
             "library" => &library,

@@ -3,7 +3,8 @@
 use super::input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
 use super::statistics::{Change, Kind, Total, change, estimate};
 use depthcal_calibration::judge::depth_errors::{PixelError, Sums};
-use depthcal_calibration::judge::evaluate::EvaluatedFrame;
+use depthcal_calibration::judge::evaluate::{EvaluatedFrame, outliers};
+use depthcal_io::Outliers;
 use depthcal_statistics::Estimate;
 
 /// A frame with its dataset and role.
@@ -97,6 +98,11 @@ impl<'a> Pool<'a> {
         let before = self.totals(|f| total(f, &f.depth.depth.before));
         let after = self.totals(|f| total(f, &f.depth.depth.after));
         change(&before, &after, Kind::Rms)
+    }
+
+    /// Board pixels of these frames that were left out of the errors of depth; `None` without depth.
+    pub(super) fn outliers(&self) -> Option<Outliers> {
+        outliers(self.frames.iter().map(|f| f.frame))
     }
 
     /// Root mean square reprojection error, px, and the number of frames.

@@ -1,6 +1,7 @@
 //! The report of a calibration or an evaluation.
 
 use super::input::{ReportError, ReportInput};
+use super::made::made;
 use super::{page, sections};
 
 /// Renders a report as one self-contained HTML file.
@@ -20,5 +21,5 @@ pub fn render(input: &ReportInput<'_>) -> Result<String, ReportError> {
     if input.calibrated.is_none() && !evaluated {
         return Err(ReportError::Nothing);
     }
-    page::render(&input.title, &input.command_line, &sections::content(input))
+    page::render(&input.title, &made(&input.command_line, &input.stages), &sections::content(input))
 }

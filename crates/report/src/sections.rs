@@ -1,11 +1,13 @@
 //! The sections of a report, from top to bottom.
 
-use super::content::Content;
+use rayon::prelude::*;
+
+use super::content::{Content, Section};
 use super::covariates::{Image, all};
 use super::diagnosis::sentences::left_over;
 use super::figures::{self, Figure};
 use super::format::{count, number, p_value};
-use super::html::escape;
+use super::html::{escape, tie};
 use super::input::{ReportDiagnosis, ReportInput, Role};
 use super::leftover::{Leftover, tested_frames};
 use super::uncertainty::Uncertainty;
@@ -14,39 +16,57 @@ use super::{checks, diagnosis, headline, tables};
 /// Failed checks that the first screen shows.
 const DOUBTS: usize = 3;
 
-/// Keeps numbers and units on one line.
-fn tie(text: &str) -> String {
-    [" mm", " px", " %"].iter().fold(text.to_owned(), |t, unit| t.replace(unit, &unit.replace(' ', "\u{a0}")))
+/// Builds all sections. None needs what another one draws, so they are drawn side by side.
+pub(super) fn content(input: &ReportInput<'_>) -> Content {
+    let image = &Image::of(input);
+    let (judged, others) = rayon::join(|| judged(input, image), || Content::of(&others(input, image)));
+    judged.followed_by(others)
 }
 
-/// Builds all sections.
-pub(super) fn content(input: &ReportInput<'_>) -> Content {
-    let image = Image::of(input);
-    let leftover = Leftover::of(input, &image);
-    let checks = checks::checks(input, &image, leftover.as_ref());
-    let mut page = Content::default();
-    if let Some(d) = &input.diagnosis {
-        let coverage = checks::coverage_gaps(&checks);
-        diagnosis_screen(&mut page, input, d, &coverage);
-        left_by_model(&mut page, input, d, &image, leftover.as_ref());
-        tested(&mut page, d);
-        next(&mut page, d, &coverage);
-        trust(&mut page, &checks);
-    } else {
-        first_screen(&mut page, input, &checks);
-        trust(&mut page, &checks);
-        left(&mut page, input, &image, leftover.as_ref());
-        single_frames(&mut page, figures::differences(input));
-        against(&mut page, input, &image);
+/// The sections that tell what is left after correction, and whether the result may be trusted.
+fn judged(input: &ReportInput<'_>, image: &Image) -> Content {
+    let leftover = Leftover::of(input, image);
+    let checks = checks::checks(input, image, leftover.as_ref());
+    let (leftover, checks) = (leftover.as_ref(), checks.as_slice());
+    let coverage = checks::coverage_gaps(checks);
+    let coverage = coverage.as_slice();
+    let sections: Vec<Section<'_>> = match &input.diagnosis {
+        Some(d) => vec![
+            Box::new(|page| diagnosis_screen(page, input, d, coverage)),
+            Box::new(|page| left_by_model(page, input, d, image, leftover)),
+            Box::new(|page| trends_by_model(page, input, d, image)),
+            Box::new(|page| single_frames(page, figures::differences_by_model(input, d))),
+            Box::new(|page| excluded(page, input, d)),
+            Box::new(|page| tested(page, d)),
+            Box::new(|page| next(page, d, coverage)),
+            Box::new(|page| trust(page, checks)),
+        ],
+        None => vec![
+            Box::new(|page| first_screen(page, input, checks)),
+            Box::new(|page| trust(page, checks)),
+            Box::new(|page| left(page, input, image, leftover)),
+        ],
+    };
+    Content::of(&sections)
+}
+
+/// All other sections.
+fn others<'a>(input: &'a ReportInput<'a>, image: &'a Image) -> Vec<Section<'a>> {
+    let mut sections: Vec<Section<'a>> = Vec::new();
+    if input.diagnosis.is_none() {
+        sections.push(Box::new(|page| single_frames(page, figures::differences(input))));
+        sections.push(Box::new(|page| against(page, input, image)));
     }
-    per_frame(&mut page, input);
-    volume(&mut page, input, &image);
-    camera(&mut page, input);
-    page.open("dropped", ["Not used", "Frames that were not used"], "");
-    page.body += &tables::dropped_table(input);
-    page.close();
-    reading(&mut page);
-    page
+    sections.push(Box::new(|page| per_frame(page, input)));
+    sections.push(Box::new(|page| volume(page, input, image)));
+    sections.push(Box::new(|page| camera(page, input)));
+    sections.push(Box::new(|page| {
+        page.open("dropped", ["Not used", "Frames that were not used"], "");
+        page.body += &tables::dropped_table(input);
+        page.close();
+        reading(page);
+    }));
+    sections
 }
 
 /// Sentences that introduce the report.
@@ -128,7 +148,7 @@ fn diagnosis_screen(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagn
     page.close();
 }
 
-/// Errors under the declared and under the last model: maps, trends, single frames.
+/// Errors under the declared and under the last model, as maps.
 fn left_by_model(
     page: &mut Content,
     input: &ReportInput<'_>,
@@ -148,10 +168,13 @@ fn left_by_model(
         page.body += &leftover_table(l);
     }
     page.close();
+}
 
+/// Errors under both models against what they may depend on.
+fn trends_by_model(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, image: &Image) {
     let taken = figures::Taken::of(input, d);
     let list: Vec<Figure> =
-        all(image).iter().filter_map(|c| figures::model_curve(input, d, taken.as_ref(), c)).collect();
+        all(image).par_iter().filter_map(|c| figures::model_curve(input, d, taken.as_ref(), c)).collect();
     if !list.is_empty() {
         let intro = "Points: mean over the frames of each frame's median error in the bin; whiskers: its 95 % interval. Dotted: \
                      change of the error from the declared to the last model. Where the added effects are the cause, the \
@@ -160,7 +183,10 @@ fn left_by_model(
         page.grid(&list, "two fill");
         page.close();
     }
-    single_frames(page, figures::differences_by_model(input, d));
+}
+
+/// Frames that were excluded.
+fn excluded(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) {
     page.open("outliers", ["Excluded frames", "Frames that were excluded"], "");
     page.body += &diagnosis::frames(d);
     page.grid(&figures::frames_by_model(input, d).into_iter().collect::<Vec<_>>(), "one");
@@ -277,7 +303,7 @@ fn single_frames(page: &mut Content, list: Vec<Figure>) {
 }
 
 fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
-    let mut list: Vec<Figure> = all(image).iter().filter_map(|c| figures::curve(input, c)).collect();
+    let mut list: Vec<Figure> = all(image).par_iter().filter_map(|c| figures::curve(input, c)).collect();
     let with_depth = !list.is_empty();
     list.extend(figures::image_trend(input, image));
     if list.is_empty() {
@@ -306,6 +332,7 @@ fn per_frame(page: &mut Content, input: &ReportInput<'_>) {
     }
     page.open("datasets", ["Datasets", "Errors of every dataset and frame"], "");
     page.body += &tables::datasets(input);
+    page.body += &input.evaluations.iter().map(tables::frames).collect::<String>();
     page.grid(&datasets, "two");
     page.grid(&list, "one");
     page.close();

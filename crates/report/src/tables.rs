@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use super::format::{count, fixed, interval, measured, number, pieces, significant};
 use super::headline::{Direction, direction};
-use super::html::escape;
-use super::input::{ReportInput, Role};
+use super::html::{escape, tie};
+use super::input::{ReportDataset, ReportInput, Role};
+use super::left_out;
 use super::pool::Pool;
 use super::statistics::Change;
 use super::uncertainty::{distances, typical};
@@ -62,10 +63,13 @@ pub(super) fn headline(input: &ReportInput<'_>) -> String {
         Role::Other => "captures that are not part of the fit",
         Role::Fitted => "the frames that the camera was fitted to",
     };
+    let left_out = pool.outliers().map_or_else(String::new, |o| {
+        format!("<p class=\"note\" id=\"left-out\">{}</p>\n", tie(&escape(&left_out::sentence(&o))))
+    });
     format!(
         "<table class=\"numbers\"><caption>On {} ({whose}); in small type: 95 % interval</caption><thead><tr><td></td>\
          <th scope=\"col\">as measured</th><th scope=\"col\">corrected</th><th scope=\"col\">change</th></tr></thead>\n\
-         <tbody>{rows}</tbody></table>\n",
+         <tbody>{rows}</tbody></table>\n{left_out}",
         count(pool.frames.len(), "frame")
     )
 }
@@ -96,9 +100,14 @@ pub(super) fn datasets(input: &ReportInput<'_>) -> String {
                     number(r.reprojection_px.rms)
                 )
             };
+            let left_out = if after {
+                String::new()
+            } else {
+                format!("<td rowspan=\"2\">{}</td>", left_out::share(r.outliers.map(|o| o.share)))
+            };
             let _ = writeln!(
                 rows,
-                "<tr>{head}<td class=\"text\">{}</td>{}{}<td>{}</td></tr>",
+                "<tr>{head}<td class=\"text\">{}</td>{}{}<td>{}</td>{left_out}</tr>",
                 if after { "corrected" } else { "as measured" },
                 pick(r.dot_error_mm),
                 pick(r.plane_error_mm),
@@ -111,7 +120,39 @@ pub(super) fn datasets(input: &ReportInput<'_>) -> String {
          <thead><tr><th scope=\"col\">dataset</th>\
          <th scope=\"col\">frames</th><th scope=\"col\">reprojection error, rms</th><th scope=\"col\" class=\"text\">depth</th>\
          <th scope=\"col\">dot error, mean</th><th scope=\"col\">std. dev.</th><th scope=\"col\">plane error, mean</th>\
-         <th scope=\"col\">std. dev.</th><th scope=\"col\">depth error, rms</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+         <th scope=\"col\">std. dev.</th><th scope=\"col\">depth error, rms</th><th scope=\"col\">left out</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+    )
+}
+
+/// Errors of every frame of a dataset with depth; nothing without depth.
+pub(super) fn frames(d: &ReportDataset<'_>) -> String {
+    let mut rows = String::new();
+    for frame in &d.evaluated.frames {
+        let Some(rms) = frame.depth.rms_mm() else { continue };
+        let plane = frame.depth.plane_error_mm().unwrap_or_default();
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escape(&frame.name),
+            frame.depth.pixels,
+            number(rms.before),
+            number(rms.after),
+            left_out::share(frame.outlier_limit_mm.map(|_| frame.outlier_share())),
+            number(plane.before.mean),
+            number(plane.after.mean)
+        );
+    }
+    if rows.is_empty() {
+        return rows;
+    }
+    format!(
+        "<details><summary>{} ({}): all frames</summary><div class=\"scroll\" tabindex=\"0\"><table><caption>Errors of every \
+         frame, mm. Left out: share of the board's pixels that are no measurements of the board.</caption><thead><tr><th \
+         scope=\"col\">frame</th><th scope=\"col\">depth pixels</th><th scope=\"col\">depth error, rms: as measured</th><th \
+         scope=\"col\">corrected</th><th scope=\"col\">left out</th><th scope=\"col\">plane error, mean: as measured</th><th \
+         scope=\"col\">corrected</th></tr></thead><tbody>{rows}</tbody></table></div></details>\n",
+        escape(&d.evaluated.name),
+        d.role.name()
     )
 }
 

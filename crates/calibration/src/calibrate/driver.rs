@@ -70,7 +70,10 @@ pub fn calibrate_depth(
             let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
             Ok(Calibrated { lens_choice, ..fit })
         }
-        other => Ok(estimate(from_image, depth_blocks, other)?),
+        other => {
+            let _stage = options.progress.stage("estimating D from markers");
+            Ok(estimate(from_image, depth_blocks, other)?)
+        }
     }
 }
 

@@ -29,6 +29,7 @@ pub fn calibrate_image(
     capture: &Capture,
     options: &CalibrateOptions,
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    let _stage = options.progress.stage("image calibration");
     let capture = with_homographies(capture);
     let (lens, order) = requested(&options.lens);
     let mut camera = match &options.camera {

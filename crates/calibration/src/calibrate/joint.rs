@@ -23,6 +23,7 @@ pub(super) fn sample(
     camera: &Camera,
     options: &CalibrateOptions,
 ) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
+    let _stage = options.progress.stage("sampling depth");
     let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame);
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
@@ -57,6 +58,7 @@ pub(super) fn adjust_samples(
     earlier: Option<&Smoothness>,
     options: &CalibrateOptions,
 ) -> Result<Calibrated, CalibrateError> {
+    let _stage = options.progress.stage("joint adjustment");
     // The pinhole has its value from the images already.
     let camera = hold(&hold_untouched(&camera, &capture), &options.held, true);
     let coarse = field_cells::coarse(&camera, &options.register, &seen(&capture))?;

@@ -37,6 +37,7 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
     let mut lenses: Vec<&str> = variants.iter().map(|v| v.lens.as_str()).collect();
     lenses.sort_unstable();
     lenses.dedup();
+    let from_images = base.progress.stage("image calibration");
     let whole = ImageCalibrations::new(train.clone(), &lenses, base);
     // Cross-validation: every fold's fit, and the frames that it holds out.
     let folds: Vec<(ImageCalibrations, Capture)> = if verify.is_empty() {
@@ -48,6 +49,7 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
     } else {
         Vec::new()
     };
+    drop(from_images);
     let job = base.progress.steps("fitting models", variants.len());
     let evaluated = variants.par_iter().map(|v| {
         let evaluated = evaluate_variant(v, &whole, &folds, verify, base);
@@ -67,6 +69,7 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
         stability: None,
     };
     if options.thesis && !verify.is_empty() {
+        let _stage = base.progress.stage("stability of D");
         comparison.stability = stability(train, verify, &whole, base);
     }
     Ok(comparison)

@@ -91,7 +91,7 @@ pub fn tables(c: &Comparison) -> Vec<Table> {
 
 fn ranking(c: &Comparison) -> Table {
     let mut text = format!(
-        "{:34} {:>6} {:>9}  {:>8} {:>22} {:>22} {:>22} {:>22}  {:>9} {:>9}\n",
+        "{:34} {:>6} {:>9}  {:>8} {:>22} {:>22} {:>22} {:>10} {:>22}  {:>9} {:>9}\n",
         "model",
         "param.",
         "effective",
@@ -99,6 +99,7 @@ fn ranking(c: &Comparison) -> Table {
         "held-out dot/mm",
         "plane/mm",
         "depth rms/mm",
+        "left out/%",
         "dot − best/mm",
         "ΔAIC",
         "ΔBIC"
@@ -112,7 +113,7 @@ fn ranking(c: &Comparison) -> Table {
         let criterion = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), |v| format!("{v:.0}"));
         let _ = writeln!(
             text,
-            "{:34} {:>6} {:>9.1}  {:>8} {:>22} {:>22} {:>22} {:>21}{real}  {:>9} {:>9}",
+            "{:34} {:>6} {:>9.1}  {:>8} {:>22} {:>22} {:>22} {:>10} {:>21}{real}  {:>9} {:>9}",
             m.model,
             m.parameters,
             m.effective_parameters,
@@ -120,6 +121,7 @@ fn ranking(c: &Comparison) -> Table {
             with_interval(m.held_out.dot_error_mm),
             with_interval(m.held_out.plane_error_mm),
             with_interval(m.held_out.depth_rms_mm),
+            cell(m.left_out_share().map(|share| 100.0 * share)),
             with_interval(m.worse_than_best_mm),
             criterion(m.aic),
             criterion(m.bic),

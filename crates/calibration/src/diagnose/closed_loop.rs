@@ -127,6 +127,7 @@ pub fn diagnose(
         first = model.fitted(model.declared())?;
         model.update_errors(0, &present.held_out)?;
     }
+    model.report("looking for what to capture next", &model.present());
     let steps = steps(&model, &first.held_out, &present.fit)?;
     let (fit, present) = (present.fit, present.held_out);
     let planes = frame_planes(&fit);

@@ -89,6 +89,7 @@ pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
         plane_error_mm: record.plane_error_mm.map(|e| e.after.mean),
         depth_rms_mm: record.depth_rms_mm.map(|e| e.after),
         reprojection_px: record.reprojection_px.rms,
+        outliers: record.outliers,
     }
 }
 

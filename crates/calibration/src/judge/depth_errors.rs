@@ -57,8 +57,11 @@ pub struct DepthErrors {
 }
 
 impl DepthErrors {
-    /// Counts a pixel.
+    /// Counts a pixel; not one of whose errors any is not finite, which would spoil the sums.
     pub fn add(&mut self, p: &PixelError) {
+        if ![p.before_mm, p.after_mm, p.height_before_mm, p.height_after_mm].iter().all(|e| e.is_finite()) {
+            return;
+        }
         self.pixels += 1;
         self.depth.before.add(p.before_mm);
         self.depth.after.add(p.after_mm);

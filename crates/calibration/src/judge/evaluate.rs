@@ -238,15 +238,30 @@ impl Evaluated {
 
     /// The pixels that were left out; `None` without depth on the board.
     pub fn outliers(&self) -> Option<Outliers> {
-        let mut limits: Vec<f64> = self.frames.iter().filter_map(|f| f.outlier_limit_mm).collect();
-        let limit_mm = upper_median(&mut limits)?;
-        let count: usize = self.frames.iter().map(|f| f.outliers).sum();
-        let all: usize = self.frames.iter().map(|f| f.outliers + f.depth.pixels + f.uncorrectable).sum();
-        Some(Outliers { count, share: count as f64 / all.max(1) as f64, limit_mm })
+        outliers(self.frames.iter())
     }
 }
 
+/// The pixels of some frames that were left out; `None` without depth on the board.
+pub fn outliers<'a>(frames: impl Iterator<Item = &'a EvaluatedFrame> + Clone) -> Option<Outliers> {
+    let mut limits: Vec<f64> = frames.clone().filter_map(|f| f.outlier_limit_mm).collect();
+    let limit_mm = upper_median(&mut limits)?;
+    let count: usize = frames.clone().map(|f| f.outliers).sum();
+    let all: usize = frames.map(EvaluatedFrame::board_pixels).sum();
+    Some(Outliers { count, share: count as f64 / all.max(1) as f64, limit_mm })
+}
+
 impl EvaluatedFrame {
+    /// Number of its valid depth pixels on the board, whether they count or not.
+    pub fn board_pixels(&self) -> usize {
+        self.outliers + self.depth.pixels + self.uncorrectable
+    }
+
+    /// Share of its board pixels that were left out; 0 without any.
+    pub fn outlier_share(&self) -> f64 {
+        self.outliers as f64 / self.board_pixels().max(1) as f64
+    }
+
     /// The record for `evaluation.json`.
     pub fn record(&self) -> FrameEvaluation {
         FrameEvaluation {

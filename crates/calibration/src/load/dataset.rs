@@ -114,7 +114,9 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
         return Err(LoadError::NoImages { root: dataset.root });
     }
+    let digesting = options.progress.stage("digest of the files");
     let digest = dataset.digest()?;
+    drop(digesting);
     let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
     let (frames, (width, height)) = read_frames(&dataset, &options.progress)?;
     let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));

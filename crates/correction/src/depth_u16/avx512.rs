@@ -83,9 +83,12 @@ impl<const P: bool, const Q: bool, const R: bool, const KEEPS_VALID: bool> Pass<
         let (unit, per_mm) = (self.unit, self.per_mm);
         let (one, half, zero) = (f._mm512_set1_ps(1.0), f._mm512_set1_ps(0.5), f._mm512_set1_ps(0.0));
         let in_order: __m512i = cast(IN_ORDER);
+        let one_step: __m512i = cast([1u16; BLOCK]);
         let (mut most, mut depths, mut corrected) = (self.most, 0, 0);
         for (b, (measured, out)) in blocks.iter().zip(out.as_chunks_mut::<BLOCK>().0).enumerate() {
-            let depth: [__m256i; 2] = cast(*measured);
+            // As `simd::measurement`.
+            let measured = bw._mm512_subs_epu16(bw._mm512_add_epi16(cast(*measured), one_step), one_step);
+            let depth: [__m256i; 2] = cast(measured);
             let mut changes = [f._mm512_setzero_si512(); 2];
             let mut keeps = [0; 2];
             for h in 0..2 {
@@ -121,7 +124,6 @@ impl<const P: bool, const Q: bool, const R: bool, const KEEPS_VALID: bool> Pass<
                 changes[h] = f._mm512_cvtps_epi32(change);
             }
             let change = f._mm512_permutexvar_epi64(in_order, bw._mm512_packs_epi32(changes[0], changes[1]));
-            let measured: __m512i = cast(*measured);
             let mut sum = bw._mm512_add_epi16(measured, change);
             most = bw._mm512_max_epu16(most, measured);
             // Counting the bits of a mask runs on the scalar units, in parallel with the vectors.

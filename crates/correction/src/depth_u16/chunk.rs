@@ -1,7 +1,7 @@
 //! Correction of a chunk in f32, as plain loops.
 
 use crate::plan::Coefficients;
-use crate::simd::{Isa, count_u16};
+use crate::simd::{Isa, count_u16, measurement};
 
 /// 1.5 · 2²³: adding it to an f32 between −2²² and 2²² rounds that to a whole number, which is then in the lower bits.
 const ROUND_SIGNED: f32 = 12_582_912.0;
@@ -41,13 +41,14 @@ pub(crate) fn in_single<I: Isa, const P: bool, const Q: bool, const R: bool, con
     let (unit_mm, per_mm) = (unit_mm as f32, (1.0 / unit_mm) as f32);
     for i in 0..n {
         let (p, q, r) = c.at::<P, Q, R>(i);
-        let steps = f32::from(measured[i]);
+        let raw = measurement(measured[i]);
+        let steps = f32::from(raw);
         let z = steps * unit_mm;
         let slope = if R { isa.mul_add(r, z, p) } else { p };
         let sum = if Q { isa.mul_add(steps, slope, q * per_mm) } else { steps * slope };
         let left = if R { isa.mul_add(-r, z, 1.0) } else { 1.0 };
         let change = if R { isa.divide(sum, left) } else { sum };
-        let corrected = u32::from(measured[i]).wrapping_add((change + ROUND_SIGNED).to_bits()) as u16;
+        let corrected = u32::from(raw).wrapping_add((change + ROUND_SIGNED).to_bits()) as u16;
         let keeps = if R { left > 0.0 } else { true } & if Q { (steps > 0.0) & (steps + change > 0.5) } else { true };
         out[i] = if KEEPS_VALID | keeps { corrected } else { 0 };
     }

@@ -8,7 +8,7 @@ use super::avx512;
 use super::bounds::{Bounds, Precision};
 use super::chunk::{Chunk, PassCounts, in_single};
 use crate::plan::{ForTables, Moebius, for_tables};
-use crate::simd::{Isa, Specialised, count_u16};
+use crate::simd::{Isa, Specialised, count_u16, measurement};
 
 /// The exact inverse of a pixel: maps its index and its measured depth to true depth, both in steps, and tells whether
 /// that was limited to the range of 16 bits.
@@ -65,7 +65,7 @@ impl<I: Isa> ForTables for Correct<'_, I> {
             // An offset may take a small depth below half a step; the exact inverse limits it to 1 instead of losing
             // it.
             for (i, (raw, out)) in chunk.measured.iter().zip(chunk.out.iter_mut()).enumerate() {
-                if *raw > 0 && *out == 0 {
+                if measurement(*raw) > 0 && *out == 0 {
                     let (steps, beyond) = exact(first + i, *raw);
                     *out = steps;
                     saturated += usize::from(beyond);
@@ -109,7 +109,7 @@ fn in_double<const P: bool, const Q: bool, const R: bool>(chunk: &mut Chunk<'_>)
     let out = &mut out[..n];
     for i in 0..n {
         let (p, q, r) = c.at::<P, Q, R>(i);
-        let steps = f64::from(measured[i]);
+        let steps = f64::from(measurement(measured[i]));
         let left = 1.0 - f64::from(r) * (steps * unit_mm);
         let sum = steps * (f64::from(p) + f64::from(r) * (steps * unit_mm)) + f64::from(q) / unit_mm;
         let corrected = steps + sum / left;
@@ -121,6 +121,8 @@ fn in_double<const P: bool, const Q: bool, const R: bool>(chunk: &mut Chunk<'_>)
 
 #[cfg(test)]
 mod tests {
+    use depthcal_io::DepthImage;
+
     use super::*;
     use crate::plan::Coefficients;
     use crate::simd::{Kernel, dispatch};
@@ -156,12 +158,19 @@ mod tests {
         let q: Vec<f32> = (0..PIXELS).map(|i| at(i + 5, 20.0)).collect();
         // Some pixels have no ray.
         let r: Vec<f32> = (0..PIXELS).map(|i| if i % 19 == 3 { 1e30 } else { at(2 * i, 4e-4) }).collect();
-        let measured: Vec<u16> = (0..PIXELS).map(|i| if i % 7 == 1 { 0 } else { (i * 77 % 4000) as u16 }).collect();
+        let of_pixel = |i: usize| match i % 7 {
+            1 => 0,
+            4 => u16::MAX,
+            _ => (i * 77 % 4000) as u16,
+        };
+        let measured: Vec<u16> = (0..PIXELS).map(of_pixel).collect();
+        let measurements = || measured.iter().copied().filter(|raw| DepthImage::is_measurement(*raw));
         let (mut a, mut b) = ([0; PIXELS], [0; PIXELS]);
         let c = Coefficients { p0: 0.01, p: &p, q: &q, r: &r };
         for [seen, expected] in dispatch(Both(c, &measured, [&mut a, &mut b])) {
             assert_eq!((seen.most, seen.depths), (expected.most, expected.depths));
-            assert_eq!(seen.most, measured.iter().copied().max().unwrap());
+            assert_eq!(seen.most, measurements().max().unwrap());
+            assert_eq!(seen.depths, measurements().count());
             // A result within rounding of half a step may fall on either side.
             assert!(seen.corrected.abs_diff(expected.corrected) <= 1, "{seen:?} {expected:?}");
         }

@@ -8,7 +8,7 @@ use crate::bands::{CHUNK, STRETCH};
 use crate::depth_u16::{self, Chunk, MOST_ERROR};
 use crate::plan::F32_ROUNDING;
 use crate::points::{DepthOnRays, PointsMut, from_u16};
-use crate::simd::{Isa, Kernel, count_f32};
+use crate::simd::{Isa, Kernel, count_f32, measurement};
 use crate::summary::CorrectionSummary;
 
 /// A copy of at most [`CHUNK`] values, filled up with zeros.
@@ -171,7 +171,7 @@ fn near_half(measured: &[u16], z: &[f32], per_mm: f32, error_steps: f32, distanc
         let steps = *z * per_mm;
         let missing = (steps - ((steps + ROUND) - ROUND)).abs();
         // The change of depth has an error in proportion to its own size, also where the result is small.
-        let change = (steps - f32::from(*raw)).abs();
+        let change = (steps - f32::from(measurement(*raw))).abs();
         let error = error_steps + steps * F32_ROUNDING + change * (2.0 * F32_ROUNDING);
         *distance = if error > MOST_ERROR { (0.5 - missing) - error } else { 1.0 };
         undecided += u32::from(*distance <= 0.0);

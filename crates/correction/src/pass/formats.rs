@@ -1,5 +1,7 @@
 //! Formats of depth: 16-bit steps and f32 millimetres.
 
+use crate::simd::measurement;
+
 /// 2²³: adding it to an f32 between 0 and 2²² rounds that to a whole number, which is then in the lower bits.
 pub(crate) const ROUND: f32 = 8_388_608.0;
 
@@ -12,7 +14,7 @@ pub(crate) trait Sample: Copy + Send + Sync {
 impl Sample for u16 {
     #[inline(always)]
     fn millimetres(self, unit_mm: f32) -> f32 {
-        f32::from(self) * unit_mm
+        f32::from(measurement(self)) * unit_mm
     }
 }
 

@@ -40,6 +40,7 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
     let scale = splat(if CORRECT { (1.0 + p) * unit_mm } else { unit_mm });
     let d = d.map(|d| splat(d * unit_mm));
     let (nan, one) = (splat(f32::NAN), splat(1.0));
+    let (one_step, no_measurement) = (f._mm512_set1_epi32(1), f._mm512_set1_epi32(i32::from(u16::MAX) - 1));
 
     let places: __m512 = cast(PLACES);
     let cubic = |c: &Cubic| {
@@ -69,7 +70,9 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
     let mut one_block = [0.0; 3 * LANES];
     for b in 0..blocks {
         let steps = f._mm512_cvtepu16_epi32(cast(steps_blocks[b]));
-        let mut valid = f._mm512_test_epi32_mask(steps, steps);
+        // A depth of 0 wraps: what is left are the depths from 1 to the largest but one, all that are measurements.
+        let measured = f._mm512_cmplt_epu32_mask(f._mm512_sub_epi32(steps, one_step), no_measurement);
+        let mut valid = measured;
         depths += valid.count_ones() as usize;
         let [of_x, of_y] = &block_cubics[b];
         let (rx, ry): (__m512, __m512) = if of_x[0].is_nan() {
@@ -81,7 +84,7 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
         } else {
             (cubic(of_x), cubic(of_y))
         };
-        let steps = f._mm512_cvtepi32_ps(steps);
+        let steps = f._mm512_maskz_cvtepi32_ps(measured, steps);
         let depth = if CORRECT {
             let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
             // `left` is 1 where there is no depth. The minimum of NaN and a number is the number.

@@ -2,14 +2,14 @@
 
 use crate::plan::true_depth;
 use crate::rays::Cubic;
-use crate::simd::{Isa, LANES};
+use crate::simd::{Isa, LANES, measurement};
 
 /// 16-bit depth and rays of consecutive pixels, and the place of their points, x y z x y z …
 pub(crate) struct DepthOnRays<'a> {
     /// The Möbius map that corrects the depth: p, and (dx, dy, dz) of r = dx x + dy y + dz over the rays
     /// (`plan::moebius`).
     pub map: (f32, [f32; 3]),
-    /// Depth in steps of `unit_mm`; 0 where there is none.
+    /// Depth in steps of `unit_mm`; 0 or 65535 where there is none.
     pub measured: &'a [u16],
     pub unit_mm: f32,
     /// x and y of the rays; NaN where there is none.
@@ -73,7 +73,7 @@ fn block<I: Isa, const CORRECT: bool>(
     let (mut x, mut y, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     let [mut has_point, mut lost] = [[0; LANES]; 2];
     for i in 0..LANES {
-        let z = f32::from(measured[i]) * unit_mm;
+        let z = f32::from(measurement(measured[i])) * unit_mm;
         let (corrected, usable) = if CORRECT {
             let r = isa.mul_add(dx, rx[i], isa.mul_add(dy, ry[i], dz));
             true_depth::<I, false, true>(isa, (p, 0.0, r), z)

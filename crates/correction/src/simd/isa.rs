@@ -3,7 +3,7 @@
 #[cfg(target_arch = "x86_64")]
 use pulp::x86::V4;
 
-use super::count::count_u16;
+use super::count::{count_measured, measurement};
 
 /// Pixels that [`Isa::interleave`] takes at a time.
 pub(crate) const LANES: usize = 16;
@@ -36,10 +36,10 @@ pub(crate) trait Isa: Copy {
         self.mul_add(self.mul_add(-b, quotient, a), inverse, quotient)
     }
 
-    /// The largest value, and the number of values that are not 0.
+    /// The largest measured depth, and the number of measured depths.
     #[inline(always)]
     fn max_and_count(self, values: &[u16]) -> (u16, usize) {
-        (values.iter().fold(0, |most, value| *value.max(&most)), count_u16(values))
+        (values.iter().fold(0, |most, value| measurement(*value).max(most)), count_measured(values))
     }
 
     /// x0 y0 z0 x1 y1 z1 … from sixteen of each.

@@ -15,6 +15,6 @@ mod isa;
 pub(crate) use aligned::Aligned;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use aligned::LINE;
-pub(crate) use count::{count_f32, count_u16};
+pub(crate) use count::{count_f32, count_u16, measurement};
 pub(crate) use dispatch::{Kernel, dispatch};
 pub(crate) use isa::{Isa, LANES, Specialised};

@@ -95,14 +95,14 @@ fn invalid_stays_invalid_and_results_saturate() {
     let doubled = Corrector::new(&camera(&[("projective", &[0.0, 0.0, 0.0, 2.0])])).unwrap();
     let context = FrameContext::default();
     let mut measured = image(vec![1000; WIDTH * HEIGHT]);
-    measured.data[..4].copy_from_slice(&[0, 1, 40_000, 65_535]);
+    measured.data[..5].copy_from_slice(&[0, 1, 40_000, 65_534, 65_535]);
     let mut out = blank();
     let summary = doubled.correct_u16(&measured, 0.1, &context, &mut out).unwrap();
-    assert_eq!(out.data[..5], [0, 2, 65_535, 65_535, 2000]);
-    let corrected = WIDTH * HEIGHT - 1;
-    assert_eq!(summary, CorrectionSummary { corrected, saturated: 2, invalid: 1, not_correctable: 0 });
+    assert_eq!(out.data[..6], [0, 2, 65_535, 65_535, 0, 2000]);
+    let corrected = WIDTH * HEIGHT - 2;
+    assert_eq!(summary, CorrectionSummary { corrected, saturated: 2, invalid: 2, not_correctable: 0 });
     let summary = halved.correct_u16(&measured, 5.0, &context, &mut out).unwrap();
-    assert_eq!(out.data[..5], [0, 1, 20_000, 32_768, 500]);
+    assert_eq!(out.data[..6], [0, 1, 20_000, 32_767, 0, 500]);
     assert_eq!(summary.saturated, 0);
 
     let mut measured = vec![1000.0f32; WIDTH * HEIGHT];

@@ -71,7 +71,7 @@ fn sixteen_bits_are_the_exact_inverse_rounded() {
         let summary = corrector.correct_u16(&measured, unit_mm, &context, &mut out).unwrap();
         let mut expected = CorrectionSummary::default();
         for (i, (raw, found)) in measured.data.iter().zip(&out.data).enumerate() {
-            if *raw == 0 {
+            if !DepthImage::is_measurement(*raw) {
                 prop_assert_eq!(*found, 0);
                 expected.invalid += 1;
                 continue;
@@ -141,6 +141,74 @@ fn points_are_corrected_depth_times_ray() {
             let [x, y, z] = uncorrected[i];
             prop_assert_eq!(z.is_nan(), measured.data[i] == 0 || ray[0].is_nan());
             prop_assert!(z.is_nan() || (z == f32::from(measured.data[i]) && x == ray[0] * z && y == ray[1] * z));
+        }
+        Ok(())
+    });
+    outcome.unwrap();
+}
+
+/// Cameras write 0 or 65535 where they measure nothing: both become 0, or no point, wherever they are, and change nothing else.
+#[test]
+fn what_is_no_measurement_becomes_nothing_and_changes_nothing_else() {
+    let frames = (pieces(), prop_oneof![Just(1.0), 0.1..1.0f64, 1.0..5.0f64], 0u64..1 << 40, 2u64..40, 2u64..40);
+    let outcome = runner().run(&frames, |(pieces, unit_mm, seed, zeros, greatest)| {
+        let lens = block("brown_conrady", vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
+        let pieces = [lens].into_iter().chain(pieces).collect();
+        let corrector = Corrector::new(&Camera::new(WIDTH, HEIGHT, [58.0, 58.0, 32.9, 11.2, 0.0], pieces)).unwrap();
+        let n = WIDTH * HEIGHT;
+        let random = |i: u64| (i + seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 33;
+        let image = |data: Vec<u16>| DepthImage { width: WIDTH, height: HEIGHT, data };
+        let whole: Vec<u16> = (0..n as u64).map(|i| ((200 + random(i) % 3800) as f64 / unit_mm) as u16).collect();
+        let whole = image(whole.into_iter().map(|raw| raw.clamp(1, u16::MAX - 1)).collect());
+        let with_holes = whole.data.iter().zip(0u64..).map(|(raw, i)| match random(i + 7) {
+            r if r % zeros == 0 => 0,
+            r if r % greatest == 1 => u16::MAX,
+            _ => *raw,
+        });
+        let holes = image(with_holes.collect());
+        let is_hole = |i: usize| !DepthImage::is_measurement(holes.data[i]);
+        let invalid = (0..n).filter(|i| is_hole(*i)).count();
+        let context = FrameContext::default();
+
+        let (mut expected, mut out) = (image(vec![7; n]), image(vec![7; n]));
+        corrector.correct_u16(&whole, unit_mm, &context, &mut expected).unwrap();
+        let summary = corrector.correct_u16(&holes, unit_mm, &context, &mut out).unwrap();
+        prop_assert_eq!(summary.invalid, invalid);
+        prop_assert_eq!(summary.corrected + summary.invalid + summary.not_correctable, n);
+        for i in 0..n {
+            // A chunk is corrected in f32 or in f64, by its largest depth, which may lie in a hole: the same to 0.501 steps.
+            let (found, without) = (out.data[i], expected.data[i]);
+            let same = found.abs_diff(without) <= 1 && (found == 0) == (without == 0);
+            let as_expected = if is_hole(i) { found == 0 } else { same };
+            prop_assert!(as_expected, "pixel {}: {}, not {}", i, found, without);
+        }
+        let mut in_place = holes.clone();
+        prop_assert_eq!(corrector.correct_u16_in_place(&mut in_place, unit_mm, &context).unwrap(), summary);
+        prop_assert_eq!(&in_place, &out);
+
+        let (mut expected, mut out) = (vec![7.0f32; n], vec![7.0f32; n]);
+        corrector.correct_u16_to_f32(&whole, unit_mm, &context, &mut expected).unwrap();
+        let summary = corrector.correct_u16_to_f32(&holes, unit_mm, &context, &mut out).unwrap();
+        prop_assert_eq!(summary.invalid, invalid);
+        let as_expected = |i: usize| out[i] == if is_hole(i) { 0.0 } else { expected[i] };
+        prop_assert!((0..n).all(as_expected));
+
+        let (mut expected, mut out) = (vec![7.0f32; 3 * n], vec![7.0f32; 3 * n]);
+        corrector.correct_to_points(&whole, unit_mm, &context, PointsMut::Interleaved(&mut expected)).unwrap();
+        let points = PointsMut::Interleaved(&mut out);
+        prop_assert_eq!(corrector.correct_to_points(&holes, unit_mm, &context, points).unwrap().invalid, invalid);
+        let uncorrected = [&whole, &holes].map(|depth| corrector.points(depth, unit_mm).unwrap());
+        for i in 0..n {
+            let pairs = [
+                [&expected[3 * i..3 * i + 3], &out[3 * i..3 * i + 3]],
+                [&uncorrected[0][i][..], &uncorrected[1][i][..]],
+            ];
+            for [without, found] in pairs {
+                let same = |(a, b): (&f32, &f32)| (a - b).abs() <= 0.005 || (a.is_nan() && b.is_nan());
+                let none = found.iter().all(|c| c.is_nan());
+                let as_expected = if is_hole(i) { none } else { found.iter().zip(without).all(same) };
+                prop_assert!(as_expected, "pixel {}: {:?}, not {:?}", i, found, without);
+            }
         }
         Ok(())
     });

@@ -70,6 +70,15 @@ pub struct ModelComparison {
     pub failed: Option<String>,
 }
 
+impl ModelComparison {
+    /// Share of the held-out board pixels that are no measurements of the board and are in none of the errors: mean over the
+    /// datasets, which count alike as in the errors. `None` without depth.
+    pub fn left_out_share(&self) -> Option<f64> {
+        let shares: Vec<f64> = self.per_dataset.iter().skip(1).filter_map(|d| d.outliers.map(|o| o.share)).collect();
+        (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
+    }
+}
+
 /// The three errors of depth.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors<T> {

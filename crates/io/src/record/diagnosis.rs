@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
 use super::decision::DiagnosisDecision;
+use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
 use super::reference::FileReference;
 use crate::file::{FileError, read_json, write_json};
@@ -33,6 +34,9 @@ pub struct HeldOutErrors {
     pub depth_rms_mm: Option<f64>,
     /// Root mean square reprojection error, px.
     pub reprojection_px: f64,
+    /// Board pixels that are in none of the errors of depth; absent without depth and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub outliers: Option<Outliers>,
 }
 
 /// A difference with its 95 % confidence interval from resampled frames.

@@ -7,6 +7,7 @@ use crate::checks::Level;
 use crate::format::{self, count, join, number, percent, pieces};
 use crate::headline::interval;
 use crate::input::{ReportDiagnosis, ReportInput};
+use crate::left_out;
 use crate::parameters::{free_function, summary};
 use crate::pool::Pool;
 use depthcal_statistics::{Estimate, quantile};
@@ -111,7 +112,11 @@ fn how_wrong(input: &ReportInput<'_>) -> String {
     if let Some(plane) = pool.plane_error() {
         text += &format!("; the mean plane error is {} mm", number(plane.before.value));
     }
-    text + "."
+    text += ".";
+    if let Some(outliers) = pool.outliers() {
+        text += &format!(" {}", left_out::sentence(&outliers));
+    }
+    text
 }
 
 fn place(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {

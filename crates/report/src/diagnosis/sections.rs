@@ -9,6 +9,7 @@ use super::sentences::{capture, decision, declaration, frame_cause};
 use crate::format::{count, join, measured, number, p_value, percent, pieces};
 use crate::html::escape;
 use crate::input::ReportDiagnosis;
+use crate::left_out::share;
 use crate::parameters::{free_function, meaning, summary};
 
 /// Cosine from which two effects count as hard to separate.
@@ -30,8 +31,8 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
             "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors before → after every step, on held-out frames. Size: \
              rms over the observations of the effect by itself; other parameters may compensate a part of it.</caption>\
              <thead><tr><th scope=\"col\">added</th><th scope=\"col\">size / mm</th><th scope=\"col\">p</th>\
-             <th scope=\"col\">depth error, rms</th><th scope=\"col\" class=\"text\">change</th><th scope=\"col\">plane \
-             error, mean</th><th scope=\"col\">dot error, mean</th><th scope=\"col\">reprojection error, rms</th></tr>\
+             <th scope=\"col\">depth error, rms</th><th scope=\"col\" class=\"text\">change</th><th scope=\"col\">left \
+             out</th><th scope=\"col\">plane error, mean</th><th scope=\"col\">dot error, mean</th><th scope=\"col\">reprojection error, rms</th></tr>\
              </thead><tbody>{rows}</tbody></table></div>"
         );
         html += &parameters(d);
@@ -58,7 +59,7 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
     };
     format!(
         "<tr><th scope=\"row\">{}. {} <span class=\"hint\">{}</span></th><td>{}</td><td>{}</td><td>{}</td>\
-         <td class=\"text {class}\">{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+         <td class=\"text {class}\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
         i + 1,
         escape(name),
         escape(&notes.join("; ")),
@@ -66,6 +67,7 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
         escape(&p_value(s.p_value)),
         arrow(b.depth_rms_mm, a.depth_rms_mm, "mm"),
         escape(&gain),
+        escape(&share(a.outliers.map(|o| o.share))),
         arrow(b.plane_error_mm, a.plane_error_mm, "mm"),
         arrow(b.dot_error_mm, a.dot_error_mm, "mm"),
         arrow(Some(b.reprojection_px), Some(a.reprojection_px), "px"),

@@ -7,6 +7,7 @@ use depthcal_io::{DiagnosisCandidate, DiagnosisFile, DiagnosisParameter, Diagnos
 use super::answers::arrow;
 use super::sentences::{capture, declaration, frame_cause, left_over};
 use crate::format::{interval, join, measured, number, p_equals, p_value, percent, pieces, quantity};
+use crate::left_out::share;
 
 /// The verdict of a diagnosis in a sentence, without full stop.
 pub fn verdict_sentence(d: &DiagnosisFile) -> String {
@@ -87,6 +88,12 @@ fn errors(before: &HeldOutErrors, after: &HeldOutErrors) -> String {
     let depth = kinds.iter().filter(|k| k.2.is_some() || k.3.is_some());
     let mut parts: Vec<String> =
         depth.map(|(kind, how, before, after)| format!("{kind} {} {how}", arrow(*before, *after, "mm"))).collect();
+    if let Some(after) = after.outliers {
+        let (before, after) = (before.outliers.map(|o| share(Some(o.share))), share(Some(after.share)));
+        let shares =
+            before.filter(|before| *before != after).map_or_else(|| after.clone(), |b| format!("{b} → {after}"));
+        parts.push(format!("{shares} of the board left out"));
+    }
     parts.push(format!("reprojection {} rms", arrow(Some(before.reprojection_px), Some(after.reprojection_px), "px")));
     parts.join(", ")
 }
@@ -187,6 +194,16 @@ effects tested given the last model:
 capture next: temporal_drift: the frames have no times; record timestamp_s in frames.csv, from the moment when the camera is switched on
 ";
         assert_eq!(diagnosis_text(&record()), expected);
+    }
+
+    #[test]
+    fn the_share_that_was_left_out_stands_beside_the_errors() {
+        let mut d = record();
+        let some = |share| Some(depthcal_io::Outliers { count: 4, share, limit_mm: 50.0 });
+        (d.held_out.before.outliers, d.held_out.after.outliers) = (some(0.0004), some(0.0004));
+        assert!(diagnosis_text(&d).contains("depth 6.60 → 5.51 mm rms, 0.04 % of the board left out, reprojection"));
+        d.held_out.after.outliers = some(0.01);
+        assert!(diagnosis_text(&d).contains("mm rms, 0.04 % → 1.00 % of the board left out, reprojection"));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use super::plotly::{colour_bar, diverging, rounded};
 use crate::format::{count, number};
 use crate::input::ReportDiagnosis;
 use crate::input::ReportInput;
+use crate::left_out::share;
 use crate::pool::{Pool, Pooled, usable};
 use depthcal_calibration::judge::depth_errors::PixelError;
 use depthcal_calibration::judge::evaluate::EvaluatedFrame;
@@ -67,6 +68,9 @@ fn note(f: &Pooled<'_>) -> String {
     }
     if let Some(rms) = record.depth_rms_mm {
         text += &format!(". Depth error {} → {} mm rms", number(rms.before), number(rms.after));
+    }
+    if f.frame.outliers > 0 {
+        text += &format!("; {} of the board left out", share(Some(f.frame.outlier_share())));
     }
     text + "."
 }

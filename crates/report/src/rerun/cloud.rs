@@ -5,7 +5,7 @@ use nalgebra::Point3;
 use re_sdk_types::archetypes::Points3D;
 use re_sdk_types::components::{Color, Radius};
 
-use crate::statistics::rms;
+use depthcal_calibration::judge::depth_errors::DepthErrors;
 use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 
 /// Points of a cloud at most: every n-th pixel, where there are more.
@@ -28,7 +28,7 @@ pub(super) struct Colours {
 impl Colours {
     /// For these frames.
     pub(super) fn of<'a>(frames: impl Iterator<Item = &'a EvaluatedFrame>) -> Self {
-        let rms = rms(frames.flat_map(|f| f.pixels.iter()).map(|p| p.after_mm));
+        let rms = DepthErrors::over(frames.map(|f| &f.depth)).rms_mm().map_or(0.0, |rms| rms.after);
         Self { span_mm: if rms > 0.0 { SPAN * rms } else { 1.0 } }
     }
 

@@ -6,6 +6,7 @@ use super::super::render_comparison;
 use super::figure_ids;
 use super::fixture::Fixture;
 use depthcal_calibration::compare::tables::tables;
+use depthcal_calibration::stage_clock::StageTimes;
 
 fn model(name: &str, error: f64) -> ModelComparison {
     let interval = |mean: f64| Some(Interval { mean, low: 0.9 * mean, high: 1.2 * mean });
@@ -54,7 +55,14 @@ pub(super) fn page() -> String {
         ..Comparison::default()
     };
     let best = Fixture::simulated(&[]).calibrated;
-    render_comparison(&comparison, &tables(&comparison), Some(&best), "depthcal compare captures").unwrap()
+    render_comparison(
+        &comparison,
+        &tables(&comparison),
+        Some(&best),
+        "depthcal compare captures",
+        &StageTimes::default(),
+    )
+    .unwrap()
 }
 
 #[test]

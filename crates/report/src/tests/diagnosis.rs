@@ -16,6 +16,7 @@ use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
+use depthcal_calibration::stage_clock::StageTimes;
 
 /// A capture whose depth waves over distance by 3 mm, which the declared model does not say, diagnosed.
 pub(super) struct Diagnosed {
@@ -50,6 +51,7 @@ impl Diagnosed {
         let input = ReportInput {
             title: "Camera 1".to_owned(),
             command_line: "depthcal diagnose captures --out result".to_owned(),
+            stages: StageTimes::default(),
             calibrated: Some(&self.diagnosis.last),
             evaluations: &datasets,
             diagnosis: Some(ReportDiagnosis {

@@ -7,10 +7,11 @@ use nalgebra::Point3;
 
 use super::super::{ReportDataset, ReportInput, Role, render};
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
-use depthcal_calibration::judge::depth_errors::PixelError;
+use depthcal_calibration::judge::depth_errors::{DepthErrors, PixelError};
 use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame};
 use depthcal_calibration::observe::board_plane::BoardPlane;
 use depthcal_calibration::observe::{Capture, DepthPixel, DetectedFrame, DroppedFrame, MeasuredDepth};
+use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_calibration::start::{FrameMarkers, estimate_pose};
 use depthcal_model::{Camera, ModelSpec};
 
@@ -67,7 +68,10 @@ fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFram
         camera_from_board: pose,
         reprojection: errors.collect(),
         dots,
+        depth: DepthErrors::of(&pixels),
         pixels,
+        outliers: 0,
+        outlier_limit_mm: Some(50.0),
         uncorrectable: 0,
     })
 }
@@ -126,6 +130,7 @@ impl Fixture {
         ReportInput {
             title: self.title.clone(),
             command_line: "depthcal calibrate captures --hold-out 3 --out result".to_owned(),
+            stages: StageTimes::default(),
             calibrated: Some(&self.calibrated),
             evaluations,
             diagnosis: None,

@@ -7,6 +7,8 @@ mod fixture;
 
 use super::headline;
 use super::{ReportDataset, ReportError, ReportInput, Role, covariates, leftover, render};
+use depthcal_calibration::judge::depth_errors::DepthErrors;
+use depthcal_calibration::stage_clock::{StageTime, StageTimes};
 use fixture::{Fixture, evaluated, image_only};
 
 fn report(fixture: &Fixture) -> String {
@@ -129,6 +131,7 @@ fn what_is_left_is_found_and_what_is_not_there_is_not() {
             let t = (p.context.pixel[0] / 640.0).clamp(0.0, 1.0);
             p.after_mm += 12.0 * t.powi(3) - 3.0;
         }
+        frame.depth = DepthErrors::of(&frame.pixels);
     }
     let dirty = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
     assert!(dirty.found().any(|f| f.over == "the position in the image"), "{}", dirty.sentence());
@@ -164,8 +167,9 @@ fn false_alarms_are_rare_and_real_effects_are_seen() {
 #[test]
 fn a_correction_that_does_harm_is_called_so() {
     let mut fixture = Fixture::simulated(&[]);
-    for p in fixture.held.frames.iter_mut().flat_map(|f| &mut f.pixels) {
-        std::mem::swap(&mut p.before_mm, &mut p.after_mm);
+    for frame in &mut fixture.held.frames {
+        frame.pixels.iter_mut().for_each(|p| std::mem::swap(&mut p.before_mm, &mut p.after_mm));
+        frame.depth = DepthErrors::of(&frame.pixels);
     }
     let html = fixture.render(&[]);
     assert!(html.contains("rose from") && html.contains("Do not use it as it is"));
@@ -180,8 +184,10 @@ fn numbers_that_are_not_spoil_nothing() {
         frame.pixels[i].board_depth_mm = f64::NAN;
         frame.reprojection[0] = [f64::NAN; 4];
         frame.dots.push([f64::NAN; 2]);
+        frame.depth = DepthErrors::of(&frame.pixels);
     }
     fixture.held.frames[0].pixels.clear();
+    fixture.held.frames[0].depth = DepthErrors::default();
     fixture.held.frames[1].reprojection.clear();
     fixture.held.frames[2].dots.clear();
     let html = fixture.render(&[]);
@@ -238,4 +244,45 @@ fn one_frame_and_two_frames_make_no_claims() {
     assert!(fixture.render(&[]).contains("too few frames for an interval"));
     fixture.held.frames.truncate(1);
     assert!(fixture.render(&[]).contains("too few frames for an interval"));
+}
+
+/// What was left out stands beside the errors that it is not in, and a frame of which much was left out is named.
+#[test]
+fn the_share_that_was_left_out_is_told() {
+    let mut fixture = Fixture::simulated(&[]);
+    let clean = fixture.render(&[]);
+    assert!(clean.contains("None of the board&#39;s pixels were left out.") && !clean.contains("Look there for"));
+
+    let frame = &mut fixture.held.frames[2];
+    frame.outliers = frame.depth.pixels / 9;
+    let (name, share) = (frame.name.clone(), super::left_out::share(Some(frame.outlier_share())));
+    assert!(frame.outlier_share() > 0.09 && frame.outlier_share() <= 0.1, "{share}");
+    let held = super::left_out::share(fixture.held.outliers().map(|o| o.share));
+    let html = fixture.render(&[]);
+    let tied = held.replace(' ', "\u{a0}");
+    assert!(html.contains(&format!("{tied} of the board&#39;s pixels were left out: more than 50.0\u{a0}mm off")));
+    assert!(html.contains(&format!("<td rowspan=\"2\">{held}</td>")), "the table of datasets");
+    assert!(html.contains(&format!("<th scope=\"row\">{name}</th>")) && html.contains(&format!("<td>{share}</td>")));
+    let (_, check) = html.split_once("Is all that was measured on the board the board?").unwrap();
+    let check = check.split("</li>").next().unwrap();
+    assert!(
+        check.starts_with(&format!(
+            "</b> No: a large share of the board&#39;s pixels was left out in {name} ({share})."
+        ))
+    );
+    assert!(check.contains("in front of the board") && check.contains("reflections"), "{check}");
+}
+
+/// Times belong to what made the report; they are shown as they are given, and nothing else depends on them.
+#[test]
+fn times_of_stages_are_shown_where_they_are_given() {
+    let fixture = Fixture::simulated(&[]);
+    let stages = vec![StageTime { stage: "joint adjustment".to_owned(), seconds: 1.5 }];
+    let stages = StageTimes { stages, elapsed_s: 2.0 };
+    let html = render(&ReportInput { stages, ..fixture.input(&[]) }).unwrap();
+    let (_, table) = html.split_once("<details class=\"stages\">").unwrap();
+    let (table, _) = table.split_once("</details>\n").unwrap();
+    assert!(table.contains("joint adjustment</th><td>1.50 s</td><td>75.0 %"), "{table}");
+    let without = html.replace(&format!("<details class=\"stages\">{table}</details>\n"), "");
+    assert_eq!(without, fixture.render(&[]));
 }
