@@ -15,6 +15,7 @@ use std::time::Instant;
 
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal_calibration::judge::cross_validation::cross_validate;
+use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::observe::{Capture, MarkerObservation};
 use depthcal_calibration::simulated;
 use depthcal_model::Target;
@@ -106,7 +107,7 @@ fn run(seed: u64, hardness: Hardness, lens: &str, folds: usize) -> Result<Outcom
     let options = CalibrateOptions { lens: lens.to_owned(), ..CalibrateOptions::default() };
     let result = calibrate(&capture, &options)?;
     if folds > 1 {
-        cross_validate(&result.capture.detected(), folds, &options)?;
+        cross_validate(&result, folds, Parts::Interleaved, &options)?;
     }
     let truth = simulated::true_theta(&camera);
     let theta = result.camera.theta();

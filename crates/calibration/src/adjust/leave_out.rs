@@ -5,29 +5,38 @@
 //! pose eliminated, is then the estimate without the part (Pregibon 1981, one-step approximation), and costs no adjustment.
 
 use depthcal_model::Camera;
-use nalgebra::{DMatrix, DVector};
 
 use super::adjustment::{Adjustment, Curvature};
-use super::smoothness_selection::solve_scaled;
+use super::smoothness_prior::Smoothness;
+use super::smoothness_selection::{prior, solve_scaled};
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture};
 
-/// The cameras without each of `parts` parts, given the part of every frame, at the optimum `camera` of all frames; `None` where
-/// the other frames do not determine the parameters. Cameras with fields have priors and cannot be treated so.
+/// Most free parameters of a camera: matrices of this size are dense.
+const MOST_PARAMETERS: usize = 800;
+
+/// The cameras without each of `parts` parts, given the part of every frame, at the optimum `camera` of all frames with the prior
+/// `smoothness` of its fields; `None` where the other frames do not determine the parameters, or where these are too many.
 pub fn cameras_without_parts<F: AdjustableFrame>(
     capture: &Capture<F>,
     camera: &Camera,
     noise: &NoiseModel,
+    smoothness: &Smoothness,
     part_of: &[usize],
     parts: usize,
 ) -> Vec<Option<Camera>> {
-    let frames = Adjustment::new(capture, camera, noise, true).frame_information(Curvature::OfLoss);
+    let adjustment = Adjustment::new(capture, camera, noise, true);
+    if adjustment.by_node() || camera.theta().len() > MOST_PARAMETERS {
+        return vec![None; parts];
+    }
+    let frames = adjustment.frame_information(Curvature::OfLoss);
+    let (precision, pull) = prior(camera, smoothness, &frames);
     let free: Vec<usize> = {
         let free = camera.blocks().iter().flat_map(|b| b.free.iter().copied());
         free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
     };
     let without = |part: usize| {
-        let (mut normal, mut gradient) = (DMatrix::zeros(free.len(), free.len()), DVector::zeros(free.len()));
+        let (mut normal, mut gradient) = (precision.clone(), pull.clone());
         for (frame, _) in frames.iter().zip(part_of).filter(|(_, of)| **of != part) {
             normal += &frame.fitted.0;
             gradient += &frame.fitted.1;

@@ -56,6 +56,20 @@ const SEARCH_FACTORS: [f64; 3] = [8.0, 3.0, 1.5];
 /// Factor by which the simplest of equally good values is searched.
 const SIMPLIFYING_FACTOR: f64 = 1.5;
 
+/// Precision matrix of the prior of a camera's fields, and its pull on the free parameters (the gradient of its cost) at their
+/// present values. `frames` gives the number of free parameters.
+pub(super) fn prior(
+    camera: &Camera,
+    smoothness: &Smoothness,
+    frames: &[FrameInformation],
+) -> (DMatrix<f64>, DVector<f64>) {
+    let problem = CrossValidation::new(camera, smoothness, frames);
+    let roughness: Vec<f64> = smoothness.fields.iter().map(|f| f.roughness).chain([smoothness.ridge]).collect();
+    let precision = problem.precision(&roughness);
+    let pull = &precision * &problem.deviation;
+    (precision, pull)
+}
+
 /// The cross-validation problem over the camera's free parameters.
 struct CrossValidation<'a> {
     frames: &'a [FrameInformation],

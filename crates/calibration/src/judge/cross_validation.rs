@@ -37,12 +37,11 @@ pub fn cross_validate(
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
     let is_joint = options.estimator == Estimator::Joint && fit.with_depth;
-    let mut linear = if is_joint && fit.smoothness.fields.is_empty() {
-        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &part_of, parts)
+    let linear = if is_joint {
+        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts)
     } else {
-        Vec::new()
+        vec![None; parts]
     };
-    linear.resize(parts, None);
     let evaluate_part = |part: usize| {
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();

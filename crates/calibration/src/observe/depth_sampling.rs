@@ -15,7 +15,7 @@ use super::pixel_rays::PixelRays;
 use super::stages::{DepthPixel, DepthSample, MeasuredDepth, PosedFrame, SampledFrame};
 
 /// Longest distance at which correlation is measured, px.
-const LONGEST_PX: usize = 24;
+const LONGEST_PX: usize = 8;
 /// Share of the variance at the longest distance at which pixels count as uncorrelated.
 const SILL: f64 = 0.9;
 /// Largest step of a sampling grid, px.
