@@ -1,13 +1,24 @@
 //! Simulated observations as captures: for tests, power studies and the demo. The simulator shares no code with the
 //! model; this is the only place where they meet.
 
-use std::sync::Arc;
-
-use depthcal_io::DepthImage;
+use depthcal_io::{DepthImage, ImageError};
 use depthcal_model::{Context, Pattern, Target};
 use depthcal_simulate as simulate;
+use thiserror::Error;
 
-use crate::observe::{Capture, DepthPixel, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame};
+use crate::observe::stored::depth_digest;
+use crate::observe::{Capture, DepthPixel, DetectedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
+
+/// Why an effect cannot be planted in a capture.
+#[derive(Debug, Error)]
+pub enum PlantError {
+    /// The effect cannot be planted.
+    #[error(transparent)]
+    Simulate(#[from] simulate::SimulateError),
+    /// An image of the capture cannot be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+}
 
 /// The board of a simulation, in the model's terms.
 pub fn target(board: &simulate::Board, declared_spacing_mm: f64) -> Target {
@@ -65,19 +76,20 @@ pub fn capture(observed: &simulate::PointObservations) -> Capture {
 ///
 /// # Errors
 ///
-/// [`simulate::SimulateError`] where the effect cannot be planted in depth images.
+/// [`PlantError`] where the effect cannot be planted in depth images, or where these cannot be read.
 pub fn planted(
     capture: &Capture,
     [fx, fy, cx, cy, _]: [f64; 5],
     effect: &simulate::Effect,
-) -> Result<(Capture, f64), simulate::SimulateError> {
+) -> Result<(Capture, f64), PlantError> {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     let session_s = capture.frames.iter().map(|f| f.time_s).fold(1.0, f64::max);
     let mut planted = capture.clone();
     let (mut sum, mut count) = (0.0, 0_usize);
     for (index, frame) in planted.frames.iter_mut().enumerate() {
-        let Some(depth) = frame.depth_image().cloned() else { continue };
-        let amplitude: Option<Vec<f32>> = frame.image.as_ref().map(|image| {
+        let Some(depth) = frame.depth_image().map(Stored::get).transpose()? else { continue };
+        let image = frame.image.as_ref().map(Stored::get).transpose()?;
+        let amplitude: Option<Vec<f32>> = image.map(|image| {
             let brightest = image.data.iter().copied().max().map_or(1.0, f32::from).max(1.0);
             image.data.iter().map(|v| f32::from(*v) / brightest).collect()
         });
@@ -103,7 +115,9 @@ pub fn planted(
             sum += (unit_mm * (f64::from(*a) - f64::from(*b))).powi(2);
             count += 1;
         }
-        frame.depth = MeasuredDepth::Image(Arc::new(DepthImage { data, ..(*depth).clone() }));
+        let depth = DepthImage { data, ..(*depth).clone() };
+        frame.depth_digest = depth_digest(&depth);
+        frame.depth = MeasuredDepth::Image(depth.into());
     }
     Ok((planted, (sum / count.max(1) as f64).sqrt()))
 }

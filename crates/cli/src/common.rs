@@ -62,6 +62,9 @@ pub(super) struct Reading {
     /// Does not use the cache of detections.
     #[arg(long)]
     pub(super) no_cache: bool,
+    /// Images beyond so many MiB leave memory and are read again from their files when they are needed.
+    #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = clap::value_parser!(u32))]
+    pub(super) image_memory: u32,
 }
 
 impl Reading {
@@ -71,6 +74,7 @@ impl Reading {
             cache,
             refresh: self.refresh,
             register: session.register.clone(),
+            image_memory: self.image_memory as usize * (1 << 20),
             progress: session.progress.clone(),
         }
     }

@@ -72,7 +72,7 @@ pub fn calibrate_depth(
         }
         other => {
             let _stage = options.progress.stage("estimating D from markers");
-            Ok(estimate(from_image, depth_blocks, other)?)
+            estimate(from_image, depth_blocks, other)
         }
     }
 }

@@ -4,6 +4,8 @@ use depthcal_model::{CameraError, RegisterError};
 use depthcal_solver::{CovarianceError, SolveError};
 use thiserror::Error;
 
+use depthcal_io::ImageError;
+
 use super::undetermined::UndeterminedModel;
 use crate::estimators::EstimatorError;
 use crate::start::StartError;
@@ -14,6 +16,9 @@ pub enum CalibrateError {
     /// No start values.
     #[error(transparent)]
     Start(#[from] StartError),
+    /// An image cannot be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// A model's name is wrong.
     #[error(transparent)]
     Register(#[from] RegisterError),

@@ -24,7 +24,7 @@ pub(super) fn sample(
     options: &CalibrateOptions,
 ) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
     let _stage = options.progress.stage("sampling depth");
-    let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame);
+    let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame)?;
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
     }

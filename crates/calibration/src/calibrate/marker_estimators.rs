@@ -4,6 +4,7 @@ use depthcal_model::Block;
 use depthcal_statistics::rms;
 use nalgebra::Vector4;
 
+use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::options::Estimator;
 use crate::estimators::{EstimatorError, MarkerPoint, irls, linear, marker_points, nonlinear};
@@ -16,12 +17,12 @@ use crate::observe::{PixelRays, PosedFrame};
 ///
 /// # Errors
 ///
-/// [`EstimatorError`].
+/// [`CalibrateError`] of the estimator, or where a depth image has become unreadable.
 pub(super) fn estimate(
     from_image: Calibrated<PosedFrame>,
     depth_blocks: Vec<Block>,
     estimator: Estimator,
-) -> Result<Calibrated, EstimatorError> {
+) -> Result<Calibrated, CalibrateError> {
     let mut result = from_image.without_samples();
     result.estimator = estimator;
     let model = depth_blocks.iter().map(|b| b.name()).collect::<Vec<_>>().join("+");
@@ -29,23 +30,19 @@ pub(super) fn estimate(
     let block = match (blocks.next(), blocks.next()) {
         (None, _) => return Ok(result),
         (Some(block), None) if block.name() == "projective" => block,
-        _ => return Err(EstimatorError::NotProjective { estimator: estimator.name(), model }),
+        _ => return Err(EstimatorError::NotProjective { estimator: estimator.name(), model }.into()),
     };
     let unit_mm = result.capture.depth_unit_mm.unwrap_or(1.0);
     let rays = PixelRays::new(&result.camera);
-    let points: Vec<MarkerPoint> = result
-        .capture
-        .frames
-        .iter()
-        .flat_map(|f| {
-            let pose = &f.camera_from_board;
-            let region = BoardRegion::within_markers(&result.capture.target, &f.markers);
-            let mut pixels = board_pixels(f, unit_mm, &rays, &region, pose, 1);
-            remove_outliers(&mut pixels);
-            marker_points(f, &pixels, &result.camera, &result.capture.target, pose)
-        })
-        .flatten()
-        .collect();
+    let mut points: Vec<MarkerPoint> = Vec::new();
+    for frame in &result.capture.frames {
+        let pose = &frame.camera_from_board;
+        let region = BoardRegion::within_markers(&result.capture.target, &frame.markers);
+        let mut pixels = board_pixels(&frame.open()?, unit_mm, &rays, &region, pose, 1);
+        remove_outliers(&mut pixels);
+        let of_frame = marker_points(frame, &pixels, &result.camera, &result.capture.target, pose);
+        points.extend(of_frame.into_iter().flatten());
+    }
     let free: [bool; 4] = std::array::from_fn(|i| block.free[i]);
     let d = match estimator {
         Estimator::Irls => irls(&points, free)?,

@@ -84,7 +84,9 @@ pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -
 fn deviation(fit: &Calibrated, rays: &PixelRays<'_>, frame: usize, pose: &Isometry3<f64>) -> Option<f64> {
     let region = BoardRegion::new(&fit.capture.target);
     let unit_mm = fit.capture.depth_unit_mm?;
-    let pixels = board_pixels(&fit.capture.frames[frame], unit_mm, rays, &region, pose, STRIDE);
+    // Only how the exclusion is explained depends on it: an image that cannot be read any more explains nothing.
+    let open = fit.capture.frames[frame].open().ok()?;
+    let pixels = board_pixels(&open, unit_mm, rays, &region, pose, STRIDE);
     let corrected =
         |p: &BoardPixel| Some(1.0 / fit.camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?.1);
     let mut deviations: Vec<f64> =
@@ -122,5 +124,5 @@ pub fn without_duplicates(capture: &Capture, thresholds: &Thresholds) -> (Captur
 
 /// Whether two frames have the same depth image, and any depth in it.
 fn same_depth(a: &DetectedFrame, b: &DetectedFrame) -> bool {
-    matches!((a.depth_image(), b.depth_image()), (Some(a), Some(b)) if a.data == b.data && a.data.iter().any(|d| *d > 0))
+    a.depth_digest.is_some() && a.depth_digest == b.depth_digest
 }

@@ -54,7 +54,9 @@ fn depth_scale(fit: &Calibrated) -> Option<f64> {
     let mut ratios: Vec<f64> = Vec::new();
     for frame in &fit.capture.frames {
         let region = BoardRegion::within_markers(&fit.capture.target, &frame.markers);
-        let pixels = board_pixels(frame, unit_mm, &rays, &region, &frame.camera_from_board, STRIDE);
+        // Whoever needs the image will say that it cannot be read.
+        let Ok(open) = frame.open() else { continue };
+        let pixels = board_pixels(&open, unit_mm, &rays, &region, &frame.camera_from_board, STRIDE);
         ratios.extend(pixels.iter().map(|p| p.depth_mm / p.board_depth_mm));
     }
     upper_median(&mut ratios)

@@ -16,7 +16,7 @@ use crate::observe::board_pixels::{BoardPixel, board_pixels};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, EvaluableFrame, PixelRays};
+use crate::observe::{Capture, DetectedFrame, DroppedFrame, EvaluableFrame, OpenFrame, PixelRays};
 use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt, refine_pose};
 
 /// Most pixels of all frames together that are kept one by one, about.
@@ -80,7 +80,10 @@ where
         let pose = pose.map_err(|e| dropped(e.to_string()))?.camera_from_board;
         match pose_doubt(camera, &capture.target, &markers_of(frame), &pose, sigma_px) {
             Some(doubt) => Err(dropped(doubt.to_string())),
-            None => Ok(evaluation.of_frame(frame, pose)),
+            None => {
+                let open = frame.open().map_err(|e| dropped(e.to_string()))?;
+                Ok(evaluation.of_frame(frame, &open, pose))
+            }
         }
     };
     let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> = capture.frames.par_iter().zip(poses).map(frame).collect();
@@ -111,7 +114,7 @@ impl<F> Evaluation<'_, F> {
         refined.map_or_else(|| estimate_pose(self.camera, target, &markers_of(frame)), Ok)
     }
 
-    fn of_frame(&self, frame: &DetectedFrame, pose: Isometry3<f64>) -> EvaluatedFrame {
+    fn of_frame(&self, frame: &DetectedFrame, open: &OpenFrame<'_>, pose: Isometry3<f64>) -> EvaluatedFrame {
         let target = &self.capture.target;
         let reprojection = frame
             .markers
@@ -124,7 +127,7 @@ impl<F> Evaluation<'_, F> {
             .collect();
         let unit_mm = self.capture.depth_unit_mm.unwrap_or(1.0);
         let region = BoardRegion::within_markers(target, &frame.markers);
-        let mut all = board_pixels(frame, unit_mm, self.rays, &region, &pose, 1);
+        let mut all = board_pixels(open, unit_mm, self.rays, &region, &pose, 1);
         let (outliers, outlier_limit_mm) = remove_outliers(&mut all);
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
         let before = points(&all);
@@ -148,7 +151,7 @@ impl<F> Evaluation<'_, F> {
             };
             depth.add(&error);
             if thinning.keeps(key(p)) {
-                let context = frame.raw.image.as_ref().map_or(p.context, |_| frame.context(p.context.pixel));
+                let context = open.image.as_ref().map_or(p.context, |_| open.context(p.context.pixel));
                 pixels.push(PixelError { context, ..error });
             }
             kept.push(c);

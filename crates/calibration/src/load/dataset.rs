@@ -16,7 +16,8 @@ use tracing::{debug, info, warn};
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame};
+use crate::observe::stored::{ImageFile, depth_digest};
+use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
 
 /// Version of detection and refinement: cached detections of another are not used.
@@ -33,9 +34,14 @@ pub struct LoadOptions {
     pub refresh: bool,
     /// Pieces that the camera of circle refinement may have.
     pub register: Register,
+    /// Bytes of images that stay in memory; the images of further frames are read again from their files when they are needed.
+    pub image_memory: usize,
     /// Receives progress.
     pub progress: ProgressHandle,
 }
+
+/// Default of [`LoadOptions::image_memory`]: some 800 frames of 640×480.
+const IMAGE_MEMORY: usize = 1 << 30;
 
 impl Default for LoadOptions {
     fn default() -> Self {
@@ -43,6 +49,7 @@ impl Default for LoadOptions {
             cache: default_cache(),
             refresh: false,
             register: Register::builtin(),
+            image_memory: IMAGE_MEMORY,
             progress: ProgressHandle::default(),
         }
     }
@@ -118,7 +125,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     let digest = dataset.digest()?;
     drop(digesting);
     let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
-    let (frames, (width, height)) = read_frames(&dataset, &options.progress)?;
+    let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
     let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));
     let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
     let from_cache = cached.is_some();
@@ -199,14 +206,24 @@ fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     Some(Found { markers, circle_diameter })
 }
 
+/// An image that stays in memory, or is read again from its file.
+fn store<T: ImageFile>(stays: bool, path: &Path, image: T) -> Stored<T> {
+    if stays { image.into() } else { Stored::File(Arc::new(path.to_owned())) }
+}
+
 /// All images and depth images, and their common size.
-fn read_frames(dataset: &Dataset, progress: &ProgressHandle) -> Result<(Vec<RawFrame>, (usize, usize)), LoadError> {
+fn read_frames(
+    dataset: &Dataset,
+    image_memory: usize,
+    progress: &ProgressHandle,
+) -> Result<(Vec<RawFrame>, (usize, usize)), LoadError> {
     let job = progress.steps("reading images", dataset.frames.len());
     type Read = Result<(RawFrame, PathBuf, (usize, usize)), LoadError>;
     let read: Vec<Read> = dataset
         .frames
         .par_iter()
-        .map(|frame| {
+        .enumerate()
+        .map(|(number, frame)| {
             let path = frame.image.clone().unwrap_or_default();
             let image: GrayImage = read_gray(&path)?;
             let size = (image.width, image.height);
@@ -219,13 +236,19 @@ fn read_frames(dataset: &Dataset, progress: &ProgressHandle) -> Result<(Vec<RawF
                 None => None,
             };
             job.advance();
+            // Frames are kept in memory in their order until it is used up; the others are read again when they are needed.
+            let bytes = image.bytes() + depth.as_ref().map_or(0, ImageFile::bytes);
+            let stays = (number + 1) * bytes <= image_memory;
+            let depth_digest = depth.as_ref().and_then(depth_digest);
+            let depth = frame.depth.as_ref().zip(depth).map(|(path, depth)| store(stays, path, depth));
             let frame = RawFrame {
                 name: frame.name.clone(),
                 time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
                 temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
                 metadata: frame.metadata.clone(),
-                depth: depth.map_or(MeasuredDepth::None, |d| MeasuredDepth::Image(Arc::new(d))),
-                image: Some(Arc::new(image)),
+                depth: depth.map_or(MeasuredDepth::None, MeasuredDepth::Image),
+                image: Some(store(stays, &path, image)),
+                depth_digest,
             };
             Ok((frame, path, size))
         })

@@ -1,7 +1,7 @@
 //! Boards in images, and circle centres refined with the camera that they give.
 
 use depthcal_detect::{
-    CircleDiameter, DetectError, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
+    CircleDiameter, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
 };
 use depthcal_model::{Camera, Register, Target};
 use depthcal_statistics::upper_median;
@@ -69,12 +69,16 @@ fn detect(
     progress: &ProgressHandle,
 ) -> Result<Vec<Option<Detection>>, LoadError> {
     let job = progress.steps("looking for boards", frames.len());
+    // Frames without an image have no board.
+    let with_image: Vec<Option<usize>> = {
+        let mut next = 0..;
+        frames.iter().map(|f| f.image.as_ref().and_then(|_| next.next())).collect()
+    };
     let loaders: Vec<(String, _)> = frames
         .iter()
-        .map(|frame| {
-            let image = frame.image.clone();
-            let load = move || image.as_deref().cloned().ok_or(std::fmt::Error);
-            (frame.name.clone(), load)
+        .filter_map(|frame| {
+            let image = frame.image.clone()?;
+            Some((frame.name.clone(), move || image.get().map(|image| (*image).clone())))
         })
         .collect();
     let found = depthcal_detect::detect_all(&loaders, target, &DetectOptions::default(), &|_, _| job.advance());
@@ -83,11 +87,12 @@ fn detect(
         detections.push(match result {
             Ok(detection) => detection,
             Err(FrameError::Detect { source, .. }) => return Err(source.into()),
-            // Every frame that gets here has its image in memory.
+            Err(FrameError::Load { source, .. }) => return Err(source.into()),
+            // The error may grow variants; a frame for which there is no answer has no board.
             Err(_) => None,
         });
     }
-    Ok(detections)
+    Ok(with_image.into_iter().map(|i| i.and_then(|i| detections[i].take())).collect())
 }
 
 /// The diameter of the dots, from frames spread over the capture; `None` where it cannot be measured in any.
@@ -97,13 +102,13 @@ fn measure(
     detections: &[Option<Detection>],
 ) -> Result<Option<MeasuredDiameter>, LoadError> {
     let found: Vec<_> =
-        frames.iter().zip(detections).filter_map(|(f, d)| Some((f.image.as_deref()?, d.as_ref()?))).collect();
+        frames.iter().zip(detections).filter_map(|(f, d)| Some((f.image.as_ref()?, d.as_ref()?))).collect();
     let every = found.len().div_ceil(MEASURED_FRAMES).max(1);
     let chosen: Vec<_> = found.into_iter().step_by(every).collect();
     let measured: Vec<Option<CircleDiameter>> = chosen
         .into_par_iter()
-        .map(|(image, detection)| measure_circle_diameter(image, detection, target))
-        .collect::<Result<_, DetectError>>()?;
+        .map(|(image, detection)| Ok(measure_circle_diameter(&*image.get()?, detection, target)?))
+        .collect::<Result<_, LoadError>>()?;
     let frames: Vec<(f64, f64)> = measured.into_iter().flatten().map(|m| (m.diameter_mm, m.std_mm)).collect();
     Ok(MeasuredDiameter::from_frames(&frames, target.circle_diameter_mm()))
 }
@@ -120,7 +125,8 @@ fn refine(
     markers: &mut [Vec<MarkerObservation>],
     register: &Register,
 ) -> Result<bool, LoadError> {
-    let (width, height) = frames.iter().find_map(|f| f.image.as_ref().map(|i| (i.width, i.height))).unwrap_or_default();
+    let Some(first) = frames.iter().find_map(|f| f.image.as_ref()) else { return Ok(false) };
+    let (width, height) = first.get().map(|i| (i.width, i.height))?;
     let capture = Capture {
         name: String::new(),
         target: target.clone(),
@@ -144,30 +150,30 @@ fn refine(
         let frame = calibrated.capture.frames.iter().find(|f| f.name == name)?;
         Some(frame.camera_from_board)
     };
-    let refined: Vec<Result<Option<Vec<MarkerObservation>>, DetectError>> = frames
+    let refined: Vec<Result<Option<Vec<MarkerObservation>>, LoadError>> = frames
         .par_iter()
         .zip(detections)
         .zip(&*markers)
         .map(|((frame, detection), markers)| {
             let (Some(image), Some(detection), Some(pose)) =
-                (frame.image.as_deref(), detection.as_ref(), pose_of(&frame.name))
+                (frame.image.as_ref(), detection.as_ref(), pose_of(&frame.name))
             else {
                 return Ok(None);
             };
+            let image = &*image.get()?;
             let current = Detection {
                 markers: markers.iter().map(|m| Marker { index: m.index, pixel: m.pixel }).collect(),
                 polarity: detection.polarity,
             };
             let mapping = |p: [f64; 2]| to_pixel(&calibrated.camera, &pose, p);
             let options = RefineOptions::default();
-            depthcal_detect::refine_circles(image, &current, target, &mapping, &options).map(|refined| {
-                let observe = |m: &depthcal_detect::RefinedMarker| MarkerObservation {
-                    index: m.index,
-                    pixel: m.pixel,
-                    std_px: m.std_px.hypot(FLOOR_PX),
-                };
-                Some(refined.iter().map(observe).collect())
-            })
+            let refined = depthcal_detect::refine_circles(image, &current, target, &mapping, &options)?;
+            let observe = |m: &depthcal_detect::RefinedMarker| MarkerObservation {
+                index: m.index,
+                pixel: m.pixel,
+                std_px: m.std_px.hypot(FLOOR_PX),
+            };
+            Ok(Some(refined.iter().map(observe).collect()))
         })
         .collect();
     for (markers, refined) in markers.iter_mut().zip(refined) {

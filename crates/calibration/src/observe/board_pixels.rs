@@ -8,7 +8,7 @@ use super::board_plane::BoardSurface;
 use super::board_region::BoardRegion;
 use super::neighbourhood::Surroundings;
 use super::pixel_rays::PixelRays;
-use super::stages::{DepthPixel, MeasuredDepth, RawFrame};
+use super::stages::{DepthPixel, OpenFrame};
 
 /// A valid depth pixel inside the board's outermost markers.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +30,7 @@ pub struct BoardPixel {
 /// All valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image every
 /// `stride`-th column and row, row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
 pub fn board_pixels(
-    frame: &RawFrame,
+    frame: &OpenFrame<'_>,
     unit_mm: f64,
     rays: &PixelRays<'_>,
     region: &BoardRegion,
@@ -38,14 +38,13 @@ pub fn board_pixels(
     stride: usize,
 ) -> Vec<BoardPixel> {
     match &frame.depth {
-        MeasuredDepth::None => Vec::new(),
-        MeasuredDepth::Image(depth) => image_pixels(frame, depth, unit_mm, rays, region, camera_from_board, stride),
-        MeasuredDepth::Pixels(pixels) => given_pixels(pixels, rays, region, camera_from_board),
+        Some(depth) => image_pixels(frame, depth, unit_mm, rays, region, camera_from_board, stride),
+        None => given_pixels(frame.raw.depth_pixels(), rays, region, camera_from_board),
     }
 }
 
 fn image_pixels(
-    frame: &RawFrame,
+    frame: &OpenFrame<'_>,
     depth: &DepthImage,
     unit_mm: f64,
     rays: &PixelRays<'_>,

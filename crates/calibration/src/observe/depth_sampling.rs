@@ -1,6 +1,7 @@
 //! Selection of the depth pixels for the joint adjustment: on a grid no finer than the correlation length of their noise, so
 //! that their errors are independent.
 
+use depthcal_io::ImageError;
 use depthcal_model::Camera;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
@@ -12,7 +13,7 @@ use super::capture::Capture;
 use super::noise::clipped_sigma;
 use super::outliers::{remove_outliers, remove_outliers_and_rim};
 use super::pixel_rays::PixelRays;
-use super::stages::{DepthPixel, DepthSample, MeasuredDepth, PosedFrame, SampledFrame};
+use super::stages::{DepthPixel, DepthSample, MeasuredDepth, OpenFrame, PosedFrame, SampledFrame};
 
 /// Longest distance at which correlation is measured, px.
 const LONGEST_PX: usize = 8;
@@ -26,45 +27,52 @@ const FRAMES: usize = 8;
 /// Samples the depth of every frame within its markers, but no outliers. Of a depth image, the pixels on a grid whose step is the
 /// measured correlation length of the noise, or larger where the frame would have more than `most_per_frame` samples; of single
 /// pixels, all whose ray meets the board. Returns the frames and, where there are depth images, the correlation length, px.
+///
+/// # Errors
+///
+/// [`ImageError`] where a depth image has become unreadable.
 pub fn sample_depth(
     capture: Capture<PosedFrame>,
     camera: &Camera,
     most_per_frame: usize,
-) -> (Capture<SampledFrame>, Option<usize>) {
+) -> Result<(Capture<SampledFrame>, Option<usize>), ImageError> {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
     let rays = PixelRays::new(camera);
-    let on_board = |frame: &PosedFrame| {
-        let region = BoardRegion::within_markers(&capture.target, &frame.markers);
-        let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &frame.camera_from_board, 1);
+    let on_board = |posed: &PosedFrame, frame: &OpenFrame<'_>| {
+        let region = BoardRegion::within_markers(&capture.target, &posed.markers);
+        let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &posed.camera_from_board, 1);
         remove_outliers_and_rim(&mut pixels);
         pixels
     };
-    let correlation_length_px = capture.frames.iter().any(|f| f.depth_image().is_some()).then(|| {
+    let has_images = capture.frames.iter().any(|f| f.depth_image().is_some());
+    let correlation_length_px = if has_images {
         let stride = capture.frames.len().div_ceil(FRAMES).max(1);
-        let pixels: Vec<Vec<BoardPixel>> = capture.frames.par_iter().step_by(stride).map(on_board).collect();
-        correlation_length(&pixels)
-    });
-    let frames: Vec<Vec<DepthSample>> = capture
-        .frames
-        .par_iter()
-        .map(|frame| match &frame.depth {
-            MeasuredDepth::None => Vec::new(),
-            MeasuredDepth::Pixels(pixels) => seeded(pixels, &rays, &frame.camera_from_board),
-            MeasuredDepth::Image(_) => {
-                let pixels = thinned(on_board(frame), correlation_length_px.unwrap_or(1), most_per_frame);
-                let sample = |p: &BoardPixel| DepthSample {
-                    context: frame.context(p.context.pixel),
-                    depth_mm: p.depth_mm,
-                    board_seed: p.board,
-                };
-                pixels.iter().map(sample).collect()
-            }
-        })
-        .collect();
+        let some = capture.frames.par_iter().step_by(stride);
+        let pixels: Result<Vec<Vec<BoardPixel>>, ImageError> = some.map(|f| Ok(on_board(f, &f.open()?))).collect();
+        Some(correlation_length(&pixels?))
+    } else {
+        None
+    };
+    let sample = |posed: &PosedFrame| match &posed.depth {
+        MeasuredDepth::None => Ok(Vec::new()),
+        MeasuredDepth::Pixels(pixels) => Ok(seeded(pixels, &rays, &posed.camera_from_board)),
+        MeasuredDepth::Image(_) => {
+            let frame = posed.open()?;
+            let pixels = thinned(on_board(posed, &frame), correlation_length_px.unwrap_or(1), most_per_frame);
+            let sample = |p: &BoardPixel| DepthSample {
+                context: frame.context(p.context.pixel),
+                depth_mm: p.depth_mm,
+                board_seed: p.board,
+            };
+            Ok(pixels.iter().map(sample).collect())
+        }
+    };
+    let frames: Result<Vec<Vec<DepthSample>>, ImageError> = capture.frames.par_iter().map(sample).collect();
+    let frames = frames?;
     let mut sampled = capture.with_frames(Vec::new());
     let posed = capture.frames.into_iter();
     sampled.frames = posed.zip(frames).map(|(posed, samples)| SampledFrame { posed, samples }).collect();
-    (sampled, correlation_length_px)
+    Ok((sampled, correlation_length_px))
 }
 
 /// Pixels on a grid with the step `step`, or a larger one where these would be more than `most`.

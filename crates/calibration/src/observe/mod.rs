@@ -11,10 +11,12 @@ pub mod noise;
 pub mod outliers;
 pub mod pixel_rays;
 mod stages;
+pub mod stored;
 
 pub use capture::{Capture, DroppedFrame};
 pub use pixel_rays::PixelRays;
 pub use stages::{
     AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MarkerObservation, MeasuredDepth,
-    PosedFrame, RawFrame, SampledFrame,
+    OpenFrame, PosedFrame, RawFrame, SampledFrame,
 };
+pub use stored::Stored;

@@ -4,11 +4,12 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use depthcal_io::{DepthImage, FrameMetadata, GrayImage};
+use depthcal_io::{DepthImage, FrameMetadata, GrayImage, ImageError};
 use depthcal_model::Context;
 use nalgebra::Isometry3;
 
 use super::neighbourhood;
+use super::stored::Stored;
 
 /// A marker found in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +49,7 @@ pub enum MeasuredDepth {
     #[default]
     None,
     /// A depth image on the pixel grid of the image.
-    Image(Arc<DepthImage>),
+    Image(Stored<DepthImage>),
     /// Single pixels, for example of a simulation without images.
     Pixels(Vec<DepthPixel>),
 }
@@ -65,30 +66,38 @@ pub struct RawFrame {
     /// The frame's metadata as the dataset has them.
     pub metadata: FrameMetadata,
     /// The image (the infrared amplitude), where there is one.
-    pub image: Option<Arc<GrayImage>>,
+    pub image: Option<Stored<GrayImage>>,
     /// The depth.
     pub depth: MeasuredDepth,
+    /// [`depth_digest`](super::stored::depth_digest) of the depth image, where there is one with any measurement.
+    pub depth_digest: Option<u64>,
+}
+
+/// A frame with its images in memory.
+#[derive(Debug, Clone)]
+pub struct OpenFrame<'a> {
+    /// The frame.
+    pub raw: &'a RawFrame,
+    /// The image, where there is one.
+    pub image: Option<Arc<GrayImage>>,
+    /// The depth image, where there is one.
+    pub depth: Option<Arc<DepthImage>>,
 }
 
 impl RawFrame {
-    /// Covariates of an observation at a pixel of the depth image, those of its surroundings among them.
-    pub fn context(&self, pixel: [f64; 2]) -> Context {
-        let mut context = self.conditions(pixel);
-        if let Some(image) = &self.image {
-            (context.surround, context.slope) = neighbourhood::surround(image, pixel);
-        }
-        context
-    }
-
-    /// The same without its surroundings, which cost some hundred times as much.
-    pub fn conditions(&self, pixel: [f64; 2]) -> Context {
-        let amplitude = self.image.as_ref().map_or(f64::NAN, |image| neighbourhood::amplitude(image, pixel));
-        let (time_s, temperature_c) = (self.time_s, self.temperature_c);
-        Context { pixel, amplitude, time_s, temperature_c, ..Context::default() }
+    /// The frame with its images in memory, where they are read from their files if need be.
+    ///
+    /// # Errors
+    ///
+    /// [`ImageError`] where a file has become unreadable.
+    pub fn open(&self) -> Result<OpenFrame<'_>, ImageError> {
+        let image = self.image.as_ref().map(Stored::get).transpose()?;
+        let depth = self.depth_image().map(Stored::get).transpose()?;
+        Ok(OpenFrame { raw: self, image, depth })
     }
 
     /// The depth image, where there is one.
-    pub fn depth_image(&self) -> Option<&Arc<DepthImage>> {
+    pub fn depth_image(&self) -> Option<&Stored<DepthImage>> {
         match &self.depth {
             MeasuredDepth::Image(image) => Some(image),
             MeasuredDepth::None | MeasuredDepth::Pixels(_) => None,
@@ -118,6 +127,24 @@ impl RawFrame {
             MeasuredDepth::Image(_) => true,
             MeasuredDepth::Pixels(pixels) => !pixels.is_empty(),
         }
+    }
+}
+
+impl OpenFrame<'_> {
+    /// Covariates of an observation at a pixel of the depth image, those of its surroundings among them.
+    pub fn context(&self, pixel: [f64; 2]) -> Context {
+        let mut context = self.conditions(pixel);
+        if let Some(image) = &self.image {
+            (context.surround, context.slope) = neighbourhood::surround(image, pixel);
+        }
+        context
+    }
+
+    /// The same without its surroundings, which cost some hundred times as much.
+    pub fn conditions(&self, pixel: [f64; 2]) -> Context {
+        let amplitude = self.image.as_ref().map_or(f64::NAN, |image| neighbourhood::amplitude(image, pixel));
+        let (time_s, temperature_c) = (self.raw.time_s, self.raw.temperature_c);
+        Context { pixel, amplitude, time_s, temperature_c, ..Context::default() }
     }
 }
 

@@ -69,7 +69,8 @@ pub(super) fn moving(
     let outline = [strip(capture, camera, &Isometry3::identity())];
     add("world/board/outline", &LineStrips3D::new(outline).with_colors([green()]))?;
     // Without a clear, the viewer would keep showing the image of the frame before.
-    match &frame.image {
+    let open = frame.open().map_err(io::Error::other)?;
+    match &open.image {
         Some(image) => add("world/camera/image", &gray(image))?,
         None => add("world/camera/image", &Clear::flat())?,
     }
@@ -80,7 +81,7 @@ pub(super) fn moving(
     add("world/camera/image/found", &pixels(&|e| [e[0], e[1]], green()))?;
     let magenta = Color::from_rgb(230, 0, 200);
     add("world/camera/image/reprojected", &pixels(&|e| [e[0] - e[2], e[1] - e[3]], magenta))?;
-    match frame.depth_image() {
+    match &open.depth {
         Some(image) => add("depth", &depth(image, capture.depth_unit_mm.unwrap_or(1.0)))?,
         None => add("depth", &Clear::flat())?,
     }

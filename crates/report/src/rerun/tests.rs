@@ -53,7 +53,7 @@ fn a_recording_holds_what_was_measured_and_corrected() {
     // Whole images in one frame alone: the others must not show them.
     let (width, height) = (capture.width, capture.height);
     let ramp: Vec<u16> = (0..width * height).map(|i| (i % 1000) as u16).collect();
-    capture.frames[2].image = Some(Arc::new(GrayImage { width, height, data: ramp.clone(), bits: 16 }));
+    capture.frames[2].image = Some(GrayImage { width, height, data: ramp.clone(), bits: 16 }.into());
     capture.frames[2].depth = Some(Arc::new(DepthImage { width, height, data: ramp }));
 
     let folder = tempfile::tempdir().unwrap();
