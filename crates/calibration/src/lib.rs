@@ -15,8 +15,8 @@
 //! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
 //! | fits as records for files | [`calibration_record`] |
 //!
-//! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options, whose handle also measures
-//! the time of every stage ([`stage_clock`]).
+//! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options, whose handle
+//! also measures the time of every stage ([`stage_clock`]).
 
 pub mod adjust;
 pub mod calibrate;

@@ -34,8 +34,8 @@ impl Job for Silent {
     fn advance(&self) {}
 }
 
-/// A shared receiver of progress, as options hold it, with the clock of a run. Every job is a stage of the run; what a job says that it
-/// is doing begins a stage of its own.
+/// A shared receiver of progress, as options hold it, with the clock of a run. Every job is a stage of the run; what
+/// a job says that it is doing begins a stage of its own.
 #[derive(Debug, Clone)]
 pub struct ProgressHandle {
     progress: Arc<dyn Progress>,
@@ -63,8 +63,8 @@ impl ProgressHandle {
         Box::new(TimedJob { job: self.progress.begin(job, steps), clock: self.clock.clone(), now })
     }
 
-    /// A stage begins of which only the time is of interest; it ends when the result is dropped. Within another stage it is a part of
-    /// that one.
+    /// A stage begins of which only the time is of interest; it ends when the result is dropped. Within another stage
+    /// it is a part of that one.
     pub fn stage(&self, stage: &str) -> Stage {
         self.clock.begin(stage)
     }

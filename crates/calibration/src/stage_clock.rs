@@ -32,8 +32,9 @@ impl StageTimes {
 
 /// Measures the wall time of stages. Clones share the clock.
 ///
-/// Only one stage is measured at a time: a stage that begins while another has not ended, in the same thread or in any other, is a
-/// part of that one and is not counted again. The times therefore add up to no more than the run took.
+/// Only one stage is measured at a time: a stage that begins while another has not ended, in the same thread or in
+/// any other, is a part of that one and is not counted again. The times therefore add up to no more than the run
+/// took.
 #[derive(Debug, Clone)]
 pub struct StageClock(Arc<Clock>);
 

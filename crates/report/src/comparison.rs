@@ -15,9 +15,9 @@ use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::compare::tables::Table;
 use depthcal_calibration::stage_clock::StageTimes;
 
-/// Renders a comparison as one self-contained HTML file. `tables` are the comparison's tables, the ranking first; `best` is
-/// the best model fitted to all training frames, whose correction is shown as maps; `command` and the times of its stages are shown
-/// below the heading.
+/// Renders a comparison as one self-contained HTML file. `tables` are the comparison's tables, the ranking first;
+/// `best` is the best model fitted to all training frames, whose correction is shown as maps; `command` and the times
+/// of its stages are shown below the heading.
 ///
 /// # Errors
 ///
