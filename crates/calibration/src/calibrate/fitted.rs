@@ -3,7 +3,7 @@
 use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
-use super::lens_choice::LensChoice;
+use super::lens_order::LensChoice;
 use super::options::Estimator;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;

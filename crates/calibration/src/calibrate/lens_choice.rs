@@ -13,7 +13,7 @@ use tracing::{info, warn};
 
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
-use super::lens_order::{BROWN_CONRADY, LensOrder};
+use super::lens_order::{BROWN_CONRADY, LensCandidate, LensChoice, LensOrder};
 use super::options::CalibrateOptions;
 use super::settle::{Rules, State, settle};
 use crate::adjust::adjustment::{Adjustment, Curvature};
@@ -34,27 +34,6 @@ const EQUAL_STANDARD_ERRORS: f64 = 1.0;
 const MOST_COST: f64 = 0.5;
 /// Depth at which rays are cast, mm; the lens does not depend on it unless it breathes.
 const RAY_DEPTH_MM: f64 = 1000.0;
-
-/// The choice of the order of a lens.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LensChoice {
-    /// The chosen order.
-    pub order: LensOrder,
-    /// What was compared, the simplest order first.
-    pub candidates: Vec<LensCandidate>,
-}
-
-/// One order of a lens that was compared.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LensCandidate {
-    /// The order.
-    pub order: LensOrder,
-    /// Root mean square reprojection error of left-out frames, px, whose poses follow from their own markers; infinite where
-    /// the other frames do not determine this order.
-    pub held_out_px: f64,
-    /// Whether the lens is one-to-one over the whole image.
-    pub one_to_one: bool,
-}
 
 /// Settles a calibration from images; where the markers do not determine its lens over the whole image, with a lower order.
 pub(super) fn settle_with_chosen_lens(

@@ -1,4 +1,4 @@
-//! The orders of the Brown–Conrady lens: which of its terms are fitted.
+//! The orders of the Brown–Conrady lens: which of its terms are fitted, and the record of a choice among them.
 
 use std::fmt;
 
@@ -80,6 +80,27 @@ pub(super) fn requested(lens: &str) -> (String, Option<LensOrder>) {
         Some((piece, order)) => (piece, Some(order)),
         None => (lens, None),
     }
+}
+
+/// The choice of the order of a lens.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LensChoice {
+    /// The chosen order.
+    pub order: LensOrder,
+    /// What was compared, the simplest order first.
+    pub candidates: Vec<LensCandidate>,
+}
+
+/// One order of a lens that was compared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LensCandidate {
+    /// The order.
+    pub order: LensOrder,
+    /// Root mean square reprojection error of left-out frames, px, whose poses follow from their own markers; infinite where
+    /// the other frames do not determine this order.
+    pub held_out_px: f64,
+    /// Whether the lens is one-to-one over the whole image.
+    pub one_to_one: bool,
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 mod domain;
 mod driver;
 mod error;
+mod explanation;
 mod fitted;
 mod folds;
 mod frame_checks;
@@ -26,8 +27,7 @@ pub use error::CalibrateError;
 pub use fitted::Calibrated;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;
-pub use lens_choice::{LensCandidate, LensChoice};
-pub use lens_order::LensOrder;
+pub use lens_order::{LensCandidate, LensChoice, LensOrder};
 pub use options::{CalibrateOptions, Estimator};
 pub use readjust::readjust;
 pub use undetermined::UndeterminedModel;

@@ -9,7 +9,7 @@ use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
-use super::undetermined::explained;
+use super::explanation::explained;
 use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
 use crate::adjust::plane_scatter::plane_scatter;
 use crate::adjust::smoothness_prior::Smoothness;
