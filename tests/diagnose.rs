@@ -114,7 +114,7 @@ fn effects_beyond_the_catalogue_are_unexplained() {
         assert!(!d.left_over.is_empty());
         if name == "smooth_map" {
             let (before, after) = (d.before.errors.depth_rms_mm.unwrap(), d.after.errors.depth_rms_mm.unwrap());
-            assert!(after < before, "{before} → {after} mm");
+            assert!(after < before, "{before} → {after} mm: {:?}", decisions(&d));
         }
     }
 }

@@ -206,10 +206,7 @@ impl Adjustment {
                 part.row_mut(row).fill(0.0);
             }
         }
-        // The product of two matrices is blocked; that with a transposed view is not.
-        let own_normal = part.transpose() * &part;
-        let mut normal = normal.view_mut((0, 0), (n, n));
-        normal += own_normal;
+        normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &part, &part, 1.0);
         let mut gradient = gradient.rows_mut(0, n);
         gradient += own_gradient;
     }

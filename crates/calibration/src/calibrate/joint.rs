@@ -76,7 +76,7 @@ pub(super) fn adjust_samples(
 }
 
 /// Depth noise to start with: deviations from a plane of each frame's own.
-pub(super) fn depth_noise_from_planes(capture: &Capture<SampledFrame>) -> DepthNoise {
+fn depth_noise_from_planes(capture: &Capture<SampledFrame>) -> DepthNoise {
     let mut samples = Vec::new();
     for frame in &capture.frames {
         let pixels: Vec<_> = frame

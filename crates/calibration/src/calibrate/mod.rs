@@ -29,5 +29,5 @@ pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;
 pub use lens_order::{LensCandidate, LensChoice, LensOrder};
 pub use options::{CalibrateOptions, Estimator};
-pub use readjust::readjust;
+pub use readjust::{has_fields, readjust};
 pub use undetermined::UndeterminedModel;

@@ -55,6 +55,8 @@ pub struct CalibrateOptions {
     pub camera: Option<Camera>,
     /// The pieces that names may mean.
     pub register: Register,
+    /// Most rounds in which the smoothness of fields and the noise are chosen in turn.
+    pub smoothness_rounds: usize,
     /// Thresholds of the rules that choose the smoothness of fields.
     pub field_thresholds: FieldThresholds,
     /// Receives progress.
@@ -73,6 +75,7 @@ impl Default for CalibrateOptions {
             frame_planes: false,
             camera: None,
             register: Register::builtin(),
+            smoothness_rounds: 8,
             field_thresholds: FieldThresholds::default(),
             progress: ProgressHandle::default(),
         }

@@ -7,7 +7,7 @@ use super::domain::seen;
 use super::driver::depth_blocks;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
-use super::joint::{adjust_samples, depth_noise_from_planes};
+use super::joint::adjust_samples;
 use super::options::CalibrateOptions;
 use crate::adjust::blocks::is_depth_only;
 use crate::observe::{Capture, SampledFrame};
@@ -33,21 +33,20 @@ pub fn readjust(
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
     }
     let camera = with_model(&start.camera, &capture, options)?;
-    let mut noise = start.noise;
-    if has_new_field(&camera, &start.camera) {
-        // The noise of a fit without the field has all that the field may take up: its prior would keep the field smooth.
-        noise.depth = depth_noise_from_planes(&capture);
-    }
-    let mut result = adjust_samples(capture, camera, noise, Some(&start.smoothness), options)?;
+    let mut result = adjust_samples(capture, camera, start.noise, Some(&start.smoothness), options)?;
     result.correlation_length_px = start.correlation_length_px;
     result.lens_choice.clone_from(&start.lens_choice);
     Ok(result)
 }
 
-/// Whether a camera has a field that an earlier one lacks.
-fn has_new_field(camera: &Camera, earlier: &Camera) -> bool {
-    let is_field = |b: &&Block| b.piece().is_some_and(|p| p.field().is_some());
-    camera.blocks().iter().filter(is_field).any(|b| earlier.block(b.name()).is_none())
+/// Whether a model has fields. Their smoothness is chosen on the way, and its search depends on where it starts: they are fitted
+/// from the start.
+///
+/// # Errors
+///
+/// [`RegisterError`] where a piece of the model is unknown.
+pub fn has_fields(options: &CalibrateOptions) -> Result<bool, RegisterError> {
+    Ok(depth_blocks(options)?.iter().any(|b| b.piece().is_some_and(|p| p.field().is_some())))
 }
 
 /// The camera with the depth model and the effects of `options`, in the order in which a calibration puts them. Parameters that

@@ -6,10 +6,10 @@ use depthcal_solver::Covariance;
 use depthcal_statistics::rms;
 
 use super::error::CalibrateError;
+use super::explanation::explained;
 use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
-use super::explanation::explained;
 use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
 use crate::adjust::plane_scatter::plane_scatter;
 use crate::adjust::smoothness_prior::Smoothness;
@@ -98,6 +98,10 @@ pub(super) fn settle<F: AdjustableFrame>(
     rules: &Rules<'_, F>,
     options: &CalibrateOptions,
 ) -> Result<Calibrated<F>, CalibrateError> {
+    // The choice of smoothness and the noise depend on each other.
+    let chooses_smoothness = rules.chooses_smoothness && !state.smoothness.fields.is_empty();
+    let most_rounds =
+        if chooses_smoothness { rules.most_rounds.max(options.smoothness_rounds) } else { rules.most_rounds };
     let mut outliers = 0;
     // Rounds that began anew after a repair estimate no noise and do not count.
     let (mut round, mut repairs) = (0, 0);
@@ -133,13 +137,13 @@ pub(super) fn settle<F: AdjustableFrame>(
         let noise_settled = has_settled(&used, &state.noise, &residuals, rules.depth_noise_settled)
             && planes_settled(&used.planes, &planes);
         let mut smoothness_settled = true;
-        if rules.chooses_smoothness && !state.smoothness.fields.is_empty() && round < rules.most_rounds {
+        if chooses_smoothness && round < most_rounds {
             let frames = adjustment.frame_information(Curvature::OfWeights);
             let chosen = smoothness_selection::choose(&adjusted.camera, &state.smoothness, &frames);
             smoothness_settled = chosen.close_to(&state.smoothness);
             state.smoothness = chosen;
         }
-        if (dropped == 0 && noise_settled && smoothness_settled) || round >= rules.most_rounds {
+        if (dropped == 0 && noise_settled && smoothness_settled) || round >= most_rounds {
             converged(&adjusted)?;
             let covariance = covariance.map(|c| adjustment.camera_covariance(&c));
             let depth_mm = rules.with_depth.then(|| {

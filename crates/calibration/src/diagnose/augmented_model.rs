@@ -12,7 +12,7 @@ use super::held_out::{HeldOut, improves};
 use super::merit::significant;
 use super::options::DiagnoseOptions;
 use super::thresholds::Thresholds;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, readjust};
+use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, readjust};
 use crate::judge::cross_validation::{cross_validate, errors};
 use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
@@ -121,7 +121,8 @@ impl<'a> AugmentedModel<'a> {
     pub fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
         self.report("fitting", model);
         let mut basis = self.basis.borrow_mut();
-        let from_last = basis.as_ref().and_then(|b| Some(readjust(&b.last, b.samples_of(&self.capture)?, model)));
+        let last = basis.as_ref().filter(|_| !has_fields(model).unwrap_or(false));
+        let from_last = last.and_then(|b| Some(readjust(&b.last, b.samples_of(&self.capture)?, model)));
         match (from_last, &mut *basis) {
             (Some(Ok(fit)), Some(basis)) => {
                 basis.last = fit.clone();

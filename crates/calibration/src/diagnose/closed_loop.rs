@@ -23,6 +23,9 @@ use super::stepwise_selection::score_given;
 use crate::calibrate::CalibrateOptions;
 use crate::observe::Capture;
 
+/// Rounds in which the smoothness of the free map is chosen.
+const FREE_MAP_ROUNDS: usize = 4;
+
 /// Diagnoses a capture: which effects does the declared model lack? Errors are those on `verify` where it is given, else on
 /// frames that cross-validation holds out.
 ///
@@ -37,7 +40,10 @@ pub fn diagnose(
     if !capture.has_depth() {
         return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
     }
-    let calibrate = CalibrateOptions { frame_planes: false, ..options.calibrate.clone() };
+    // With more rounds the smoothness of the free map and the noise may settle where the map is flat and all that it should describe
+    // counts as noise.
+    let calibrate =
+        CalibrateOptions { frame_planes: false, smoothness_rounds: FREE_MAP_ROUNDS, ..options.calibrate.clone() };
     let options = &DiagnoseOptions { calibrate, ..options.clone() };
     let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
     let (capture, mut bad_frames) = without_duplicates(capture, thresholds);

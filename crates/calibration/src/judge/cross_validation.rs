@@ -8,7 +8,7 @@ use tracing::warn;
 use super::evaluate::{Evaluated, EvaluatedFrame, evaluate};
 use super::parts::{Parts, parts_of};
 use crate::adjust::leave_out::cameras_without_parts;
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, readjust};
+use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
 use crate::observe::noise::DepthNoise;
 use crate::observe::{Capture, DroppedFrame, SampledFrame};
 
@@ -36,7 +36,7 @@ pub fn cross_validate(
     let job = options.progress.steps("cross-validating", parts);
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
-    let is_joint = options.estimator == Estimator::Joint && fit.with_depth;
+    let is_joint = options.estimator == Estimator::Joint && fit.with_depth && !has_fields(options)?;
     let linear = if is_joint {
         cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts)
     } else {
