@@ -33,6 +33,7 @@ mod drawn {
     use opencv::aruco;
     use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Size};
     use opencv::prelude::*;
+    use rayon::prelude::*;
 
     use super::common::{self, Camera, Pose, Scene, Texture};
     use super::*;
@@ -135,51 +136,85 @@ mod drawn {
         assert!(found == 8 && part > 0.85 && rms < 0.12);
     }
 
+    /// What was found of a board that is seen in part.
+    struct Part {
+        found: usize,
+        visible: usize,
+        /// The largest error of a corner, px.
+        worst: f64,
+    }
+
+    /// The largest error, px, that the scene explains. The drawn board is a raster: edges lie up to half a texel from
+    /// where they belong, on both axes. Blur carries a tag's grey into the fit of the crossing beside it, which is
+    /// accepted as long as the blur is narrow against the distance between them: a tenth of the blur. Noise alone
+    /// displaces a corner by some hundredths of a pixel.
+    fn explained_px(z: f64, blur: f64) -> f64 {
+        let texel_px = Camera::thesis().f / z / SCALE;
+        0.5f64.sqrt() * texel_px + 0.1 * blur
+    }
+
     /// Boards that fill more than the image, at several places of it, with motion or defocus.
-    fn run_partial(target: &Target, texture: &Texture, z: f64, blur: f64) -> Vec<(usize, usize, f64)> {
+    fn run_partial(target: &Target, texture: &Texture, z: f64, blur: f64) -> Vec<Part> {
         // The thesis' lens is not invertible in the corners of the image.
         let camera = Camera { lens: [-0.05, 0.0, 0.0, 0.0, 0.0], ..Camera::thesis() };
         let corners = [[0.0, 0.0], [0.5, 0.1], [0.9, 0.9], [0.1, 0.8], [0.5, 0.5]];
         let extent = target.points().into_iter().fold([0.0f64; 2], |e, p| [e[0].max(p[0]), e[1].max(p[1])]);
-        corners
-            .into_iter()
-            .enumerate()
-            .map(|(i, [x, y])| {
-                let middle = [x * extent[0], y * extent[1]];
-                let tilt = 0.15 * (i % 3) as f64;
-                let pose = Pose::looking(&camera, middle, [320.0, 240.0], z, tilt, i as f64, 1.3 * i as f64);
-                let mut scene = Scene::new(camera, pose, texture, i as u64);
-                scene.blur = blur;
-                let image = scene.render();
-                let inside = |p: [f64; 2]| (6.0..633.0).contains(&p[0]) && (6.0..473.0).contains(&p[1]);
-                let ahead = |p: [f64; 2]| {
-                    let p = pose.apply(p);
-                    p.z > 0.0 && (p.x / p.z).hypot(p.y / p.z) < 1.2
-                };
-                let visible = target.points().into_iter().filter(|p| ahead(*p) && inside(scene.truth(*p))).count();
-                let found = detect(&image, target, &DetectOptions::default()).expect("no error");
-                let markers = found.map(|d| d.markers).unwrap_or_default();
-                let worst = markers
-                    .iter()
-                    .map(|m| {
-                        let t = scene.truth(target.point(m.index));
-                        (m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1])
-                    })
-                    .fold(0.0, f64::max);
-                println!("z {z}, blur {blur}, view {i}: {} of {visible} visible, worst {worst:.3} px", markers.len());
-                (markers.len(), visible, worst)
-            })
-            .collect()
+        let view = |(i, [x, y]): (usize, [f64; 2])| {
+            let middle = [x * extent[0], y * extent[1]];
+            let tilt = 0.15 * (i % 3) as f64;
+            let pose = Pose::looking(&camera, middle, [320.0, 240.0], z, tilt, i as f64, 1.3 * i as f64);
+            let mut scene = Scene::new(camera, pose, texture, i as u64);
+            scene.blur = blur;
+            let image = scene.render();
+            // Corners whose blurred edges the border cuts off are left out, and not expected.
+            let border = 6.0 + 2.0 * blur;
+            let inside = |[u, v]: [f64; 2]| {
+                let size = [camera.width, camera.height].map(|n| n as f64 - 1.0 - border);
+                (border..size[0]).contains(&u) && (border..size[1]).contains(&v)
+            };
+            let ahead = |p: [f64; 2]| {
+                let p = pose.apply(p);
+                p.z > 0.0 && (p.x / p.z).hypot(p.y / p.z) < 1.2
+            };
+            let found = detect(&image, target, &DetectOptions::default()).expect("no error");
+            let markers = found.map(|d| d.markers).unwrap_or_default();
+            let (mut visible, mut worst, mut text) = (0, 0.0f64, String::new());
+            for (index, p) in target.points().into_iter().enumerate() {
+                let truth = scene.truth(p);
+                let marker = markers.iter().find(|m| m.index == index);
+                if ahead(p) && inside(truth) {
+                    visible += 1;
+                    if marker.is_none() {
+                        text += &format!("\n    corner {index} at ({:.0}, {:.0}) is missing", truth[0], truth[1]);
+                    }
+                }
+                if let Some(m) = marker {
+                    let error = (m.pixel[0] - truth[0]).hypot(m.pixel[1] - truth[1]);
+                    worst = worst.max(error);
+                    if error > 0.1 {
+                        text += &format!(
+                            "\n    corner {index} at ({:.0}, {:.0}) is off by {error:.3} px",
+                            truth[0], truth[1]
+                        );
+                    }
+                }
+            }
+            println!("z {z}, blur {blur}, view {i}: {} of {visible} visible, worst {worst:.3} px{text}", markers.len());
+            Part { found: markers.len(), visible, worst }
+        };
+        corners.into_par_iter().enumerate().map(view).collect()
     }
 
     #[test]
     fn a_charuco_board_that_is_seen_in_part_is_found_as_far_as_it_is_seen() {
         let target = charuco(12, 9);
         let texture = charuco_texture(&target);
-        for (z, blur) in [(180.0, 0.7), (250.0, 0.7), (250.0, 2.0)] {
-            for (found, visible, worst) in run_partial(&target, &texture, z, blur) {
-                assert!(10 * found >= 8 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
-                assert!(worst < 0.5, "a corner is off by {worst} px at {z} mm, blur {blur} px");
+        // At 180 mm a square is 80 px wide: across the neighbours of a corner the lens departs from a homography by
+        // more than a pixel, and right corners at the edge of what is seen are left out as strays.
+        for (z, blur, tenths) in [(180.0, 0.7, 8), (250.0, 0.7, 9), (250.0, 2.0, 9)] {
+            for Part { found, visible, worst } in run_partial(&target, &texture, z, blur) {
+                assert!(10 * found >= tenths * visible, "{found} of {visible} at {z} mm, blur {blur} px");
+                assert!(worst < explained_px(z, blur), "a corner is off by {worst} px at {z} mm, blur {blur} px");
             }
         }
     }
@@ -189,10 +224,11 @@ mod drawn {
         let pattern = Pattern::Charuco { marker_mm: 15.0, dictionary: "DICT_5X5_100".into() };
         let target = Target { pattern, ..charuco(10, 7) };
         let texture = charuco_texture(&target);
-        // A bit of a tag is 2.1 mm, three and a half pixels.
-        for (found, visible, worst) in run_partial(&target, &texture, 300.0, 3.5) {
-            assert!(10 * found >= 7 * visible, "{found} of {visible}");
-            assert!(worst < 1.0, "a corner is off by {worst} px");
+        // A bit of a tag is 2.1 mm, three and a half pixels: as wide as the blur.
+        let (z, blur) = (300.0, 3.5);
+        for Part { found, visible, worst } in run_partial(&target, &texture, z, blur) {
+            assert!(10 * found >= 9 * visible, "{found} of {visible}");
+            assert!(worst < explained_px(z, blur), "a corner is off by {worst} px");
         }
     }
 
@@ -201,9 +237,9 @@ mod drawn {
         let target = aprilgrid();
         let texture = aprilgrid_texture(&target);
         for (z, blur) in [(130.0, 0.7), (180.0, 0.7), (180.0, 1.5)] {
-            for (found, visible, worst) in run_partial(&target, &texture, z, blur) {
-                assert!(10 * found >= 8 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
-                assert!(worst < 1.0, "a corner is off by {worst} px at {z} mm, blur {blur} px");
+            for Part { found, visible, worst } in run_partial(&target, &texture, z, blur) {
+                assert!(10 * found >= 9 * visible, "{found} of {visible} at {z} mm, blur {blur} px");
+                assert!(worst < explained_px(z, blur), "a corner is off by {worst} px at {z} mm, blur {blur} px");
             }
         }
     }

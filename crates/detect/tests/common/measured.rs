@@ -3,23 +3,24 @@
 #[path = "../../../../tests/support/measured.rs"]
 mod data;
 
-use std::path::PathBuf;
-
-use depthcal_io::GrayImage;
+use depthcal_io::{Dataset, GrayImage};
+use depthcal_model::target::Target;
 use opencv::core::{MatTraitConst, MatTraitConstManual};
 
-/// Images of a measured dataset with their file names; `None` where the dataset is not present, and the
-/// test is then reported as skipped.
+/// The board that a measured dataset declares and its images with their names.
+pub struct Capture {
+    pub target: Target,
+    pub frames: Vec<(String, GrayImage)>,
+}
+
+/// A measured dataset; `None` where it is not present, and the test is then reported as skipped.
 ///
 /// # Panics
-/// When the dataset's folder holds no images.
-pub fn images(dataset: &str, folder: &str) -> Option<Vec<(String, GrayImage)>> {
-    let path = data::measured(&format!("{dataset}/{folder}"))?;
-    let entries = std::fs::read_dir(&path).expect("a folder");
-    let mut files: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
-    files.sort();
-    assert!(!files.is_empty(), "{} holds no images", path.display());
-    Some(files.into_iter().map(|file| (file.display().to_string(), read(&file))).collect())
+/// When the dataset is at fault.
+pub fn capture(dataset: &str) -> Option<Capture> {
+    let dataset = Dataset::open(data::measured(dataset)?).expect("a dataset");
+    let frames = dataset.frames.iter().filter_map(|f| Some((f.name.clone(), read(f.image.as_ref()?)))).collect();
+    Some(Capture { target: dataset.target, frames })
 }
 
 fn read(file: &std::path::Path) -> GrayImage {
@@ -32,4 +33,14 @@ fn read(file: &std::path::Path) -> GrayImage {
         let data = mat.data_typed::<u8>().expect("8 bits").iter().map(|&v| u16::from(v)).collect();
         GrayImage { width, height, data, bits: 8 }
     }
+}
+
+/// The image as OpenCV's detectors take it: 8 bits, 16-bit amplitudes scaled between their least and largest value.
+pub fn bytes(image: &GrayImage) -> Vec<u8> {
+    if image.bits <= 8 {
+        return image.data.iter().map(|&v| v as u8).collect();
+    }
+    let low = image.data.iter().copied().min().unwrap_or(0);
+    let range = f64::from(image.data.iter().copied().max().unwrap_or(1) - low).max(1.0);
+    image.data.iter().map(|&v| (f64::from(v - low) * 255.0 / range).round() as u8).collect()
 }

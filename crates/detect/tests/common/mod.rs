@@ -4,6 +4,8 @@
 
 #[cfg(feature = "opencv")]
 pub mod measured;
+#[cfg(all(feature = "opencv", fiducials = "contrib"))]
+pub mod opencv_charuco;
 pub mod scene;
 pub mod texture;
 
