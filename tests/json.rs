@@ -38,9 +38,7 @@ fn calibrate_evaluate_diagnose_and_compare() {
     assert!(value["calibration"]["camera"]["pieces"].as_array().unwrap().len() >= 3);
     assert!(value["datasets"][0]["depth_rms_mm"]["after"].as_f64().unwrap() > 0.0);
     let named = stages(&value);
-    for stage in
-        ["reading images", "looking for boards", "image calibration", "joint adjustment", "evaluation", "report"]
-    {
+    for stage in ["reading images", "image calibration", "joint adjustment", "evaluation", "report"] {
         assert_eq!(named.iter().filter(|s| *s == stage).count(), 1, "{stage} in {named:?}");
     }
     assert!(!words.contains("joint adjustment"), "silent without -v: {words}");

@@ -75,7 +75,7 @@ impl Default for CalibrateOptions {
             frame_planes: false,
             camera: None,
             register: Register::builtin(),
-            smoothness_rounds: 8,
+            smoothness_rounds: 6,
             field_thresholds: FieldThresholds::default(),
             progress: ProgressHandle::default(),
         }
