@@ -51,7 +51,7 @@ pub fn cross_validate(
             None if is_joint => readjust(fit, rest(), options).map(|fit| fit.camera),
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
-        let evaluated = camera.map(|camera| evaluate(&camera, &held)).map_err(|error| (error, held));
+        let evaluated = camera.map(|camera| evaluate(&camera, &held)).map_err(|error| Box::new((error, held)));
         job.advance();
         evaluated
     };
@@ -64,7 +64,8 @@ pub fn cross_validate(
                 all.frames.extend(part.frames);
                 all.dropped.extend(part.dropped);
             }
-            Err((error, held)) => {
+            Err(failed) => {
+                let (error, held) = *failed;
                 let reason = format!("without its part of the frames the model cannot be fitted: {error}");
                 warn!("{} frames are not judged: {reason}", held.frames.len());
                 let dropped = |f: &SampledFrame| DroppedFrame { name: f.name.clone(), reason: reason.clone() };

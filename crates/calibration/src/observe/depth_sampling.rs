@@ -77,7 +77,7 @@ pub fn sample_depth(
 
 /// Pixels on a grid with the step `step`, or a larger one where these would be more than `most`.
 fn thinned(mut pixels: Vec<BoardPixel>, mut step: usize, most: usize) -> Vec<BoardPixel> {
-    let is_on_grid = |p: &BoardPixel, step: usize| p.context.pixel.iter().all(|c| *c as usize % step == 0);
+    let is_on_grid = |p: &BoardPixel, step: usize| p.context.pixel.iter().all(|c| (*c as usize).is_multiple_of(step));
     loop {
         let count = pixels.iter().filter(|p| is_on_grid(p, step)).count();
         if count <= most || step >= COARSEST_PX {
