@@ -29,6 +29,7 @@ pub struct MeasuredDiameter {
 
 impl MeasuredDiameter {
     /// From one diameter (mm) and its standard deviation (mm) per frame; `None` without frames.
+    #[cfg(any(test, feature = "detect"))]
     pub(crate) fn from_frames(frames: &[(f64, f64)], declared_mm: Option<f64>) -> Option<MeasuredDiameter> {
         let mut diameters: Vec<f64> = frames.iter().map(|f| f.0).collect();
         let diameter_mm = upper_median(&mut diameters)?;
