@@ -60,7 +60,6 @@ fn image_pixels(
         .collect();
     let Some((low, high)) = bounds(&corners, depth.width, depth.height) else { return Vec::new() };
     let surface = BoardSurface::new(camera_from_board, camera);
-    let plane = surface.plane();
     let [fx, ..] = camera.pinhole();
     let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
     let surroundings = image.map(|i| Surroundings::of(i, low, high));
@@ -76,15 +75,11 @@ fn image_pixels(
             if let Some(surroundings) = &surroundings {
                 (context.surround, context.slope) = surroundings.at(u, v);
             }
-            let Some(ray) = rays.ray(&context, depth_mm) else { continue };
-            let Some(board_depth_mm) = surface.depth(ray) else { continue };
-            let on_board = plane.to_board(ray, board_depth_mm);
-            let cos_incidence = plane.cos_incidence(ray);
+            let Some(pixel) = at_board(context, depth_mm, rays, &surface) else { continue };
             // Along the direction of tilt a pixel covers more of the board.
-            let mm_per_px = board_depth_mm / (fx * cos_incidence.max(0.1));
-            let board = [on_board.x, on_board.y];
-            if region.contains(board, mm_per_px) {
-                pixels.push(BoardPixel { context, depth_mm, board_depth_mm, board, ray, cos_incidence });
+            let mm_per_px = pixel.board_depth_mm / (fx * pixel.cos_incidence.max(0.1));
+            if region.contains(pixel.board, mm_per_px) {
+                pixels.push(pixel);
             }
         }
     }
@@ -98,17 +93,17 @@ fn given_pixels(
     camera_from_board: &Isometry3<f64>,
 ) -> Vec<BoardPixel> {
     let surface = BoardSurface::new(camera_from_board, rays.camera());
-    let plane = surface.plane();
-    let pixel = |s: &DepthPixel| {
-        let ray = rays.ray(&s.context, s.depth_mm)?;
-        let board_depth_mm = surface.depth(ray)?;
-        let on_board = plane.to_board(ray, board_depth_mm);
-        let board = [on_board.x, on_board.y];
-        let cos_incidence = plane.cos_incidence(ray);
-        let pixel = BoardPixel { context: s.context, depth_mm: s.depth_mm, board_depth_mm, board, ray, cos_incidence };
-        region.contains(board, 0.0).then_some(pixel)
-    };
-    pixels.iter().filter_map(pixel).collect()
+    let seen = pixels.iter().filter_map(|p| at_board(p.context, p.depth_mm, rays, &surface));
+    seen.filter(|p| region.contains(p.board, 0.0)).collect()
+}
+
+/// What a pixel sees of the board's surface; `None` where its ray does not meet it.
+fn at_board(context: Context, depth_mm: f64, rays: &PixelRays<'_>, surface: &BoardSurface<'_>) -> Option<BoardPixel> {
+    let ray = rays.ray(&context, depth_mm)?;
+    let board_depth_mm = surface.depth(ray)?;
+    let on_board = surface.plane().to_board(ray, board_depth_mm);
+    let cos_incidence = surface.plane().cos_incidence(ray);
+    Some(BoardPixel { context, depth_mm, board_depth_mm, board: [on_board.x, on_board.y], ray, cos_incidence })
 }
 
 /// First and last column and row that the corners span, with a margin for a displaced depth image, clipped to the image;

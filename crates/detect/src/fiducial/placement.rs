@@ -70,14 +70,15 @@ fn placements(crossings: &Crossings, target: &Target, turns: usize) -> Vec<BTree
     let size = [target.columns as i32 - 1, target.rows as i32 - 1];
     let nodes: Vec<([i32; 2], [i32; 2])> = crossings.keys().map(|&node| (node, turned(node, turns))).collect();
     let range = |axis: usize| {
-        let values = nodes.iter().map(|n| n.1[axis]);
-        let (low, high) = values.fold((i32::MAX, i32::MIN), |(l, h), v| (l.min(v), h.max(v)));
+        let values = || nodes.iter().map(|n| n.1[axis]);
         // From the last node at the board's end to the first node at its beginning.
-        -high..size[axis] - low
+        Some(-values().max()?..size[axis] - values().min()?)
     };
+    // An image without crossings has no place on the board.
+    let (Some(columns), Some(rows)) = (range(0), range(1)) else { return Vec::new() };
     let mut found = Vec::new();
-    for dy in range(1) {
-        for dx in range(0) {
+    for dy in rows {
+        for dx in columns.clone() {
             let placed: BTreeMap<[i32; 2], usize> = nodes
                 .iter()
                 .map(|(node, [x, y])| (*node, [x + dx, y + dy]))
@@ -198,6 +199,7 @@ mod tests {
         let whole: Crossings = (0..15).map(|i| ([i % 5, i / 5], [0.0, 0.0])).collect();
         assert_eq!(placements(&whole, &target, 0).len(), 1);
         assert_eq!(placements(&whole, &target, 2).len(), 1);
+        assert!(placements(&Crossings::new(), &target, 0).is_empty());
         // Turned by a quarter it does not fit.
         assert_eq!(placements(&whole, &target, 1).len(), 0);
         let part: Crossings = (0..4).map(|i| ([i % 2 + 7, i / 2 - 3], [0.0, 0.0])).collect();
