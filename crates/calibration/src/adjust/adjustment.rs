@@ -114,12 +114,15 @@ impl Adjustment {
         let image = graph.add_batch(ImageBatch::new(shared.clone(), groups.collect(), Loss::Huber { delta: HUBER }));
         let depth = with_depth.then(|| {
             let frames = frames().filter(|(f, _)| !f.samples().is_empty());
-            let loss = Loss::Huber { delta: HUBER };
+            // Samples that share planes of their frames: of the right weight beside the markers, each still with the others' (the
+            // magnitude adjustment of a composite likelihood; Pauli, Racugno, Ventura 2011).
+            let weight = 1.0 / noise.planes.design_effect;
+            let loss = Loss::Huber { delta: HUBER }.scaled(weight);
             graph.add_batch(if by_node {
                 let groups = frames.flat_map(|(f, k)| cell_groups(f.samples(), *k, noise, &blocks));
                 DepthBatch::by_cell(chain, groups.collect(), loss)
             } else {
-                let groups = frames.map(|(f, k)| depth_group(f.samples(), *k, noise).with_planes(noise, camera));
+                let groups = frames.map(|(f, k)| depth_group(f.samples(), *k, noise));
                 DepthBatch::new(shared, groups.collect(), loss)
             })
         });
@@ -182,7 +185,7 @@ impl Adjustment {
         if batch.evaluate(group, &self.values, &mut r, Some(&mut jacobian)).is_err() {
             return;
         }
-        let dim = batch.residual_dim();
+        let (dim, loss) = (batch.residual_dim(), batch.loss());
         // Images see the leading part of the parameters only.
         let places: Vec<usize> = (0..POSE).chain(columns.iter().copied().filter(|c| *c < width)).collect();
         let mut part = DMatrix::zeros(rows, places.len());
@@ -190,7 +193,7 @@ impl Adjustment {
         let mut linear = Vec::new();
         for (k, (residual, rows)) in r.chunks_exact_mut(dim).zip(jacobian.chunks_exact(dim * width)).enumerate() {
             let size = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
-            let weight = if size > HUBER { (HUBER / size).sqrt() } else { 1.0 };
+            let weight = loss.evaluate(size * size)[1].sqrt();
             linear.extend((size > HUBER).then_some(k));
             for (i, row) in rows.chunks_exact(width).enumerate() {
                 residual[i] *= weight;
@@ -311,7 +314,7 @@ impl Adjustment {
         covariance.joint(&ids)
     }
 
-    /// Redundancy (degrees of freedom left) of the marker and of the depth residuals: n − tr(J Σ Jᵀ) (Förstner 1979;
+    /// Redundancy (degrees of freedom left) of the marker and of the depth residuals: n − tr(W J Σ Jᵀ) (Förstner 1979;
     /// Koch 1999, section 3.6.1).
     pub fn redundancies(&self, covariance: &Covariance) -> (f64, f64) {
         let of = |batch: Option<BatchId>| -> f64 {
@@ -328,7 +331,9 @@ impl Adjustment {
                 }
                 let sigma = covariance.joint(ids);
                 let j = DMatrix::from_row_slice(rows, columns, &j);
-                redundancy -= (&j * sigma).component_mul(&j).sum();
+                // What a residual within the loss's quadratic part weighs.
+                let weight = batch.loss().evaluate(0.0)[1];
+                redundancy -= weight * (&j * sigma).component_mul(&j).sum();
             }
             redundancy
         };

@@ -3,12 +3,10 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use depthcal_model::Camera;
 use depthcal_model::chain::{Chain, DepthQuery, Workspace};
 use depthcal_solver::{EvaluationError, FactorBatch, Key, Loss, Values, VariableId};
 use nalgebra::{DVector, Isometry3};
 
-use super::plane_whitening::{PlaneWhitening, plane_shapes};
 use crate::observe::DepthSample;
 use crate::observe::noise::NoiseModel;
 
@@ -19,7 +17,6 @@ struct Scratch {
     theta: Vec<f64>,
     pixels: Vec<[f64; 2]>,
     inverse_depths: Vec<f64>,
-    sums: Vec<f64>,
 }
 
 thread_local! {
@@ -159,22 +156,6 @@ pub struct DepthGroup {
     pub inverse_depths: Vec<f64>,
     /// Standard deviation of each, 1/mm.
     pub sigmas: Vec<f64>,
-    /// What makes the residuals independent, where the frame has a plane of its own.
-    pub whitening: Option<PlaneWhitening>,
-}
-
-impl DepthGroup {
-    /// The same group of all depth samples of a frame, whose residuals share a plane of the frame's own.
-    pub(crate) fn with_planes(mut self, noise: &NoiseModel, camera: &Camera) -> Self {
-        if noise.planes.of_noise == 0.0 {
-            return self;
-        }
-        let contexts = self.queries.iter().map(|q| q.context);
-        let samples: Vec<_> = contexts.zip(self.inverse_depths.iter().copied()).collect();
-        let shapes = plane_shapes(camera, &samples, &noise.depth);
-        self.whitening = PlaneWhitening::new(shapes.into_iter(), &noise.planes);
-        self
-    }
 }
 
 /// Errors in measured inverse depth of all frames, whitened.
@@ -238,7 +219,7 @@ impl FactorBatch for DepthBatch {
     ) -> Result<(), EvaluationError> {
         let g = &self.groups[group];
         SCRATCH.with_borrow_mut(|scratch| {
-            let Scratch { work, theta, pixels: board, inverse_depths, sums } = scratch;
+            let Scratch { work, theta, pixels: board, inverse_depths } = scratch;
             gather(values, &self.keys[group], theta);
             board.resize(g.queries.len(), [0.0; 2]);
             inverse_depths.resize(g.queries.len(), 0.0);
@@ -249,15 +230,9 @@ impl FactorBatch for DepthBatch {
             for (k, (predicted, measured)) in inverse_depths.iter().zip(&g.inverse_depths).enumerate() {
                 residuals[k] = (predicted - measured) / g.sigmas[k];
             }
-            if let Some(whitening) = &g.whitening {
-                whitening.apply(residuals, 1, sums);
-            }
             if let Some(jacobian) = jacobian {
                 let columns = jacobian.len() / residuals.len();
                 scale_rows(jacobian, columns, g.sigmas.iter().map(|s| 1.0 / s));
-                if let Some(whitening) = &g.whitening {
-                    whitening.apply(jacobian, columns, sums);
-                }
             }
             Ok(())
         })
@@ -272,6 +247,5 @@ pub(crate) fn depth_group(samples: &[DepthSample], pose: Key<Isometry3<f64>>, no
         queries: samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect(),
         sigmas: inverse_depths.iter().map(|rho| noise.depth.sigma(*rho)).collect(),
         inverse_depths,
-        whitening: None,
     }
 }

@@ -8,7 +8,6 @@ mod field_thresholds;
 pub mod frame_rows;
 pub mod leave_out;
 pub mod plane_scatter;
-pub mod plane_whitening;
 pub mod smoothness_prior;
 pub mod smoothness_selection;
 

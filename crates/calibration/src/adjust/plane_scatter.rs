@@ -1,14 +1,13 @@
 //! How much the depth of whole frames scatters: a plane of each frame's own, beyond what its pose explains.
 
-use depthcal_model::Camera;
+use depthcal_model::{Camera, Context};
 use depthcal_statistics::chi_squared_tail;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rayon::prelude::*;
 
 use super::adjustment::Adjustment;
 use super::frame_rows::FrameRows;
-use super::plane_whitening::plane_shapes;
-use crate::observe::noise::{NoiseModel, PlaneScatter};
+use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{AdjustableFrame, Capture};
 
 /// Fewest frames from which a scatter is estimated.
@@ -18,6 +17,24 @@ const LEVEL: f64 = 1e-3;
 /// Rounds of the expectation–maximisation; it is within a per cent after some ten.
 const ROUNDS: usize = 60;
 
+/// Shapes of a frame's own plane at its samples: (1, u, v) in the mean standard deviation of the samples, over each sample's own. u
+/// and v are its undistorted coordinates, about from −1 to 1 over the image.
+///
+/// So they are planes in inverse depth to the letter, as those of scenes and of D are. Were they bent, by the lens or by
+/// noise that grows with depth, D could show what is left of its own plane as if it were none. NaN where the lens has no
+/// inverse.
+pub fn plane_shapes(camera: &Camera, samples: &[(Context, f64)], noise: &DepthNoise) -> Vec<Vector3<f64>> {
+    let [fx, fy, ..] = camera.pinhole();
+    let sigmas: Vec<f64> = samples.iter().map(|(_, rho)| noise.sigma(*rho)).collect();
+    let mean = sigmas.iter().sum::<f64>() / sigmas.len().max(1) as f64;
+    let shape = |((context, rho), sigma): (&(Context, f64), &f64)| {
+        let ray = camera.ray(camera.image_pixel(context), *rho);
+        let [x, y] = ray.unwrap_or([f64::NAN; 2]);
+        Vector3::new(1.0, 2.0 * fx * x / camera.width as f64, 2.0 * fy * y / camera.height as f64) * (mean / sigma)
+    };
+    samples.iter().zip(&sigmas).map(shape).collect()
+}
+
 /// A frame's own plane, in standard deviations of the noise of its pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct OwnPlaneFit {
@@ -25,6 +42,9 @@ pub struct OwnPlaneFit {
     pub plane: Vector3<f64>,
     /// Its information, the pose left free: the inverse of its covariance.
     pub information: Matrix3<f64>,
+    /// Mean square that a plane of coefficients of variance 1 has on average over the samples, times their number, over the
+    /// number of coefficients.
+    pub leverage: f64,
 }
 
 impl OwnPlaneFit {
@@ -54,12 +74,13 @@ pub fn own_plane(rows: &FrameRows, shapes: &[Vector3<f64>]) -> Option<OwnPlaneFi
     let step = -normal.cholesky()?.solve(&rhs);
     let covariance = normal.try_inverse()?;
     let information = covariance.fixed_view::<3, 3>(6, 6).into_owned().try_inverse()?;
-    Some(OwnPlaneFit { plane: step.fixed_rows::<3>(6).into_owned(), information })
+    let leverage = shapes.iter().map(Vector3::norm_squared).sum::<f64>() / 3.0;
+    Some(OwnPlaneFit { plane: step.fixed_rows::<3>(6).into_owned(), information, leverage })
 }
 
 /// The scatter of the frames' own planes at the optimum of an adjustment; none where noise explains the planes.
 pub fn plane_scatter<F: AdjustableFrame>(capture: &Capture<F>, camera: &Camera, noise: &NoiseModel) -> PlaneScatter {
-    let noise = NoiseModel { planes: PlaneScatter::default(), ..*noise };
+    let noise = NoiseModel { planes: PlaneScatter::NONE, ..*noise };
     let adjustment = Adjustment::new(capture, camera, &noise, true);
     let of_frame = |(index, frame): (usize, &F)| {
         if frame.samples().is_empty() || frame.posed().markers.is_empty() {
@@ -79,7 +100,7 @@ fn scatter_of(planes: &[OwnPlaneFit]) -> PlaneScatter {
     let n = planes.len();
     let statistic: f64 = planes.iter().map(OwnPlaneFit::statistic).sum();
     if n < FEWEST_FRAMES || chi_squared_tail(statistic, 3 * n) > LEVEL {
-        return PlaneScatter::default();
+        return PlaneScatter::NONE;
     }
     // One degree of freedom of each coefficient goes into the camera's parameters, which the planes have been fitted with.
     let coefficients = 3.0 * (n as f64 - 1.0);
@@ -93,7 +114,8 @@ fn scatter_of(planes: &[OwnPlaneFit]) -> PlaneScatter {
         }
         variance = next / coefficients;
     }
-    PlaneScatter { of_noise: variance.sqrt() }
+    let leverage = planes.iter().map(|p| p.leverage).sum::<f64>() / n as f64;
+    PlaneScatter { of_noise: variance.sqrt(), design_effect: 1.0 + variance * leverage }
 }
 
 #[cfg(test)]
@@ -111,7 +133,7 @@ mod tests {
         (0..n)
             .map(|_| {
                 let plane = Vector3::from_fn(|i, _| of_noise * draw() + deviation[i] * draw());
-                OwnPlaneFit { plane, information }
+                OwnPlaneFit { plane, information, leverage: 100.0 }
             })
             .collect()
     }
@@ -127,8 +149,8 @@ mod tests {
 
     #[test]
     fn planes_of_noise_are_no_scatter() {
-        let found = (0..200).filter(|seed| scatter_of(&planes(30, 0.0, *seed)) != PlaneScatter::default()).count();
+        let found = (0..200).filter(|seed| scatter_of(&planes(30, 0.0, *seed)) != PlaneScatter::NONE).count();
         assert!(found <= 2, "{found} of 200 at a level of 0.1 %");
-        assert_eq!(scatter_of(&planes(5, 9.0, 1)), PlaneScatter::default(), "too few frames");
+        assert_eq!(scatter_of(&planes(5, 9.0, 1)), PlaneScatter::NONE, "too few frames");
     }
 }

@@ -56,11 +56,8 @@ pub fn calibrate_image(
     if capture.frames.is_empty() {
         return Err(StartError::TooFewFrames { found: 0, needed: FEWEST_FRAMES }.into());
     }
-    let noise = NoiseModel {
-        pixel_sigma: 0.3,
-        depth: DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 },
-        planes: PlaneScatter::default(),
-    };
+    let noise =
+        NoiseModel { pixel_sigma: 0.3, depth: DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 }, planes: PlaneScatter::NONE };
     let rules = Rules {
         with_depth: false,
         freedom: Freedom::FromCovariance,

@@ -48,8 +48,8 @@ pub struct CalibrateOptions {
     pub estimator: Estimator,
     /// Most depth pixels of a frame that enter the adjustment.
     pub samples_per_frame: usize,
-    /// Whether the depth of whole frames may scatter by planes of their own: their variances are then estimated, and a frame says
-    /// no more of what its pixels share than these allow.
+    /// Whether the depth of whole frames may scatter by planes of their own: their variance is then estimated, and depth weighs
+    /// no more beside the markers than it allows. Not of models with fields, which take up what such planes would explain.
     pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,
@@ -72,7 +72,7 @@ impl Default for CalibrateOptions {
             lens: "brown-conrady".to_owned(),
             estimator: Estimator::Joint,
             samples_per_frame: 800,
-            frame_planes: false,
+            frame_planes: true,
             camera: None,
             register: Register::builtin(),
             smoothness_rounds: 6,

@@ -103,6 +103,8 @@ pub(super) fn settle<F: AdjustableFrame>(
     let most_rounds =
         if chooses_smoothness { rules.most_rounds.max(options.smoothness_rounds) } else { rules.most_rounds };
     let mut outliers = 0;
+    // What a field leaves over while it is too smooth is no scatter of the frames, but would keep it smooth if it counted as one.
+    let has_planes = options.frame_planes && rules.with_depth && !chooses_smoothness;
     // Rounds that began anew after a repair estimate no noise and do not count.
     let (mut round, mut repairs) = (0, 0);
     loop {
@@ -125,9 +127,9 @@ pub(super) fn settle<F: AdjustableFrame>(
             Freedom::Counted(_) => None,
         };
         let residuals = inverse_depth_residuals(&state.capture, &adjusted.depth_residuals, &used);
-        let planes = match rules.with_depth && options.frame_planes && !adjustment.by_node() {
+        let planes = match has_planes && !adjustment.by_node() {
             true => plane_scatter(&state.capture, &state.camera, &used),
-            false => PlaneScatter::default(),
+            false => PlaneScatter::NONE,
         };
         state.noise = estimate_noise(&used, &adjusted, &residuals, &adjustment, covariance.as_ref(), &rules.freedom);
         let dropped =
@@ -146,11 +148,8 @@ pub(super) fn settle<F: AdjustableFrame>(
         if (dropped == 0 && noise_settled && smoothness_settled) || round >= most_rounds {
             converged(&adjusted)?;
             let covariance = covariance.map(|c| adjustment.camera_covariance(&c));
-            let depth_mm = rules.with_depth.then(|| {
-                let plain = NoiseModel { planes: PlaneScatter::default(), ..used };
-                let residuals = Adjustment::new(&state.capture, &state.camera, &plain, true).depth_residuals();
-                depth_residuals_mm(&state.capture, &residuals, &plain)
-            });
+            let depth_mm =
+                rules.with_depth.then(|| depth_residuals_mm(&state.capture, &adjusted.depth_residuals, &used));
             return Ok(Calibrated {
                 covariance,
                 noise: state.noise,
@@ -215,7 +214,7 @@ fn has_settled(used: &NoiseModel, new: &NoiseModel, depth_residuals: &[(f64, f64
 
 /// Whether the scatter of the frames' planes has changed by no more than [`PLANES_SETTLED`].
 fn planes_settled(used: &PlaneScatter, new: &PlaneScatter) -> bool {
-    (used.of_noise - new.of_noise).abs() <= PLANES_SETTLED * new.of_noise
+    (used.design_effect - new.design_effect).abs() <= PLANES_SETTLED * new.design_effect
 }
 
 fn converged(adjusted: &Adjusted) -> Result<(), CalibrateError> {

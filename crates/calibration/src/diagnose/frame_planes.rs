@@ -3,8 +3,7 @@
 use super::thresholds::Thresholds;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::frame_rows::FrameRows;
-use crate::adjust::plane_scatter::own_plane;
-use crate::adjust::plane_whitening::plane_shapes;
+use crate::adjust::plane_scatter::{own_plane, plane_shapes};
 use crate::calibrate::Calibrated;
 use crate::observe::SampledFrame;
 use crate::observe::noise::{NoiseModel, PlaneScatter};
@@ -29,7 +28,7 @@ pub struct FramePlane {
 
 /// The planes of the frames that have depth samples and markers, given the fitted camera.
 pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
-    let noise = NoiseModel { planes: PlaneScatter::default(), ..fit.noise };
+    let noise = NoiseModel { planes: PlaneScatter::NONE, ..fit.noise };
     let adjustment = Adjustment::new(&fit.capture, &fit.camera, &noise, true);
     let mut planes = Vec::new();
     for (index, frame) in fit.capture.frames.iter().enumerate() {

@@ -17,12 +17,20 @@ pub struct NoiseModel {
 }
 
 /// Scatter of the frames' own planes in inverse depth.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneScatter {
     /// Standard deviation of each of their coefficients of (1, u, v), u and v the undistorted coordinates, from −1 to 1 over the image, in
     /// standard deviations of the noise of a pixel; 0 where frames have no planes of their own. One for all three: with one each, the scale of depth
     /// and the scatter of the constants could grow together.
     pub of_noise: f64,
+    /// Design effect (Kish 1965): how many times the variance of what the samples of a frame say together is larger than it would be
+    /// without these planes; 1 where frames have none.
+    pub design_effect: f64,
+}
+
+impl PlaneScatter {
+    /// No planes but those of the poses.
+    pub const NONE: Self = Self { of_noise: 0.0, design_effect: 1.0 };
 }
 
 /// Standard deviation of measured inverse depth: σ_ρ² = a² + (b ρ²)².
