@@ -56,7 +56,8 @@ impl Demo {
             verified: true,
             story: story(),
         };
-        tell(&d, &loaded, told, session, &self.out)
+        let fitted = session.evaluate(&d.last.camera, &d.last.capture);
+        tell(&d, &fitted, &loaded, told, session, &self.out)
     }
 }
 

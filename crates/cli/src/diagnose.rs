@@ -15,6 +15,7 @@ use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
+use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{Loaded, declared_camera};
 use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text};
@@ -94,8 +95,8 @@ impl Diagnose {
             verified: verify.is_some(),
             story: Vec::new(),
         };
-        let mut result = tell(&d, &loaded, told, session, &self.output.out)?;
         let fitted = session.evaluate(&d.last.camera, &d.last.capture);
+        let mut result = tell(&d, &fitted, &loaded, told, session, &self.output.out)?;
         let detected = d.last.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         // Held-out frames of the dataset itself were evaluated with several cameras.
@@ -121,9 +122,11 @@ pub(super) struct Told<'a> {
     pub(super) story: Vec<String>,
 }
 
-/// Prints a diagnosis and writes its files: record, calibration of the last model, errors, report.
+/// Prints a diagnosis and writes its files: record, calibration of the last model, errors, report. `fitted` are the errors of the
+/// last model on the frames that it was fitted to.
 pub(super) fn tell(
     d: &Diagnosis,
+    fitted: &Evaluated,
     loaded: &Loaded,
     told: Told<'_>,
     session: &Session,
@@ -139,13 +142,12 @@ pub(super) fn tell(
     say!("\n{}", diagnosis_text(&record));
     let file = out.join("diagnosis.json");
     record.write(&file).map_err(input)?;
-    let fitted = session.evaluate(&d.last.camera, &d.last.capture);
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
-    let calibration = write_calibration(&d.last, &fitted, loaded, vec![fitted.record(), held_out], out)?;
+    let calibration = write_calibration(&d.last, fitted, loaded, vec![fitted.record(), held_out], out)?;
     let role = if told.verified { Role::Other } else { Role::HeldOut };
     let shown = [
-        ReportDataset { evaluated: &fitted, role: Role::Fitted },
+        ReportDataset { evaluated: fitted, role: Role::Fitted },
         ReportDataset { evaluated: &d.after.evaluated, role },
     ];
     let report = ReportInput {

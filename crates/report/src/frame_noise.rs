@@ -44,8 +44,10 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
         .filter(|(_, p)| p.len() >= FEWEST)
         .collect();
     let centres: Vec<_> = seen.iter().map(|(_, p)| (p[p.len() / 2].context, p[p.len() / 2].board_depth_mm)).collect();
+    // The calibration's uncertainty by noise alone: that by frames with planes of their own is what is looked for.
+    let by_noise = 1.0 / c.noise.planes.design_effect.sqrt();
     let fit = match &c.covariance {
-        Some(covariance) => standard_deviations(c, covariance, &centres),
+        Some(covariance) => standard_deviations(c, covariance, &centres).into_iter().map(|s| s * by_noise).collect(),
         None => vec![0.0; seen.len()],
     };
     let apart = c.correlation_length_px.unwrap_or(1) as f64;

@@ -6,11 +6,15 @@
 mod bootstrap;
 mod moments;
 mod quantiles;
+mod shared_structure;
 mod tails;
 mod thinning;
 
 pub use bootstrap::{Bootstrap, Estimate};
 pub use moments::{mean_std, mean_to_standard_error, rms};
 pub use quantiles::{median, nearest_rank, quantile, quantile_of_sorted, upper_median};
-pub use tails::{chi_squared_tail, f_tail, noncentral_chi_squared_tail, noncentrality, normal_tail, student_quantile};
+pub use shared_structure::{PlacedValue, SharedOctave, family_p_values, shared_structure};
+pub use tails::{
+    chi_squared_tail, f_tail, gamma_tail, noncentral_chi_squared_tail, noncentrality, normal_tail, student_quantile,
+};
 pub use thinning::Thinning;

@@ -1,10 +1,21 @@
 //! Tails and quantiles of distributions.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Normal, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Gamma, Normal, StudentsT};
 
 /// P(N(0, 1) > z).
 pub fn normal_tail(z: f64) -> f64 {
     Normal::standard().sf(z)
+}
+
+/// P(X > z) of a gamma distribution of mean 0, variance 1 and this skewness (Pearson's type III); the normal distribution
+/// without skewness, or with a negative one, whose upper tail is lighter.
+pub fn gamma_tail(z: f64, skewness: f64) -> f64 {
+    if !(skewness > 1e-3) {
+        return normal_tail(z);
+    }
+    let shape = 4.0 / (skewness * skewness);
+    let x = shape + z * shape.sqrt();
+    if x <= 0.0 { 1.0 } else { Gamma::new(shape, 1.0).map_or(f64::NAN, |d| d.sf(x)) }
 }
 
 /// The quantile `q` in (0, 1) of Student's t; NaN of no degrees of freedom.

@@ -147,8 +147,9 @@ impl Adjustment {
     }
 
     /// What every frame says of the camera's free parameters at the present values, priors left out, with residuals weighted
-    /// by their losses. Frames that cannot be evaluated say nothing.
-    pub fn frame_information(&self, curvature: Curvature) -> Vec<FrameInformation> {
+    /// by their losses, and with the weight of depth where frames are fitted multiplied by `depth_weight`. Frames that cannot be
+    /// evaluated say nothing.
+    pub fn frame_information(&self, curvature: Curvature, depth_weight: f64) -> Vec<FrameInformation> {
         let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
         let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
         let size = POSE + columns.len();
@@ -166,7 +167,7 @@ impl Adjustment {
                     }
                     (normal, gradient)
                 });
-                FrameInformation::new(&parts[0], &parts[1], POSE)
+                FrameInformation::new(&parts[0], &parts[1], POSE, depth_weight)
             })
             .collect()
     }

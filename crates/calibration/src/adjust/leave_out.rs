@@ -29,7 +29,7 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
     if adjustment.by_node() || camera.theta().len() > MOST_PARAMETERS {
         return vec![None; parts];
     }
-    let frames = adjustment.frame_information(Curvature::OfLoss);
+    let frames = adjustment.frame_information(Curvature::OfLoss, 1.0);
     let (precision, pull) = prior(camera, smoothness, &frames);
     let free: Vec<usize> = {
         let free = camera.blocks().iter().flat_map(|b| b.free.iter().copied());

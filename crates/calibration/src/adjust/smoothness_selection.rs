@@ -22,9 +22,14 @@ pub struct FrameInformation {
 
 impl FrameInformation {
     /// From normal matrix and gradient of image and of depth. The columns of both are the pose, `pose` components, and then the
-    /// camera's free parameters.
-    pub fn new(image: &(DMatrix<f64>, DVector<f64>), depth: &(DMatrix<f64>, DVector<f64>), pose: usize) -> Self {
-        let both = (&image.0 + &depth.0, &image.1 + &depth.1);
+    /// camera's free parameters. Where the frame is fitted, depth counts `depth_weight` times.
+    pub fn new(
+        image: &(DMatrix<f64>, DVector<f64>),
+        depth: &(DMatrix<f64>, DVector<f64>),
+        pose: usize,
+        depth_weight: f64,
+    ) -> Self {
+        let both = (&image.0 + depth_weight * &depth.0, &image.1 + depth_weight * &depth.1);
         let n = image.1.len() - pose;
         let nothing = || (DMatrix::zeros(n, n), DVector::zeros(n));
         // With the pose p = −A δ − b that minimises the cost of `by`, the cost of `of` in δ.
@@ -45,7 +50,7 @@ impl FrameInformation {
     }
 
     /// The frame's cost when it is held out, up to a constant, at the estimate δ; infinite without an estimate.
-    fn cost(&self, estimate: Option<&DVector<f64>>) -> f64 {
+    pub(super) fn cost(&self, estimate: Option<&DVector<f64>>) -> f64 {
         let (normal, gradient) = &self.held_out;
         estimate.map_or(f64::INFINITY, |step| gradient.dot(step) + 0.5 * step.dot(&(normal * step)))
     }

@@ -11,6 +11,7 @@ use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
 use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
+use crate::adjust::depth_weight::less_predicts_better;
 use crate::adjust::plane_scatter::plane_scatter;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::smoothness_selection;
@@ -104,7 +105,9 @@ pub(super) fn settle<F: AdjustableFrame>(
         if chooses_smoothness { rules.most_rounds.max(options.smoothness_rounds) } else { rules.most_rounds };
     let mut outliers = 0;
     // What a field leaves over while it is too smooth is no scatter of the frames, but would keep it smooth if it counted as one.
-    let has_planes = options.frame_planes && rules.with_depth && !chooses_smoothness;
+    let may_have_planes = options.frame_planes && rules.with_depth && !chooses_smoothness;
+    // Whether depth weighs less than its samples would if frames had no planes of their own; decided once all else has settled.
+    let mut weighs_less = if may_have_planes { None } else { Some(false) };
     // Rounds that began anew after a repair estimate no noise and do not count.
     let (mut round, mut repairs) = (0, 0);
     loop {
@@ -127,9 +130,9 @@ pub(super) fn settle<F: AdjustableFrame>(
             Freedom::Counted(_) => None,
         };
         let residuals = inverse_depth_residuals(&state.capture, &adjusted.depth_residuals, &used);
-        let planes = match has_planes && !adjustment.by_node() {
-            true => plane_scatter(&state.capture, &state.camera, &used),
-            false => PlaneScatter::NONE,
+        let planes = match weighs_less {
+            Some(true) => plane_scatter(&state.capture, &state.camera, &used),
+            _ => PlaneScatter::NONE,
         };
         state.noise = estimate_noise(&used, &adjusted, &residuals, &adjustment, covariance.as_ref(), &rules.freedom);
         let dropped =
@@ -140,13 +143,22 @@ pub(super) fn settle<F: AdjustableFrame>(
             && planes_settled(&used.planes, &planes);
         let mut smoothness_settled = true;
         if chooses_smoothness && round < most_rounds {
-            let frames = adjustment.frame_information(Curvature::OfWeights);
+            let frames = adjustment.frame_information(Curvature::OfWeights, 1.0);
             let chosen = smoothness_selection::choose(&adjusted.camera, &state.smoothness, &frames);
             smoothness_settled = chosen.close_to(&state.smoothness);
             state.smoothness = chosen;
         }
         if (dropped == 0 && noise_settled && smoothness_settled) || round >= most_rounds {
             converged(&adjusted)?;
+            if weighs_less.is_none() && !adjustment.by_node() {
+                let planes = plane_scatter(&state.capture, &state.camera, &used);
+                let less = planes != PlaneScatter::NONE && less_predicts_better(&adjustment, planes.design_effect);
+                weighs_less = Some(less);
+                if less {
+                    (state.noise.planes, round) = (planes, 0);
+                    continue;
+                }
+            }
             let covariance = covariance.map(|c| adjustment.camera_covariance(&c));
             let depth_mm =
                 rules.with_depth.then(|| depth_residuals_mm(&state.capture, &adjusted.depth_residuals, &used));

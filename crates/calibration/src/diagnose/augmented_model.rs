@@ -2,18 +2,19 @@
 
 use std::cell::RefCell;
 
-use depthcal_model::PieceSpec;
+use depthcal_model::{Covariate, PieceSpec};
 use tracing::info;
 
 use super::constant_search::refined_constant;
 use super::evidence::Evidence;
 use super::examination::score_and_gains;
-use super::held_out::{HeldOut, improves};
+use super::held_out::{Gain, HeldOut, gain};
 use super::merit::significant;
 use super::options::DiagnoseOptions;
+use super::possible::Possible;
 use super::thresholds::Thresholds;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, readjust};
-use crate::judge::cross_validation::{cross_validate, errors};
+use crate::judge::cross_validation::{cross_validate, cross_validate_strided, errors};
 use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
 use crate::observe::{Capture, SampledFrame};
@@ -57,6 +58,9 @@ pub(super) struct AugmentedModel<'a> {
     basis: RefCell<Option<Basis>>,
 }
 
+/// Distance of the columns and rows on which models are compared with blocks of frames left out, px.
+const BLOCKS_STRIDE: usize = 4;
+
 /// What fits start from.
 struct Basis {
     /// All frames that a fit has used, with their depth samples, before any were left out as outliers of a model.
@@ -73,6 +77,14 @@ impl Basis {
         let wanted = |name: &str| capture.frames.iter().any(|f| f.name == name);
         capture.frames.iter().all(|f| known(&f.name)).then(|| self.samples.subset(|_, f| wanted(&f.name)))
     }
+}
+
+/// What came of effects that were tried.
+pub enum Addition {
+    /// They are in the model, which was fitted.
+    Added(Box<Fitted>),
+    /// They are not; the first of them may be missing, where it is possible.
+    Rejected(Option<Possible>),
 }
 
 impl<'a> AugmentedModel<'a> {
@@ -140,12 +152,19 @@ impl<'a> AugmentedModel<'a> {
     /// Held-out errors of a model: those of its fit on the dataset that verifies, or by cross-validation on the frames.
     pub fn held_out(&self, fit: &Calibrated, model: &CalibrateOptions) -> Result<HeldOut, CalibrateError> {
         self.report("judging on held-out frames", model);
-        let folds = self.options.folds;
-        let evaluated = match self.verify {
-            Some(verify) => evaluate(&fit.camera, verify),
-            None => cross_validate(fit, folds.min(fit.capture.frames.len()), Parts::Interleaved, model)?,
+        let folds = self.options.folds.min(fit.capture.frames.len());
+        let (evaluated, blocks) = match self.verify {
+            Some(verify) => (evaluate(&fit.camera, verify), None),
+            None => {
+                // Models with fields are fitted anew without each part: once has to do.
+                let blocks = match has_fields(model)? {
+                    true => None,
+                    false => Some(cross_validate_strided(fit, folds, Parts::Blocks, BLOCKS_STRIDE, model)?),
+                };
+                (cross_validate(fit, folds, Parts::Interleaved, model)?, blocks)
+            }
         };
-        Ok(HeldOut { errors: errors(&evaluated), evaluated })
+        Ok(HeldOut { errors: errors(&evaluated), evaluated, blocks })
     }
 
     /// Fit and held-out errors of a model.
@@ -154,19 +173,33 @@ impl<'a> AugmentedModel<'a> {
         Ok(Fitted { held_out: self.held_out(&fit, model)?, fit })
     }
 
-    /// Whether a model is better than another on held-out frames, with depth weighted by the noise of the second.
-    pub fn improves(&self, before: &Fitted, after: &Fitted) -> bool {
-        improves(&before.held_out, &after.held_out, &after.fit.noise.depth, self.thresholds())
+    /// What a model brings over another on held-out frames, with depth weighted by the noise of the second; `added` are the effects that
+    /// it has more.
+    pub fn gain(&self, before: &Fitted, after: &Fitted, added: &[AddedEffect]) -> Gain {
+        let is_of_time = |effect: &AddedEffect| {
+            let needs = effect.evidence.block.piece().map(|piece| piece.needs()).unwrap_or_default();
+            needs.iter().any(|c| matches!(c, Covariate::Time | Covariate::Temperature))
+        };
+        let of_time = added.iter().any(is_of_time);
+        gain(&before.held_out, &after.held_out, &after.fit.noise.depth, of_time, self.thresholds())
     }
 
-    /// Adds effects that explain the residuals together, in the given order and only until the held-out errors fall: of two
-    /// effects that cancel each other in part, one alone does not help. `None`, and nothing is added, where they do not fall.
-    pub fn add(&mut self, found: Vec<AddedEffect>, present: &Fitted) -> Result<Option<Fitted>, CalibrateError> {
+    /// Adds effects that explain the residuals together, in the given order and only until the held-out errors fall for certain: of
+    /// two effects that cancel each other in part, one alone does not help. Where they do not, nothing is added; the first effect is
+    /// possible where they fall with it alone.
+    pub fn add(&mut self, found: Vec<AddedEffect>, present: &Fitted) -> Result<Addition, CalibrateError> {
         let before = self.added.clone();
+        let mut possible = None;
         for effect in found {
             match self.add_one(effect) {
-                Ok(fitted) if self.improves(present, &fitted) => return Ok(Some(fitted)),
-                Ok(_) => {}
+                Ok(fitted) => match self.gain(present, &fitted, &self.added[before.len()..]) {
+                    Gain::Certain => return Ok(Addition::Added(Box::new(fitted))),
+                    Gain::Possible(gain) if self.added.len() == before.len() + 1 => {
+                        let spec = self.added[before.len()].evidence.spec.clone();
+                        possible = Some(Possible::new(spec, gain, present.held_out.evaluated.frames.len()));
+                    }
+                    Gain::Possible(_) | Gain::None => {}
+                },
                 Err(error) if self.added.len() == before.len() => return Err(error),
                 // The first effect can be fitted, but not jointly with this one.
                 Err(error) => {
@@ -176,7 +209,7 @@ impl<'a> AugmentedModel<'a> {
             }
         }
         self.added = before;
-        Ok(None)
+        Ok(Addition::Rejected(possible))
     }
 
     /// Adds an effect, fits the model, refines the constants of all added effects, and fits again. Where the model cannot be
@@ -247,7 +280,8 @@ impl<'a> AugmentedModel<'a> {
     fn is_needed(&self, effect: &AddedEffect, without: &Fitted, with: &Fitted, tests: usize) -> bool {
         let test = score_and_gains(&without.fit, &self.declared().register, &effect.evidence.spec);
         let counts = test.is_none_or(|(score, gains)| significant(score.p_value, tests, &gains, self.thresholds()));
-        counts && self.improves(without, with)
+        // Once added, an effect need only not be superfluous.
+        counts && self.gain(without, with, std::slice::from_ref(effect)) != Gain::None
     }
 
     /// Computes the held-out errors of the models along the way anew, from the effect at `first` on; those of the last model

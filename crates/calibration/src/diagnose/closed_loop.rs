@@ -2,7 +2,7 @@
 
 use depthcal_io::Verdict;
 
-use super::augmented_model::{AddedEffect, AugmentedModel, Fitted};
+use super::augmented_model::{AddedEffect, Addition, AugmentedModel, Fitted};
 use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
@@ -17,6 +17,8 @@ use super::held_out::HeldOut;
 use super::left_over::LeftOver;
 use super::merit::merit;
 use super::options::DiagnoseOptions;
+use super::possible::Possible;
+use super::pure_error::pure_error;
 use super::round::{Round, RoundOutcome};
 use super::step::steps;
 use super::stepwise_selection::score_given;
@@ -58,6 +60,7 @@ pub fn diagnose(
     // Largest merit of an added effect as a share of the cost.
     let mut explained = 0.0_f64;
     let mut left_over: Vec<LeftOver> = Vec::new();
+    let mut possible: Vec<Possible> = Vec::new();
     // Effects that did not reduce the held-out errors of the present model.
     let mut rejected: Vec<String> = Vec::new();
     let examination = loop {
@@ -102,8 +105,10 @@ pub fn diagnose(
                 let before = model.added.len();
                 let effects = effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
                 match model.add(effects, &present) {
-                    Ok(Some(fitted)) => present = fitted,
-                    Ok(None) => {
+                    Ok(Addition::Added(fitted)) => present = *fitted,
+                    Ok(Addition::Rejected(found_possible)) => {
+                        possible.retain(|p| p.spec.name != found.name);
+                        possible.extend(found_possible);
                         conclude(&mut rounds, RoundOutcome::NoHeldOutGain);
                         rejected.push(found.name.clone());
                         continue;
@@ -141,6 +146,11 @@ pub fn diagnose(
     if share > thresholds.many_own_planes {
         left_over.push(LeftOver::frame_planes(&planes, share));
     }
+    possible.retain(|p| fit.camera.block(&p.spec.name).is_none());
+    model.report("comparing frames", &model.present());
+    let pure_error = pure_error(&fit, thresholds);
+    let shared = pure_error.as_ref().and_then(|p| LeftOver::shared(p, &left_over, thresholds));
+    left_over.extend(shared);
     let verdict = match (left_over.is_empty(), steps.is_empty()) {
         (false, _) => Verdict::Unexplained,
         (true, false) => Verdict::Effect,
@@ -151,6 +161,8 @@ pub fn diagnose(
     Ok(Diagnosis {
         verdict,
         steps,
+        possible,
+        pure_error,
         rounds,
         bad_frames,
         declarations,

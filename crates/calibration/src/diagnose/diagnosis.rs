@@ -9,6 +9,8 @@ use super::experiment_design::CaptureProposal;
 use super::frame_planes::FramePlane;
 use super::held_out::HeldOut;
 use super::left_over::LeftOver;
+use super::possible::Possible;
+use super::pure_error::PureError;
 use super::round::Round;
 use super::step::Step;
 use crate::calibrate::Calibrated;
@@ -19,6 +21,10 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The effects that were added, in order.
     pub steps: Vec<Step>,
+    /// Effects that may be missing too, but are not certain.
+    pub possible: Vec<Possible>,
+    /// What the last model leaves beside the pure error; `None` where frames or pixels are too few to tell.
+    pub pure_error: Option<PureError>,
     /// Findings and decision of every round.
     pub rounds: Vec<Round>,
     /// Frames that were excluded.

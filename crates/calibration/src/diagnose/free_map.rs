@@ -6,6 +6,7 @@ use tracing::info;
 use super::augmented_model::{AddedEffect, AugmentedModel, Fitted};
 use super::evidence::Evidence;
 use super::free_functions::Along;
+use super::held_out::Gain;
 
 /// Name of the free map among effects.
 pub const FREE_MAP: &str = "free_map";
@@ -39,8 +40,9 @@ impl AugmentedModel<'_> {
                     continue;
                 }
             };
+            // A map names no cause: that it may be chance is no reason against it where the error falls.
             let lowest = rms(best.as_ref().map_or(&*present, |(_, b)| b));
-            if self.improves(present, &fitted) && rms(&fitted) < lowest {
+            if self.gain(present, &fitted, &[]) != Gain::None && rms(&fitted) < lowest {
                 best = Some((spec, fitted));
             }
         }

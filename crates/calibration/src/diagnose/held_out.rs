@@ -1,9 +1,9 @@
 //! Errors of a model on frames that it was not fitted to, and whether one model is better there than another.
 
-use depthcal_io::HeldOutErrors;
+use depthcal_io::{GainInterval, HeldOutErrors};
 
 use super::thresholds::Thresholds;
-use crate::judge::cross_validation::{depth_gain_percent, weighted_depth_rms};
+use crate::judge::cross_validation::{depth_gain_percent, dot_gain_percent, weighted_gain_percent};
 use crate::judge::evaluate::Evaluated;
 use crate::observe::noise::DepthNoise;
 
@@ -12,26 +12,54 @@ use crate::observe::noise::DepthNoise;
 pub struct HeldOut {
     /// One number per kind of error.
     pub errors: HeldOutErrors,
-    /// Errors frame by frame.
+    /// Errors frame by frame, each frame left out together with others from all over the capture.
     pub evaluated: Evaluated,
+    /// The same with blocks of consecutive frames left out; `None` where another dataset verifies, and of models with fields.
+    pub blocks: Option<Evaluated>,
 }
 
-/// Whether the model `after` has smaller held-out errors than the model `before`.
+/// What a change of the model brings on held-out frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Gain {
+    /// The error falls for certain.
+    Certain,
+    /// It falls, but this may be chance; or an error that users read rises. The fall is the less certain one of those with frames left out
+    /// singly and in blocks.
+    Possible(GainInterval),
+    /// It does not fall.
+    None,
+}
+
+/// What the model `after` brings over the model `before`.
 ///
 /// Counted are the changes in per cent of the depth error weighted by `noise` and of the reprojection error, together: a loss
-/// in one cancels a gain in the other. A gain in weighted depth, which near pixels dominate, must not come with a rise of the
-/// unweighted depth error, which far pixels dominate, unless that rise may be chance over the frames and is smaller than the
-/// gain.
-pub(super) fn improves(before: &HeldOut, after: &HeldOut, noise: &DepthNoise, thresholds: &Thresholds) -> bool {
-    let gain = |b: f64, a: f64| if b > 0.0 { 100.0 * (1.0 - a / b) } else { 0.0 };
-    let weighted = |h: &HeldOut| weighted_depth_rms(&h.evaluated, noise);
-    let depth = weighted(before).zip(weighted(after)).map_or(0.0, |(b, a)| gain(b, a));
-    let image = gain(before.errors.reprojection_px, after.errors.reprojection_px);
-    let loses = || {
-        depth_gain_percent(&before.evaluated, &after.evaluated).is_some_and(|unweighted| {
-            let by_chance = unweighted.high > 0.0 && depth > -unweighted.value;
-            unweighted.value < -thresholds.most_unweighted_loss_percent && !by_chance
-        })
-    };
-    depth + image > thresholds.least_held_out_gain_percent && !loses()
+/// in one cancels a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, with frames left out
+/// singly and in blocks: neighbours of a sweep are alike. No error that users read, unweighted depth and dot error, may rise
+/// beyond its interval; a rise of unweighted depth, which far pixels dominate, that is larger than the gain is none that chance
+/// excuses.
+///
+/// Blocks do not count where `of_time`: for an effect of time a block of consecutive frames is an extrapolation.
+pub(super) fn gain(
+    before: &HeldOut,
+    after: &HeldOut,
+    noise: &DepthNoise,
+    of_time: bool,
+    thresholds: &Thresholds,
+) -> Gain {
+    let of = |b: &Evaluated, a: &Evaluated| weighted_gain_percent(b, a, noise);
+    let singly = of(&before.evaluated, &after.evaluated);
+    let blocks = before.blocks.as_ref().zip(after.blocks.as_ref()).filter(|_| !of_time);
+    let in_blocks = blocks.and_then(|(b, a)| of(b, a));
+    let gains = || singly.iter().chain(&in_blocks);
+    let Some(least) = gains().min_by(|a, b| a.low.total_cmp(&b.low)) else { return Gain::None };
+    if !gains().all(|g| g.value > thresholds.least_held_out_gain_percent) {
+        return Gain::None;
+    }
+    let depth = depth_gain_percent(&before.evaluated, &after.evaluated);
+    let dots = dot_gain_percent(&before.evaluated, &after.evaluated);
+    let rises = [depth, dots].into_iter().flatten().any(|g| g.high < 0.0);
+    let loses = depth.zip(singly).is_some_and(|(unweighted, weighted)| {
+        unweighted.value < -thresholds.most_unweighted_loss_percent && -unweighted.value > weighted.value
+    });
+    if gains().all(GainInterval::is_certain) && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
 }

@@ -3,9 +3,11 @@
 use super::evidence::Evidence;
 use super::frame_planes::FramePlane;
 use super::free_functions::Along;
+use super::pure_error::{PureError, Shared};
+use super::thresholds::Thresholds;
 
 /// Structure in the residuals that no named effect explains.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum LeftOver {
     /// A free function gains on held-out frames.
     FreeFunction {
@@ -23,6 +25,8 @@ pub enum LeftOver {
         /// Root mean square of the planes over all frames, mm of depth.
         rms_mm: f64,
     },
+    /// Frames share residuals at the same values of a covariate.
+    Shared(Shared),
 }
 
 impl LeftOver {
@@ -30,6 +34,17 @@ impl LeftOver {
     pub(super) fn free_function(evidence: &Evidence, explained: f64) -> Option<Self> {
         let size_mm = evidence.expected_size_mm;
         evidence.along.map(|along| Self::FreeFunction { along, size_mm, explained })
+    }
+
+    /// What frames share, where it is large enough to matter and no free function of the same covariate is `known`: the largest
+    /// one, since what depends on one covariate depends on others in part.
+    pub(super) fn shared(found: &PureError, known: &[Self], thresholds: &Thresholds) -> Option<Self> {
+        let is_known = |along: &[Along]| {
+            known.iter().any(|k| matches!(k, Self::FreeFunction { along: other, .. } if along == [*other]))
+        };
+        let largest = found.shared.first().filter(|s| !is_known(&s.along))?;
+        let least = thresholds.least_shared_share.sqrt() * found.residual_mm;
+        (largest.size_mm > least).then(|| Self::Shared(largest.clone()))
     }
 
     /// The planes of all frames, of which the share `share` is significant.

@@ -11,7 +11,9 @@
 //! | effects that explain the residuals together | `stepwise_selection` |
 //! | the decision: which effect to add, if any | [`decision`] |
 //! | fits with effects added and removed | `augmented_model` |
+//! | effects that are not certain | `possible` |
 //! | the loop | [`diagnose`] |
+//! | what frames share, and pure error | [`pure_error`] |
 //! | captures that would answer open questions | [`experiment_design`] |
 //! | effects that these captures can distinguish | [`separability`] |
 //! | the record for files | [`record`] |
@@ -40,6 +42,8 @@ mod left_over;
 pub mod merit;
 pub mod observed_states;
 mod options;
+mod possible;
+pub mod pure_error;
 pub mod record;
 mod round;
 pub mod separability;
@@ -54,6 +58,7 @@ pub use free_map::FREE_MAP;
 pub use held_out::HeldOut;
 pub use left_over::LeftOver;
 pub use options::DiagnoseOptions;
+pub use possible::Possible;
 pub use round::{Round, RoundOutcome};
 pub use step::Step;
 pub use thresholds::Thresholds;

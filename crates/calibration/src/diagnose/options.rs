@@ -17,6 +17,7 @@ pub struct DiagnoseOptions {
 
 impl Default for DiagnoseOptions {
     fn default() -> Self {
-        Self { calibrate: CalibrateOptions::default(), folds: 5, thresholds: Thresholds::default() }
+        let calibrate = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
+        Self { calibrate, folds: 5, thresholds: Thresholds::default() }
     }
 }

@@ -3,8 +3,8 @@
 use depthcal_io::{
     DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
     DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
-    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisProposedFrame, DiagnosisRound, DiagnosisStep,
-    DiagnosisUnexplainedOutcome, FileReference,
+    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisPossible, DiagnosisProposedFrame, DiagnosisPureError,
+    DiagnosisRound, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
@@ -18,6 +18,8 @@ use super::frame_planes::FramePlane;
 use super::free_functions::Along;
 use super::free_map::FREE_MAP;
 use super::left_over::LeftOver;
+use super::possible::Possible;
+use super::pure_error::{PureError, Shared};
 use super::round::{Round, RoundOutcome};
 use super::step::Step;
 
@@ -33,6 +35,8 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         model: model.to_owned(),
         verdict: diagnosis.verdict,
         steps: diagnosis.steps.iter().map(step).collect(),
+        possible: diagnosis.possible.iter().map(possible).collect(),
+        pure_error: diagnosis.pure_error.as_ref().map(pure_error),
         candidates: first_candidates(rounds.first()),
         rounds,
         bad_frames: diagnosis.bad_frames.iter().map(bad_frame).collect(),
@@ -177,6 +181,35 @@ fn left_over(left: &LeftOver) -> DiagnosisLeftOver {
         LeftOver::FramePlanes { share, rms_mm } => {
             DiagnosisLeftOver::FramePlanes { share_of_frames: *share, rms_mm: *rms_mm }
         }
+        LeftOver::Shared(found) => DiagnosisLeftOver::Shared(shared(found)),
+    }
+}
+
+fn shared(found: &Shared) -> DiagnosisShared {
+    DiagnosisShared {
+        along: found.along.iter().map(|a| along(*a)).collect(),
+        scale: (found.scale > 0.0).then_some(found.scale),
+        rms_mm: found.size_mm,
+        z: found.z,
+        p_value: found.p_value,
+    }
+}
+
+fn pure_error(found: &PureError) -> DiagnosisPureError {
+    DiagnosisPureError {
+        residual_rms_mm: found.residual_mm,
+        pure_error_mm: found.pure_mm,
+        ratio: found.ratio(),
+        shared: found.shared.iter().map(shared).collect(),
+    }
+}
+
+fn possible(found: &Possible) -> DiagnosisPossible {
+    DiagnosisPossible {
+        effect: found.spec.name.clone(),
+        with: found.spec.to_string(),
+        gain_percent: found.gain_percent,
+        further_frames: found.further_frames,
     }
 }
 

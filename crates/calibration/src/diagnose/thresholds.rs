@@ -63,6 +63,10 @@ pub struct Thresholds {
     /// against a verdict "unexplained" for a remainder without practical importance.
     pub least_unexplained_share: f64,
 
+    /// Share of the mean squared residual that frames must share at the same values of a covariate for it to be reported (0.04: it
+    /// raises the error by 2 %). Guards against a verdict "unexplained" for what is certain but without practical importance.
+    pub least_shared_share: f64,
+
     /// Gain in noise-weighted depth error and reprojection error together that counts as one, per cent (0.02). Guards against
     /// adding or keeping what changes nothing.
     pub least_held_out_gain_percent: f64,
@@ -144,6 +148,7 @@ impl Default for Thresholds {
             most_rounds: 9,
             most_rejected: 3,
             least_unexplained_share: 0.01,
+            least_shared_share: 0.04,
             least_held_out_gain_percent: 0.02,
             most_unweighted_loss_percent: 0.5,
             gross_plane_mm: 5.0,

@@ -5,7 +5,7 @@ use depthcal_statistics::Bootstrap;
 use rayon::prelude::*;
 use tracing::warn;
 
-use super::evaluate::{Evaluated, EvaluatedFrame, evaluate};
+use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_strided};
 use super::parts::{Parts, parts_of};
 use crate::adjust::leave_out::cameras_without_parts;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
@@ -33,6 +33,21 @@ pub fn cross_validate(
     how: Parts,
     options: &CalibrateOptions,
 ) -> Result<Evaluated, CalibrateError> {
+    cross_validate_strided(fit, parts, how, 1, options)
+}
+
+/// The same, judged on every `stride`-th column and row of the depth images only: enough to compare models.
+///
+/// # Errors
+///
+/// [`CalibrateError`] where the model can be adjusted without none of the parts.
+pub fn cross_validate_strided(
+    fit: &Calibrated,
+    parts: usize,
+    how: Parts,
+    stride: usize,
+    options: &CalibrateOptions,
+) -> Result<Evaluated, CalibrateError> {
     let job = options.progress.steps("cross-validating", parts);
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
@@ -51,7 +66,8 @@ pub fn cross_validate(
             None if is_joint => readjust(fit, rest(), options).map(|fit| fit.camera),
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
-        let evaluated = camera.map(|camera| evaluate(&camera, &held)).map_err(|error| Box::new((error, held)));
+        let evaluated =
+            camera.map(|camera| evaluate_strided(&camera, &held, stride)).map_err(|error| Box::new((error, held)));
         job.advance();
         evaluated
     };
@@ -93,19 +109,6 @@ pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
     }
 }
 
-/// Root mean square of the corrected depth's errors in standard deviations of the noise, so that near pixels, where noise is
-/// small, count as much as far ones; `None` without depth.
-pub fn weighted_depth_rms(evaluated: &Evaluated, noise: &DepthNoise) -> Option<f64> {
-    let pixels = || evaluated.frames.iter().flat_map(|f| f.pixels.iter());
-    // A depth error e has the size e ρ² in inverse depth.
-    let weighted = pixels().map(|p| {
-        let rho = 1.0 / p.board_depth_mm;
-        (p.after_mm * rho * rho / noise.sigma(rho)).clamp(-MOST_SIGMAS, MOST_SIGMAS)
-    });
-    let (sum, n) = weighted.fold((0.0, 0_usize), |(s, n), e| (s + e * e, n + 1));
-    (n > 0).then(|| (sum / n as f64).sqrt())
-}
-
 /// Standard deviations at which errors are clipped in the weighted mean: single outliers do not decide.
 const MOST_SIGMAS: f64 = 8.0;
 
@@ -137,21 +140,70 @@ pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
     Some(Interval { mean: rms.value, low: rms.low, high: rms.high })
 }
 
+/// The frames of two evaluations that both have, in pairs.
+fn pairs<'a>(before: &'a Evaluated, after: &'a Evaluated) -> impl Iterator<Item = [&'a EvaluatedFrame; 2]> {
+    let after_of = |b: &EvaluatedFrame| after.frames.iter().find(|a| a.name == b.name);
+    before.frames.iter().filter_map(move |b| Some([b, after_of(b)?]))
+}
+
+/// A gain over `count` pairs of frames, which are resampled; `None` of no pairs.
+fn gain_over(count: usize, percent: impl Fn(&[usize]) -> f64) -> Option<GainInterval> {
+    let gain = (count > 0).then(|| BOOTSTRAP.estimate(count, percent))?;
+    Some(GainInterval { value: gain.value, low: gain.low, high: gain.high })
+}
+
+/// Fall from one root mean square to another, per cent; 0 where there is nothing to fall.
+fn fall_percent([before, after]: [f64; 2]) -> f64 {
+    if before > 0.0 { 100.0 * (1.0 - after / before) } else { 0.0 }
+}
+
 /// Fall of the root mean square depth error from one model to another on the same frames, per cent, with its 95 %
 /// interval over frames, which are resampled in pairs. `None` without depth.
 pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
-    let pairs: Vec<[(f64, f64); 2]> = before
-        .frames
-        .iter()
-        .filter_map(|b| Some([squares(b), squares(after.frames.iter().find(|a| a.name == b.name)?)]))
-        .filter(|[b, a]| b.1 > 0.0 && a.1 > 0.0)
-        .collect();
-    if pairs.is_empty() {
-        return None;
-    }
+    let pairs: Vec<[(f64, f64); 2]> =
+        pairs(before, after).map(|p| p.map(squares)).filter(|[b, a]| b.1 > 0.0 && a.1 > 0.0).collect();
     let side = |drawn: &[usize], i: usize| pooled_rms(drawn.iter().map(|d| pairs[*d][i]));
-    let gain = BOOTSTRAP.estimate(pairs.len(), |drawn| 100.0 * (1.0 - side(drawn, 1) / side(drawn, 0)));
-    Some(GainInterval { value: gain.value, low: gain.low, high: gain.high })
+    gain_over(pairs.len(), |drawn| fall_percent([side(drawn, 0), side(drawn, 1)]))
+}
+
+/// The same of the mean dot error after correction. `None` without depth at markers.
+pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
+    let sum = |f: &EvaluatedFrame| (f.dots.iter().map(|d| d[1]).sum::<f64>(), f.dots.len() as f64);
+    let pairs: Vec<[(f64, f64); 2]> =
+        pairs(before, after).map(|p| p.map(sum)).filter(|[b, a]| b.1 > 0.0 && a.1 > 0.0).collect();
+    let side = |drawn: &[usize], i: usize| {
+        let (sum, n) = drawn.iter().map(|d| pairs[*d][i]).fold((0.0, 0.0), |(s, n), v| (s + v.0, n + v.1));
+        sum / n
+    };
+    gain_over(pairs.len(), |drawn| fall_percent([side(drawn, 0), side(drawn, 1)]))
+}
+
+/// The same of depth weighted by the noise, so that near pixels, where noise is small, count as much as far ones, and of the
+/// reprojection error, together: the sum of their falls.
+pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
+    let weighted = |f: &EvaluatedFrame| {
+        // A depth error e has the size e ρ² in inverse depth.
+        let of_noise = f.pixels.iter().map(|p| {
+            let rho = 1.0 / p.board_depth_mm;
+            (p.after_mm * rho * rho / noise.sigma(rho)).clamp(-MOST_SIGMAS, MOST_SIGMAS)
+        });
+        of_noise.fold((0.0, 0.0), |(s, n), e| (s + e * e, n + 1.0))
+    };
+    let reprojection = |f: &EvaluatedFrame| {
+        let squares = f.reprojection.iter().map(|e| e[2] * e[2] + e[3] * e[3]);
+        (squares.sum::<f64>(), f.reprojection.len() as f64)
+    };
+    let pairs: Vec<[[(f64, f64); 2]; 2]> =
+        pairs(before, after).map(|p| [p.map(weighted), p.map(reprojection)]).collect();
+    gain_over(pairs.len(), |drawn| {
+        let fall = |kind: usize| {
+            let side = |i: usize| pooled_rms(drawn.iter().map(|d| pairs[*d][kind][i]));
+            let fall = fall_percent([side(0), side(1)]);
+            // Without depth, or without markers.
+            if fall.is_finite() { fall } else { 0.0 }
+        };
+        fall(0) + fall(1)
+    })
 }
 
 #[cfg(test)]

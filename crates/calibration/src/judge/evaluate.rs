@@ -16,7 +16,7 @@ use crate::observe::board_pixels::{BoardPixel, board_pixels};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, EvaluableFrame, OpenFrame, PixelRays};
+use crate::observe::{AdjustableFrame, Capture, DetectedFrame, DroppedFrame, EvaluableFrame, OpenFrame, PixelRays};
 use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt, refine_pose};
 
 /// Most pixels of all frames together that are kept one by one, about.
@@ -63,12 +63,20 @@ pub fn evaluate<F>(camera: &Camera, capture: &Capture<F>) -> Evaluated
 where
     F: EvaluableFrame,
 {
+    evaluate_strided(camera, capture, 1)
+}
+
+/// The same on every `stride`-th column and row of the depth images only.
+pub fn evaluate_strided<F>(camera: &Camera, capture: &Capture<F>, stride: usize) -> Evaluated
+where
+    F: EvaluableFrame,
+{
     // Pixel pieces belong to the correction: uncorrected depth is located by the pixel of the depth image itself.
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
     let rays = PixelRays::new(&bare).to_be_corrected_by(camera);
     let [least, most] = KEPT_OF_A_FRAME;
     let kept_pixels = (KEPT_PIXELS / capture.frames.len().max(1)).clamp(least, most);
-    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels };
+    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, stride };
     let poses: Vec<Result<PoseFit, StartError>> =
         capture.frames.par_iter().map(|frame| evaluation.pose(frame.as_ref(), frame.known_pose())).collect();
     // Errors of the markers are those of the median frame: few markers fit any pose.
@@ -104,6 +112,8 @@ struct Evaluation<'a, F> {
     rays: &'a PixelRays<'a>,
     capture: &'a Capture<F>,
     kept_pixels: usize,
+    /// Distance of the columns and rows that count, px.
+    stride: usize,
 }
 
 impl<F> Evaluation<'_, F> {
@@ -112,6 +122,22 @@ impl<F> Evaluation<'_, F> {
         let target = &self.capture.target;
         let refined = known.and_then(|pose| refine_pose(self.camera, target, &frame.markers, pose));
         refined.map_or_else(|| estimate_pose(self.camera, target, &markers_of(frame)), Ok)
+    }
+
+    /// The frame's board pixels, seen from a pose, before and after correction.
+    fn judged(
+        &self,
+        frame: &DetectedFrame,
+        open: &OpenFrame<'_>,
+        surface: &BoardSurface<'_>,
+        pose: &Isometry3<f64>,
+    ) -> Judged {
+        let unit_mm = self.capture.depth_unit_mm.unwrap_or(1.0);
+        let region = BoardRegion::within_markers(&self.capture.target, &frame.markers);
+        let mut measured = board_pixels(open, unit_mm, self.rays, &region, pose, self.stride);
+        let (outliers, outlier_limit_mm) = remove_outliers(&mut measured);
+        let corrected = self.corrected(&measured, surface);
+        Judged { measured, corrected, outliers, outlier_limit_mm }
     }
 
     fn of_frame(&self, frame: &DetectedFrame, open: &OpenFrame<'_>, pose: Isometry3<f64>) -> EvaluatedFrame {
@@ -125,30 +151,17 @@ impl<F> Evaluation<'_, F> {
                 Some([m.pixel[0], m.pixel[1], m.pixel[0] - at[0], m.pixel[1] - at[1]])
             })
             .collect();
-        let unit_mm = self.capture.depth_unit_mm.unwrap_or(1.0);
-        let region = BoardRegion::within_markers(target, &frame.markers);
-        let mut all = board_pixels(open, unit_mm, self.rays, &region, &pose, 1);
-        let (outliers, outlier_limit_mm) = remove_outliers(&mut all);
+        let surface = BoardSurface::new(&pose, self.camera);
+        let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
         let before = points(&all);
         let found = all.len();
-        let surface = BoardSurface::new(&pose, self.camera);
         let thinning = Thinning::new(found, self.kept_pixels);
         let (mut depth, mut pixels) = (DepthErrors::default(), Vec::new());
-        let corrected = self.corrected(&all, &surface);
         let mut kept = Vec::with_capacity(found);
         for (p, corrected) in all.iter().zip(corrected) {
             let Some(c) = corrected else { continue };
-            let error = PixelError {
-                context: p.context,
-                board_depth_mm: p.board_depth_mm,
-                board: p.board,
-                cos_incidence: p.cos_incidence,
-                before_mm: p.depth_mm - p.board_depth_mm,
-                after_mm: c.depth_mm - c.board_depth_mm,
-                height_before_mm: surface.height(p.ray, p.depth_mm),
-                height_after_mm: surface.height(c.ray, c.depth_mm),
-            };
+            let error = pixel_error(p, &c, &surface);
             depth.add(&error);
             if thinning.keeps(key(p)) {
                 let context = open.image.as_ref().map_or(p.context, |_| open.context(p.context.pixel));
@@ -197,6 +210,56 @@ impl<F> Evaluation<'_, F> {
         let on_board = surface.plane().to_board(ray, board_depth_mm);
         Some(BoardPixel { depth_mm: 1.0 / rho, board_depth_mm, board: [on_board.x, on_board.y], ray, ..*p })
     }
+}
+
+/// A frame's board pixels that are measurements of the board.
+struct Judged {
+    /// As measured.
+    measured: Vec<BoardPixel>,
+    /// Each of them after correction; `None` where the camera cannot correct it.
+    corrected: Vec<Option<BoardPixel>>,
+    outliers: usize,
+    outlier_limit_mm: Option<f64>,
+}
+
+fn pixel_error(measured: &BoardPixel, corrected: &BoardPixel, surface: &BoardSurface<'_>) -> PixelError {
+    PixelError {
+        context: measured.context,
+        board_depth_mm: measured.board_depth_mm,
+        board: measured.board,
+        cos_incidence: measured.cos_incidence,
+        before_mm: measured.depth_mm - measured.board_depth_mm,
+        after_mm: corrected.depth_mm - corrected.board_depth_mm,
+        height_before_mm: surface.height(measured.ray, measured.depth_mm),
+        height_after_mm: surface.height(corrected.ray, corrected.depth_mm),
+    }
+}
+
+/// What `take` makes of the errors of every board pixel of every frame, at the frames' own poses instead of those that the images
+/// alone show. Frames whose images cannot be read have no pixels.
+pub fn residual_pixels<F, T>(
+    camera: &Camera,
+    capture: &Capture<F>,
+    take: impl Fn(Vec<PixelError>) -> T + Sync,
+) -> Vec<T>
+where
+    F: AdjustableFrame + EvaluableFrame,
+    T: Send,
+{
+    let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
+    let rays = PixelRays::new(&bare).to_be_corrected_by(camera);
+    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels: 0, stride: 1 };
+    let of_frame = |frame: &F| {
+        let pose = &frame.posed().camera_from_board;
+        let surface = BoardSurface::new(pose, camera);
+        let errors = frame.posed().open().ok().map(|open| {
+            let judged = evaluation.judged(frame.posed(), &open, &surface, pose);
+            let pairs = judged.measured.iter().zip(&judged.corrected);
+            pairs.filter_map(|(p, c)| Some(pixel_error(p, c.as_ref()?, &surface))).collect()
+        });
+        take(errors.unwrap_or_default())
+    };
+    capture.frames.par_iter().map(of_frame).collect()
 }
 
 fn markers_of(frame: &DetectedFrame) -> FrameMarkers<'_> {

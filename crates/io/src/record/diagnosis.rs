@@ -8,6 +8,7 @@ use super::comparison::Interval;
 use super::decision::DiagnosisDecision;
 use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
+use super::pure_error::DiagnosisPureError;
 use super::reference::FileReference;
 use crate::file::{FileError, read_json, write_json};
 
@@ -98,6 +99,21 @@ pub struct DiagnosisParameter {
     pub std: Option<f64>,
 }
 
+/// An effect that seems to be missing, but that these captures do not prove: it is not added.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisPossible {
+    /// Its name.
+    pub effect: String,
+    /// The effect as given to `calibrate --with`, constants included.
+    pub with: String,
+    /// Decrease of the weighted error on left-out frames, per cent.
+    pub gain_percent: GainInterval,
+    /// Number of further frames like these with which the gain, if it is real, would be certain; absent where the reason is
+    /// another: an error that users read would rise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub further_frames: Option<u64>,
+}
+
 /// The score test of an effect or free function that a round's model does not have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisCandidate {
@@ -178,6 +194,12 @@ pub struct DiagnosisFile {
     pub verdict: Verdict,
     /// The effects that were added, in order.
     pub steps: Vec<DiagnosisStep>,
+    /// Effects that may be missing too, but are not certain; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub possible: Vec<DiagnosisPossible>,
+    /// What the last model leaves beside the pure error; absent where it cannot be told, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pure_error: Option<DiagnosisPureError>,
     /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order
     /// of gain.
     pub candidates: Vec<DiagnosisCandidate>,

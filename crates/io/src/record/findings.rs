@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::covariate::DiagnosisCovariate;
+use super::pure_error::DiagnosisShared;
 
 /// Something left in the residuals of the last model that no effect explains. In JSON an object with the field `kind`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,6 +28,9 @@ pub enum DiagnosisLeftOver {
         /// Root mean square of the planes over all frames, mm.
         rms_mm: f64,
     },
+    /// Frames share residuals at the same values of covariates, finer than any free function: see
+    /// [`DiagnosisPureError`](super::pure_error::DiagnosisPureError).
+    Shared(DiagnosisShared),
 }
 
 /// A declared value, and the value with which the depth would agree.

@@ -8,6 +8,7 @@ mod diagnosis;
 mod evaluation;
 mod findings;
 mod observations;
+mod pure_error;
 mod reference;
 
 #[cfg(test)]
@@ -23,7 +24,7 @@ pub use covariate::DiagnosisCovariate;
 pub use decision::{DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisUnexplainedOutcome};
 pub use diagnosis::{
     DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
-    DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
+    DiagnosisPossible, DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
 pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms};
 pub use findings::{
@@ -31,4 +32,5 @@ pub use findings::{
     DiagnosisProposedFrame,
 };
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
+pub use pure_error::{DiagnosisPureError, DiagnosisShared};
 pub use reference::FileReference;

@@ -2,12 +2,12 @@
 
 use depthcal_io::{
     DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate, DiagnosisDecision,
-    DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisProposedFrame,
-    DiagnosisUnexplainedOutcome,
+    DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisPossible,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisShared, DiagnosisUnexplainedOutcome,
 };
 use depthcal_model::Covariate;
 
-use crate::format::{count, join, number, percent, pieces, quantity, signed};
+use crate::format::{count, interval, join, number, percent, pieces, quantity, signed};
 
 /// Proposing more frames than this would be no remedy: nobody captures them.
 const MOST_PROPOSED_FRAMES: u64 = 100;
@@ -120,7 +120,56 @@ pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
             share(*share_of_frames),
             quantity(*rms_mm, "mm")
         ),
+        DiagnosisLeftOver::Shared(found) => {
+            format!("{}, which no free function that was tried has", shared(found))
+        }
     }
+}
+
+/// What frames share, without full stop.
+pub(crate) fn shared(found: &DiagnosisShared) -> String {
+    let along: Vec<&str> = found.along.iter().map(|a| covariate(*a)).collect();
+    let unit = match found.along.first() {
+        Some(DiagnosisCovariate::Pixel | DiagnosisCovariate::Column | DiagnosisCovariate::Row) => "px",
+        Some(DiagnosisCovariate::Board | DiagnosisCovariate::Depth) => "mm",
+        _ => "1",
+    };
+    let scale = found.scale.map_or_else(String::new, |scale| match unit {
+        "1" => String::new(),
+        unit => format!(", finest at a scale of {}", quantity(scale, unit)),
+    });
+    format!(
+        "residuals that different frames share at the same value of {}, {} rms{scale}",
+        along.join(" and "),
+        quantity(found.rms_mm, "mm")
+    )
+}
+
+/// The residual beside the pure error, without full stop.
+pub(crate) fn pure_error(found: &DiagnosisPureError) -> String {
+    format!(
+        "left over {} rms, pure error {} rms (ratio {}): pure error is what different frames do not share at the same values of \
+         any covariate",
+        quantity(found.residual_rms_mm, "mm"),
+        quantity(found.pure_error_mm, "mm"),
+        number(found.ratio)
+    )
+}
+
+/// An effect that is not certain, without full stop.
+pub(crate) fn possible(found: &DiagnosisPossible) -> String {
+    let gain = &found.gain_percent;
+    let why = match found.further_frames {
+        Some(1) => "1 further frame like these would settle it".to_owned(),
+        Some(n) => format!("{n} further frames like these would settle it"),
+        None => "an error that users read would rise".to_owned(),
+    };
+    format!(
+        "{}: the weighted error of left-out frames falls by {} (95 % interval {}); {why}",
+        pieces(&found.with),
+        percent(gain.value),
+        interval(gain.low, gain.high, "%")
+    )
 }
 
 /// An implausible declaration, with full stop inside but not at the end.

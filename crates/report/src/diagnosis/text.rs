@@ -5,7 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{DiagnosisCandidate, DiagnosisFile, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
 
 use super::answers::arrow;
-use super::sentences::{capture, declaration, frame_cause, left_over};
+use super::sentences::{capture, declaration, frame_cause, left_over, possible, pure_error};
 use crate::format::{interval, join, measured, number, p_equals, p_value, percent, pieces, quantity};
 use crate::left_out::share;
 
@@ -38,8 +38,14 @@ pub fn diagnosis_text(d: &DiagnosisFile) -> String {
     for (i, step) in d.steps.iter().enumerate() {
         t += &step_text(i + 1, step);
     }
+    for found in &d.possible {
+        let _ = writeln!(t, "possible, not added: {}", possible(found));
+    }
     for left in &d.left_over {
         let _ = writeln!(t, "left: {}", left_over(left));
+    }
+    if let Some(found) = &d.pure_error {
+        let _ = writeln!(t, "{}", pure_error(found));
     }
     let _ = writeln!(t, "\nheld-out frames, declared → last model: {}", errors(&d.held_out.before, &d.held_out.after));
     if let Some(round) = d.rounds.last() {
@@ -158,6 +164,8 @@ mod tests {
             model: "projective".to_owned(),
             verdict: Verdict::Effect,
             steps: vec![step],
+            possible: Vec::new(),
+            pure_error: None,
             candidates: Vec::new(),
             rounds: vec![DiagnosisRound { effects: vec![candidate], ..DiagnosisRound::default() }],
             bad_frames: Vec::new(),

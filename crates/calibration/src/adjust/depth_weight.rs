@@ -1,0 +1,41 @@
+//! Whether depth predicts left-out frames better with less weight beside the markers.
+//!
+//! Where frames have planes of their own, the samples of a frame are no independent observations, and depth that counts as such
+//! pulls the camera's parameters away from what the markers say. But where the depth model is wrong in a way that these
+//! parameters can take up, the pull lowers the errors. Left-out frames decide (the influence of one kind of data on parameters that
+//! another kind determines, chosen by prediction; Carmona, Nicholls 2020).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::adjustment::{Adjustment, Curvature};
+use super::smoothness_selection::{FrameInformation, solve_scaled};
+
+/// Parts, blocks of consecutive frames, of which one is left out at a time.
+const PARTS: usize = 5;
+
+/// Whether depth with its weight divided by `design_effect` predicts the depth of left-out frames better than with its whole weight, with
+/// which `adjustment` was solved: both linearised there, poses of left-out frames from their images alone.
+pub fn less_predicts_better(adjustment: &Adjustment, design_effect: f64) -> bool {
+    let whole = adjustment.frame_information(Curvature::OfWeights, 1.0);
+    let less = adjustment.frame_information(Curvature::OfWeights, 1.0 / design_effect);
+    let cost = |fitted: &[FrameInformation]| held_out_cost(fitted, &whole);
+    cost(&less) < cost(&whole)
+}
+
+/// Cost of the depth of all frames, each held out, up to a constant. Infinite where the frames without a part do not determine the
+/// parameters.
+fn held_out_cost(fitted: &[FrameInformation], held_out: &[FrameInformation]) -> f64 {
+    let count = fitted.len();
+    let part_of = |frame: usize| frame * PARTS / count.max(1);
+    let without = |part: usize| {
+        let n = fitted.first()?.fitted.1.len();
+        let (mut normal, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for (_, frame) in fitted.iter().enumerate().filter(|(i, _)| part_of(*i) != part) {
+            normal += &frame.fitted.0;
+            gradient += &frame.fitted.1;
+        }
+        solve_scaled(normal, &-gradient)
+    };
+    let estimates: Vec<Option<DVector<f64>>> = (0..PARTS).map(without).collect();
+    held_out.iter().enumerate().map(|(i, frame)| frame.cost(estimates[part_of(i)].as_ref())).sum()
+}

@@ -1,0 +1,220 @@
+//! Pure error: what the residuals of different frames do not share, and the structure that they do.
+//!
+//! The noise of a camera is learnt from its residuals, and a pattern in these then counts as noise. Here no model of the noise is
+//! needed: residuals of different frames at the same pixel, board point, depth and so on are correlated where something depends
+//! on it, at any scale from a pixel or 2 mm upwards, whatever its form ([`shared_structure`]).
+
+use depthcal_statistics::{PlacedValue, SharedOctave, family_p_values, shared_structure};
+use rayon::prelude::*;
+
+use super::free_functions::Along;
+use super::thresholds::Thresholds;
+use crate::calibrate::Calibrated;
+use crate::judge::depth_errors::PixelError;
+use crate::judge::evaluate::residual_pixels;
+
+/// Fewest and most frames that are compared: pairs grow with their square.
+const FRAMES: [usize; 2] = [12, 64];
+/// Most image pixels of these frames together, which bounds memory. Frames are left out whole: fine structure needs neighbouring
+/// pixels.
+const MOST_PIXELS: usize = 20_000_000;
+/// Side of the finest cells on the board and in depth, mm.
+const CELL_MM: f64 = 2.0;
+/// Cells over the logarithm of the amplitude and over the cosine of incidence, from edge-on to frontal.
+const LINE_CELLS: u32 = 256;
+/// Cells per e-fold of amplitude: some 2 % each.
+const CELLS_PER_LOG: f64 = 50.0;
+/// Distance from the edge of the grid to the board's origin, mm: pixels beside the markers are board pixels too.
+const BOARD_MARGIN_MM: f64 = 100.0;
+/// Residuals count up to this many standard deviations of the noise: single pixels do not decide.
+const MOST_SIGMAS: f64 = 6.0;
+/// Largest share of the mean squared residual that counts as shared: estimates may exceed it where little else is left.
+const LARGEST_SHARE: f64 = 0.99;
+/// Cells along each of two covariates together are this many times as large as those along one.
+const COARSER: u16 = 8;
+
+/// What is left, the part of it that frames share, and the rest.
+#[derive(Debug, Clone)]
+pub struct PureError {
+    /// Root mean square of the depth residuals over the board pixels of all frames, mm.
+    pub residual_mm: f64,
+    /// The same without what frames certainly share: the error that no function of the covariates could take away, mm.
+    pub pure_mm: f64,
+    /// What frames certainly share, by falling size: one entry for each covariate or pair.
+    pub shared: Vec<Shared>,
+}
+
+impl PureError {
+    /// Residual over pure error, from 1.
+    pub fn ratio(&self) -> f64 {
+        self.residual_mm / self.pure_mm
+    }
+}
+
+/// Structure that residuals of different frames share at the same value of a covariate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shared {
+    /// The covariate, or two that it depends on together.
+    pub along: Vec<Along>,
+    /// Scale at which it is most certain, in the covariate's unit.
+    pub scale: f64,
+    /// Root mean square over all scales, mm.
+    pub size_mm: f64,
+    /// Statistic at that scale, in standard deviations of what chance gives.
+    pub z: f64,
+    /// Probability by chance, corrected for the number of scales and covariates.
+    pub p_value: f64,
+}
+
+/// A board pixel in cells of its covariates.
+#[derive(Clone, Copy)]
+struct Cells {
+    pixel: [u16; 2],
+    board: [u16; 2],
+    depth: u16,
+    amplitude: u16,
+    incidence: u16,
+    /// Residual in standard deviations of the noise.
+    value: f32,
+}
+
+/// One grid of cells: what it is along, and where a pixel lies in it.
+struct Cover {
+    along: &'static [Along],
+    /// Side of its finest cells in the covariates' unit; 0 where two have different ones.
+    cell: f64,
+    place: fn(&Cells) -> [u16; 2],
+}
+
+const fn cover(along: &'static [Along], cell: f64, place: fn(&Cells) -> [u16; 2]) -> Cover {
+    Cover { along, cell, place }
+}
+
+/// The grids. One covariate at a time as finely as it goes; pairs as far as an effect of both may need.
+const COVERS: [Cover; 11] = [
+    cover(&[Along::Pixel], 1.0, |c| c.pixel),
+    cover(&[Along::Column], 1.0, |c| [c.pixel[0], 0]),
+    cover(&[Along::Row], 1.0, |c| [c.pixel[1], 0]),
+    cover(&[Along::Board], CELL_MM, |c| c.board),
+    cover(&[Along::Depth], CELL_MM, |c| [c.depth, 0]),
+    cover(&[Along::Amplitude], 1.0 / CELLS_PER_LOG, |c| [c.amplitude, 0]),
+    cover(&[Along::Incidence], 1.0 / LINE_CELLS as f64, |c| [c.incidence, 0]),
+    cover(&[Along::Column, Along::Depth], 0.0, |c| [c.pixel[0] / COARSER, c.depth / COARSER]),
+    cover(&[Along::Row, Along::Depth], 0.0, |c| [c.pixel[1] / COARSER, c.depth / COARSER]),
+    cover(&[Along::Amplitude, Along::Depth], 0.0, |c| [c.amplitude / COARSER, c.depth / COARSER]),
+    cover(&[Along::Amplitude, Along::Incidence], 0.0, |c| [c.amplitude / COARSER, c.incidence / COARSER]),
+];
+
+/// The pure error of a fit; `None` without depth in six frames or more, from which it could be told.
+pub fn pure_error(fit: &Calibrated, thresholds: &Thresholds) -> Option<PureError> {
+    let frames = &fit.capture.frames;
+    let with_depth: Vec<usize> = (0..frames.len()).filter(|i| !frames[*i].samples.is_empty()).collect();
+    let most = (MOST_PIXELS / (fit.capture.width * fit.capture.height).max(1)).clamp(FRAMES[0], FRAMES[1]);
+    let count = with_depth.len().min(most);
+    // Evenly over all frames.
+    let chosen: Vec<usize> = (0..count).map(|k| with_depth[k * with_depth.len() / count]).collect();
+    let capture = fit.capture.subset(|i, _| chosen.binary_search(&i).is_ok());
+    let cells: Vec<(Vec<Cells>, [f64; 2])> = residual_pixels(&fit.camera, &capture, |errors| cells_of(fit, &errors));
+    let numbers: f64 = cells.iter().map(|c| c.0.len() as f64).sum();
+    let residual_mm = (cells.iter().map(|c| c.1[0]).sum::<f64>() / numbers).sqrt();
+    // Noise of the mean weight: what is shared, in standard deviations of the noise, times this is its size.
+    let noise_mm = (cells.iter().map(|c| c.1[1]).sum::<f64>() / numbers).sqrt().recip();
+    if !(residual_mm > 0.0 && noise_mm.is_finite()) {
+        return None;
+    }
+    let of_cover = |cover: &Cover| -> Vec<SharedOctave> {
+        let places = || cells.iter().flat_map(|c| c.0.iter()).map(cover.place);
+        let size = places().fold([0; 2], |s, p| [0, 1].map(|i| usize::max(s[i], usize::from(p[i]) + 1)));
+        let value = |c: &Cells| PlacedValue { cell: (cover.place)(c).map(u32::from), value: c.value.into() };
+        shared_structure(cells.len(), size, |group| cells[group].0.iter().map(value))
+    };
+    let octaves: Vec<Vec<SharedOctave>> = COVERS.par_iter().map(of_cover).collect();
+    if octaves.iter().all(Vec::is_empty) {
+        return None;
+    }
+    let mut p_values = family_p_values(&octaves.concat()).into_iter();
+    let mut shared: Vec<Shared> = Vec::new();
+    let mut largest = 0.0_f64;
+    for (cover, octaves) in COVERS.iter().zip(&octaves) {
+        let certain: Vec<(&SharedOctave, f64)> =
+            octaves.iter().zip(p_values.by_ref()).filter(|(o, p)| *p < thresholds.level && o.variance > 0.0).collect();
+        let size_mm = noise_mm * certain.iter().map(|(o, _)| o.variance).sum::<f64>().sqrt();
+        let Some((best, p_value)) = certain.iter().max_by(|a, b| a.0.z.total_cmp(&b.0.z)) else { continue };
+        largest = largest.max((size_mm / residual_mm).powi(2).min(LARGEST_SHARE));
+        shared.push(Shared {
+            along: cover.along.to_vec(),
+            scale: cover.cell * f64::from(best.side),
+            size_mm,
+            z: best.z,
+            p_value: *p_value,
+        });
+    }
+    shared.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
+    Some(PureError { residual_mm, pure_mm: residual_mm * (1.0 - largest).sqrt(), shared })
+}
+
+/// The cells of a frame's pixels, and the sums of their squared errors, mm², and of the inverse variances of their noise, 1/mm².
+fn cells_of(fit: &Calibrated, errors: &[PixelError]) -> (Vec<Cells>, [f64; 2]) {
+    let mut sums = [0.0; 2];
+    let cells = errors.iter().map(|p| {
+        let rho = 1.0 / p.board_depth_mm;
+        let noise_mm = fit.noise.depth.sigma(rho) / (rho * rho);
+        sums[0] += p.after_mm * p.after_mm;
+        sums[1] += noise_mm.powi(-2);
+        let cell = |x: f64, side: f64| (x / side).clamp(0.0, f64::from(u16::MAX)) as u16;
+        let amplitude = p.context.amplitude.max(1.0).ln() * CELLS_PER_LOG;
+        Cells {
+            pixel: p.context.pixel.map(|x| cell(x + 0.5, 1.0)),
+            board: p.board.map(|x| cell(x + BOARD_MARGIN_MM, CELL_MM)),
+            depth: cell(p.board_depth_mm, CELL_MM),
+            amplitude: cell(amplitude, 1.0),
+            incidence: cell(p.cos_incidence * f64::from(LINE_CELLS), 1.0),
+            value: (p.after_mm / noise_mm).clamp(-MOST_SIGMAS, MOST_SIGMAS) as f32,
+        }
+    });
+    (cells.collect(), sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
+
+    use super::*;
+    use crate::calibrate::{CalibrateOptions, calibrate};
+    use crate::observe::RawFrame;
+    use crate::simulated;
+
+    /// Every second column of the depth image is too far by this much, the others too near.
+    fn striped(stripes_mm: f64, seed: u64) -> PureError {
+        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], seed);
+        let mut capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        for frame in &mut capture.frames {
+            let raw: &mut RawFrame = &mut frame.raw;
+            for pixel in raw.depth_pixels_mut() {
+                let is_even = (pixel.context.pixel[0] + 0.5) as i64 % 2 == 0;
+                pixel.depth_mm += if is_even { stripes_mm } else { -stripes_mm };
+            }
+        }
+        let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
+        pure_error(&fit, &Thresholds::default()).unwrap()
+    }
+
+    #[test]
+    fn noise_is_not_shared() {
+        for seed in 0..4 {
+            let found = striped(0.0, seed);
+            assert!(found.shared.is_empty() && found.ratio() == 1.0, "seed {seed}: {:?}", found.shared);
+        }
+    }
+
+    /// Stripes as fine as a column that are half of the noise, which no smooth function shows.
+    #[test]
+    fn fine_stripes_are_shared() {
+        let noise_mm = striped(0.0, 7).residual_mm;
+        let found = striped(0.5 * noise_mm, 7);
+        let first = &found.shared[0];
+        assert_eq!((first.along.as_slice(), first.scale), ([Along::Column].as_slice(), 1.0), "{:?}", found.shared);
+        assert!((first.size_mm / (0.5 * noise_mm) - 1.0).abs() < 0.3, "{first:?}, noise {noise_mm} mm");
+        assert!(found.ratio() > 1.05, "{}", found.ratio());
+    }
+}

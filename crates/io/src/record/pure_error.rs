@@ -1,0 +1,36 @@
+//! The pure error of a diagnosis: what is left beside what frames do not share.
+
+use serde::{Deserialize, Serialize};
+
+use super::covariate::DiagnosisCovariate;
+
+/// The residuals of the last model beside the pure error: that part which different frames do not share at the same values of
+/// any covariate, and which no function of the covariates could take away.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisPureError {
+    /// Root mean square of the depth residuals over the board pixels, mm.
+    pub residual_rms_mm: f64,
+    /// Root mean square of the pure error, mm.
+    pub pure_error_mm: f64,
+    /// The first over the second; 1 where frames share nothing for certain.
+    pub ratio: f64,
+    /// What frames certainly share, by falling size.
+    pub shared: Vec<DiagnosisShared>,
+}
+
+/// Residuals that different frames share at the same value of a covariate, or of two together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisShared {
+    /// The covariates.
+    pub along: Vec<DiagnosisCovariate>,
+    /// Scale at which it is most certain: px, mm on the board or of depth, e-folds of amplitude, cosine of the angle of
+    /// incidence; absent for two covariates.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
+    /// Root mean square, mm.
+    pub rms_mm: f64,
+    /// Statistic at that scale, in standard deviations of what chance gives.
+    pub z: f64,
+    /// p-value, corrected for the number of scales and covariates.
+    pub p_value: f64,
+}
