@@ -48,6 +48,8 @@ pub struct CalibrateOptions {
     pub estimator: Estimator,
     /// Most depth pixels of a frame that enter the adjustment.
     pub samples_per_frame: usize,
+    /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing effects.
+    pub samples_for_search: bool,
     /// Whether the depth of whole frames may scatter by planes of their own: their variances are then estimated, and a frame says
     /// no more of what its pixels share than these allow.
     pub frame_planes: bool,
@@ -72,6 +74,7 @@ impl Default for CalibrateOptions {
             lens: "brown-conrady".to_owned(),
             estimator: Estimator::Joint,
             samples_per_frame: 800,
+            samples_for_search: false,
             frame_planes: false,
             camera: None,
             register: Register::builtin(),

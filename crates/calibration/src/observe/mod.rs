@@ -5,6 +5,7 @@ pub mod board_plane;
 pub mod board_region;
 mod capture;
 pub mod depth_sampling;
+pub mod frame_light;
 pub mod marker_depth;
 pub mod neighbourhood;
 pub mod noise;
