@@ -76,79 +76,100 @@ impl StrayLight {
             let count = (BLOCK_PX - offset).min(self.width - column).min(z.len() - done);
             let nodes = light.row(row);
             let ends = [&nodes[node], &nodes[(node + 1).min(nodes.len() - 1)]];
-            // Lanes without a pixel have depth 0.
-            let (mut lanes, mut own_lanes, mut near_lanes) = ([0.0; BLOCK_PX], [1.0; BLOCK_PX], [0.0; BLOCK_PX]);
-            let mut slants = [1.0; BLOCK_PX];
-            lanes[..count].copy_from_slice(&z[done..done + count]);
-            own_lanes[..count].copy_from_slice(&own[index..index + count]);
-            near_lanes[..count].copy_from_slice(&near[index..index + count]);
-            slants[..count].copy_from_slice(&self.slants[index..index + count]);
-            self.block(ends, offset, &own_lanes, &near_lanes, &slants, &mut lanes);
-            z[done..done + count].copy_from_slice(&lanes[..count]);
+            let pixels = index..index + count;
+            let known = [&own[pixels.clone()], &near[pixels.clone()], &self.slants[pixels]];
+            let of_pixels = &mut z[done..done + count];
+            if let ([Ok(own), Ok(near), Ok(slants)], Ok(z)) = (known.map(Lanes::try_from), of_pixels.try_into()) {
+                self.block(ends, offset, [&own, &near, &slants], z);
+            } else {
+                // Lanes without a pixel have depth 0.
+                let mut lanes = [0.0; BLOCK_PX];
+                lanes[..count].copy_from_slice(of_pixels);
+                let known = known.map(|values| {
+                    let mut lanes = [1.0; BLOCK_PX];
+                    lanes[..count].copy_from_slice(values);
+                    lanes
+                });
+                self.block(ends, offset, known.each_ref(), &mut lanes);
+                of_pixels.copy_from_slice(&lanes[..count]);
+            }
             done += count;
         }
     }
 
-    /// Consecutive pixels between two nodes.
+    /// Consecutive pixels between two nodes: own amplitude, ratio of the nearest pixels' light and slant of each.
     #[inline(always)]
-    fn block(&self, ends: [&Phasors; 2], offset: usize, own: &Lanes, near: &Lanes, slants: &Lanes, z: &mut Lanes) {
-        let mut change: Lanes = [0.0; BLOCK_PX];
-        let mut along = [[0.0_f32; BLOCK_PX]; FREQUENCIES];
-        let mut across = [[0.0_f32; BLOCK_PX]; FREQUENCIES];
-        let mut usable = [true; BLOCK_PX];
-        let mut delay: Lanes = [0.0; BLOCK_PX];
+    fn block(&self, ends: [&Phasors; 2], offset: usize, [own, near, slants]: [&Lanes; 3], z: &mut Lanes) {
+        let (mut delay, mut change): (Lanes, Lanes) = ([0.0; BLOCK_PX], [0.0; BLOCK_PX]);
         for i in 0..BLOCK_PX {
             delay[i] = self.delay_mm * near[i];
             change[i] = -delay[i];
         }
-        for f in 0..FREQUENCIES {
+        // R of every frequency, real and imaginary parts.
+        let mut shares = [[[0.0_f32; BLOCK_PX]; 2]; FREQUENCIES];
+        for (f, [along, across]) in shares.iter_mut().enumerate() {
             let ([re, im], [re_next, im_next]) = (ends[0].0[f], ends[1].0[f]);
             for i in 0..BLOCK_PX {
                 let t = (offset + i) as f32 * (1.0 / BLOCK_PX as f32);
                 let (re, im) = (re + t * (re_next - re), im + t * (im_next - im));
                 let [cos, sin] = phasor((z[i] * slants[i] + change[i]) * self.turns_per_mm[f]);
-                along[f][i] = (cos * re + sin * im) / own[i];
-                across[f][i] = (cos * im - sin * re) / own[i];
+                let per_own = 1.0 / own[i];
+                along[i] = (cos * re + sin * im) * per_own;
+                across[i] = (cos * im - sin * re) * per_own;
             }
         }
         let mut step: Lanes = [0.0; BLOCK_PX];
+        // How far the iteration is from where it cannot be trusted; negative beyond.
+        let mut margin: Lanes = [1.0; BLOCK_PX];
         for iteration in 0..NEWTON_STEPS {
             let mut turned: Lanes = [0.0; BLOCK_PX];
             let mut slope: Lanes = [1.0; BLOCK_PX];
-            for f in 0..FREQUENCIES {
-                let k = self.turns_per_mm[f] * std::f32::consts::TAU;
+            for ([along, across], turns) in shares.iter_mut().zip(self.turns_per_mm) {
+                let k = turns * std::f32::consts::TAU;
+                if iteration > 0 {
+                    turn(along, across, k, &step, &mut margin);
+                }
+                let gain = self.mm_per_rad * self.kappa * k;
                 for i in 0..BLOCK_PX {
-                    if iteration > 0 {
-                        let a = -k * step[i];
-                        let a2 = a * a;
-                        let cos = 1.0 - a2 * (0.5 - a2 * (1.0 / 24.0 - a2 * (1.0 / 720.0)));
-                        let sin = a * (1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0 - a2 * (1.0 / 5040.0))));
-                        usable[i] &= a.abs() <= LARGEST_TURN;
-                        let (re, im) = (along[f][i], across[f][i]);
-                        along[f][i] = re * cos - im * sin;
-                        across[f][i] = re * sin + im * cos;
-                    }
-                    let (re, im) = (along[f][i], across[f][i]);
+                    let (re, im) = (along[i], across[i]);
                     let (x, y) = (1.0 - self.kappa * re, -self.kappa * im);
-                    usable[i] &= x > LEAST;
+                    margin[i] = least(margin[i], x - LEAST);
                     turned[i] += angle(y, x);
-                    slope[i] -=
-                        self.mm_per_rad * self.kappa * k * (re - self.kappa * (re * re + im * im)) / (x * x + y * y);
+                    slope[i] -= gain * (re - self.kappa * (re * re + im * im)) / (x * x + y * y);
                 }
             }
             for i in 0..BLOCK_PX {
-                usable[i] &= slope[i] > LEAST;
-                step[i] = (change[i] + delay[i] - self.mm_per_rad * turned[i]) / -slope[i];
+                margin[i] = least(margin[i], slope[i] - LEAST);
+                step[i] = (self.mm_per_rad * turned[i] - change[i] - delay[i]) / slope[i];
                 change[i] += step[i];
             }
         }
         for i in 0..BLOCK_PX {
             let corrected = z[i] + change[i] / slants[i];
-            let good = usable[i] & (step[i].abs() <= CONVERGED_MM) & (corrected > 0.0);
+            let good = (margin[i] > 0.0) & (step[i].abs() <= CONVERGED_MM) & (corrected > 0.0);
             let corrected = if good { corrected } else { f32::NAN };
             z[i] = if (z[i] > 0.0) & (own[i] > 0.0) { corrected } else { z[i] };
         }
     }
+}
+
+/// Turns phasors back by the phase of `step` (mm) at k (rad/mm).
+#[inline(always)]
+fn turn(along: &mut Lanes, across: &mut Lanes, k: f32, step: &Lanes, margin: &mut Lanes) {
+    for i in 0..BLOCK_PX {
+        let a = -k * step[i];
+        let a2 = a * a;
+        let cos = 1.0 - a2 * (0.5 - a2 * (1.0 / 24.0 - a2 * (1.0 / 720.0)));
+        let sin = a * (1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0 - a2 * (1.0 / 5040.0))));
+        margin[i] = least(margin[i], LARGEST_TURN - a.abs());
+        (along[i], across[i]) = (along[i] * cos - across[i] * sin, along[i] * sin + across[i] * cos);
+    }
+}
+
+/// The lesser of two numbers, in one instruction; the second where either is NaN.
+#[inline(always)]
+fn least(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// The angle of (x, y) for x > 0, to within 2·10⁻⁷.
