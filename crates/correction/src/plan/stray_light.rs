@@ -1,8 +1,8 @@
 //! Correction of stray light: a piece that depends on the light of the whole frame.
 //!
-//! With the measured range r_m, the true range r solves r + δ(r) = r_m, where δ(r) = d − m Σ_f arg(1 − κ R_f(r)) and
+//! With the measured range r_m, the true range is r − d, where r solves r − m Σ_f arg(1 − κ R_f(r)) = r_m and
 //! R_f(r) = S_f exp(−i k_f r) / A; d, m, κ and k_f are constants or known at the pixel. Newton's method takes three steps from
-//! r_m − d; from one to the next R_f turns by a small angle.
+//! r_m; from one to the next R_f turns by a small angle.
 
 use depthcal_model::Modulation;
 use depthcal_model::frame_covariates::{BLOCK_PX, FREQUENCIES, LIGHT_MM_PER_S, Phasors, phasor, turns_per_mm};
@@ -100,11 +100,8 @@ impl StrayLight {
     /// Consecutive pixels between two nodes: own amplitude, ratio of the nearest pixels' light and slant of each.
     #[inline(always)]
     fn block(&self, ends: [&Phasors; 2], offset: usize, [own, near, slants]: [&Lanes; 3], z: &mut Lanes) {
-        let (mut delay, mut change): (Lanes, Lanes) = ([0.0; BLOCK_PX], [0.0; BLOCK_PX]);
-        for i in 0..BLOCK_PX {
-            delay[i] = self.delay_mm * near[i];
-            change[i] = -delay[i];
-        }
+        // r − r_m.
+        let mut change: Lanes = [0.0; BLOCK_PX];
         // R of every frequency, real and imaginary parts.
         let mut shares = [[[0.0_f32; BLOCK_PX]; 2]; FREQUENCIES];
         for (f, [along, across]) in shares.iter_mut().enumerate() {
@@ -112,7 +109,7 @@ impl StrayLight {
             for i in 0..BLOCK_PX {
                 let t = (offset + i) as f32 * (1.0 / BLOCK_PX as f32);
                 let (re, im) = (re + t * (re_next - re), im + t * (im_next - im));
-                let [cos, sin] = phasor((z[i] * slants[i] + change[i]) * self.turns_per_mm[f]);
+                let [cos, sin] = phasor(z[i] * slants[i] * self.turns_per_mm[f]);
                 let per_own = 1.0 / own[i];
                 along[i] = (cos * re + sin * im) * per_own;
                 across[i] = (cos * im - sin * re) * per_own;
@@ -140,12 +137,12 @@ impl StrayLight {
             }
             for i in 0..BLOCK_PX {
                 margin[i] = least(margin[i], slope[i] - LEAST);
-                step[i] = (self.mm_per_rad * turned[i] - change[i] - delay[i]) / slope[i];
+                step[i] = (self.mm_per_rad * turned[i] - change[i]) / slope[i];
                 change[i] += step[i];
             }
         }
         for i in 0..BLOCK_PX {
-            let corrected = z[i] + change[i] / slants[i];
+            let corrected = z[i] + (change[i] - self.delay_mm * near[i]) / slants[i];
             let good = (margin[i] > 0.0) & (step[i].abs() <= CONVERGED_MM) & (corrected > 0.0);
             let corrected = if good { corrected } else { f32::NAN };
             z[i] = if (z[i] > 0.0) & (own[i] > 0.0) { corrected } else { z[i] };

@@ -15,7 +15,7 @@ const DELAY_MM: f64 = crate::frame_covariates::LIGHT_MM_PER_S / (4.0 * std::f64:
 ///
 /// With the phasor P_f = A exp(i 4π f r/c) of every pixel (amplitude A, range r), G∗P_f its mean over the frame, weighted by a
 /// Gaussian of 200 px, and B∗A the mean amplitude over 3×3 pixels, R_f = G∗P_f / (B∗A exp(iφ_f)) with the own phase φ_f of the
-/// state. The neighbours' share N = B∗(G'∗A) / B∗A (Gaussian G' of 0.8 px) is without phases, which hardly differ between
+/// state's range and the delay. The neighbours' share N = B∗(G'∗A) / B∗A (Gaussian G' of 0.8 px) is without phases, which hardly differ between
 /// neighbours: phases measured at this scale would take noise off instead of explaining it.
 #[derive(Debug, Clone, Copy)]
 pub struct StrayLight {
@@ -53,7 +53,9 @@ impl Piece<Depth, 2> for StrayLight {
             return s.rho;
         }
         let slant = (s.x * s.x + s.y * s.y + 1.0).sqrt();
-        let range = slant / s.rho;
+        let delay = b * (DELAY_MM * f64::from(c.stray.near));
+        // The phases of the scene are measured ones, which the near light has delayed: so is the pixel's own.
+        let range = slant / s.rho + delay;
         let mut turned = T::from(0.0);
         for (scene, k) in c.stray.scene.iter().zip(self.modulation.rad_per_mm()).filter(|(_, k)| *k > 0.0) {
             let [re, im] = scene.map(f64::from);
@@ -62,7 +64,7 @@ impl Piece<Depth, 2> for StrayLight {
             turned += (-kappa * across).atan2(-kappa * along + 1.0);
         }
         let mm_per_rad = crate::frame_covariates::LIGHT_MM_PER_S / (4.0 * std::f64::consts::PI * sum_hz);
-        let bias = (b * (DELAY_MM * f64::from(c.stray.near)) - turned * mm_per_rad) / slant;
+        let bias = (delay - turned * mm_per_rad) / slant;
         s.rho / (bias * s.rho + 1.0)
     }
     fn options(&self) -> Vec<(&'static str, f64)> {
