@@ -30,6 +30,7 @@ mod grid;
 pub mod hook;
 mod inverse;
 pub mod lens;
+mod needed_light;
 mod piece;
 pub mod pinhole;
 pub mod pixel;
@@ -43,6 +44,7 @@ pub use block::Block;
 pub use camera::{Camera, CameraError};
 pub use frame_covariates::{FrameCovariates, Modulation, StrayLight};
 pub use inverse::PixelGrid;
+pub use needed_light::needed_light;
 pub use piece::{
     AnyPiece, Constant, Context, Covariate, Options, Parameter, Piece, Role, SURROUND_PX, Scan, ScanKind, erase,
 };

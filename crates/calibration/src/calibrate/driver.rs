@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use depthcal_model::{AnyPiece, Block, Modulation, RegisterError};
+use depthcal_model::{AnyPiece, Block, Modulation, RegisterError, needed_light};
 use tracing::info;
 
 use super::error::CalibrateError;
@@ -12,7 +12,6 @@ use super::joint::{joint, sample};
 use super::marker_estimators::estimate;
 use super::options::{CalibrateOptions, Estimator};
 use crate::adjust::blocks::is_depth_only;
-use crate::observe::frame_light::modulation;
 use crate::observe::{Capture, PosedFrame, SampledFrame};
 
 /// Calibrates a depth camera: markers first, then depth by the estimator asked for.
@@ -101,5 +100,5 @@ fn light(blocks: &[Block], options: &CalibrateOptions) -> Option<Modulation> {
     if options.samples_for_search {
         pieces.extend(register.names().filter_map(|name| register.find(name)));
     }
-    modulation(pieces.iter().map(|p| &**p))
+    needed_light(pieces.iter().map(|p| &**p))
 }

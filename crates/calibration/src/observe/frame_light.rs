@@ -5,31 +5,13 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use depthcal_io::{DepthImage, ImageError};
-use depthcal_model::{AnyPiece, Camera, Covariate, FrameCovariates, Modulation};
+use depthcal_model::{FrameCovariates, Modulation};
 use rayon::prelude::*;
 
 use super::capture::Capture;
+use super::kept_light::FrameLight;
 use super::pixel_rays::PixelRays;
 use super::stages::{OpenFrame, PosedFrame};
-
-/// The light of a frame, and the modulation frequencies for which it was computed.
-#[derive(Debug, Clone)]
-pub struct FrameLight {
-    modulation: Modulation,
-    /// `None` where the frame has no image or no depth.
-    covariates: Option<Arc<FrameCovariates>>,
-}
-
-/// The modulation frequencies of the first of some pieces that depends on the light of whole frames; `None` where none does.
-pub fn modulation<'a>(pieces: impl IntoIterator<Item = &'a dyn AnyPiece>) -> Option<Modulation> {
-    let piece = pieces.into_iter().find(|p| p.needs().contains(&Covariate::StrayLight))?;
-    Some(Modulation::of(&piece.options()))
-}
-
-/// The modulation frequencies that the pieces of a camera need.
-pub(super) fn modulation_of_camera(camera: &Camera) -> Option<Modulation> {
-    modulation(camera.blocks().iter().filter_map(|b| b.piece()).map(|p| &**p))
-}
 
 /// Computes the light of all frames and keeps it with them.
 pub(super) fn keep_light(capture: &mut Capture<PosedFrame>, rays: &PixelRays<'_>) -> Result<(), ImageError> {

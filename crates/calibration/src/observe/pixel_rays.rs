@@ -1,10 +1,8 @@
 //! The ray of every pixel of a camera, computed once for all frames.
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid};
+use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid, needed_light};
 use rayon::prelude::*;
-
-use super::frame_light::modulation_of_camera;
 
 /// Distances of the exactly computed pixels that are tried, widest first, px. At 1 every pixel is exact.
 const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
@@ -31,14 +29,14 @@ impl<'a> PixelRays<'a> {
     pub fn new(camera: &'a Camera) -> Self {
         let table = if camera.has_fixed_rays() { table(camera) } else { Vec::new() };
         let has_pixel_pieces = Self::has_pixel_pieces_of(camera);
-        let (needs_surroundings, modulation) = (needs_surroundings(camera), modulation_of_camera(camera));
+        let (needs_surroundings, modulation) = (needs_surroundings(camera), light_of(camera));
         Self { camera, table, has_pixel_pieces, needs_surroundings, modulation }
     }
 
     /// The same for pixels that are then corrected by `camera`: they get the covariates that its pieces need.
     pub fn to_be_corrected_by(mut self, camera: &Camera) -> Self {
         self.needs_surroundings |= needs_surroundings(camera);
-        self.modulation = self.modulation.or_else(|| modulation_of_camera(camera));
+        self.modulation = self.modulation.or_else(|| light_of(camera));
         self
     }
 
@@ -104,6 +102,11 @@ impl<'a> PixelRays<'a> {
             near => self.camera.ray_near([u, v], 1.0 / depth_mm, near).ok(),
         }
     }
+}
+
+/// The modulation frequencies for which the pieces of a camera need the light of frames.
+fn light_of(camera: &Camera) -> Option<Modulation> {
+    needed_light(camera.blocks().iter().filter_map(|b| b.piece()).map(|p| &**p))
 }
 
 fn needs_surroundings(camera: &Camera) -> bool {

@@ -8,7 +8,7 @@ use depthcal_io::{DepthImage, FrameMetadata, GrayImage, ImageError};
 use depthcal_model::Context;
 use nalgebra::Isometry3;
 
-use super::frame_light::FrameLight;
+use super::kept_light::FrameLight;
 use super::neighbourhood;
 use super::stored::Stored;
 

@@ -3,7 +3,7 @@
 //! Users add pieces of their own, so no list of names can be complete. A piece is evaluated instead: a quantity that
 //! changes no bit of its value at sampled pixels and depths is one that it does not depend on.
 
-use depthcal_model::{Camera, Context, Covariate, Modulation, StrayLight};
+use depthcal_model::{Camera, Context, Modulation, StrayLight, needed_light};
 
 use crate::conventions::{TYPICAL_RHO, pixel};
 use crate::needs::Needs;
@@ -57,9 +57,7 @@ fn lights() -> [Context; 2] {
 
 /// The modulation frequencies of the first piece that depends on the light of a frame.
 pub(crate) fn modulation(camera: &Camera) -> Option<Modulation> {
-    let mut pieces = camera.blocks().iter().filter_map(|block| block.piece());
-    let piece = pieces.find(|piece| piece.needs().contains(&Covariate::StrayLight))?;
-    Some(Modulation::of(&piece.options()))
+    needed_light(camera.blocks().iter().filter_map(|block| block.piece()).map(|piece| &**piece))
 }
 
 /// Whether the true ray of a pixel is the same at every depth and in every frame.

@@ -1,6 +1,6 @@
 //! Modulation frequencies of a time-of-flight camera.
 
-use crate::piece::Options;
+use std::collections::BTreeMap;
 
 /// Most modulation frequencies of a camera.
 pub const FREQUENCIES: usize = 3;
@@ -28,7 +28,7 @@ impl Default for Modulation {
 impl Modulation {
     /// The frequencies among a piece's constants. Where any is given, those that are not given are not used; where none is, they are
     /// those of the Kinect v2. What is no frequency becomes 0.
-    pub fn of(given: &Options) -> Self {
+    pub fn of(given: &BTreeMap<String, f64>) -> Self {
         if NAMES.iter().all(|name| !given.contains_key(*name)) {
             return Self::default();
         }

@@ -1,22 +1,12 @@
 //! Sums of phasors over the blocks of a frame.
 
+use super::block::{BLOCK_PX, BlockSum};
 use super::modulation::{FREQUENCIES, Modulation};
 use super::phase::{phasor, turns_per_mm};
 use super::spread::SceneLight;
 
-/// Side of a block, px: small against [`SPREAD_PX`](super::SPREAD_PX).
-pub const BLOCK_PX: usize = 16;
-
-/// Sums over a block of pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct BlockSum {
-    /// Of the phasors of pixels with a range, each as long as the pixel's amplitude.
-    pub phasors: [[f32; 2]; FREQUENCIES],
-    /// Of the amplitudes of these pixels.
-    pub measured: f32,
-    /// Of the amplitudes of all pixels.
-    pub amplitude: f32,
-}
+/// Ranges beyond this are no measurements of a time-of-flight camera, mm; it bounds the number of turns.
+const LONGEST_MM: f32 = 1e6;
 
 /// A frame's division into blocks.
 #[derive(Debug, Clone, Copy)]
@@ -119,6 +109,3 @@ impl Scene {
         Some(())
     }
 }
-
-/// Ranges beyond this are no measurements of a time-of-flight camera, mm; it bounds the number of turns.
-const LONGEST_MM: f32 = 1e6;

@@ -1,8 +1,8 @@
 //! The light of a scene, spread by a wide Gaussian over all pixels.
 
-use super::Phasors;
+use super::block::{BLOCK_PX, BlockSum};
 use super::modulation::FREQUENCIES;
-use super::scene::{BLOCK_PX, BlockSum};
+use super::stray::Phasors;
 
 /// Standard deviation of the Gaussian by which the light of the whole scene is spread, px.
 pub const SPREAD_PX: f64 = 200.0;
