@@ -6,7 +6,7 @@ use std::{fs, io};
 
 use clap::Args;
 use depthcal_io::write_json;
-use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Simulation, catalogue, uncatalogued};
+use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Simulation, catalogue, of_whole_frames, uncatalogued};
 
 use serde_json::{Value, json};
 
@@ -174,5 +174,6 @@ fn effects_help() -> String {
     };
     list("Effects that depthcal has models for, with their usual sizes", catalogue());
     list("\nOther effects", uncatalogued());
+    list("\nEffects of whole frames, in images only", of_whole_frames());
     text
 }

@@ -49,6 +49,7 @@
 //! | `corrector` | [`Corrector`]: the public functions, which check their arguments |
 //! | `prepared` | a camera with everything that does not change from frame to frame |
 //! | `plan` | the stages that invert the depth pieces, and how a stage is chosen for a piece |
+//! | `light` | the light of a frame that the lens spreads over all pixels, for effects that depend on it |
 //! | `rays` | [`Rays`]: true rays of all pixels |
 //! | `pass` | a frame on its way through the stages |
 //! | `depth_u16`, `points` | faster loops for the usual case: 16-bit depth corrected by a single Möbius map |
@@ -61,6 +62,7 @@ mod corrector;
 mod depth_u16;
 mod error;
 mod frame_context;
+mod light;
 mod needs;
 mod pass;
 mod plan;

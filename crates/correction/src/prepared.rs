@@ -1,15 +1,16 @@
 //! A camera with everything of its correction that does not change from frame to frame.
 
 use depthcal_io::GrayImage;
-use depthcal_model::{Camera, Context};
+use depthcal_model::{Camera, Context, Modulation};
 use rayon::prelude::*;
 
 use crate::conventions::{NO_RAY, TYPICAL_RHO, pixel};
 use crate::depth_u16::Bounds;
 use crate::error::CorrectorError;
 use crate::frame_context::FrameContext;
+use crate::light::{FrameLight, MeasuredDepth};
 use crate::needs::Needs;
-use crate::plan::{F32_ROUNDING, FrameInputs, Plan, classify};
+use crate::plan::{F32_ROUNDING, FrameInputs, Plan, classify, slants};
 use crate::rays::{RayCubics, Rays};
 use crate::simd::{Isa, Kernel, dispatch};
 
@@ -30,6 +31,10 @@ pub(crate) struct PreparedCamera {
     pub ray_planes: [Vec<f32>; 2],
     /// The rays as cubics along the rows.
     pub ray_cubics: RayCubics,
+    /// Modulation frequencies of the effect that depends on the light of a frame; `None` without such an effect.
+    pub modulation: Option<Modulation>,
+    /// Range over depth at every pixel; empty without such an effect.
+    pub slants: Vec<f32>,
     /// Whether every pixel has the same ray at every depth and in every frame.
     pub rays_are_fixed: bool,
     /// `None` where every pixel is inverted by the camera.
@@ -69,8 +74,12 @@ impl PreparedCamera {
         };
         let mut ray_planes = [0, 1].map(|k| rays.iter().map(|ray| ray[k] as f32).collect());
         let ray_cubics = RayCubics::new(&rays, &mut ray_planes);
+        let modulation = classify::modulation(camera).filter(|_| needs.stray_light);
+        let slants = if modulation.is_some() { slants(&rays) } else { Vec::new() };
         let camera = camera.clone();
-        let mut prepared = Self { camera, needs, rays, ray_planes, ray_cubics, rays_are_fixed, plan, bounds: None };
+        let bounds = None;
+        let mut prepared =
+            Self { camera, needs, rays, ray_planes, ray_cubics, modulation, slants, rays_are_fixed, plan, bounds };
         prepared.plan = prepared.plan.take().and_then(|mut plan| {
             plan.error_mm = prepared.error_of(&plan)?;
             Some(plan)
@@ -109,6 +118,14 @@ impl PreparedCamera {
         Some(1.0 / rho)
     }
 
+    /// Amplitudes of a frame with which a plan is compared with the camera: dark and bright areas for an effect of the light of the
+    /// whole frame, else the same at all pixels.
+    fn some_amplitudes(&self) -> Vec<u16> {
+        let width = self.camera.width;
+        let bright = |i: usize| !self.needs.stray_light || (i % width / 32 + i / width / 32).is_multiple_of(2);
+        (0..self.pixels()).map(|i| if bright(i) { 777 } else { 70 }).collect()
+    }
+
     /// Largest deviation of a plan from the camera's own inverse, mm, less what the roundings of f32 explain; `None`
     /// beyond [`PLAN_TOLERANCE_MM`]. Pieces are classified one by one and at few depths only; this checks all of them
     /// together, at sampled pixels over the depths that cameras measure.
@@ -116,17 +133,24 @@ impl PreparedCamera {
         let amplitude = GrayImage {
             width: self.camera.width,
             height: self.camera.height,
-            data: if self.needs.amplitude { vec![777; self.pixels()] } else { Vec::new() },
+            data: if self.needs.amplitude { self.some_amplitudes() } else { Vec::new() },
             bits: 16,
         };
         let cosines = self.needs.incidence.then(|| vec![0.7; self.pixels()]);
         let amplitude = self.needs.amplitude.then_some(&amplitude);
         let context = FrameContext { time_s: 431.0, temperature_c: 37.5, amplitude };
-        let inputs = plan.inputs(&context, cosines.as_deref());
+        let depth_mm = vec![1234.0; if self.modulation.is_some() { self.pixels() } else { 0 }];
+        let depth = MeasuredDepth::Millimetres(&depth_mm);
+        let light = amplitude.zip(self.modulation).and_then(|(image, modulation)| {
+            FrameLight::new(modulation, self.camera.width, &self.slants, &image.data, depth)
+        });
+        let inputs = plan.inputs(&context, cosines.as_deref(), light.as_ref());
         let cosine = cosines.as_ref().map_or(1.0, |c| f64::from(c[0]));
         let samples = classify::samples(&self.camera, &self.rays);
         let of_sample = |(k, index): (usize, usize)| {
             let of_pixel = context.at(pixel(index, self.camera.width), index);
+            let of_pixel =
+                Context { stray: light.as_ref().map_or(of_pixel.stray, |light| light.at(index)), ..of_pixel };
             let errors = [280.0, 517.0, 911.0, 1493.0, 2711.0, 4523.0, 7919.0].map(|depth_mm| {
                 // No two samples have the same depth.
                 let measured = (depth_mm * (1.0 + 1e-4 * k as f64)) as f32;

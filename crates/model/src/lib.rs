@@ -15,7 +15,8 @@
 //! Camera frame as in OpenCV: x right, y down, z forward. Millimetres, pixels, radians, seconds, degrees Celsius; pixel
 //! centres at integer coordinates. Depth is the z coordinate, not the range; inverse depth ρ = 1/z in 1/mm.
 //!
-//! Invariants: this crate knows no solver, no file and no image, and does not allocate per observation.
+//! Invariants: this crate knows no solver, no file and no type of images, and does not allocate per observation. What a whole frame
+//! determines ([`frame_covariates`]) is computed from slices.
 
 mod block;
 pub mod board;
@@ -24,10 +25,12 @@ pub mod camera;
 pub mod chain;
 pub mod depth;
 pub mod field;
+pub mod frame_covariates;
 mod grid;
 pub mod hook;
 mod inverse;
 pub mod lens;
+mod needed_light;
 mod piece;
 pub mod pinhole;
 pub mod pixel;
@@ -39,7 +42,9 @@ pub mod target;
 
 pub use block::Block;
 pub use camera::{Camera, CameraError};
+pub use frame_covariates::{FrameCovariates, Modulation, StrayLight};
 pub use inverse::PixelGrid;
+pub use needed_light::needed_light;
 pub use piece::{
     AnyPiece, Constant, Context, Covariate, Options, Parameter, Piece, Role, SURROUND_PX, Scan, ScanKind, erase,
 };

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{AnyPiece, Context, Covariate, PieceSpec, Register, pinhole, pose};
+use depthcal_model::{AnyPiece, Context, Covariate, PieceSpec, Register, StrayLight, pinhole, pose};
 
 fn pieces() -> Vec<Arc<dyn AnyPiece>> {
     let register = Register::builtin();
@@ -46,6 +46,7 @@ fn needs_are_what_the_equation_reads() {
         amplitude: 900.0,
         surround: 1400.0,
         slope: [0.03, -0.02],
+        stray: StrayLight { scene: [[1.5, 0.4], [-0.8, 1.1], [0.3, -1.2]], near: 1.1 },
         time_s: 100.0,
         temperature_c: 31.0,
     };
@@ -65,6 +66,7 @@ fn needs_are_what_the_equation_reads() {
             (Covariate::Time, state, Context { time_s: 700.0, ..usual }),
             (Covariate::Amplitude, state, Context { amplitude: 333.0, ..usual }),
             (Covariate::Surroundings, state, Context { surround: 777.0, ..usual }),
+            (Covariate::StrayLight, state, Context { stray: StrayLight { near: 1.3, ..usual.stray }, ..usual }),
         ];
         for (covariate, state_changed, context) in changed {
             let reads = measured(state_changed, context) != measured(state, usual);

@@ -99,9 +99,10 @@ enum Stage {
     Amplitude,
     Incidence,
     Surroundings,
+    StrayLight,
 }
 
-const STAGES: [(Stage, &str, &str); 7] = [
+const STAGES: [(Stage, &str, &str); 8] = [
     (
         Stage::Moebius,
         "affine in ρ or in z at every pixel",
@@ -126,6 +127,11 @@ const STAGES: [(Stage, &str, &str); 7] = [
         "depends on the amplitude around the pixel",
         "none: frames are given without it, and the piece corrects nothing",
     ),
+    (
+        Stage::StrayLight,
+        "depends on the light of the whole frame",
+        "light of the frame, once per frame; then fixed-point iteration at every pixel, phases and angles as polynomials",
+    ),
 ];
 
 fn stage(piece: &dyn AnyPiece) -> Stage {
@@ -135,6 +141,7 @@ fn stage(piece: &dyn AnyPiece) -> Stage {
         [Covariate::Amplitude] => return Stage::Amplitude,
         [Covariate::Incidence] => return Stage::Incidence,
         needs if needs.contains(&Covariate::Surroundings) => return Stage::Surroundings,
+        [Covariate::StrayLight] => return Stage::StrayLight,
         other => panic!("{}: no stage for {other:?}", piece.name()),
     }
     let off = |i: usize| 0.3 * (1.0 + 0.4 * (i as f64).sin());

@@ -1,7 +1,7 @@
 //! Jacobians of the whole chain against central differences, for every piece and random states.
 
 use depthcal_model::chain::{Chain, DepthQuery, POSE, Workspace};
-use depthcal_model::{Block, Camera, Context, Register, register::Options};
+use depthcal_model::{Block, Camera, Context, Register, StrayLight, register::Options};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -67,6 +67,10 @@ fn check(rng: &mut ChaCha8Rng, names: &[&str]) {
                 temperature_c: rng.random_range(20.0..45.0),
                 surround: rng.random_range(100.0..5000.0),
                 slope: [rng.random_range(-0.1..0.1), rng.random_range(-0.1..0.1)],
+                stray: StrayLight {
+                    scene: std::array::from_fn(|_| [rng.random_range(-5.0..5.0), rng.random_range(-5.0..5.0)]),
+                    near: rng.random_range(0.5..2.0),
+                },
             },
         })
         .collect();
@@ -182,6 +186,9 @@ fn derivatives_at_identity_and_nominal_values() {
     assert!((0..3).all(|c| (0..4).any(|r| jacobian[r * columns + c].abs() > 1.0)), "rotation columns vanish");
 }
 
+/// Light of a scene some times as bright as the pixel.
+const STRAY: StrayLight = StrayLight { scene: [[2.5, 0.9], [-1.3, 1.8], [0.4, -1.9]], near: 1.2 };
+
 #[test]
 fn nominal_pieces_do_nothing() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
@@ -196,7 +203,8 @@ fn nominal_pieces_do_nothing() {
             let (a, b) = (bare.project(&x.coords).unwrap(), camera.project(&x.coords).unwrap());
             assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-10, "{name} moves pixels");
             let (amplitude, surround, slope) = (500.0, 800.0, [0.05, -0.03]);
-            let context = Context { pixel: a, amplitude, surround, slope, time_s: 100.0, temperature_c: 40.0 };
+            let context =
+                Context { pixel: a, amplitude, surround, slope, stray: STRAY, time_s: 100.0, temperature_c: 40.0 };
             let rho = 1.0 / x.z;
             let m = camera.measured_inverse_depth(&context, [x.x * rho, x.y * rho], 0.8, rho);
             assert!((m / rho - 1.0).abs() < 1e-14, "{name} changes depth");
@@ -223,7 +231,8 @@ fn projection_and_correction_are_inverted() {
             let ray = camera.ray(pixel, 1.0 / z).unwrap();
             assert!((ray[0] - x).hypot(ray[1] - y) < 1e-10, "{name}: ray");
             let (amplitude, surround, slope) = (700.0, 1100.0, [0.05, -0.03]);
-            let mut context = Context { pixel, amplitude, surround, slope, time_s: 50.0, temperature_c: 30.0 };
+            let mut context =
+                Context { pixel, amplitude, surround, slope, stray: STRAY, time_s: 50.0, temperature_c: 30.0 };
             let shift = camera.image_pixel(&context);
             context.pixel = [2.0 * pixel[0] - shift[0], 2.0 * pixel[1] - shift[1]];
             let cos = rng.random_range(0.6..1.0);

@@ -93,6 +93,15 @@ impl BoardShape {
     }
 }
 
+/// Light that the lens spreads over the image. Only rendered images have it: single points have no scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Scattering {
+    /// Share of the light of the scene that falls on every pixel.
+    pub share: f64,
+    /// Delay by as much light of the nearest pixels as the pixel's own, rad at 80 MHz.
+    pub delay_rad: f64,
+}
+
 /// Camera and board with their effects.
 pub(crate) struct Instrument {
     pub optics: Optics,
@@ -101,6 +110,7 @@ pub(crate) struct Instrument {
     pub registration: [f64; 2],
     /// dx, dy, dz, dw.
     pub projective: [f64; 4],
+    pub scattering: Option<Scattering>,
     effects: Vec<Box<dyn DepthEffect>>,
 }
 
@@ -112,6 +122,7 @@ impl Instrument {
             shape: BoardShape::flat(board),
             registration: [0.0, 0.0],
             projective: camera.depth,
+            scattering: None,
             effects: Vec::new(),
         }
     }

@@ -2,7 +2,7 @@
 
 use depthcal_simulate::{
     Board, CameraTruth, DepthNoise, Effect, Kind, Noise, Pattern, PointOptions, Pose, Rendering, Simulation, catalogue,
-    uncatalogued,
+    of_whole_frames, uncatalogued,
 };
 
 fn complete() -> Rendering {
@@ -179,7 +179,7 @@ fn a_dataset_tells_nothing_of_its_effects() {
     for file in files {
         let bytes = std::fs::read(&file).unwrap();
         let text = String::from_utf8_lossy(&bytes);
-        for info in catalogue().iter().chain(uncatalogued()) {
+        for info in catalogue().iter().chain(uncatalogued()).chain(of_whole_frames()) {
             assert!(!text.contains(info.name), "{}: {}", file.display(), info.name);
         }
         assert!(!text.contains("longplywood"));

@@ -1,6 +1,8 @@
 //! The driver: the camera from the images, then depth by the estimator asked for.
 
-use depthcal_model::{Block, RegisterError};
+use std::sync::Arc;
+
+use depthcal_model::{AnyPiece, Block, Modulation, RegisterError, needed_light};
 use tracing::info;
 
 use super::error::CalibrateError;
@@ -40,7 +42,7 @@ pub fn calibrate_keeping_samples(
 ) -> Result<(Calibrated, Capture<SampledFrame>), CalibrateError> {
     let blocks = depth_blocks(options)?;
     let from_image = calibrate_image(capture, options)?;
-    let (capture, correlation) = sample(from_image.capture, &from_image.camera, options)?;
+    let (capture, correlation) = sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
     let samples = capture.clone();
     let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
     Ok((Calibrated { lens_choice: from_image.lens_choice, ..fit }, samples))
@@ -66,7 +68,7 @@ pub fn calibrate_depth(
     match options.estimator {
         Estimator::Joint => {
             let Calibrated { capture, camera, noise, lens_choice, .. } = from_image;
-            let (capture, correlation) = sample(capture, &camera, options)?;
+            let (capture, correlation) = sample(capture, &camera, light(&depth_blocks, options), options)?;
             let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
             Ok(Calibrated { lens_choice, ..fit })
         }
@@ -88,4 +90,15 @@ pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, Reg
     }
     blocks.extend(options.register.depth_blocks(&options.model)?);
     Ok(blocks)
+}
+
+/// The modulation frequencies for which samples need the light of their frames: those of the model, else of a piece that a search
+/// may add.
+fn light(blocks: &[Block], options: &CalibrateOptions) -> Option<Modulation> {
+    let register = &options.register;
+    let mut pieces: Vec<Arc<dyn AnyPiece>> = blocks.iter().filter_map(|b| b.piece().cloned()).collect();
+    if options.samples_for_search {
+        pieces.extend(register.names().filter_map(|name| register.find(name)));
+    }
+    needed_light(pieces.iter().map(|p| &**p))
 }

@@ -1,6 +1,6 @@
 //! Everything in one adjustment: markers and depth pixels, with the noise of both estimated on the way.
 
-use depthcal_model::{Block, Camera};
+use depthcal_model::{Block, Camera, Modulation};
 
 use super::domain::seen;
 use super::error::CalibrateError;
@@ -17,14 +17,15 @@ use crate::observe::depth_sampling::{plane_deviations, sample_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel};
 use crate::observe::{Capture, PosedFrame, SampledFrame};
 
-/// Samples the depth of frames with a pose; also returns the correlation length of the noise, px.
+/// Samples the depth of frames with a pose, with the light of their frames where `light` has the frequencies; also returns the correlation length of the noise, px.
 pub(super) fn sample(
     capture: Capture<PosedFrame>,
     camera: &Camera,
+    light: Option<Modulation>,
     options: &CalibrateOptions,
 ) -> Result<(Capture<SampledFrame>, Option<usize>), CalibrateError> {
     let _stage = options.progress.stage("sampling depth");
-    let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame)?;
+    let (capture, correlation) = sample_depth(capture, camera, options.samples_per_frame, light)?;
     if capture.frames.iter().all(|f| f.samples.is_empty()) {
         return Err(CalibrateError::NoDepthOnBoard { dataset: capture.name });
     }

@@ -48,6 +48,8 @@ pub struct CalibrateOptions {
     pub estimator: Estimator,
     /// Most depth pixels of a frame that enter the adjustment.
     pub samples_per_frame: usize,
+    /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing effects.
+    pub samples_for_search: bool,
     /// Whether the depth of whole frames may scatter by planes of their own: their variance is then estimated, and depth weighs
     /// no more beside the markers than it allows, where left-out frames are predicted better so. Not of models with fields, which take up what such planes would explain.
     pub frame_planes: bool,
@@ -72,6 +74,7 @@ impl Default for CalibrateOptions {
             lens: "brown-conrady".to_owned(),
             estimator: Estimator::Joint,
             samples_per_frame: 800,
+            samples_for_search: false,
             frame_planes: true,
             camera: None,
             register: Register::builtin(),

@@ -44,8 +44,12 @@ pub fn diagnose(
     }
     // With more rounds the smoothness of the free map and the noise may settle where the map is flat and all that it should describe
     // counts as noise.
-    let calibrate =
-        CalibrateOptions { frame_planes: false, smoothness_rounds: FREE_MAP_ROUNDS, ..options.calibrate.clone() };
+    let calibrate = CalibrateOptions {
+        frame_planes: false,
+        smoothness_rounds: FREE_MAP_ROUNDS,
+        samples_for_search: true,
+        ..options.calibrate.clone()
+    };
     let options = &DiagnoseOptions { calibrate, ..options.clone() };
     let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
     let (capture, mut bad_frames) = without_duplicates(capture, thresholds);

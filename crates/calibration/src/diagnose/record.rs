@@ -170,6 +170,7 @@ fn covariate(covariate: Covariate) -> DiagnosisCovariate {
         Covariate::Time => DiagnosisCovariate::Time,
         Covariate::Amplitude => DiagnosisCovariate::Amplitude,
         Covariate::Surroundings => DiagnosisCovariate::Surroundings,
+        Covariate::StrayLight => DiagnosisCovariate::StrayLight,
     }
 }
 

@@ -5,7 +5,7 @@
 //! and left out, see [`crate::observe::outliers`].
 
 use depthcal_io::{BeforeAfter, DatasetEvaluation, FrameEvaluation, MeanStd, Outliers, Rms};
-use depthcal_model::Camera;
+use depthcal_model::{Camera, Context};
 use depthcal_statistics::{Thinning, rms, upper_median};
 use nalgebra::{Isometry3, Vector3};
 use rayon::prelude::*;
@@ -165,6 +165,7 @@ impl<F> Evaluation<'_, F> {
             depth.add(&error);
             if thinning.keeps(key(p)) {
                 let context = open.image.as_ref().map_or(p.context, |_| open.context(p.context.pixel));
+                let context = Context { stray: p.context.stray, ..context };
                 pixels.push(PixelError { context, ..error });
             }
             kept.push(c);

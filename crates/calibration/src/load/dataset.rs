@@ -249,6 +249,7 @@ fn read_frames(
                 depth: depth.map_or(MeasuredDepth::None, MeasuredDepth::Image),
                 image: Some(store(stays, &path, image)),
                 depth_digest,
+                light: None,
             };
             Ok((frame, path, size))
         })

@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, Point3};
 
 use super::board_plane::BoardSurface;
 use super::board_region::BoardRegion;
+use super::frame_light::light;
 use super::neighbourhood::Surroundings;
 use super::pixel_rays::PixelRays;
 use super::stages::{DepthPixel, OpenFrame};
@@ -13,7 +14,8 @@ use super::stages::{DepthPixel, OpenFrame};
 /// A valid depth pixel inside the board's outermost markers.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardPixel {
-    /// The pixel with its covariates; those of its surroundings only where a piece needs them, see [`PixelRays::needs_surroundings`].
+    /// The pixel with its covariates; those of its surroundings and of its frame's light only where a piece needs them, see
+    /// [`PixelRays::needs_surroundings`] and [`PixelRays::modulation`].
     pub context: Context,
     /// Measured depth, mm.
     pub depth_mm: f64,
@@ -63,6 +65,7 @@ fn image_pixels(
     let [fx, ..] = camera.pinhole();
     let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
     let surroundings = image.map(|i| Surroundings::of(i, low, high));
+    let light = light(frame, unit_mm, rays).zip(frame.image.as_deref());
     let mut pixels = Vec::with_capacity((high[0] - low[0] + 1) * (high[1] - low[1] + 1) / (2 * stride * stride));
     for v in (low[1]..=high[1]).filter(|v| v % stride == 0) {
         for u in (low[0]..=high[0]).filter(|u| u % stride == 0) {
@@ -75,10 +78,13 @@ fn image_pixels(
             if let Some(surroundings) = &surroundings {
                 (context.surround, context.slope) = surroundings.at(u, v);
             }
-            let Some(pixel) = at_board(context, depth_mm, rays, &surface) else { continue };
+            let Some(mut pixel) = at_board(context, depth_mm, rays, &surface) else { continue };
             // Along the direction of tilt a pixel covers more of the board.
             let mm_per_px = pixel.board_depth_mm / (fx * pixel.cos_incidence.max(0.1));
             if region.contains(pixel.board, mm_per_px) {
+                if let Some((light, image)) = &light {
+                    pixel.context.stray = light.at(&image.data, [u, v]);
+                }
                 pixels.push(pixel);
             }
         }

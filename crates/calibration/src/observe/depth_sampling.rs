@@ -2,7 +2,7 @@
 //! that their errors are independent.
 
 use depthcal_io::ImageError;
-use depthcal_model::Camera;
+use depthcal_model::{Camera, Context, Modulation};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -10,6 +10,7 @@ use super::board_pixels::{BoardPixel, board_pixels};
 use super::board_plane::BoardPlane;
 use super::board_region::BoardRegion;
 use super::capture::Capture;
+use super::frame_light::keep_light;
 use super::noise::clipped_sigma;
 use super::outliers::{remove_outliers, remove_outliers_and_rim};
 use super::pixel_rays::PixelRays;
@@ -26,18 +27,21 @@ const FRAMES: usize = 8;
 
 /// Samples the depth of every frame within its markers, but no outliers. Of a depth image, the pixels on a grid whose step is the
 /// measured correlation length of the noise, or larger where the frame would have more than `most_per_frame` samples; of single
-/// pixels, all whose ray meets the board. Returns the frames and, where there are depth images, the correlation length, px.
+/// pixels, all whose ray meets the board. With `light`, samples have the light of their frames at these modulation frequencies.
+/// Returns the frames and, where there are depth images, the correlation length, px.
 ///
 /// # Errors
 ///
 /// [`ImageError`] where a depth image has become unreadable.
 pub fn sample_depth(
-    capture: Capture<PosedFrame>,
+    mut capture: Capture<PosedFrame>,
     camera: &Camera,
     most_per_frame: usize,
+    light: Option<Modulation>,
 ) -> Result<(Capture<SampledFrame>, Option<usize>), ImageError> {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
-    let rays = PixelRays::new(camera);
+    let rays = PixelRays::new(camera).with_light(light);
+    keep_light(&mut capture, &rays)?;
     let on_board = |posed: &PosedFrame, frame: &OpenFrame<'_>| {
         let region = BoardRegion::within_markers(&capture.target, &posed.markers);
         let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &posed.camera_from_board, 1);
@@ -60,7 +64,7 @@ pub fn sample_depth(
             let frame = posed.open()?;
             let pixels = thinned(on_board(posed, &frame), correlation_length_px.unwrap_or(1), most_per_frame);
             let sample = |p: &BoardPixel| DepthSample {
-                context: frame.context(p.context.pixel),
+                context: Context { stray: p.context.stray, ..frame.context(p.context.pixel) },
                 depth_mm: p.depth_mm,
                 board_seed: p.board,
             };
@@ -155,7 +159,6 @@ pub(crate) fn plane_deviations(pixels: &[BoardPixel]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use depthcal_model::Context;
     use rand::SeedableRng;
     use rand_distr::{Distribution, Normal};
 

@@ -5,6 +5,8 @@ pub mod board_plane;
 pub mod board_region;
 mod capture;
 pub mod depth_sampling;
+mod frame_light;
+mod kept_light;
 pub mod marker_depth;
 pub mod neighbourhood;
 pub mod noise;
@@ -14,6 +16,7 @@ mod stages;
 pub mod stored;
 
 pub use capture::{Capture, DroppedFrame};
+pub use kept_light::FrameLight;
 pub use pixel_rays::PixelRays;
 pub use stages::{
     AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MarkerObservation, MeasuredDepth,

@@ -1,7 +1,7 @@
 //! The ray of every pixel of a camera, computed once for all frames.
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Camera, Context, Covariate, PixelGrid};
+use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid, needed_light};
 use rayon::prelude::*;
 
 /// Distances of the exactly computed pixels that are tried, widest first, px. At 1 every pixel is exact.
@@ -21,6 +21,7 @@ pub struct PixelRays<'a> {
     table: Vec<[f64; 2]>,
     has_pixel_pieces: bool,
     needs_surroundings: bool,
+    modulation: Option<Modulation>,
 }
 
 impl<'a> PixelRays<'a> {
@@ -28,13 +29,35 @@ impl<'a> PixelRays<'a> {
     pub fn new(camera: &'a Camera) -> Self {
         let table = if camera.has_fixed_rays() { table(camera) } else { Vec::new() };
         let has_pixel_pieces = Self::has_pixel_pieces_of(camera);
-        Self { camera, table, has_pixel_pieces, needs_surroundings: needs_surroundings(camera) }
+        let (needs_surroundings, modulation) = (needs_surroundings(camera), light_of(camera));
+        Self { camera, table, has_pixel_pieces, needs_surroundings, modulation }
     }
 
     /// The same for pixels that are then corrected by `camera`: they get the covariates that its pieces need.
     pub fn to_be_corrected_by(mut self, camera: &Camera) -> Self {
         self.needs_surroundings |= needs_surroundings(camera);
+        self.modulation = self.modulation.or_else(|| light_of(camera));
         self
+    }
+
+    /// The same for pixels whose frame's light is needed for these modulation frequencies.
+    pub fn with_light(mut self, modulation: Option<Modulation>) -> Self {
+        self.modulation = modulation.or(self.modulation);
+        self
+    }
+
+    /// Modulation frequencies for which pixels need the light of their frame; `None` where they do not.
+    pub fn modulation(&self) -> Option<Modulation> {
+        self.modulation
+    }
+
+    /// Range over depth at the pixel with this row-major index, whatever the displacement of the depth image; 1 where the pixel has no
+    /// ray.
+    pub fn slant(&self, index: usize, depth_mm: f64) -> f64 {
+        let width = self.camera.width.max(1);
+        let exact = || self.camera.ray([(index % width) as f64, (index / width) as f64], 1.0 / depth_mm).ok();
+        let ray = if self.table.is_empty() { exact() } else { self.table.get(index).copied() };
+        ray.filter(|ray| !ray[0].is_nan()).map_or(1.0, |[x, y]| (1.0 + x * x + y * y).sqrt())
     }
 
     /// Whether pixels need the amplitude around them.
@@ -79,6 +102,11 @@ impl<'a> PixelRays<'a> {
             near => self.camera.ray_near([u, v], 1.0 / depth_mm, near).ok(),
         }
     }
+}
+
+/// The modulation frequencies for which the pieces of a camera need the light of frames.
+fn light_of(camera: &Camera) -> Option<Modulation> {
+    needed_light(camera.blocks().iter().filter_map(|b| b.piece()).map(|p| &**p))
 }
 
 fn needs_surroundings(camera: &Camera) -> bool {

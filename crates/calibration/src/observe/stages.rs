@@ -8,6 +8,7 @@ use depthcal_io::{DepthImage, FrameMetadata, GrayImage, ImageError};
 use depthcal_model::Context;
 use nalgebra::Isometry3;
 
+use super::kept_light::FrameLight;
 use super::neighbourhood;
 use super::stored::Stored;
 
@@ -71,6 +72,8 @@ pub struct RawFrame {
     pub depth: MeasuredDepth,
     /// [`depth_digest`](super::stored::depth_digest) of the depth image, where there is one with any measurement.
     pub depth_digest: Option<u64>,
+    /// The light of the whole frame, where its depth was sampled for a model that depends on it.
+    pub light: Option<FrameLight>,
 }
 
 /// A frame with its images in memory.

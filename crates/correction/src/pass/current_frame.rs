@@ -1,7 +1,10 @@
 //! The frame that is being corrected, and the inverse of its pixels in f64.
 
+use depthcal_model::Context;
+
 use crate::conventions::pixel;
 use crate::frame_context::FrameContext;
+use crate::light::FrameLight;
 use crate::plan::{FrameInputs, Plan};
 use crate::prepared::PreparedCamera;
 
@@ -12,16 +15,27 @@ pub(crate) struct CurrentFrame<'a> {
     pub context: &'a FrameContext<'a>,
     /// Cosines of the angle of incidence, one per pixel; 1 where they are not given.
     pub cosines: Option<&'a [f32]>,
+    /// The light of the frame, where an effect depends on it and it is known.
+    pub light: Option<&'a FrameLight>,
     /// The plan and what it needs of this frame.
     pub plan: Option<&'a (&'a Plan, FrameInputs<'a>)>,
     pub unit_mm: f64,
 }
 
 impl CurrentFrame<'_> {
+    /// The model's context at a pixel.
+    fn context(&self, index: usize) -> Context {
+        let context = self.context.at(pixel(index, self.prepared.camera.width), index);
+        match self.light {
+            Some(light) => Context { stray: light.at(index), ..context },
+            None => context,
+        }
+    }
+
     /// True depth of a measured one, mm, by the camera's own inverse; `None` where there is none.
     #[inline(never)]
     pub fn exact(&self, index: usize, measured_mm: f64) -> Option<f64> {
-        let context = self.context.at(pixel(index, self.prepared.camera.width), index);
+        let context = self.context(index);
         let cosine = self.cosines.map_or(1.0, |cosines| f64::from(cosines[index]));
         self.prepared.invert(&context, index, measured_mm, cosine)
     }
@@ -46,7 +60,7 @@ impl CurrentFrame<'_> {
     #[inline(never)]
     fn polished(&self, index: usize, measured_mm: f64, near_mm: f64) -> f64 {
         let prepared = self.prepared;
-        let context = self.context.at(pixel(index, prepared.camera.width), index);
+        let context = self.context(index);
         let cosine = self.cosines.map_or(1.0, |cosines| f64::from(cosines[index]));
         let ray = prepared.rays[index];
         let measured = |rho: f64| prepared.camera.measured_inverse_depth(&context, ray, cosine, rho);

@@ -3,7 +3,7 @@
 //! Users add pieces of their own, so no list of names can be complete. A piece is evaluated instead: a quantity that
 //! changes no bit of its value at sampled pixels and depths is one that it does not depend on.
 
-use depthcal_model::{Camera, Context};
+use depthcal_model::{Camera, Context, Modulation, StrayLight, needed_light};
 
 use crate::conventions::{TYPICAL_RHO, pixel};
 use crate::needs::Needs;
@@ -15,7 +15,9 @@ const GRID: usize = 5;
 
 /// The context that others are compared with.
 fn reference() -> Context {
-    Context { amplitude: 1711.0, surround: 1500.0, slope: [0.01, -0.02], temperature_c: 21.3, ..Context::default() }
+    let stray = StrayLight { scene: [[1.1, -0.4], [-0.7, 0.9], [0.3, 1.2]], near: 1.07 };
+    let (amplitude, surround, slope) = (1711.0, 1500.0, [0.01, -0.02]);
+    Context { amplitude, surround, slope, stray, temperature_c: 21.3, ..Context::default() }
 }
 
 /// Sampled pixels, on a regular grid over the image.
@@ -44,6 +46,18 @@ fn temperatures() -> [Context; 2] {
 
 fn amplitudes() -> [Context; 2] {
     changed(|c, factor| c.amplitude *= factor)
+}
+
+fn lights() -> [Context; 2] {
+    changed(|c, factor| {
+        c.stray.scene.as_flattened_mut().iter_mut().for_each(|part| *part *= factor as f32);
+        c.stray.near *= factor as f32;
+    })
+}
+
+/// The modulation frequencies of the first piece that depends on the light of a frame.
+pub(crate) fn modulation(camera: &Camera) -> Option<Modulation> {
+    needed_light(camera.blocks().iter().filter_map(|block| block.piece()).map(|piece| &**piece))
 }
 
 /// Whether the true ray of a pixel is the same at every depth and in every frame.
@@ -75,10 +89,12 @@ pub(crate) fn needs(camera: &Camera) -> Needs {
     };
     let usual = measured(&reference(), 1.0);
     let depends = |contexts: [Context; 2]| contexts.iter().any(|context| measured(context, 1.0) != usual);
+    let stray_light = depends(lights());
     Needs {
         time: depends(times()),
         temperature: depends(temperatures()),
-        amplitude: depends(amplitudes()),
+        amplitude: stray_light || depends(amplitudes()),
+        stray_light,
         incidence: [0.4, 0.8].iter().any(|cosine| measured(&reference(), *cosine) != usual),
     }
 }
@@ -103,6 +119,8 @@ pub(crate) struct PieceClass {
     pub frame: bool,
     /// Whether it depends on the infrared amplitude of the pixel.
     pub amplitude: bool,
+    /// Whether it depends on the light of the whole frame.
+    pub light: bool,
     /// Whether it depends on the angle of incidence.
     pub incidence: bool,
     pub shape: Shape,
@@ -111,7 +129,7 @@ pub(crate) struct PieceClass {
 impl PieceClass {
     /// Whether it is the same in every frame, whatever the frame shows.
     pub fn is_static(&self) -> bool {
-        !(self.frame || self.amplitude || self.incidence)
+        !(self.frame || self.amplitude || self.light || self.incidence)
     }
 }
 
@@ -159,7 +177,7 @@ pub(crate) fn piece(
     let pixel = places.iter().any(|place| values(*place, &reference(), 1.0) != values(first, &reference(), 1.0));
 
     let cases = || {
-        let contexts = [&[reference()][..], &times(), &temperatures(), &amplitudes()].concat();
+        let contexts = [&[reference()][..], &times(), &temperatures(), &amplitudes(), &lights()].concat();
         contexts.into_iter().flat_map(|context| [(context, 1.0), (context, 0.5)])
     };
     let fits = |shape: Shape| {
@@ -184,6 +202,7 @@ pub(crate) fn piece(
         pixel,
         frame: depends(times()) || depends(temperatures()),
         amplitude: depends(amplitudes()),
+        light: depends(lights()),
         incidence: [0.4, 0.8].iter().any(|cosine| differs(&reference(), *cosine)),
         shape: shape.unwrap_or(Shape::Other),
     }

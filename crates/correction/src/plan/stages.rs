@@ -14,8 +14,10 @@ use super::moebius::{self, Moebius, Tables};
 use super::piece::DepthPiece;
 use super::piecewise_factor::PiecewiseFactor;
 use super::separable::Separable;
+use super::stray_light::StrayLight;
 use crate::conventions::pixel;
 use crate::frame_context::FrameContext;
+use crate::light::FrameLight;
 use crate::simd::Isa;
 
 /// Bound on the sum of the roundings of f32 on the way through the stages, as a share of depth.
@@ -38,6 +40,8 @@ pub(crate) enum Stage {
     Amplitude(ByAmplitude, DepthPiece),
     /// An affine function of depth that depends on the angle of incidence at the pixel.
     Cosine(ByCosine, DepthPiece),
+    /// Stray light, which depends on the light of the whole frame; nothing where that is not known.
+    StrayLight(StrayLight),
 }
 
 /// The stages of a camera, in the order in which they are applied to measured depth.
@@ -60,6 +64,7 @@ pub(crate) struct FrameInputs<'a> {
     uniform: [[f32; 3]; MOST_STAGES],
     amplitudes: Option<&'a [u16]>,
     cosines: Option<&'a [f32]>,
+    light: Option<&'a FrameLight>,
 }
 
 impl Plan {
@@ -101,7 +106,12 @@ impl Plan {
                 continue;
             }
             let piece = piece.clone();
-            stages.push(if class.is_static() && !class.pixel {
+            stages.push(if class.light {
+                if class.frame || class.amplitude || class.incidence {
+                    return None;
+                }
+                Stage::StrayLight(StrayLight::new(&piece, width, rays)?)
+            } else if class.is_static() && !class.pixel {
                 Stage::Curve(Curve::new(|rho| piece.measured(&Context::default(), [0.0; 2], 1.0, rho)))
             } else if class.is_static() {
                 let measured = |index: usize, rho: f64| piece.measured(&context(index), rays[index], 1.0, rho);
@@ -156,8 +166,13 @@ impl Plan {
     }
 
     /// What the stages need of a frame. `cosines` are those of the angle of incidence, one per pixel; 1 where they are
-    /// not given.
-    pub fn inputs<'a>(&self, context: &FrameContext<'a>, cosines: Option<&'a [f32]>) -> FrameInputs<'a> {
+    /// not given. `light` is that of the frame, where it is known.
+    pub fn inputs<'a>(
+        &self,
+        context: &FrameContext<'a>,
+        cosines: Option<&'a [f32]>,
+        light: Option<&'a FrameLight>,
+    ) -> FrameInputs<'a> {
         let of_frame = context.of_frame();
         let mut uniform = [[0.0; 3]; MOST_STAGES];
         for (stage, uniform) in self.stages.iter().zip(&mut uniform) {
@@ -165,7 +180,7 @@ impl Plan {
                 *uniform = moebius::coefficients(piece.inverse(&of_frame, [0.0; 2], 1.0)).map(|k| k as f32);
             }
         }
-        FrameInputs { uniform, amplitudes: context.amplitude.map(|image| image.data.as_slice()), cosines }
+        FrameInputs { uniform, amplitudes: context.amplitude.map(|image| image.data.as_slice()), cosines, light }
     }
 
     /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where the
@@ -188,6 +203,11 @@ impl Plan {
                     Some(cosines) => table.correct(&cosines[pixels.clone()], z),
                     None => moebius::correct_uniform(isa, *uniform, z),
                 },
+                Stage::StrayLight(stage) => {
+                    if let Some(light) = inputs.light {
+                        stage.correct(light, first, z);
+                    }
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! The corrector against the camera's own inverse in f64.
 
 mod random_cases;
+mod stray_light;
 
 use depthcal_io::{DepthImage, GrayImage};
 use depthcal_model::{Block, Camera, Context, Register};
@@ -148,7 +149,7 @@ fn effects_of_time_temperature_and_amplitude_are_taken_from_the_frame() {
         ("reflectivity_bias", &[4.0, 1.0, 0.0]),
     ]);
     let corrector = Corrector::new(&camera).unwrap();
-    assert_eq!(corrector.needs(), Needs { time: true, temperature: true, amplitude: true, incidence: false });
+    assert_eq!(corrector.needs(), Needs { time: true, temperature: true, amplitude: true, ..Needs::default() });
     let data = (0..WIDTH * HEIGHT).map(|i| 100 + (i % 3000) as u16).collect();
     let amplitude = GrayImage { width: WIDTH, height: HEIGHT, data, bits: 16 };
     let known = FrameContext { time_s: 250.0, temperature_c: 41.0, amplitude: Some(&amplitude) };

@@ -18,6 +18,8 @@ pub enum DiagnosisCovariate {
     Amplitude,
     /// Infrared amplitude around the pixel.
     Surroundings,
+    /// Infrared amplitude and depth of the whole frame.
+    StrayLight,
     /// Cosine of the angle of incidence.
     Incidence,
     /// Time of the frame.

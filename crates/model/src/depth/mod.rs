@@ -11,6 +11,7 @@ crate::register::pieces! {
     incidence_bias: IncidenceBias => add(|_| IncidenceBias),
     reflectivity_bias: ReflectivityBias => add(ReflectivityBias::with_options),
     signal_mixing: SignalMixing => add(|_| SignalMixing),
+    stray_light: StrayLight => add(StrayLight::with_options),
     temporal_drift: TemporalDrift => add(TemporalDrift::with_options),
     temperature_drift: TemperatureDrift => add(TemperatureDrift::with_options),
     free_map: FreeMap => add_field(FreeMap::field),

@@ -1,5 +1,7 @@
 use serde::{Deserialize, Serialize};
 
+use crate::frame_covariates::StrayLight;
+
 /// An observation's covariates that are not part of the chain's state. They are constant under differentiation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Context {
@@ -13,6 +15,9 @@ pub struct Context {
     /// Slope of the logarithm of that mean along u and v, 1/px; NaN where unknown.
     #[serde(default = "unknown_slope")]
     pub slope: [f64; 2],
+    /// Light of the whole scene that the lens spreads over the pixel.
+    #[serde(default)]
+    pub stray: StrayLight,
     /// Time of the frame since the first, s; 0 where unknown.
     pub time_s: f64,
     /// Temperature of the frame, °C; NaN where unknown.
@@ -37,6 +42,7 @@ impl Default for Context {
             amplitude: f64::NAN,
             surround: f64::NAN,
             slope: [f64::NAN; 2],
+            stray: StrayLight::UNKNOWN,
             time_s: 0.0,
             temperature_c: f64::NAN,
         }

@@ -17,11 +17,13 @@ pub enum Covariate {
     Amplitude,
     /// Mean infrared amplitude around the pixel, in steps of the image ([`Context::surround`]).
     Surroundings,
+    /// Light of the whole scene at the pixel, as a share of the pixel's own ([`Context::stray`]).
+    StrayLight,
 }
 
 impl Covariate {
     /// All covariates.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Depth,
         Self::InverseDepth,
         Self::Incidence,
@@ -29,6 +31,7 @@ impl Covariate {
         Self::Time,
         Self::Amplitude,
         Self::Surroundings,
+        Self::StrayLight,
     ];
 
     /// Its name in sentences and tables.
@@ -41,6 +44,7 @@ impl Covariate {
             Self::Time => "time",
             Self::Amplitude => "infrared amplitude",
             Self::Surroundings => "infrared amplitude around the pixel",
+            Self::StrayLight => "infrared amplitude and depth of the whole frame",
         }
     }
 
@@ -56,12 +60,13 @@ impl Covariate {
             Self::Time => context.time_s,
             Self::Amplitude => signal(context.amplitude),
             Self::Surroundings => signal(context.surround),
+            Self::StrayLight => f64::from(context.stray.near),
         }
     }
 
     /// Whether it has to be recorded with the frames. The others follow from the board's pose.
     pub const fn is_recorded(self) -> bool {
-        matches!(self, Self::Temperature | Self::Time | Self::Amplitude | Self::Surroundings)
+        matches!(self, Self::Temperature | Self::Time | Self::Amplitude | Self::Surroundings | Self::StrayLight)
     }
 
     /// The reason why captures cannot show an effect of it, as a clause.
@@ -73,6 +78,7 @@ impl Covariate {
             Self::Time => "the frames have no times",
             Self::Amplitude => "the infrared amplitude is not known",
             Self::Surroundings => "the infrared amplitude around the pixels is not known",
+            Self::StrayLight => "the infrared amplitude or the depth of whole frames is not known",
         }
     }
 
@@ -86,6 +92,7 @@ impl Covariate {
             Self::Amplitude | Self::Surroundings => {
                 "save the infrared image of every depth image, on the same pixel grid"
             }
+            Self::StrayLight => "save whole depth images, and the infrared image of each on the same pixel grid",
         }
     }
 }

@@ -21,6 +21,7 @@ fn covariate(covariate: DiagnosisCovariate) -> &'static str {
         DiagnosisCovariate::Depth => "the distance",
         DiagnosisCovariate::Amplitude => "the infrared amplitude",
         DiagnosisCovariate::Surroundings => "the infrared amplitude around the pixel",
+        DiagnosisCovariate::StrayLight => "the infrared amplitude and the depth of the whole frame",
         DiagnosisCovariate::Incidence => "the angle of incidence",
         DiagnosisCovariate::Time => "the time",
         DiagnosisCovariate::Temperature => "the temperature",
@@ -233,6 +234,7 @@ fn recorded(covariate: DiagnosisCovariate) -> Option<Covariate> {
     match covariate {
         DiagnosisCovariate::Amplitude => Some(Covariate::Amplitude),
         DiagnosisCovariate::Surroundings => Some(Covariate::Surroundings),
+        DiagnosisCovariate::StrayLight => Some(Covariate::StrayLight),
         DiagnosisCovariate::Time => Some(Covariate::Time),
         DiagnosisCovariate::Temperature => Some(Covariate::Temperature),
         _ => None,

@@ -171,14 +171,14 @@ pub(super) fn tilted_frames(context: &Context, size: f64, to: &mut Instrument) -
     Ok(parameters([("scale_per_mm", scale), ("share_of_frames", 0.3)]))
 }
 
-/// Stray light inside the lens pulls the measured depth towards that of the surroundings. The error depends jointly on
+/// Glare inside the lens pulls the measured depth towards that of the surroundings. The error depends jointly on
 /// depth and on the radius in the image.
-struct StrayLight {
+struct LensGlare {
     strength: f64,
     ambient: f64,
 }
 
-impl DepthEffect for StrayLight {
+impl DepthEffect for LensGlare {
     fn stage(&self) -> Stage {
         Stage::Signal
     }
@@ -186,15 +186,15 @@ impl DepthEffect for StrayLight {
     fn distort(&self, at: &Reading, rho: f64) -> f64 {
         let z = 1.0 / rho;
         let r2 = at.ray[0] * at.ray[0] + at.ray[1] * at.ray[1];
-        // The share of stray light grows as the surface's own light falls with the squared depth.
+        // The share of glare grows as the surface's own light falls with the squared depth.
         let share = self.strength * (z / 1000.0).powi(2) * (-r2 / 0.08).exp();
         with_depth_added(rho, share * (self.ambient - z))
     }
 }
 
-pub(super) fn stray_light(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
+pub(super) fn lens_glare(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let ambient = context.near(450.0, 80.0);
-    let of = |strength: f64| StrayLight { strength, ambient };
+    let of = |strength: f64| LensGlare { strength, ambient };
     let strength = 1e-3 * size / context.rms_mm(&of(1e-3), usual());
     to.add(Box::new(of(strength)));
     Ok(parameters([("strength", strength), ("ambient_mm", ambient)]))

@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use super::info::EffectInfo;
-use super::table::{catalogue, uncatalogued};
+use super::table::{catalogue, of_whole_frames, uncatalogued};
 use crate::error::SimulateError;
 
 /// An effect and its size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// Its name, one of [`catalogue`] or [`uncatalogued`].
+    /// Its name, one of [`catalogue`], [`uncatalogued`] or [`of_whole_frames`].
     pub name: String,
     /// Its size in the unit of its [`EffectInfo`]; a negative size reverses it.
     pub size: f64,
@@ -74,11 +74,11 @@ pub(super) fn bad_size(info: &EffectInfo, size: &str) -> SimulateError {
 
 fn info(name: &str) -> Result<&'static EffectInfo, SimulateError> {
     let names = |list: &[EffectInfo]| list.iter().map(|info| info.name).collect::<Vec<_>>().join(", ");
-    catalogue().iter().chain(uncatalogued()).find(|info| info.name == name).ok_or_else(|| {
+    catalogue().iter().chain(uncatalogued()).chain(of_whole_frames()).find(|info| info.name == name).ok_or_else(|| {
         SimulateError::UnknownEffect {
             name: name.to_owned(),
             catalogue: names(catalogue()),
-            beyond: names(uncatalogued()),
+            beyond: format!("{}, {}", names(uncatalogued()), names(of_whole_frames())),
         }
     })
 }

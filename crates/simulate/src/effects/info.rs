@@ -13,7 +13,7 @@ pub struct EffectInfo {
     pub name: &'static str,
     /// Hook at which it acts: `board`, `lens`, `pixel` or `depth`.
     pub hook: &'static str,
-    /// Unit of its size: `mm` or `px`.
+    /// Unit of its size: `mm`, `px` or `%`.
     pub unit: &'static str,
     /// A clearly visible yet realistic size.
     pub default_size: f64,

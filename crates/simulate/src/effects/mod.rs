@@ -16,6 +16,7 @@ mod lens;
 mod light;
 mod range;
 mod registration;
+mod scattering;
 #[cfg(test)]
 mod size_tests;
 mod sizing;
@@ -26,4 +27,4 @@ pub use effect::Effect;
 pub use info::{EffectInfo, Parameters};
 pub use install::EffectTruth;
 pub(crate) use install::install;
-pub use table::{catalogue, uncatalogued};
+pub use table::{catalogue, of_whole_frames, uncatalogued};

@@ -2,7 +2,7 @@
 
 use super::effect::Effect;
 use super::install::install;
-use super::table::{catalogue, uncatalogued};
+use super::table::{catalogue, of_whole_frames, uncatalogued};
 use crate::board::Board;
 use crate::camera::CameraTruth;
 use crate::conditions::{Conditions, REFERENCE_TEMPERATURE_C};
@@ -51,7 +51,7 @@ fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
 #[test]
 fn rms_sizes_over_the_reference_volume() {
     let names =
-        ["projector_distortion", "disparity_ripple", "quadratic_depth", "radial_range", "smooth_map", "stray_light"];
+        ["projector_distortion", "disparity_ripple", "quadratic_depth", "radial_range", "smooth_map", "lens_glare"];
     for unit in [0, 1, 9] {
         for name in names {
             close(rms(&with(name, SIZE, unit), when(5.0, 30.0), None), SIZE, 0.05, name);
@@ -170,7 +170,7 @@ fn every_published_camera_can_have_every_effect_at_its_default_size() {
     for number in 1..=4 {
         let camera = CameraTruth::published(number).unwrap();
         for unit in 0..6 {
-            for info in catalogue().iter().chain(uncatalogued()) {
+            for info in catalogue().iter().chain(uncatalogued()).chain(of_whole_frames()) {
                 let effect = Effect::with_default_size(info.name).unwrap();
                 install(&camera, &Board::default(), &[effect], unit, 0).unwrap();
             }
@@ -180,8 +180,12 @@ fn every_published_camera_can_have_every_effect_at_its_default_size() {
 
 #[test]
 fn no_effect_at_size_zero_and_all_effects_together() {
-    let zero: Vec<Effect> =
-        catalogue().iter().chain(uncatalogued()).map(|info| Effect::new(info.name, 0.0).unwrap()).collect();
+    let zero: Vec<Effect> = catalogue()
+        .iter()
+        .chain(uncatalogued())
+        .chain(of_whole_frames())
+        .map(|info| Effect::new(info.name, 0.0).unwrap())
+        .collect();
     let (instrument, truths) = install(&camera(), &Board::default(), &zero, 0, 0).unwrap();
     assert_eq!(truths.len(), zero.len());
     assert!(error(&instrument, 800.0, [0.3, 0.2], 0.8, 0.2).abs() < 1e-9);

@@ -1,7 +1,7 @@
 //! The table of effects: names, definitions and default sizes.
 
 use super::info::{EffectInfo, Install};
-use super::{beyond, board, drift, lens, light, range, registration, triangulation};
+use super::{beyond, board, drift, lens, light, range, registration, scattering, triangulation};
 
 const fn effect(
     name: &'static str,
@@ -189,15 +189,30 @@ static UNCATALOGUED: [EffectInfo; 6] = [
         beyond::tilted_frames,
     ),
     effect(
-        "stray_light",
+        "lens_glare",
         "depth",
         "mm",
         4.0,
         RMS_MM,
         "the middle of the image is pulled towards a near distance, the more the farther it is",
-        beyond::stray_light,
+        beyond::lens_glare,
     ),
 ];
+
+static OF_WHOLE_FRAMES: [EffectInfo; 1] = [effect(
+    "stray_light",
+    "depth",
+    "%",
+    0.6,
+    "share of the light of the scene that falls on every pixel",
+    "the phase of the light of the whole scene is added to that of every pixel, and that of the nearest pixels delays it",
+    scattering::stray_light,
+)];
+
+/// Effects that depend on all pixels of a frame: rendered images have them, single points have not.
+pub fn of_whole_frames() -> &'static [EffectInfo] {
+    &OF_WHOLE_FRAMES
+}
 
 /// The effects of the catalogue, in its order.
 pub fn catalogue() -> &'static [EffectInfo] {

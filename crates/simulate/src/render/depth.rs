@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::field;
 use super::look::Look;
 use super::renderer::Renderer;
+use super::scattering::Frame;
 use crate::board::Pattern;
 use crate::defects::Shot;
 use crate::instrument::Reading;
@@ -19,6 +20,10 @@ struct Pixel {
     rho: f64,
     /// True depth, mm.
     z: f64,
+    /// Range over depth.
+    slant: f64,
+    /// Infrared signal, share of full scale.
+    amplitude: f64,
     /// The pixel is missing when a standard normal variable is below this; −∞ for never.
     missing_below: f64,
     /// Standard deviation of the noise relative to the usual one.
@@ -51,11 +56,22 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
     let rendering = simulation.rendering;
     let look = Look::new(renderer, shot);
     let mut pixels = vec![Pixel::default(); width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(row, pixels)| {
-        for (column, pixel) in pixels.iter_mut().enumerate() {
-            *pixel = measure(&look, shot, amplitude, [column, row]).unwrap_or_default();
-        }
-    });
+    let measure_all = |pixels: &mut [Pixel], errors: &[f64]| {
+        pixels.par_chunks_mut(width).enumerate().for_each(|(row, pixels)| {
+            for (column, pixel) in pixels.iter_mut().enumerate() {
+                let error = errors.get(row * width + column).copied().unwrap_or(0.0);
+                *pixel = measure(&look, shot, amplitude, [column, row], error).unwrap_or_default();
+            }
+        });
+    };
+    measure_all(&mut pixels, &[]);
+    if let Some(scattering) = &renderer.session.instrument.scattering {
+        let values = |value: fn(&Pixel) -> f64| pixels.iter().map(value).collect::<Vec<f64>>();
+        let (signal, range) = (values(|p| p.amplitude), values(|p| p.z * p.slant));
+        let frame = Frame { width, amplitude: &signal, range_mm: &range };
+        let errors = frame.range_errors(scattering);
+        measure_all(&mut pixels, &errors);
+    }
     let mut rng = stream(renderer.session.seed(), Purpose::DepthNoise, shot.source);
     let noise = field::correlated(width, height, simulation.noise.depth_correlation_px, &mut rng);
     let mut holes = stream(renderer.session.seed(), Purpose::Holes, shot.source);
@@ -101,14 +117,21 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
     out
 }
 
-/// Measurement of the depth pixel (column, row); `None` when its ray meets nothing.
-fn measure(look: &Look<'_, '_>, shot: &Shot, amplitude: &[f32], [column, row]: [usize; 2]) -> Option<Pixel> {
+/// Measurement of the depth pixel (column, row), whose range is measured `range_error` mm too long; `None` when its ray meets nothing.
+fn measure(
+    look: &Look<'_, '_>,
+    shot: &Shot,
+    amplitude: &[f32],
+    [column, row]: [usize; 2],
+    range_error: f64,
+) -> Option<Pixel> {
     let session = &look.renderer.session;
     let simulation = session.simulation;
     let pixel = [column as f64, row as f64];
     let shown = session.instrument.image_pixel(pixel);
     let amplitude = signal_at(amplitude, simulation.camera.width, shown);
     let reading = |ray: [f64; 2], cosine: f64| Reading { pixel, ray, cosine, amplitude, conditions: shot.conditions };
+    let slant = |ray: [f64; 2]| (1.0 + ray[0] * ray[0] + ray[1] * ray[1]).sqrt();
     let weak = if amplitude < 0.015 { missing::WEAK_SIGNAL } else { missing::NEVER };
     let board = if look.may_show_board(shown) { look.board(shown) } else { None };
     if let Some((ray, cut)) = board {
@@ -126,13 +149,15 @@ fn measure(look: &Look<'_, '_>, shot: &Shot, amplitude: &[f32], [column, row]: [
             () => weak,
         };
         let roughness = if edge_px < 2.0 { simulation.rendering.edge_noise } else { 1.0 };
-        let rho = session.instrument.measure(&reading(ray, cut.cosine), 1.0 / cut.z);
-        return Some(Pixel { rho, z: cut.z, missing_below, roughness });
+        let slant = slant(ray);
+        let rho = session.instrument.measure(&reading(ray, cut.cosine), 1.0 / (cut.z + range_error / slant));
+        return Some(Pixel { rho, z: cut.z, slant, amplitude, missing_below, roughness });
     }
     let ray = look.ray_behind(shown)?;
     let behind = look.renderer.backdrop.hit(ray)?;
-    let rho = session.instrument.measure(&reading(ray, behind.cosine), 1.0 / behind.z);
-    Some(Pixel { rho, z: behind.z, missing_below: weak, roughness: 1.0 })
+    let slant = slant(ray);
+    let rho = session.instrument.measure(&reading(ray, behind.cosine), 1.0 / (behind.z + range_error / slant));
+    Some(Pixel { rho, z: behind.z, slant, amplitude, missing_below: weak, roughness: 1.0 })
 }
 
 /// The infrared signal at a position between pixels (px), clipped at full scale as the image is.

@@ -8,6 +8,7 @@ mod image;
 mod look;
 mod rays;
 mod renderer;
+mod scattering;
 mod spread;
 
 pub use frame::RenderedFrame;

@@ -1,0 +1,56 @@
+//! The light of whole frames, for effects that depend on it. It is computed once per frame, when its depth is sampled, and kept with
+//! the frame: images leave memory, it is small.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use depthcal_io::{DepthImage, ImageError};
+use depthcal_model::{FrameCovariates, Modulation};
+use rayon::prelude::*;
+
+use super::capture::Capture;
+use super::kept_light::FrameLight;
+use super::pixel_rays::PixelRays;
+use super::stages::{OpenFrame, PosedFrame};
+
+/// Computes the light of all frames and keeps it with them.
+pub(super) fn keep_light(capture: &mut Capture<PosedFrame>, rays: &PixelRays<'_>) -> Result<(), ImageError> {
+    let Some(modulation) = rays.modulation() else { return Ok(()) };
+    let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
+    capture.frames.par_iter_mut().try_for_each(|frame| {
+        let covariates = compute(&frame.open()?, modulation, unit_mm, rays).map(Arc::new);
+        frame.light = Some(FrameLight { modulation, covariates });
+        Ok(())
+    })
+}
+
+/// The light of a frame that the pieces of `rays` need: that which is kept with it, else computed. `None` where none is needed, or
+/// the frame has no image or no depth.
+pub(super) fn light<'a>(frame: &OpenFrame<'a>, unit_mm: f64, rays: &PixelRays<'_>) -> Option<Cow<'a, FrameCovariates>> {
+    let modulation = rays.modulation()?;
+    match &frame.raw.light {
+        Some(kept) if kept.modulation == modulation => kept.covariates.as_deref().map(Cow::Borrowed),
+        _ => compute(frame, modulation, unit_mm, rays).map(Cow::Owned),
+    }
+}
+
+fn compute(
+    frame: &OpenFrame<'_>,
+    modulation: Modulation,
+    unit_mm: f64,
+    rays: &PixelRays<'_>,
+) -> Option<FrameCovariates> {
+    let (image, depth) = (frame.image.as_deref()?, frame.depth.as_deref()?);
+    let camera = rays.camera();
+    if (depth.width, depth.height) != (camera.width, camera.height) || depth.data.len() != image.data.len() {
+        return None;
+    }
+    let range = |index: usize| match depth.data[index] {
+        raw if DepthImage::is_measurement(raw) => {
+            let depth_mm = f64::from(raw) * unit_mm;
+            (depth_mm * rays.slant(index, depth_mm)) as f32
+        }
+        _ => 0.0,
+    };
+    FrameCovariates::new(modulation, [depth.width, depth.height], &image.data, range)
+}
