@@ -49,7 +49,8 @@ pub struct CalibrateOptions {
     /// Most depth pixels of a frame that enter the adjustment.
     pub samples_per_frame: usize,
     /// Whether the depth of whole frames may scatter by planes of their own: their variance is then estimated, and depth weighs
-    /// no more beside the markers than it allows, where left-out frames are predicted better so. Not of models with fields, which take up what such planes would explain.
+    /// no more beside the markers than it allows, where left-out frames are predicted better so. Not of models with fields, which
+    /// take up what such planes would explain.
     pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,
