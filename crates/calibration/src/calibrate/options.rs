@@ -51,7 +51,8 @@ pub struct CalibrateOptions {
     /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing effects.
     pub samples_for_search: bool,
     /// Whether the depth of whole frames may scatter by planes of their own: their variance is then estimated, and depth weighs
-    /// no more beside the markers than it allows, where left-out frames are predicted better so. Not of models with fields, which take up what such planes would explain.
+    /// no more beside the markers than it allows, where left-out frames are predicted better so. Not of models with fields, which
+    /// take up what such planes would explain.
     pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,

@@ -33,10 +33,10 @@ pub(super) enum Gain {
 /// What the model `after` brings over the model `before`.
 ///
 /// Counted are the changes in per cent of the depth error weighted by `noise` and of the reprojection error, together: a loss
-/// in one cancels a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, with frames left out
-/// singly and in blocks: neighbours of a sweep are alike. No error that users read, unweighted depth and dot error, may rise
-/// beyond its interval; a rise of unweighted depth, which far pixels dominate, that is larger than the gain is none that chance
-/// excuses.
+/// in one cancels a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, or that of the fall
+/// of the unweighted depth error, with frames left out singly and in blocks: neighbours of a sweep are alike. No error that users
+/// read, unweighted depth and dot error, may rise beyond its interval; a rise of unweighted depth, which far pixels dominate,
+/// that is larger than the gain is none that chance excuses.
 ///
 /// Blocks do not count where `of_time`: for an effect of time a block of consecutive frames is an extrapolation.
 pub(super) fn gain(
@@ -61,5 +61,9 @@ pub(super) fn gain(
     let loses = depth.zip(singly).is_some_and(|(unweighted, weighted)| {
         unweighted.value < -thresholds.most_unweighted_loss_percent && -unweighted.value > weighted.value
     });
-    if gains().all(GainInterval::is_certain) && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
+    let is_certain = |b: &Evaluated, a: &Evaluated| {
+        [of(b, a), depth_gain_percent(b, a)].iter().flatten().any(GainInterval::is_certain)
+    };
+    let certain = is_certain(&before.evaluated, &after.evaluated) && blocks.is_none_or(|(b, a)| is_certain(b, a));
+    if certain && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
 }
