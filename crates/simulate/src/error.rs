@@ -26,6 +26,15 @@ pub enum SimulateError {
         /// The unit of its size.
         unit: &'static str,
     },
+    /// The text gives an effect no place and form, or the effect has none.
+    #[error(
+        "effect `{text}`: only effects on depth can be placed; write NAME=SIZE@of=true@on=depth, with `measured` for `true` and \
+         `factor` or `inverse_depth` for `depth` where wanted"
+    )]
+    NoPlace {
+        /// The text.
+        text: String,
+    },
     /// The effect cannot reach the requested size.
     #[error("effect `{name}`: size {size} {unit} cannot be reached with this camera: {reason}")]
     EffectTooLarge {

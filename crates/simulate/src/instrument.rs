@@ -133,6 +133,11 @@ impl Instrument {
         self.effects.insert(at, effect);
     }
 
+    /// Its effects on depth.
+    pub fn into_effects(self) -> Vec<Box<dyn DepthEffect>> {
+        self.effects
+    }
+
     /// Position in the image of what the depth image shows at `pixel`, px.
     pub fn image_pixel(&self, pixel: [f64; 2]) -> [f64; 2] {
         [pixel[0] - self.registration[0], pixel[1] - self.registration[1]]

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::info::EffectInfo;
+use super::place::{Form, Place};
 use super::table::{catalogue, of_whole_frames, uncatalogued};
 use crate::error::SimulateError;
 
@@ -13,6 +14,9 @@ pub struct Effect {
     pub name: String,
     /// Its size in the unit of its [`EffectInfo`]; a negative size reverses it.
     pub size: f64,
+    /// For a depth effect, where it acts; where its own form has it if `None`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<(Place, Form)>,
 }
 
 impl Effect {
@@ -25,7 +29,7 @@ impl Effect {
         if !size.is_finite() {
             return Err(bad_size(info, &size.to_string()));
         }
-        Ok(Self { name: name.to_owned(), size })
+        Ok(Self { name: name.to_owned(), size, place: None })
     }
 
     /// The effect called `name` at its default size.
@@ -34,14 +38,38 @@ impl Effect {
     /// [`SimulateError::UnknownEffect`].
     pub fn with_default_size(name: &str) -> Result<Self, SimulateError> {
         let info = info(name)?;
-        Ok(Self { name: name.to_owned(), size: info.default_size })
+        Ok(Self { name: name.to_owned(), size: info.default_size, place: None })
     }
 
-    /// Parses `NAME` (the default size) or `NAME=SIZE`; `None` for the name `none`.
+    /// The same depth effect in another place and form, with the same size at 1 m.
     ///
     /// # Errors
-    /// [`SimulateError::UnknownEffect`], [`SimulateError::BadEffectSize`].
+    /// [`SimulateError::NoPlace`] for an effect that does not act on depth.
+    pub fn placed(self, place: Place, form: Form) -> Result<Self, SimulateError> {
+        match self.info()?.hook {
+            "depth" if of_whole_frames().iter().all(|info| info.name != self.name) => {
+                Ok(Self { place: Some((place, form)), ..self })
+            }
+            _ => Err(SimulateError::NoPlace { text: self.name }),
+        }
+    }
+
+    /// Parses `NAME` (the default size) or `NAME=SIZE`, for a depth effect followed by `@of=true` or `@of=measured` and
+    /// `@on=depth`, `@on=factor` or `@on=inverse_depth`, both; `None` for the name `none`.
+    ///
+    /// # Errors
+    /// [`SimulateError::UnknownEffect`], [`SimulateError::BadEffectSize`], [`SimulateError::NoPlace`].
     pub fn parse(text: &str) -> Result<Option<Self>, SimulateError> {
+        let Some((effect, place)) = text.split_once('@') else { return Self::parse_size(text) };
+        let bad = || SimulateError::NoPlace { text: text.to_owned() };
+        let (of, on) = place.split_once('@').ok_or_else(bad)?;
+        let named = Place::ALL.into_iter().find(|p| of.strip_prefix("of=") == Some(p.name()));
+        let form = Form::ALL.into_iter().find(|f| on.strip_prefix("on=") == Some(f.name()));
+        let (place, form) = named.zip(form).ok_or_else(bad)?;
+        Self::parse_size(effect)?.map(|effect| effect.placed(place, form)).transpose()
+    }
+
+    fn parse_size(text: &str) -> Result<Option<Self>, SimulateError> {
         let (name, size) = match text.split_once('=') {
             Some((name, size)) => (name.trim(), Some(size.trim())),
             None => (text.trim(), None),
@@ -90,7 +118,10 @@ mod tests {
     #[test]
     fn effects_are_read_from_text() {
         assert_eq!(Effect::parse("none").unwrap(), None);
-        assert_eq!(Effect::parse("board_bow=1.5").unwrap(), Some(Effect { name: "board_bow".into(), size: 1.5 }));
+        assert_eq!(
+            Effect::parse("board_bow=1.5").unwrap(),
+            Some(Effect { name: "board_bow".into(), size: 1.5, place: None })
+        );
         assert_eq!(Effect::parse("thin_prism").unwrap(), Some(Effect::with_default_size("thin_prism").unwrap()));
         assert!(Effect::parse("edge_step").unwrap().is_some());
         let error = Effect::parse("board_bend").unwrap_err().to_string();
@@ -98,6 +129,12 @@ mod tests {
         let error = Effect::parse("board_bow=big").unwrap_err().to_string();
         assert!(error.contains("big") && error.contains("mm"), "{error}");
         assert!(Effect::parse("board_bow=nan").is_err());
+        let placed = Effect::parse("cyclic_depth=3@of=measured@on=factor").unwrap().unwrap();
+        assert_eq!((placed.size, placed.place), (3.0, Some((Place::Measured, Form::Factor))));
+        for text in ["cyclic_depth@of=measured", "cyclic_depth@of=other@on=depth", "board_bow@of=true@on=depth"] {
+            let error = Effect::parse(text).unwrap_err().to_string();
+            assert!(error.contains("@of="), "{error}");
+        }
     }
 
     #[test]

@@ -4,11 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::effect::{Effect, bad_size};
 use super::info::Parameters;
+use super::place::{Form, Place, Placed};
 use super::sizing::Context;
 use crate::board::Board;
 use crate::camera::CameraTruth;
 use crate::error::SimulateError;
-use crate::instrument::Instrument;
+use crate::instrument::{Instrument, Stage};
 
 /// An installed effect with all its parameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,8 +20,20 @@ pub struct EffectTruth {
     pub size: f64,
     /// Unit of the size.
     pub unit: String,
+    /// Where it acts, if not in its own place and form.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<(Place, Form)>,
     /// Parameters of its form, by name; the names end with their units.
     pub parameters: Parameters,
+}
+
+/// The form that an effect has by itself.
+fn own_form(name: &str, stage: Stage) -> Form {
+    match (name, stage) {
+        ("radial_range", _) => Form::Factor,
+        (_, Stage::Signal) => Form::Depth,
+        (_, Stage::Disparity | Stage::Output) => Form::InverseDepth,
+    }
 }
 
 /// Camera and board with all of `effects`.
@@ -38,8 +51,25 @@ pub(crate) fn install(
             return Err(bad_size(info, &effect.size.to_string()));
         }
         let context = Context::new(camera, board, info.name, unit, seed);
-        let parameters = (info.install)(&context, effect.size, &mut instrument)?;
-        Ok(EffectTruth { name: info.name.to_owned(), size: effect.size, unit: info.unit.to_owned(), parameters })
+        let parameters = match effect.place {
+            None => (info.install)(&context, effect.size, &mut instrument)?,
+            Some((place, form)) => {
+                let mut alone = Instrument::new(camera, board);
+                let parameters = (info.install)(&context, effect.size, &mut alone)?;
+                for moved in alone.into_effects() {
+                    let own = own_form(info.name, moved.stage());
+                    instrument.add(Box::new(Placed { effect: moved, own, place, form }));
+                }
+                parameters
+            }
+        };
+        Ok(EffectTruth {
+            name: info.name.to_owned(),
+            size: effect.size,
+            unit: info.unit.to_owned(),
+            place: effect.place,
+            parameters,
+        })
     };
     let truths = effects.iter().map(install_one).collect::<Result<_, _>>()?;
     Ok((instrument, truths))

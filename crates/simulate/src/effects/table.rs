@@ -1,7 +1,7 @@
 //! The table of effects: names, definitions and default sizes.
 
 use super::info::{EffectInfo, Install};
-use super::{beyond, board, drift, lens, light, range, registration, scattering, triangulation};
+use super::{beyond, board, drift, lens, light, nature, range, registration, scattering, triangulation};
 
 const fn effect(
     name: &'static str,
@@ -150,7 +150,16 @@ static CATALOGUE: [EffectInfo; 17] = [
     ),
 ];
 
-static UNCATALOGUED: [EffectInfo; 6] = [
+static UNCATALOGUED: [EffectInfo; 7] = [
+    effect(
+        "nature",
+        "depth",
+        "mm",
+        4.0,
+        RMS_MM,
+        "a random function of one or two covariates, in a random place and form",
+        nature::nature,
+    ),
     effect(
         "smooth_map",
         "depth",
