@@ -5,12 +5,12 @@ use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal::calibration::diagnose::bad_frames::BadFrameReason;
 use depthcal::calibration::diagnose::examination::scores;
 use depthcal::calibration::diagnose::frame_planes::frame_planes;
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Step, diagnose};
 use depthcal::calibration::simulated;
-use depthcal::io::Verdict;
+use depthcal::io::{DiagnosisPlace, Verdict};
 use depthcal::model::hook::{Depth, DepthState};
 use depthcal::model::{Context, Parameter, Piece, PieceSpec, Register, Scalar};
-use depthcal_simulate::{CameraTruth, Defects, Effect, Kind, Noise, PointOptions, Simulation};
+use depthcal_simulate::{CameraTruth, Defects, Effect, Form, Kind, Noise, Place, PointOptions, Simulation};
 use rayon::prelude::*;
 
 fn simulation(effects: &[(&str, f64)], seed: u64) -> Simulation {
@@ -30,6 +30,34 @@ fn names(d: &Diagnosis) -> Vec<&str> {
 /// Decision and outcome of every round, for messages.
 fn decisions(d: &Diagnosis) -> Vec<String> {
     d.rounds.iter().map(|r| format!("{:?}: {:?}", r.decision, r.outcome)).collect()
+}
+
+/// Effects that act behind D, or on something else than their equation says: named, with a place that is right or listed among those
+/// that the captures cannot tell apart, and nothing else. The camera's D tilts depth, so that a wave in the wrong place slips.
+#[test]
+fn effects_in_other_places_are_named_with_their_place() {
+    let cases = [
+        ("cyclic_depth", 3.0, Place::Measured, Form::Factor),
+        ("cyclic_depth", 3.0, Place::Measured, Form::Depth),
+        ("radial_range", 6.0, Place::Measured, Form::Depth),
+        ("range_offset", 10.0, Place::True, Form::InverseDepth),
+        ("incidence_bias", 5.0, Place::Measured, Form::Factor),
+    ];
+    let failures: Vec<String> = cases
+        .into_par_iter()
+        .filter_map(|(name, size, place, form)| {
+            let effect = Effect::new(name, size).unwrap().placed(place, form).unwrap();
+            let simulation =
+                Simulation::new(CameraTruth::published(2).unwrap(), Kind::General(1), &[effect], 5).unit(3);
+            let d = run(&simulation);
+            let expected = |p: &DiagnosisPlace| p.of.name() == place.name() && p.on.name() == form.name();
+            let has_place = |s: &Step| s.place.iter().chain(&s.places_not_told_apart).any(expected);
+            let right = names(&d) == [name] && d.verdict == Verdict::Effect && d.steps.iter().all(has_place);
+            let found: Vec<String> = d.steps.iter().map(|s| s.spec.to_string()).collect();
+            (!right).then(|| format!("{name} {place:?} {form:?}: {found:?}, {:?}, {:?}", d.verdict, decisions(&d)))
+        })
+        .collect();
+    assert!(failures.is_empty(), "{failures:#?}");
 }
 
 /// Effects well above their detectable sizes: each is found, alone, and what is left is the noise.

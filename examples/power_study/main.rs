@@ -7,7 +7,7 @@
 //! | option | |
 //! |---|---|
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
-//! | `--what single,clean,heavy,bad,beyond,absent,pairs` | which tables |
+//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables |
 //! | `--effects a,b` | these effects only |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
 //! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
@@ -17,6 +17,7 @@
 mod beyond;
 mod nothing;
 mod pairs;
+mod placed;
 mod single;
 mod size;
 
@@ -100,9 +101,10 @@ fn main() {
         factors: list(value("--factors", "1,2,4")).iter().filter_map(|f| f.parse().ok()).collect(),
     };
     let start = Instant::now();
-    for what in list(value("--what", "single,clean,heavy,bad,beyond,absent,pairs")) {
+    for what in list(value("--what", "single,placed,clean,heavy,bad,beyond,absent,pairs")) {
         match what.as_str() {
             "single" => study.single(),
+            "placed" => study.placed(),
             "clean" => study.clean(),
             "heavy" => study.heavy_tails(),
             "bad" => study.bad_frames(),

@@ -7,8 +7,8 @@ use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::Verdict;
-use depthcal::model::PieceSpec;
-use depthcal_simulate::{Effect, EffectTruth, PointOptions, Simulation, Truth, catalogue};
+use depthcal::model::{Of, On, PieceSpec, Placement};
+use depthcal_simulate::{Effect, EffectTruth, Form, Place, PointOptions, Simulation, Truth, catalogue};
 use depthcal_statistics::noncentrality;
 use rayon::prelude::*;
 
@@ -18,16 +18,23 @@ use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
 /// The size of an effect that a capture of this seed shows in 80 % of cases, in the simulator's unit: where the
 /// noncentrality of its score test, with the constants that it really has, is that of the power asked for.
 pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
+    detectable(name, None, seed)
+}
+
+/// The same in a place and a form.
+pub fn detectable(name: &str, place: Option<(Place, Form)>, seed: u64) -> Result<f64, Failure> {
     let mut size = Effect::with_default_size(name)?.size;
-    let options = CalibrateOptions::default();
+    // Planes of whole frames would take up part of the effect.
+    let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
     let thresholds = Thresholds::default();
     let level = thresholds.level / catalogue().len() as f64;
     let mut found = (1.0, 1);
     for _ in 0..6 {
-        let simulation = simulation(&[Effect::new(name, size)?], seed)?;
+        let effect = Effect { place, ..Effect::new(name, size)? };
+        let simulation = simulation(&[effect], seed)?;
         let observed = simulation.observe_points(&PointOptions::default())?;
         let truth = observed.truth.effects.first().ok_or("no effect")?;
-        let spec = declared(truth, last_s(&observed.truth), 1.0);
+        let spec = declared(truth, last_s(&observed.truth), 1.0).placed(placement(truth));
         let fit = calibrate(&simulated::capture(&observed), &options)?;
         let score = scores(&fit, &options.register, &[spec])?.remove(0);
         let lambda = (score.statistic - score.rank as f64).max(1.0);
@@ -41,8 +48,21 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
     Ok(size * (noncentrality(rank, level, thresholds.power) / lambda).sqrt())
 }
 
+/// Place and form of an effect, as the model has them.
+pub fn placement(truth: &EffectTruth) -> Placement {
+    truth.place.map_or_else(Placement::default, |(place, form)| {
+        let of = if place == Place::True { Of::True } else { Of::Measured };
+        let on = match form {
+            Form::Depth => On::Depth,
+            Form::Factor => On::Factor,
+            Form::InverseDepth => On::InverseDepth,
+        };
+        Placement { of, on: Some(on) }
+    })
+}
+
 /// Time of the last frame, s.
-fn last_s(truth: &Truth) -> f64 {
+pub fn last_s(truth: &Truth) -> f64 {
     truth.frames.iter().map(|f| f.conditions.time_s).fold(0.0, f64::max)
 }
 
@@ -58,7 +78,7 @@ struct Run {
 
 /// How the effect is declared by one who knows it, with the constants that are not fitted. Amplitudes of a capture are
 /// `full_scale` times the simulator's.
-fn declared(truth: &EffectTruth, last_s: f64, full_scale: f64) -> PieceSpec {
+pub fn declared(truth: &EffectTruth, last_s: f64, full_scale: f64) -> PieceSpec {
     let value = |key: &str| truth.parameters.get(key).copied().unwrap_or(f64::NAN);
     match truth.name.as_str() {
         "cyclic_depth" => PieceSpec::new("cyclic_depth").with("period_mm", value("period_mm")),

@@ -6,7 +6,7 @@ use depthcal_io::{
     Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
     ParameterRecord, PieceRecord,
 };
-use depthcal_model::{Block, Camera, Register, RegisterError};
+use depthcal_model::{Block, Camera, Placement, Register, RegisterError};
 use thiserror::Error;
 
 use crate::calibrate::Calibrated;
@@ -70,6 +70,8 @@ pub fn calibration_record(
                     }
                 })
                 .collect(),
+            of: block.placement().of,
+            on: block.placement().on,
             options: block.piece().map(|p| p.options()).unwrap_or_default(),
         })
         .collect();
@@ -162,7 +164,8 @@ pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<
         let mut block = if piece.name == "pinhole" {
             Block::pinhole([0.0; 5])
         } else {
-            Block::new(register.piece(&piece.name, &piece.options)?)
+            let placement = Placement { of: piece.of, on: piece.on };
+            Block::new(register.placed_piece(&piece.name, &piece.options, placement)?)
         };
         let found: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
         let expected: Vec<&str> = block.parameters().iter().map(|p| &*p.name).collect();

@@ -100,7 +100,7 @@ impl Diagnose {
         let detected = d.last.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         // Held-out frames of the dataset itself were evaluated with several cameras.
-        recorded.extend(verify.as_ref().map(|v| (&v.capture, &d.after.evaluated)));
+        recorded.extend(verify.as_ref().map(|v| (&v.capture, &*d.after.evaluated)));
         if let (Some(path), Some(written)) =
             (self.recording.write(&d.last.camera, &recorded)?, result["written"].as_array_mut())
         {

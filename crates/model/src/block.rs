@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
-use crate::piece::{AnyPiece, Parameter};
+use crate::piece::{AnyPiece, Parameter, Placement};
 use crate::pinhole::{self, PINHOLE};
 
 /// A parameter block of the camera: a piece, or the pinhole, with values and which of them may be fitted.
@@ -55,16 +55,22 @@ impl Block {
         self.piece.as_ref().map_or(HookKind::Pixel, |p| p.hook())
     }
 
+    /// Place and form of an effect of depth.
+    pub fn placement(&self) -> Placement {
+        self.piece.as_ref().map_or(Placement::default(), |p| p.placement())
+    }
+
     /// Its parameters.
     pub fn parameters(&self) -> &[Parameter] {
         self.piece.as_ref().map_or(&pinhole::PARAMETERS, |p| p.parameters())
     }
 
-    /// Its constants for people, with three significant digits and a unit: `period 300 mm`.
+    /// Its place, its form and its constants for people, with three significant digits and a unit: `period 300 mm`.
     pub fn constants_in_words(&self) -> Vec<String> {
         let Some(piece) = &self.piece else { return Vec::new() };
         let options = piece.options();
-        piece.constants().iter().map(|c| c.words(c.of(&options))).collect()
+        let constants = piece.constants().into_iter().map(|c| c.words(c.of(&options)));
+        piece.placement().words().into_iter().chain(constants).collect()
     }
 
     /// Value of a parameter by name.

@@ -10,7 +10,7 @@ use crate::block::Block;
 use crate::chain::Chain;
 use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
-use crate::piece::{AnyPiece, Context};
+use crate::piece::{AnyPiece, Context, Of};
 use crate::pinhole::PINHOLE;
 
 /// Reason why a camera maps no ray to a pixel, or no depth to a depth.
@@ -81,7 +81,8 @@ impl Camera {
             (HookKind::Lens, _) => 1,
             (HookKind::Pixel, false) => 2,
             (HookKind::Pixel, true) => 3,
-            (HookKind::Depth, _) => 4,
+            (HookKind::Depth, _) if b.placement().of == Of::True => 4,
+            (HookKind::Depth, _) => 5,
         };
         blocks.sort_by_key(|(_, block)| rank(block));
         let mut places = vec![0; count];

@@ -10,7 +10,7 @@ use crate::block::Block;
 use crate::field::Field;
 use crate::hook::{Depth, Hook, HookKind};
 pub use crate::piece::Options;
-use crate::piece::{AnyPiece, Piece, erase};
+use crate::piece::{AnyPiece, Piece, Placement, erase, placed};
 use crate::spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
 
 type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
@@ -60,6 +60,23 @@ pub enum RegisterError {
         value: String,
         /// The nearest value in its range.
         nearest: String,
+    },
+    /// A place or a form that does not exist.
+    #[error(
+        "'{given}' is no place or form of '{name}': write {name}@of=true or @of=measured, and @on=depth, @on=inverse_depth or \
+         @on=factor"
+    )]
+    UnknownPlacement {
+        /// The piece.
+        name: String,
+        /// The text given.
+        given: String,
+    },
+    /// A place or a form for a piece that has none.
+    #[error("'{name}' takes no @of= and no @on=: only effects that act on depth do")]
+    NoPlacement {
+        /// The piece.
+        name: String,
     },
     /// A subset names a parameter that the piece does not have.
     #[error("'{name}' has no parameter '{letter}'; a subset is written with the last letters of {}", parameters.join(", "))]
@@ -139,6 +156,21 @@ impl Register {
         entry.map(|(_, _, make)| make(options)).ok_or_else(unknown)
     }
 
+    /// The piece of that name in a place and a form.
+    ///
+    /// # Errors
+    ///
+    /// [`RegisterError::UnknownPiece`], [`RegisterError::NoPlacement`].
+    pub fn placed_piece(
+        &self,
+        name: &str,
+        options: &Options,
+        placement: Placement,
+    ) -> Result<Arc<dyn AnyPiece>, RegisterError> {
+        placed(self.piece(name, options)?, placement)
+            .ok_or_else(|| RegisterError::NoPlacement { name: name.to_owned() })
+    }
+
     /// The specification of a depth model from text, all of whose names, subsets and constants this register has.
     ///
     /// # Errors
@@ -206,7 +238,7 @@ impl Register {
             let given = format!("{key}={value}");
             return Err(RegisterError::UnknownConstant { name: name(), given, known: known.into_keys().collect() });
         }
-        let mut block = Block::new(self.piece(&spec.name, &spec.constants)?);
+        let mut block = Block::new(self.placed_piece(&spec.name, &spec.constants, spec.placement)?);
         let taken = block.piece().map(|p| p.options()).unwrap_or_default();
         if let Some((key, value)) = spec.constants.iter().find(|(key, value)| taken.get(*key) != Some(value)) {
             let nearest = taken.get(key).copied().unwrap_or(f64::NAN).to_string();
@@ -250,6 +282,7 @@ impl Register {
             SpecError::NoName { spec } => {
                 RegisterError::UnknownPiece { name: spec, known: self.names().map(str::to_owned).collect() }
             }
+            SpecError::BadPlacement { name, given } => RegisterError::UnknownPlacement { name, given },
             SpecError::BadConstant { name, given } => match self.piece(&name, &Options::new()) {
                 Err(unknown) => unknown,
                 Ok(piece) => {

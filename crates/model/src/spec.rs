@@ -7,7 +7,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::piece::{AnyPiece, Options, Parameter, worded};
+use crate::piece::{AnyPiece, Options, Parameter, Placement, worded};
 
 /// Reason why text is no specification. Whether a piece of that name exists is known to the register only
 /// ([`RegisterError`](crate::RegisterError)).
@@ -22,6 +22,17 @@ pub enum SpecError {
     /// The text after an `@` is no constant with a number.
     #[error("'{given}' sets no constant of '{name}': write {name}@CONSTANT=NUMBER")]
     BadConstant {
+        /// The piece.
+        name: String,
+        /// The text after the `@`.
+        given: String,
+    },
+    /// The text after `@of=` or `@on=` is no place and no form.
+    #[error(
+        "'{given}' is no place or form of '{name}': write {name}@of=true or @of=measured, and @on=depth, @on=inverse_depth or \
+         @on=factor"
+    )]
+    BadPlacement {
         /// The piece.
         name: String,
         /// The text after the `@`.
@@ -55,7 +66,8 @@ impl FreeSubset {
 }
 
 /// A piece as users ask for it: `NAME`, `NAME:SUBSET` (only these parameters free), `NAME@CONSTANT=NUMBER` (a constant of the
-/// piece, several with further `@`).
+/// piece, several with further `@`). An effect of depth also takes its place, `NAME@of=measured`, and its form,
+/// `NAME@on=inverse_depth` ([`Placement`]).
 ///
 /// ```
 /// use depthcal_model::PieceSpec;
@@ -72,6 +84,8 @@ pub struct PieceSpec {
     pub name: String,
     /// Its free parameters.
     pub free: FreeSubset,
+    /// Place and form, for an effect of depth.
+    pub placement: Placement,
     /// Values of constants by name; the others have their defaults.
     pub constants: Options,
 }
@@ -79,13 +93,20 @@ pub struct PieceSpec {
 impl PieceSpec {
     /// A piece with all parameters free and default constants.
     pub fn new(name: impl Into<String>) -> Self {
-        Self { name: name.into(), free: FreeSubset::All, constants: Options::new() }
+        Self { name: name.into(), free: FreeSubset::All, placement: Placement::default(), constants: Options::new() }
     }
 
     /// The same with only those parameters free whose names end with one of `letters`.
     #[must_use]
     pub fn only(mut self, letters: impl Into<String>) -> Self {
         self.free = FreeSubset::Ending(letters.into());
+        self
+    }
+
+    /// The same in a place and a form.
+    #[must_use]
+    pub fn placed(mut self, placement: Placement) -> Self {
+        self.placement = placement;
         self
     }
 
@@ -110,7 +131,7 @@ impl PieceSpec {
             Some(constant) => constant.words(*value),
             None => worded(&name.replace('_', " "), *value, "1"),
         });
-        let details: Vec<String> = subset.into_iter().chain(constants).collect();
+        let details: Vec<String> = subset.into_iter().chain(self.placement.words()).chain(constants).collect();
         if details.is_empty() { self.name.clone() } else { format!("{} ({})", self.name, details.join(", ")) }
     }
 }
@@ -121,6 +142,7 @@ impl fmt::Display for PieceSpec {
         if let FreeSubset::Ending(letters) = &self.free {
             write!(f, ":{letters}")?;
         }
+        self.placement.fmt(f)?;
         self.constants.iter().try_for_each(|(name, value)| write!(f, "@{name}={value}"))
     }
 }
@@ -138,15 +160,27 @@ impl FromStr for PieceSpec {
         if name.is_empty() {
             return Err(SpecError::NoName { spec: text.to_owned() });
         }
-        let mut constants = Options::new();
+        let (mut constants, mut placement) = (Options::new(), Placement::default());
         for part in parts {
+            let bad = |_| SpecError::BadPlacement { name: name.to_owned(), given: part.to_owned() };
+            match part.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
+                Some(("of", value)) => {
+                    placement.of = value.parse().map_err(bad)?;
+                    continue;
+                }
+                Some(("on", value)) => {
+                    placement.on = Some(value.parse().map_err(bad)?);
+                    continue;
+                }
+                _ => {}
+            }
             let constant = part.split_once('=').and_then(|(k, v)| Some((k.trim(), v.trim().parse::<f64>().ok()?)));
             let Some((key, value)) = constant.filter(|(key, value)| !key.is_empty() && !value.is_nan()) else {
                 return Err(SpecError::BadConstant { name: name.to_owned(), given: part.to_owned() });
             };
             constants.insert(key.to_owned(), value);
         }
-        Ok(Self { name: name.to_owned(), free, constants })
+        Ok(Self { name: name.to_owned(), free, placement, constants })
     }
 }
 
@@ -245,7 +279,13 @@ mod tests {
 
     #[test]
     fn text_and_specification_round_trip() {
-        for text in ["projective", "projective:xw", "cyclic_depth@period_mm=299.90356313997415", "a:@b=-1@c=inf"] {
+        for text in [
+            "projective",
+            "projective:xw",
+            "cyclic_depth@period_mm=299.90356313997415",
+            "a:@b=-1@c=inf",
+            "cyclic_depth:1@of=measured@on=inverse_depth@period_mm=280",
+        ] {
             assert_eq!(text.parse::<PieceSpec>().unwrap().to_string(), text);
         }
         for text in ["none", "projective:xw+bspline@columns=6@rows=5", "none+disparity_decay"] {
@@ -265,5 +305,7 @@ mod tests {
             let expected = format!("'{given}' sets no constant of 'cyclic_depth': write cyclic_depth@CONSTANT=NUMBER");
             assert_eq!(message(&text), expected);
         }
+        let placed = message("cyclic_depth@of=raw");
+        assert!(placed.starts_with("'of=raw' is no place or form of 'cyclic_depth': write"), "{placed}");
     }
 }

@@ -3,6 +3,8 @@
 //! Records keep full precision; nothing here is meant to be parsed. Decimal numbers have a true minus sign (−); numbers in
 //! e-notation are ASCII throughout.
 
+use depthcal_model::{Of, On};
+
 /// Shown for a number that does not exist.
 const NONE: &str = "–";
 /// p-values below this are shown as a bound: the approximations behind them hold no further.
@@ -196,6 +198,8 @@ fn piece(specification: &str) -> String {
     let name = parts.next().unwrap_or_default();
     let constants: Vec<String> = parts
         .map(|part| match part.split_once('=') {
+            Some(("of", place)) => place.parse().map_or_else(|_| part.to_owned(), |of: Of| of.words().to_owned()),
+            Some(("on", form)) => form.parse().map_or_else(|_| part.to_owned(), |on: On| on.words().to_owned()),
             Some((key, value)) => value.parse().map_or_else(|_| part.to_owned(), |value| constant(key, value)),
             None => part.to_owned(),
         })

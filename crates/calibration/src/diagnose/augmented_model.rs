@@ -5,7 +5,6 @@ use std::cell::RefCell;
 use depthcal_model::{Covariate, PieceSpec};
 use tracing::info;
 
-use super::constant_search::refined_constant;
 use super::evidence::Evidence;
 use super::examination::score_and_gains;
 use super::held_out::{Gain, HeldOut, gain};
@@ -13,6 +12,7 @@ use super::merit::significant;
 use super::options::DiagnoseOptions;
 use super::possible::Possible;
 use super::thresholds::Thresholds;
+use super::variant_search::{Refined, refined_variant};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, readjust};
 use crate::judge::cross_validation::{cross_validate, cross_validate_strided, errors};
 use crate::judge::evaluate::evaluate;
@@ -36,6 +36,8 @@ pub(super) struct AddedEffect {
     pub effects: Vec<String>,
     /// Effects that the captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
+    /// Its other places and forms that the captures cannot distinguish from the one it has.
+    pub placements_not_told_apart: Vec<PieceSpec>,
     /// p-value, corrected for the number of effects tested.
     pub p_value: f64,
     /// Held-out errors of the model with it and those before it.
@@ -164,7 +166,7 @@ impl<'a> AugmentedModel<'a> {
                 (cross_validate(fit, folds, Parts::Interleaved, model)?, blocks)
             }
         };
-        Ok(HeldOut { errors: errors(&evaluated), evaluated, blocks })
+        Ok(HeldOut { errors: errors(&evaluated), evaluated: evaluated.into(), blocks: blocks.map(Into::into) })
     }
 
     /// Fit and held-out errors of a model.
@@ -212,7 +214,7 @@ impl<'a> AugmentedModel<'a> {
         Ok(Addition::Rejected(possible))
     }
 
-    /// Adds an effect, fits the model, refines the constants of all added effects, and fits again. Where the model cannot be
+    /// Adds an effect, fits the model, refines constants, places and forms of all added effects, and fits again. Where the model cannot be
     /// fitted it stays as it was.
     pub(super) fn add_one(&mut self, found: AddedEffect) -> Result<Fitted, CalibrateError> {
         let before = self.added.clone();
@@ -242,8 +244,12 @@ impl<'a> AugmentedModel<'a> {
             (other, _) => other?,
         };
         for i in (0..self.added.len()).rev() {
-            if let Some(refined) = refined_constant(&fit, &self.declared().register, &self.added[i].evidence) {
-                self.added[i].evidence = refined;
+            let AddedEffect { evidence, .. } = &self.added[i];
+            let refined = refined_variant(&fit, &self.declared().register, evidence, self.thresholds());
+            let Some(Refined { evidence: found, rivals }) = refined else { continue };
+            let is_new = found.spec != evidence.spec;
+            self.added[i] = AddedEffect { evidence: found, placements_not_told_apart: rivals, ..self.added[i].clone() };
+            if is_new {
                 fit = self.fit(&self.present())?;
             }
         }

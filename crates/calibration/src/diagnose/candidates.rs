@@ -1,12 +1,14 @@
 //! The effects that a model may lack: every effect of the register that is not among its pieces, with the values of its
 //! constant that are searched.
 
-use depthcal_model::{Camera, Covariate, PieceSpec, Register, Role, Scan, ScanKind};
+use depthcal_model::{AnyPiece, Camera, Covariate, Of, On, PieceSpec, Placement, Register, Role, Scan, ScanKind};
 
 use super::observed_states::{ObservedStates, Range};
 
 /// Most cycles over the range of the data for which a wave is searched.
 const MOST_CYCLES: f64 = 26.0;
+/// Fewest cycles: a wave of less is no wave to these data but any smooth function of depth.
+const FEWEST_CYCLES: f64 = 1.4;
 /// Cycles over the range by which neighbouring periods differ: a wave between two of them keeps 93 % of its amplitude in the
 /// nearer one.
 const CYCLE_STEP: f64 = 0.4;
@@ -34,6 +36,10 @@ pub struct Effect {
     pub values: Vec<f64>,
     /// Name of that constant.
     constant: Option<&'static str>,
+    /// Places and forms in which it may act, its own first.
+    pub placements: Vec<Placement>,
+    /// Whether its constant has another value in another place: a wave over depth has.
+    pub shifts: bool,
     /// Whether finer values about the best one are searched as well.
     pub refine: bool,
     /// Values that are searched only once the effect is in the model, because a search among them would let it imitate other
@@ -42,9 +48,9 @@ pub struct Effect {
 }
 
 impl Effect {
-    /// Its specification, with a value of its constant where it has one.
-    pub fn spec(&self, value: Option<f64>) -> PieceSpec {
-        let spec = PieceSpec::new(self.name);
+    /// Its specification in a place and a form, with a value of its constant where it has one.
+    pub fn spec(&self, value: Option<f64>, placement: Placement) -> PieceSpec {
+        let spec = PieceSpec::new(self.name).placed(placement);
         match (self.constant, value) {
             (Some(constant), Some(value)) => spec.with(constant, value),
             _ => spec,
@@ -67,9 +73,23 @@ pub fn missing_effects(register: &Register, camera: &Camera, states: &ObservedSt
             let constant = scan.map(|s| s.constant).filter(|_| !values.is_empty());
             let is_baseline = scan.is_some_and(|s| s.kind == ScanKind::Baseline);
             let afterwards = if is_baseline { BASELINES_MM.to_vec() } else { Vec::new() };
-            Some(Effect { name, values, constant, refine, afterwards })
+            let placements = placements(&**piece);
+            let shifts = scan.is_some_and(|s| {
+                s.kind == ScanKind::Period && matches!(s.covariate, Covariate::Depth | Covariate::InverseDepth)
+            });
+            Some(Effect { name, values, constant, placements, shifts, refine, afterwards })
         })
         .collect()
+}
+
+/// The places and forms in which a piece may act, its own first.
+fn placements(piece: &dyn AnyPiece) -> Vec<Placement> {
+    if !piece.can_be_placed() {
+        return vec![Placement::default()];
+    }
+    let others = On::ALL.into_iter().filter(|on| *on != piece.form()).map(Some);
+    let forms: Vec<Option<On>> = std::iter::once(None).chain(others).collect();
+    Of::ALL.into_iter().flat_map(|of| forms.iter().map(move |on| Placement { of, on: *on })).collect()
 }
 
 /// Values of a constant that are searched, and whether the search is refined about the best one.
@@ -92,8 +112,8 @@ fn scan_values(scan: Scan, states: &ObservedStates) -> (Vec<f64>, bool) {
             (TIME_CONSTANT_SHARES.iter().map(|s| s * range.span()).chain([f64::INFINITY]).collect(), true)
         }
         ScanKind::Period => {
-            let steps = ((MOST_CYCLES - 1.0) / CYCLE_STEP) as usize;
-            ((0..=steps).map(|i| range.span() / (1.0 + CYCLE_STEP * i as f64)).collect(), true)
+            let steps = ((MOST_CYCLES - FEWEST_CYCLES) / CYCLE_STEP) as usize;
+            ((0..=steps).map(|i| range.span() / (FEWEST_CYCLES + CYCLE_STEP * i as f64)).collect(), true)
         }
     }
 }

@@ -208,6 +208,7 @@ fn effects_to_add(
             AddedEffect {
                 effects: members[i..].iter().map(|m| examination.evidence[*m].name.clone()).collect(),
                 indistinguishable: if i == 0 { indistinguishable.to_vec() } else { Vec::new() },
+                placements_not_told_apart: Vec::new(),
                 p_value: (p_value * examination.tests as f64).min(1.0),
                 after: present.clone(),
                 evidence,

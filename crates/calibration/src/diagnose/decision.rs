@@ -9,10 +9,10 @@
 
 use depthcal_statistics::mean_to_standard_error;
 
-use super::evidence::Evidence;
+use super::evidence::{Evidence, difference};
 use super::examination::Examination;
 use super::frame_planes::FramePlane;
-use super::merit::{difference, merit, penalized_merit, significant};
+use super::merit::{merit, penalized_merit, significant};
 use super::stepwise_selection::{SelectedEffects, added_gains, score_given};
 use super::thresholds::Thresholds;
 

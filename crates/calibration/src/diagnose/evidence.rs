@@ -21,7 +21,7 @@ pub struct Evidence {
     pub along: Option<Along>,
     /// The score test.
     pub score: Score,
-    /// p-value, corrected for the number of values of the constant that were searched.
+    /// p-value, corrected for the number of variants that were searched.
     pub p_value: f64,
     /// Gain of every frame: fall of its cost ½ Σ r² when the candidate is estimated from all other frames.
     pub gains: Vec<f64>,
@@ -45,4 +45,9 @@ impl Evidence {
     pub fn t(&self) -> f64 {
         mean_to_standard_error(&self.gains)
     }
+}
+
+/// Differences a − b of the gains of every frame.
+pub(super) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }

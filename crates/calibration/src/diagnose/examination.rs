@@ -11,11 +11,11 @@ use rayon::prelude::*;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::candidates::missing_effects;
-use super::constant_search::best_constant;
 use super::evidence::Evidence;
 use super::free_functions::{FreeFunction, free_functions};
 use super::observed_states::ObservedStates;
 use super::thresholds::Thresholds;
+use super::variant_search::{BestVariant, best_variants};
 use crate::calibrate::Calibrated;
 
 /// Directions in the parameters of an effect over which its minimal detectable size is a median.
@@ -62,10 +62,11 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
     let mut candidates = Vec::new();
     // Factors by which p-values are corrected for a search.
     let mut corrections = Vec::new();
-    for effect in missing_effects(register, &fit.camera, &states) {
-        let (value, correction) = best_constant(fit, register, &effect, thresholds)?;
-        if let Some(candidate) = CandidateBlock::effect(register, effect.spec(value)) {
-            candidates.push(CandidateBlock { value, ..candidate });
+    let effects = missing_effects(register, &fit.camera, &states);
+    for (effect, found) in effects.iter().zip(best_variants(fit, register, &effects, thresholds)?) {
+        let Some(BestVariant { variant, correction }) = found else { continue };
+        if let Some(candidate) = CandidateBlock::effect(register, effect.spec(variant.value, variant.placement)) {
+            candidates.push(CandidateBlock { value: variant.value, ..candidate });
             corrections.push(correction);
         }
     }

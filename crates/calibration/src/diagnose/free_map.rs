@@ -51,6 +51,7 @@ impl AugmentedModel<'_> {
             evidence: Evidence { name: FREE_MAP.to_owned(), spec, ..found.clone() },
             effects: vec![FREE_MAP.to_owned()],
             indistinguishable: Vec::new(),
+            placements_not_told_apart: Vec::new(),
             p_value,
             after: fitted.held_out.clone(),
         });

@@ -1,5 +1,7 @@
 //! Errors of a model on frames that it was not fitted to, and whether one model is better there than another.
 
+use std::sync::Arc;
+
 use depthcal_io::{GainInterval, HeldOutErrors};
 
 use super::thresholds::Thresholds;
@@ -7,15 +9,15 @@ use crate::judge::cross_validation::{depth_gain_percent, dot_gain_percent, weigh
 use crate::judge::evaluate::Evaluated;
 use crate::observe::noise::DepthNoise;
 
-/// Errors of a model on frames that it was not fitted to.
+/// Errors of a model on frames that it was not fitted to. Copies share them.
 #[derive(Debug, Clone)]
 pub struct HeldOut {
     /// One number per kind of error.
     pub errors: HeldOutErrors,
     /// Errors frame by frame, each frame left out together with others from all over the capture.
-    pub evaluated: Evaluated,
+    pub evaluated: Arc<Evaluated>,
     /// The same with blocks of consecutive frames left out; `None` where another dataset verifies, and of models with fields.
-    pub blocks: Option<Evaluated>,
+    pub blocks: Option<Arc<Evaluated>>,
 }
 
 /// What a change of the model brings on held-out frames.
@@ -38,7 +40,8 @@ pub(super) enum Gain {
 /// read, unweighted depth and dot error, may rise beyond its interval; a rise of unweighted depth, which far pixels dominate,
 /// that is larger than the gain is none that chance excuses.
 ///
-/// Blocks do not count where `of_time`: for an effect of time a block of consecutive frames is an extrapolation.
+/// Of an effect of time (`of_time`) a block of consecutive frames is an extrapolation: there the error must not rise, but need not fall
+/// for certain.
 pub(super) fn gain(
     before: &HeldOut,
     after: &HeldOut,
@@ -48,11 +51,12 @@ pub(super) fn gain(
 ) -> Gain {
     let of = |b: &Evaluated, a: &Evaluated| weighted_gain_percent(b, a, noise);
     let singly = of(&before.evaluated, &after.evaluated);
-    let blocks = before.blocks.as_ref().zip(after.blocks.as_ref()).filter(|_| !of_time);
+    let blocks = before.blocks.as_ref().zip(after.blocks.as_ref());
     let in_blocks = blocks.and_then(|(b, a)| of(b, a));
-    let gains = || singly.iter().chain(&in_blocks);
+    let falls_in_blocks = in_blocks.is_none_or(|g| g.value > 0.0);
+    let gains = || singly.iter().chain(in_blocks.iter().filter(|_| !of_time));
     let Some(least) = gains().min_by(|a, b| a.low.total_cmp(&b.low)) else { return Gain::None };
-    if !gains().all(|g| g.value > thresholds.least_held_out_gain_percent) {
+    if !(falls_in_blocks && gains().all(|g| g.value > thresholds.least_held_out_gain_percent)) {
         return Gain::None;
     }
     let depth = depth_gain_percent(&before.evaluated, &after.evaluated);
@@ -61,9 +65,9 @@ pub(super) fn gain(
     let loses = depth.zip(singly).is_some_and(|(unweighted, weighted)| {
         unweighted.value < -thresholds.most_unweighted_loss_percent && -unweighted.value > weighted.value
     });
-    let is_certain = |b: &Evaluated, a: &Evaluated| {
-        [of(b, a), depth_gain_percent(b, a)].iter().flatten().any(GainInterval::is_certain)
-    };
-    let certain = is_certain(&before.evaluated, &after.evaluated) && blocks.is_none_or(|(b, a)| is_certain(b, a));
+    let is_certain = |gains: [Option<GainInterval>; 2]| gains.iter().flatten().any(GainInterval::is_certain);
+    let in_blocks_or_depth = || is_certain([in_blocks, blocks.and_then(|(b, a)| depth_gain_percent(b, a))]);
+    let certain_in_blocks = of_time || blocks.is_none() || in_blocks_or_depth();
+    let certain = is_certain([singly, depth]) && certain_in_blocks;
     if certain && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
 }

@@ -28,8 +28,3 @@ pub(super) fn significant(p_value: f64, tests: usize, gains: &[f64], thresholds:
         && gains.iter().sum::<f64>() > 0.0
         && mean_to_standard_error(gains) > thresholds.least_gain_t
 }
-
-/// Differences a − b of the gains of every frame.
-pub(super) fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a - b).collect()
-}

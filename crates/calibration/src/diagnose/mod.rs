@@ -25,7 +25,6 @@ pub mod bad_frames;
 mod candidate_blocks;
 pub mod candidates;
 mod closed_loop;
-mod constant_search;
 pub mod decision;
 pub mod declarations;
 mod diagnosis;
@@ -50,6 +49,7 @@ pub mod separability;
 mod step;
 mod stepwise_selection;
 mod thresholds;
+mod variant_search;
 
 pub use closed_loop::diagnose;
 pub use diagnosis::Diagnosis;

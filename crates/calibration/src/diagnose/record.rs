@@ -89,6 +89,8 @@ fn step(step: &Step) -> DiagnosisStep {
         effects: step.effects.clone(),
         indistinguishable: step.indistinguishable.clone(),
         with: step.spec.to_string(),
+        place: step.place,
+        places_not_told_apart: step.places_not_told_apart.clone(),
         parameters: step.parameters.clone(),
         size_mm: step.size_mm,
         p_value: step.p_value,

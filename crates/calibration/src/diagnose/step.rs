@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use depthcal_io::{DiagnosisParameter, GainInterval, HeldOutErrors, Interval};
-use depthcal_model::{Block, PieceSpec};
+use depthcal_io::{DiagnosisParameter, DiagnosisPlace, GainInterval, HeldOutErrors, Interval};
+use depthcal_model::{Block, PieceSpec, Placement};
 
 use super::augmented_model::{AddedEffect, AugmentedModel};
 use super::error::DiagnoseError;
@@ -22,6 +22,10 @@ pub struct Step {
     pub spec: PieceSpec,
     /// Effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
+    /// Where and how it acts, for an effect of depth.
+    pub place: Option<DiagnosisPlace>,
+    /// Its other places and forms that these captures cannot distinguish from the one it has.
+    pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// Its fitted parameters; none of a free map.
     pub parameters: Vec<DiagnosisParameter>,
     /// Root mean square size over the observations, mm.
@@ -65,6 +69,8 @@ pub(super) fn steps(
             effects: added.effects.clone(),
             spec: added.evidence.spec.clone(),
             indistinguishable: added.indistinguishable.clone(),
+            place: place(&added.evidence.block, added.evidence.spec.placement),
+            places_not_told_apart: not_told_apart(added),
             parameters,
             size_mm,
             p_value: added.p_value,
@@ -75,6 +81,16 @@ pub(super) fn steps(
         })
     };
     model.added.iter().zip(befores).map(step).collect()
+}
+
+/// Place and form in which a piece acts on depth; `None` for pieces that have none.
+fn place(block: &Block, placement: Placement) -> Option<DiagnosisPlace> {
+    let piece = block.piece().filter(|piece| piece.can_be_placed())?;
+    Some(DiagnosisPlace { of: placement.of, on: placement.on.unwrap_or(piece.form()) })
+}
+
+fn not_told_apart(added: &AddedEffect) -> Vec<DiagnosisPlace> {
+    added.placements_not_told_apart.iter().filter_map(|spec| place(&added.evidence.block, spec.placement)).collect()
 }
 
 /// The block of a name and the range of its parameters among those of the camera.
@@ -121,6 +137,7 @@ mod tests {
                 evidence,
                 effects,
                 indistinguishable: Vec::new(),
+                placements_not_told_apart: Vec::new(),
                 p_value: 0.0,
                 after: first.held_out.clone(),
             }
@@ -131,7 +148,8 @@ mod tests {
         let mut present = model.fitted(&model.present()).unwrap();
         // The last effect stays: the loop tests it when it is added.
         let removed = model.remove_unnecessary(&mut present, examination.tests).unwrap();
-        assert_eq!(removed, [PieceSpec::new("incidence_bias")]);
+        let removed: Vec<&str> = removed.iter().map(|spec| spec.name.as_str()).collect();
+        assert_eq!(removed, ["incidence_bias"]);
         let names: Vec<&str> = model.added.iter().map(|a| a.evidence.name.as_str()).collect();
         assert_eq!(names, ["cyclic_depth", "radial_range"]);
         // Every step begins with the errors with which the one before ended.

@@ -3,8 +3,9 @@
 //! An effect that resembles two others may be the best single one, and unnecessary once both are selected. So effects that the
 //! others make unnecessary are removed after each search forwards (floating search: Pudil, Novovičová, Kittler 1994).
 
+use super::evidence::difference;
 use super::examination::Examination;
-use super::merit::{difference, penalized_merit, significant};
+use super::merit::{penalized_merit, significant};
 use super::thresholds::Thresholds;
 
 /// Effects that explain the residuals together.

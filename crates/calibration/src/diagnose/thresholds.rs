@@ -33,6 +33,9 @@ pub struct Thresholds {
     /// Mean over standard error of the paired differences of two effects' gains that distinguishes them (2). Guards against
     /// presenting one of two indistinguishable effects as the only explanation.
     pub distinguishing_t: f64,
+    /// Smallest share of its score statistic by which an effect has to explain more in another place and form than in that of its own
+    /// equation, to be added there although the captures cannot tell them apart.
+    pub least_placement_gain: f64,
     /// Minimum fraction of its own gain that an effect must retain when fitted jointly with a competing free function (0.25).
     /// Guards against naming an effect that only imitates an unknown map while something is unexplained.
     pub least_kept_gain: f64,
@@ -138,6 +141,7 @@ impl Default for Thresholds {
             least_explained_of_planes: 0.7,
             plane_scatter: 1.5,
             distinguishing_t: 2.0,
+            least_placement_gain: 0.01,
             least_kept_gain: 0.25,
             clustered_level: 0.03,
             least_named_share: 0.01,

@@ -3,9 +3,10 @@
 use depthcal_io::{GainInterval, HeldOutErrors, Interval};
 use depthcal_statistics::Bootstrap;
 use rayon::prelude::*;
-use tracing::warn;
+use tracing::{debug, warn};
 
 use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_strided};
+use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
 use crate::adjust::leave_out::cameras_without_parts;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
@@ -53,7 +54,9 @@ pub fn cross_validate_strided(
     let part_of = parts_of(&markers, parts, how);
     let is_joint = options.estimator == Estimator::Joint && fit.with_depth && !has_fields(options)?;
     let linear = if is_joint {
-        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts)
+        let cameras = cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts);
+        // Where one step does not lead to the optimum without the part, the model is adjusted.
+        cameras.into_iter().map(|camera| camera.filter(|camera| is_linear(fit, camera))).collect()
     } else {
         vec![None; parts]
     };
@@ -63,7 +66,10 @@ pub fn cross_validate_strided(
         let rest = || fit.capture.subset(|i, _| part_of[i] != part);
         let camera = match &linear[part] {
             Some(camera) => Ok(camera.clone()),
-            None if is_joint => readjust(fit, rest(), options).map(|fit| fit.camera),
+            None if is_joint => {
+                debug!("without part {part} of the frames the model is adjusted anew");
+                readjust(fit, rest(), options).map(|fit| fit.camera)
+            }
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
         let evaluated =
@@ -179,8 +185,26 @@ pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInt
 }
 
 /// The same of depth weighted by the noise, so that near pixels, where noise is small, count as much as far ones, and of the
-/// reprojection error, together: the sum of their falls.
+/// reprojection error, together: the sum of their falls. Every frame counts alike, by the geometric mean of the frames' errors: a frame
+/// far outside the others' poses, which they do not determine, decides nothing alone.
 pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
+    let logarithm = |[before, after]: [(f64, f64); 2]| {
+        let ratio = pooled_rms([after].into_iter()) / pooled_rms([before].into_iter());
+        if ratio.is_finite() && ratio > 0.0 { ratio.ln() } else { 0.0 }
+    };
+    let falls: Vec<[f64; 2]> =
+        weighted_pairs(before, after, noise).into_iter().map(|kinds| kinds.map(logarithm)).collect();
+    gain_over(falls.len(), |drawn| {
+        let fall = |kind: usize| {
+            let mean = drawn.iter().map(|d| falls[*d][kind]).sum::<f64>() / drawn.len() as f64;
+            100.0 * (1.0 - mean.exp())
+        };
+        fall(0) + fall(1)
+    })
+}
+
+/// Sum and number of the squared weighted depth errors and of the squared reprojection errors of every frame, before and after.
+fn weighted_pairs(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Vec<[[(f64, f64); 2]; 2]> {
     let weighted = |f: &EvaluatedFrame| {
         // A depth error e has the size e ρ² in inverse depth.
         let of_noise = f.pixels.iter().map(|p| {
@@ -193,17 +217,7 @@ pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &Dept
         let squares = f.reprojection.iter().map(|e| e[2] * e[2] + e[3] * e[3]);
         (squares.sum::<f64>(), f.reprojection.len() as f64)
     };
-    let pairs: Vec<[[(f64, f64); 2]; 2]> =
-        pairs(before, after).map(|p| [p.map(weighted), p.map(reprojection)]).collect();
-    gain_over(pairs.len(), |drawn| {
-        let fall = |kind: usize| {
-            let side = |i: usize| pooled_rms(drawn.iter().map(|d| pairs[*d][kind][i]));
-            let fall = fall_percent([side(0), side(1)]);
-            // Without depth, or without markers.
-            if fall.is_finite() { fall } else { 0.0 }
-        };
-        fall(0) + fall(1)
-    })
+    pairs(before, after).map(|p| [p.map(weighted), p.map(reprojection)]).collect()
 }
 
 #[cfg(test)]
@@ -263,5 +277,16 @@ mod tests {
         one[7] = 0.0;
         let lucky = depth_gain_percent(&before, &evaluated(&one)).unwrap();
         assert!(lucky.low.abs() < 1e-9 && lucky.high > lucky.value && lucky.value > 0.0, "{lucky:?}");
+        // Nineteen frames improve by a fifth, the twentieth becomes three times as bad: the whole by less than its uncertainty, the
+        // frames for certain.
+        let noise = DepthNoise { a_per_mm: 1e-6, b_mm: 0.0 };
+        let (mut before, mut after) = ([1.0; 20], [0.8; 20]);
+        (before[3], after[3]) = (2.0, 6.0);
+        let (before, after) = (evaluated(&before), evaluated(&after));
+        let pooled = depth_gain_percent(&before, &after).unwrap();
+        let weighted = weighted_gain_percent(&before, &after, &noise).unwrap();
+        assert!(pooled.low < 0.0 && weighted.low > 0.0, "{pooled:?} {weighted:?}");
+        let expected = 100.0 * (1.0 - ((19.0 * 0.8_f64.ln() + 3.0_f64.ln()) / 20.0).exp());
+        assert!((weighted.value - expected).abs() < 1e-9, "{weighted:?}");
     }
 }

@@ -22,7 +22,7 @@ use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt,
 /// Most pixels of all frames together that are kept one by one, about.
 const KEPT_PIXELS: usize = 200_000;
 /// … but of a frame at least and at most so many.
-const KEPT_OF_A_FRAME: [usize; 2] = [500, 4000];
+const KEPT_OF_A_FRAME: [usize; 2] = [200, 4000];
 
 /// Errors of one frame.
 #[derive(Debug, Clone)]

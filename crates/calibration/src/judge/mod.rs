@@ -3,5 +3,6 @@
 pub mod cross_validation;
 pub mod depth_errors;
 pub mod evaluate;
+mod linearity;
 pub mod parts;
 pub mod table;

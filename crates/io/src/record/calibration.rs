@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use depthcal_model::Target;
 use depthcal_model::hook::HookKind;
+use depthcal_model::{Of, On, Target};
 use serde::{Deserialize, Serialize};
 
 use super::reference::FileReference;
@@ -59,9 +59,19 @@ pub struct PieceRecord {
     pub name: String,
     /// Its parameters, in its own order. Names are unique within the piece.
     pub parameters: Vec<ParameterRecord>,
+    /// For an effect of depth, the state from which it takes its covariates; the true one where absent.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub of: Of,
+    /// For an effect of depth, what its shape is added to; as in its own equation where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<On>,
     /// Settings that are not estimated, such as the number of cells of a grid.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, f64>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// One parameter of a piece.

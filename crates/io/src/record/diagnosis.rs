@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use depthcal_model::{Of, On};
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
@@ -67,6 +68,12 @@ pub struct DiagnosisStep {
     pub indistinguishable: Vec<String>,
     /// The effect as given to `calibrate --with`, constants included.
     pub with: String,
+    /// Where and how it acts, for an effect of depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<DiagnosisPlace>,
+    /// Its other places and forms that these captures cannot distinguish from this one.
+    #[serde(default)]
+    pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// Its fitted parameters.
     pub parameters: Vec<DiagnosisParameter>,
     /// Root mean square of the effect over the observations, mm.
@@ -83,6 +90,15 @@ pub struct DiagnosisStep {
     pub depth_rms_after_mm: Option<Interval>,
     /// Decrease of the held-out root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
+}
+
+/// Place and form of an effect of depth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DiagnosisPlace {
+    /// The state from which it takes its covariates.
+    pub of: Of,
+    /// What its shape is added to.
+    pub on: On,
 }
 
 /// A fitted parameter of an added effect.

@@ -24,7 +24,8 @@ pub use covariate::DiagnosisCovariate;
 pub use decision::{DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisUnexplainedOutcome};
 pub use diagnosis::{
     DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
-    DiagnosisPossible, DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
+    DiagnosisPlace, DiagnosisPossible, DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability,
+    Verdict,
 };
 pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms};
 pub use findings::{

@@ -1,5 +1,5 @@
 use crate::hook::{Depth, DepthState};
-use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::piece::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar, ScanKind};
 
 const PERIOD: Constant =
     Constant::new("period_per_mm", "period", "1/mm", 4e-5).searched(Covariate::InverseDepth, ScanKind::Period);
@@ -28,6 +28,7 @@ impl Piece<Depth, 2> for DisparityRipple {
         Parameter::new("b", "1/mm", 0.0, 1e-6).meaning("Wave that repeats with every step of disparity, cosine part."),
     ];
     const CONSTANTS: &'static [Constant] = &[PERIOD];
+    const FORM: On = On::InverseDepth;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [a, b]: [T; 2], _: &Context) -> T {

@@ -1,5 +1,5 @@
 use crate::hook::{Depth, DepthState};
-use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::piece::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar, ScanKind};
 
 const BASELINE: Constant =
     Constant::new("baseline_mm", "baseline", "mm", 0.0).searched(Covariate::InverseDepth, ScanKind::Baseline);
@@ -34,6 +34,7 @@ impl Piece<Depth, 4> for ProjectorDistortion {
         Parameter::new("pr", "1/mm", 0.0, 1e-4).meaning("Radial distortion of the projector's lens."),
     ];
     const CONSTANTS: &'static [Constant] = &[BASELINE];
+    const FORM: On = On::InverseDepth;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [pxx, pxy, pyy, pr]: [T; 4], _: &Context) -> T {

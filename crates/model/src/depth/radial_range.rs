@@ -1,5 +1,5 @@
 use crate::hook::{Depth, DepthState};
-use crate::piece::{Context, Parameter, Piece, Scalar};
+use crate::piece::{Context, On, Parameter, Piece, Scalar};
 
 /// Range along the ray is reported as depth, in part: l = 1 is range, a negative l a depth that was converted twice.
 #[derive(Debug, Clone, Copy)]
@@ -12,6 +12,7 @@ impl Piece<Depth, 1> for RadialRange {
     const SOURCE: &'static str = "geometry of range and depth";
     const PARAMETERS: [Parameter; 1] =
         [Parameter::new("l", "1", 0.0, 0.1).meaning("Share of the range along the ray in what is reported as depth.")];
+    const FORM: On = On::Factor;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: DepthState<T>, [l]: [T; 1], _: &Context) -> T {

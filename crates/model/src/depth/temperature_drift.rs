@@ -1,5 +1,5 @@
 use crate::hook::{Depth, DepthState};
-use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::piece::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar, ScanKind};
 
 const REFERENCE: Constant = Constant::new("reference_c", "reference temperature", "°C", 25.0)
     .searched(Covariate::Temperature, ScanKind::Reference);
@@ -30,6 +30,7 @@ impl Piece<Depth, 2> for TemperatureDrift {
     ];
     const CONSTANTS: &'static [Constant] = &[REFERENCE];
     const NEEDS: &'static [Covariate] = &[Covariate::Temperature];
+    const FORM: On = On::InverseDepth;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, state: DepthState<T>, [s, o]: [T; 2], c: &Context) -> T {

@@ -1,5 +1,5 @@
 use crate::hook::{Depth, DepthState};
-use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::piece::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar, ScanKind};
 
 const TAU: Constant =
     Constant::new("tau_s", "time constant", "s", 300.0).searched(Covariate::Time, ScanKind::TimeConstant);
@@ -31,6 +31,7 @@ impl Piece<Depth, 2> for TemporalDrift {
     ];
     const CONSTANTS: &'static [Constant] = &[TAU];
     const NEEDS: &'static [Covariate] = &[Covariate::Time];
+    const FORM: On = On::InverseDepth;
 
     #[inline(always)]
     fn map<T: Scalar>(&self, state: DepthState<T>, [s, o]: [T; 2], c: &Context) -> T {

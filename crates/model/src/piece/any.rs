@@ -6,6 +6,7 @@ use super::constant::{Constant, Options, Scan};
 use super::context::Context;
 use super::covariate::Covariate;
 use super::parameter::Parameter;
+use super::placement::{On, Placement};
 use super::role::Role;
 use crate::grid::layout::FieldLayout;
 use crate::grid::nodes::Domain;
@@ -57,6 +58,20 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     /// [`Piece::OFFSET_MAP`](super::Piece::OFFSET_MAP).
     fn is_offset_map(&self) -> bool {
         false
+    }
+    /// [`Piece::FORM`](super::Piece::FORM).
+    fn form(&self) -> On {
+        On::Depth
+    }
+    /// Where it acts on depth, and how.
+    fn placement(&self) -> Placement {
+        Placement::default()
+    }
+    /// Whether it can act in another place and form ([`Placement`]): an effect of depth that is no field. Light of the whole frame
+    /// adds to the phase at the true range, and nowhere else.
+    fn can_be_placed(&self) -> bool {
+        let of_light = self.needs().contains(&Covariate::StrayLight);
+        self.hook() == HookKind::Depth && self.role() == Role::Effect && self.field().is_none() && !of_light
     }
     /// Its constant that a search for missing effects varies.
     fn scan(&self) -> Option<Scan> {

@@ -11,6 +11,7 @@ use super::context::Context;
 use super::covariate::Covariate;
 use super::definition::Piece;
 use super::parameter::Parameter;
+use super::placement::On;
 use super::role::Role;
 use crate::hook::{Hook, HookKind, MAX_STATE};
 
@@ -103,6 +104,10 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> AnyPiece for Erased<H, P, M> {
 
     fn role(&self) -> Role {
         M::ROLE
+    }
+
+    fn form(&self) -> On {
+        M::FORM
     }
 
     fn needs(&self) -> &'static [Covariate] {

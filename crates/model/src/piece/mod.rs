@@ -11,6 +11,8 @@ mod covariate;
 mod definition;
 mod erased;
 mod parameter;
+mod placed;
+mod placement;
 mod role;
 
 pub use crate::scalar::Scalar;
@@ -23,4 +25,6 @@ pub use definition::Piece;
 pub(crate) use erased::Erased;
 pub use erased::erase;
 pub use parameter::Parameter;
+pub(crate) use placed::placed;
+pub use placement::{Of, On, Placement, REFERENCE_DEPTH_MM};
 pub use role::Role;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 
 use super::answers::{arrow, gain};
-use super::sentences::{capture, decision, declaration, frame_cause};
+use super::sentences::{capture, decision, declaration, frame_cause, place};
 use crate::format::{count, join, measured, number, p_value, percent, pieces};
 use crate::html::escape;
 use crate::input::ReportDiagnosis;
@@ -44,6 +44,7 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
 fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
     let name = s.effects.first().map_or("", String::as_str);
     let mut notes = vec![summary(d.register, name).to_owned()];
+    notes.extend(place(s));
     if s.effects.len() > 1 {
         notes.push(format!("found together with {}", join(&s.effects[1..])));
     }

@@ -1,11 +1,13 @@
 //! Findings, decisions and proposals of a diagnosis in sentences, worded from their data in the record.
 
+use std::fmt::Write;
+
 use depthcal_io::{
     DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate, DiagnosisDecision,
-    DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisShared, DiagnosisUnexplainedOutcome,
+    DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisPlace, DiagnosisPossible,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
 };
-use depthcal_model::Covariate;
+use depthcal_model::{Covariate, Of, On};
 
 use crate::format::{count, interval, join, number, percent, pieces, quantity, signed};
 
@@ -260,6 +262,21 @@ fn proposed_frame(frame: &DiagnosisProposedFrame) -> String {
         format!(", with the camera {} warmer than in the warmest frame", quantity(c, "°C"))
     });
     format!("a frame with the board {} away, {place}, {tilt}{warmer}", quantity(frame.distance_mm / 1000.0, "m"))
+}
+
+/// Where and how an effect of depth acts, with the places and forms that the captures cannot tell from it; `None` for other effects.
+pub fn place(step: &DiagnosisStep) -> Option<String> {
+    let words = |p: &DiagnosisPlace| format!("{}, {}", p.of.words(), p.on.words());
+    let mut text = format!("acts {}", words(step.place.as_ref()?));
+    let others: Vec<String> = step.places_not_told_apart.iter().map(words).collect();
+    let _ = match others.len() {
+        0 => Ok(()),
+        n if n + 1 == Of::ALL.len() * On::ALL.len() => {
+            write!(text, ", as far as these captures tell: any other place and form explains them as well")
+        }
+        _ => write!(text, "; these captures cannot tell this from: {}", others.join("; ")),
+    };
+    Some(text)
 }
 
 #[cfg(test)]

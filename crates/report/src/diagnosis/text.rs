@@ -5,7 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{DiagnosisCandidate, DiagnosisFile, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
 
 use super::answers::arrow;
-use super::sentences::{capture, declaration, frame_cause, left_over, possible, pure_error};
+use super::sentences::{capture, declaration, frame_cause, left_over, place, possible, pure_error};
 use crate::format::{interval, join, measured, number, p_equals, p_value, percent, pieces, quantity};
 use crate::left_out::share;
 
@@ -61,6 +61,9 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep) -> String {
     let mut t = String::new();
     let (size, p) = (quantity(s.size_mm, "mm"), p_equals(s.p_value));
     let _ = writeln!(t, "{number_of_step}. added {}: {size} rms, {p}", pieces(&s.with));
+    if let Some(place) = place(s) {
+        let _ = writeln!(t, "   {place}");
+    }
     s.parameters.iter().for_each(|p| t += &parameter(p));
     let _ = writeln!(t, "   held-out frames: {}", errors(&s.before, &s.after));
     if let Some(gain) = &s.depth_gain_percent {
@@ -131,7 +134,8 @@ fn candidates(effects: &[DiagnosisCandidate]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use depthcal_io::{DiagnosisRound, GainInterval};
+    use depthcal_io::{DiagnosisPlace, DiagnosisRound, GainInterval};
+    use depthcal_model::{Of, On};
 
     /// A record of one step, without errors of depth before it.
     fn record() -> DiagnosisFile {
@@ -140,7 +144,9 @@ mod tests {
         let step = DiagnosisStep {
             effects: vec!["cyclic_depth".to_owned(), "range_offset".to_owned()],
             indistinguishable: vec!["disparity_ripple".to_owned()],
-            with: "cyclic_depth@period_mm=299.90356313997415".to_owned(),
+            with: "cyclic_depth@of=measured@period_mm=299.90356313997415".to_owned(),
+            place: Some(DiagnosisPlace { of: Of::Measured, on: On::Depth }),
+            places_not_told_apart: vec![DiagnosisPlace { of: Of::True, on: On::Factor }],
             parameters: vec![
                 DiagnosisParameter { name: "a".into(), value: 2.98123, unit: "mm".into(), std: Some(0.0123) },
                 DiagnosisParameter { name: "b".into(), value: 0.5, unit: "1".into(), std: None },
@@ -186,7 +192,8 @@ mod tests {
         let expected = "\
 effect: cyclic_depth was missing and was added; these captures show nothing else
 
-1. added cyclic_depth (period 300 mm): 2.10 mm rms, p < 1e-16
+1. added cyclic_depth (after the depth model, period 300 mm): 2.10 mm rms, p < 1e-16
+   acts after the depth model, added to depth; these captures cannot tell this from: before the depth model, as a factor of depth
      a             2.981 ± 0.012     mm
      b               0.5 fixed
    held-out frames: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms

@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 
+use depthcal_model::Of;
 use depthcal_model::hook::HookKind;
 
 use super::super::camera::names;
@@ -18,7 +19,7 @@ fn piece(hook: HookKind, name: &str, parameters: &[(&str, f64)]) -> PieceRecord 
             fixed: false,
         })
         .collect();
-    PieceRecord { hook, name: name.into(), parameters, options: BTreeMap::new() }
+    PieceRecord { hook, name: name.into(), parameters, of: Of::True, on: None, options: BTreeMap::new() }
 }
 
 /// A camera that every format can hold.

@@ -1,4 +1,4 @@
-use depthcal_model::Pattern;
+use depthcal_model::{Of, On, Pattern};
 use proptest::prelude::*;
 
 use super::*;
@@ -17,12 +17,16 @@ pub(crate) fn example() -> Calibration {
             parameter("fy", "px", 0.1 + 0.2, Some(0.1)),
             parameter("skew", "px", 0.0, None),
         ],
+        of: Of::True,
+        on: None,
         options: BTreeMap::new(),
     };
     let spline = PieceRecord {
         hook: HookKind::Depth,
         name: "bspline".into(),
         parameters: vec![parameter("a_0_0", "1/mm", 1.3406e-4, Some(1e-7))],
+        of: Of::Measured,
+        on: Some(On::Factor),
         options: BTreeMap::from([("columns".into(), 6.0)]),
     };
     Calibration {

@@ -1,0 +1,191 @@
+//! Search for the variant of an effect that explains most: the value of its constant, its place and its form.
+//!
+//! A wave over depth has another period in the measured depth than in the true one wherever D scales depth, and another phase where
+//! D tilts it; in the wrong place no period explains it. So the constants of such effects are searched in both places. Forms
+//! only weight the effect over distance: they are compared at the best constant of each place, and the constant is refined in
+//! the best of them.
+
+use depthcal_model::{Of, PieceSpec, Placement, Register};
+use depthcal_solver::score::{Linearization, ScoreError};
+use depthcal_statistics::mean_to_standard_error;
+use rayon::prelude::*;
+
+use super::candidate_blocks::{CandidateBlock, linearize};
+use super::candidates::{Effect, around, finer, missing_effects};
+use super::evidence::{Evidence, difference};
+use super::observed_states::ObservedStates;
+use super::thresholds::Thresholds;
+use crate::calibrate::Calibrated;
+
+/// Variants that are tested in one linearisation: enough to share its cost, few enough to share the variants among threads.
+const VARIANTS_PER_LINEARIZATION: usize = 12;
+
+/// An effect with a value of its constant in a place and a form.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Variant {
+    /// Value of the constant; `None` where it has none or it is not searched.
+    pub value: Option<f64>,
+    pub placement: Placement,
+}
+
+/// The best variant of an effect, and the factor by which p-values are to be multiplied for the number of variants.
+pub(super) struct BestVariant {
+    pub variant: Variant,
+    pub correction: f64,
+}
+
+/// Variants of one of several effects, by its number, with their score statistics.
+type Scored = (usize, Variant, f64);
+
+/// Tests variants of `effects`, each given with the number of its effect, and hands each linearisation with the tested ones to `read`.
+fn test<T: Send>(
+    fit: &Calibrated,
+    register: &Register,
+    effects: &[Effect],
+    variants: &[(usize, Variant)],
+    read: impl Fn(&Linearization, &[(usize, Variant)]) -> Vec<T> + Sync,
+) -> Result<Vec<T>, ScoreError> {
+    let chunks: Result<Vec<Vec<T>>, ScoreError> = variants
+        .par_chunks(VARIANTS_PER_LINEARIZATION)
+        .map(|chunk| {
+            let candidate = |(i, v): &(usize, Variant)| {
+                CandidateBlock::effect(register, effects[*i].spec(v.value, v.placement)).map(|c| ((*i, *v), c))
+            };
+            let (tested, candidates): (Vec<_>, Vec<_>) = chunk.iter().filter_map(candidate).unzip();
+            Ok(read(&linearize(fit, &candidates)?, &tested))
+        })
+        .collect();
+    Ok(chunks?.into_iter().flatten().collect())
+}
+
+/// Score statistics of variants.
+fn scored(
+    fit: &Calibrated,
+    register: &Register,
+    effects: &[Effect],
+    variants: &[(usize, Variant)],
+) -> Result<Vec<Scored>, ScoreError> {
+    test(fit, register, effects, variants, |linearization, tested| {
+        tested.iter().enumerate().map(|(k, (i, v))| (*i, *v, linearization.score(k).statistic)).collect()
+    })
+}
+
+/// The variant of effect `i` with the largest statistic among those that `select` accepts; of equals the first.
+fn best(scores: &[Scored], i: usize, select: impl Fn(&Variant) -> bool) -> Option<(Variant, f64)> {
+    let own = scores.iter().filter(|(k, v, _)| *k == i && select(v)).map(|(_, v, s)| (*v, *s));
+    own.reduce(|a, b| if b.1 > a.1 { b } else { a })
+}
+
+/// The variant with the largest score statistic of every effect; `None` for those that cannot be tested.
+///
+/// # Errors
+///
+/// [`ScoreError`] where the problem cannot be evaluated.
+pub(super) fn best_variants(
+    fit: &Calibrated,
+    register: &Register,
+    effects: &[Effect],
+    thresholds: &Thresholds,
+) -> Result<Vec<Option<BestVariant>>, ScoreError> {
+    // Its own form with all values of its constant, in both places where that makes a difference.
+    let coarse = effects.iter().enumerate().flat_map(|(i, effect)| {
+        let values =
+            if effect.values.is_empty() { vec![None] } else { effect.values.iter().copied().map(Some).collect() };
+        let places = if effect.shifts { &effect.placements[..] } else { &effect.placements[..1] };
+        let own_form: Vec<Placement> = places.iter().copied().filter(|p| p.on.is_none()).collect();
+        own_form
+            .into_iter()
+            .flat_map(move |placement| values.clone().into_iter().map(move |value| (i, Variant { value, placement })))
+    });
+    let mut scores = scored(fit, register, effects, &coarse.collect::<Vec<_>>())?;
+    // All places and forms with the best value of the place.
+    let forms = effects.iter().enumerate().flat_map(|(i, effect)| {
+        let of_place = |of: Of| best(&scores, i, |v| v.placement.of == of).or_else(|| best(&scores, i, |_| true));
+        let variant = |placement: &Placement| Some((i, Variant { placement: *placement, ..of_place(placement.of)?.0 }));
+        effect.placements.iter().filter_map(variant).collect::<Vec<_>>()
+    });
+    let forms: Vec<_> = forms.filter(|new| !scores.iter().any(|(i, v, _)| (*i, *v) == *new)).collect();
+    scores.extend(scored(fit, register, effects, &forms)?);
+    // Finer values in the best place and form.
+    let fine = effects.iter().enumerate().filter(|(_, effect)| effect.refine).flat_map(|(i, effect)| {
+        let found = best(&scores, i, |_| true).map(|(v, _)| v);
+        let value = found.and_then(|v| v.value).filter(|v| v.is_finite());
+        let values = value.map_or_else(Vec::new, |value| finer(&effect.values, value));
+        found
+            .into_iter()
+            .flat_map(move |v| values.clone().into_iter().map(move |x| (i, Variant { value: Some(x), ..v })))
+    });
+    let fine: Vec<_> = fine.collect();
+    scores.extend(scored(fit, register, effects, &fine)?);
+    let found = effects.iter().enumerate().map(|(i, effect)| {
+        let (variant, _) = best(&scores, i, |_| true)?;
+        let variants = (effect.values.len().max(1) * effect.placements.len()) as f64;
+        Some(BestVariant { variant, correction: (variants / thresholds.values_per_test).max(1.0) })
+    });
+    Ok(found.collect())
+}
+
+/// An effect that was added, as a search jointly with everything else that `fit` has finds it.
+pub(super) struct Refined {
+    /// Its evidence with a better value of its constant, a better place or a better form.
+    pub evidence: Evidence,
+    /// The places and forms that these captures cannot tell from it.
+    pub rivals: Vec<PieceSpec>,
+}
+
+/// Searches constant, place and form of an effect that was added; `None` where nothing of it is searched, or where parameters of
+/// the effect are held. Its own equation's place and form are taken where they cannot be told from the best and explain
+/// nearly as much.
+pub(super) fn refined_variant(
+    fit: &Calibrated,
+    register: &Register,
+    added: &Evidence,
+    thresholds: &Thresholds,
+) -> Option<Refined> {
+    if added.reduced.as_ref() == Some(&added.spec) {
+        return None;
+    }
+    let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != added.name), ..fit.clone() };
+    let states = ObservedStates::of(fit);
+    let effect = missing_effects(register, &without.camera, &states).into_iter().find(|e| e.name == added.name)?;
+    let effects = std::slice::from_ref(&effect);
+    let values: Vec<Option<f64>> = match added.value {
+        _ if !effect.afterwards.is_empty() => effect.afterwards.iter().copied().map(Some).collect(),
+        Some(value) if effect.refine && value.is_finite() => {
+            around(value, &effect.values).into_iter().map(Some).collect()
+        }
+        value => vec![value],
+    };
+    if values.len() < 2 && effect.placements.len() < 2 {
+        return None;
+    }
+    let own_form = effect.placements.iter().copied().filter(|p| p.on.is_none() || *p == added.spec.placement);
+    let first =
+        own_form.flat_map(|placement| values.iter().map(move |value| (0, Variant { value: *value, placement })));
+    let mut scores = scored(&without, register, effects, &first.collect::<Vec<_>>()).ok()?;
+    let of_place = |of: Of| best(&scores, 0, |v| v.placement.of == of);
+    let forms = effect.placements.iter().filter_map(|placement| {
+        let variant = Variant { placement: *placement, ..of_place(placement.of)?.0 };
+        (!scores.iter().any(|(_, v, _)| *v == variant)).then_some((0, variant))
+    });
+    scores.extend(scored(&without, register, effects, &forms.collect::<Vec<_>>()).ok()?);
+    let of_placement = |p: &Placement| best(&scores, 0, |v| v.placement == *p);
+    let finals: Vec<(usize, Variant)> =
+        effect.placements.iter().filter_map(of_placement).map(|(v, _)| (0, v)).collect();
+    // A frame that decides alone decides nothing: places are told apart by gains on left-out frames.
+    let gains = test(&without, register, effects, &finals, |linearization, tested| {
+        tested.iter().enumerate().map(|(k, (_, v))| (*v, linearization.held_out_gain(&[k]))).collect()
+    });
+    let gains: Vec<(Variant, Vec<f64>)> = gains.ok()?;
+    let (top, most) = best(&scores, 0, |_| true)?;
+    let of_top = &gains.iter().find(|(v, _)| *v == top)?.1;
+    let is_rival = |own: &[f64]| mean_to_standard_error(&difference(of_top, own)) < thresholds.distinguishing_t;
+    let tied: Vec<Variant> = gains.iter().filter(|(v, own)| *v == top || is_rival(own)).map(|(v, _)| *v).collect();
+    let own = of_placement(&Placement::default())
+        .filter(|(v, statistic)| tied.contains(v) && most - statistic < thresholds.least_placement_gain * most);
+    let chosen = own.map_or(top, |(v, _)| v);
+    let spec = |v: &Variant| effect.spec(v.value, v.placement);
+    let rivals = tied.iter().filter(|v| v.placement != chosen.placement).map(spec).collect();
+    let spec = spec(&chosen);
+    Some(Refined { evidence: Evidence { spec, value: chosen.value, ..added.clone() }, rivals })
+}
