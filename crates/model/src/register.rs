@@ -61,17 +61,9 @@ pub enum RegisterError {
         /// The nearest value in its range.
         nearest: String,
     },
-    /// A place or a form that does not exist.
-    #[error(
-        "'{given}' is no place or form of '{name}': write {name}@of=true or @of=measured, and @on=depth, @on=inverse_depth or \
-         @on=factor"
-    )]
-    UnknownPlacement {
-        /// The piece.
-        name: String,
-        /// The text given.
-        given: String,
-    },
+    /// A place or a form that does not exist: [`SpecError::BadPlacement`].
+    #[error(transparent)]
+    BadPlacement(SpecError),
     /// A place or a form for a piece that has none.
     #[error("'{name}' takes no @of= and no @on=: only effects that act on depth do")]
     NoPlacement {
@@ -282,7 +274,7 @@ impl Register {
             SpecError::NoName { spec } => {
                 RegisterError::UnknownPiece { name: spec, known: self.names().map(str::to_owned).collect() }
             }
-            SpecError::BadPlacement { name, given } => RegisterError::UnknownPlacement { name, given },
+            SpecError::BadPlacement { .. } => RegisterError::BadPlacement(error),
             SpecError::BadConstant { name, given } => match self.piece(&name, &Options::new()) {
                 Err(unknown) => unknown,
                 Ok(piece) => {

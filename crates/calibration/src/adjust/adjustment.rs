@@ -114,8 +114,9 @@ impl Adjustment {
         let image = graph.add_batch(ImageBatch::new(shared.clone(), groups.collect(), Loss::Huber { delta: HUBER }));
         let depth = with_depth.then(|| {
             let frames = frames().filter(|(f, _)| !f.samples().is_empty());
-            // Samples that share planes of their frames: of the right weight beside the markers, each still with the others' (the
-            // magnitude adjustment of a composite likelihood; Pauli, Racugno, Ventura 2011).
+            // The samples of a frame share the error of its plane and are not independent. One factor for all of them corrects the
+            // weight of depth relative to the markers (the magnitude adjustment of a composite likelihood; Pauli, Racugno,
+            // Ventura 2011).
             let weight = 1.0 / noise.planes.design_effect;
             let loss = Loss::Huber { delta: HUBER }.scaled(weight);
             graph.add_batch(if by_node {

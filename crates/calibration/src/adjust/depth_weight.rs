@@ -1,4 +1,4 @@
-//! Whether depth predicts left-out frames better with less weight beside the markers.
+//! Whether a lower weight of depth, relative to the markers, predicts the depth of left-out frames better.
 //!
 //! Where frames have planes of their own, the samples of a frame are no independent observations, and depth that counts as such
 //! pulls the camera's parameters away from what the markers say. But where the depth model is wrong in a way that these
@@ -29,11 +29,8 @@ fn held_out_cost(fitted: &[FrameInformation], held_out: &[FrameInformation]) -> 
     let part_of = |frame: usize| frame * PARTS / count.max(1);
     let without = |part: usize| {
         let n = fitted.first()?.fitted.1.len();
-        let (mut normal, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
-        for (_, frame) in fitted.iter().enumerate().filter(|(i, _)| part_of(*i) != part) {
-            normal += &frame.fitted.0;
-            gradient += &frame.fitted.1;
-        }
+        let rest = fitted.iter().enumerate().filter(|(i, _)| part_of(*i) != part).map(|(_, frame)| frame);
+        let (normal, gradient) = FrameInformation::added((DMatrix::zeros(n, n), DVector::zeros(n)), rest);
         solve_scaled(normal, &-gradient)
     };
     let estimates: Vec<Option<DVector<f64>>> = (0..PARTS).map(without).collect();

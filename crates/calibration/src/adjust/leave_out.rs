@@ -8,7 +8,7 @@ use depthcal_model::Camera;
 
 use super::adjustment::{Adjustment, Curvature};
 use super::smoothness_prior::Smoothness;
-use super::smoothness_selection::{prior, solve_scaled};
+use super::smoothness_selection::{FrameInformation, prior, solve_scaled};
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture};
 
@@ -36,11 +36,8 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
         free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
     };
     let without = |part: usize| {
-        let (mut normal, mut gradient) = (precision.clone(), pull.clone());
-        for (frame, _) in frames.iter().zip(part_of).filter(|(_, of)| **of != part) {
-            normal += &frame.fitted.0;
-            gradient += &frame.fitted.1;
-        }
+        let rest = frames.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(frame, _)| frame);
+        let (normal, gradient) = FrameInformation::added((precision.clone(), pull.clone()), rest);
         let step = solve_scaled(normal, &-gradient)?;
         let mut theta = camera.theta();
         for (i, step) in free.iter().zip(step.iter()) {

@@ -21,6 +21,18 @@ pub struct FrameInformation {
 }
 
 impl FrameInformation {
+    /// Adds what `frames` say where they are fitted to a normal matrix and a gradient, in their order.
+    pub fn added<'a>(
+        (mut normal, mut gradient): (DMatrix<f64>, DVector<f64>),
+        frames: impl Iterator<Item = &'a Self>,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        for frame in frames {
+            normal += &frame.fitted.0;
+            gradient += &frame.fitted.1;
+        }
+        (normal, gradient)
+    }
+
     /// From normal matrix and gradient of image and of depth. The columns of both are the pose, `pose` components, and then the
     /// camera's free parameters. Where the frame is fitted, depth counts `depth_weight` times.
     pub fn new(

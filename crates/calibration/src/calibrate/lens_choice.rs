@@ -163,12 +163,8 @@ fn compare_orders(fit: &Calibrated<PosedFrame>, orders: &[LensOrder]) -> Vec<Com
             let folds = frames.len().clamp(1, MOST_FOLDS);
             let sum = |keep: &dyn Fn(usize) -> bool| {
                 let n = step.held.len();
-                let mut total = (DMatrix::zeros(n, n), DVector::zeros(n));
-                for (_, f) in frames.iter().enumerate().filter(|(i, _)| keep(*i)) {
-                    total.0 += &f.fitted.0;
-                    total.1 += &f.fitted.1;
-                }
-                step.solve(&total)
+                let kept = frames.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, frame)| frame);
+                step.solve(&FrameInformation::added((DMatrix::zeros(n, n), DVector::zeros(n)), kept))
             };
             let left_out: Vec<Option<DVector<f64>>> = (0..folds).map(|fold| sum(&|i| i % folds != fold)).collect();
             let cost = |(i, (f, present)): (usize, (&FrameInformation, &f64))| {

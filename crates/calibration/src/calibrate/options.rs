@@ -50,9 +50,9 @@ pub struct CalibrateOptions {
     pub samples_per_frame: usize,
     /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing effects.
     pub samples_for_search: bool,
-    /// Whether the depth of whole frames may scatter by planes of their own: their variance is then estimated, and depth weighs
-    /// no more beside the markers than it allows, where left-out frames are predicted better so. Not of models with fields, which
-    /// take up what such planes would explain.
+    /// Whether every frame may have a plane of its own that is added to its depth. The variance of these planes is then estimated, and
+    /// the weight of depth relative to the markers is lowered accordingly, if that predicts left-out frames better. Not used for
+    /// models with fields, which describe such planes themselves.
     pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,

@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use depthcal_model::{Covariate, PieceSpec};
+use depthcal_model::{Covariate, PieceSpec, Placement};
 use tracing::info;
 
 use super::evidence::Evidence;
@@ -37,7 +37,7 @@ pub(super) struct AddedEffect {
     /// Effects that the captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
     /// Its other places and forms that the captures cannot distinguish from the one it has.
-    pub placements_not_told_apart: Vec<PieceSpec>,
+    pub placements_not_told_apart: Vec<Placement>,
     /// p-value, corrected for the number of effects tested.
     pub p_value: f64,
     /// Held-out errors of the model with it and those before it.
@@ -82,7 +82,7 @@ impl Basis {
 }
 
 /// What came of effects that were tried.
-pub enum Addition {
+pub(super) enum Addition {
     /// They are in the model, which was fitted.
     Added(Box<Fitted>),
     /// They are not; the first of them may be missing, where it is possible.

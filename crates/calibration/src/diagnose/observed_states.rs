@@ -66,8 +66,8 @@ impl ObservedStates {
             let plane = BoardPlane::new(pose);
             for sample in frame.samples.iter().step_by(step) {
                 let Ok(ray) = fit.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm) else { continue };
-                let Some(depth) = plane.depth(ray) else { continue };
-                states.depth.push([ray[0], ray[1], 1.0 / depth, plane.cos_incidence(ray)]);
+                let Some(state) = plane.depth_state(ray) else { continue };
+                states.depth.push(state);
                 states.contexts.push(sample.context);
             }
             for marker in &frame.markers {

@@ -90,7 +90,7 @@ fn place(block: &Block, placement: Placement) -> Option<DiagnosisPlace> {
 }
 
 fn not_told_apart(added: &AddedEffect) -> Vec<DiagnosisPlace> {
-    added.placements_not_told_apart.iter().filter_map(|spec| place(&added.evidence.block, spec.placement)).collect()
+    added.placements_not_told_apart.iter().filter_map(|other| place(&added.evidence.block, *other)).collect()
 }
 
 /// The block of a name and the range of its parameters among those of the camera.

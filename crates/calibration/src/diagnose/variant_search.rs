@@ -5,7 +5,7 @@
 //! only weight the effect over distance: they are compared at the best constant of each place, and the constant is refined in
 //! the best of them.
 
-use depthcal_model::{Of, PieceSpec, Placement, Register};
+use depthcal_model::{Of, Placement, Register};
 use depthcal_solver::score::{Linearization, ScoreError};
 use depthcal_statistics::mean_to_standard_error;
 use rayon::prelude::*;
@@ -130,7 +130,7 @@ pub(super) struct Refined {
     /// Its evidence with a better value of its constant, a better place or a better form.
     pub evidence: Evidence,
     /// The places and forms that these captures cannot tell from it.
-    pub rivals: Vec<PieceSpec>,
+    pub rivals: Vec<Placement>,
 }
 
 /// Searches constant, place and form of an effect that was added; `None` where nothing of it is searched, or where parameters of
@@ -184,8 +184,7 @@ pub(super) fn refined_variant(
     let own = of_placement(&Placement::default())
         .filter(|(v, statistic)| tied.contains(v) && most - statistic < thresholds.least_placement_gain * most);
     let chosen = own.map_or(top, |(v, _)| v);
-    let spec = |v: &Variant| effect.spec(v.value, v.placement);
-    let rivals = tied.iter().filter(|v| v.placement != chosen.placement).map(spec).collect();
-    let spec = spec(&chosen);
+    let rivals = tied.iter().map(|v| v.placement).filter(|p| *p != chosen.placement).collect();
+    let spec = effect.spec(chosen.value, chosen.placement);
     Some(Refined { evidence: Evidence { spec, value: chosen.value, ..added.clone() }, rivals })
 }

@@ -23,8 +23,7 @@ pub(super) fn is_linear(fit: &Calibrated, stepped: &Camera) -> bool {
         let step = frame.samples.len().div_ceil(SAMPLES_PER_FRAME).max(1);
         for sample in frame.samples.iter().step_by(step) {
             let Ok(ray) = fit.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm) else { continue };
-            let Some(depth) = plane.depth(ray) else { continue };
-            let (rho, cosine) = (1.0 / depth, plane.cos_incidence(ray));
+            let Some([.., rho, cosine]) = plane.depth_state(ray) else { continue };
             let [before, middle, after] =
                 [&back, &fit.camera, stepped].map(|c| c.measured_inverse_depth(&sample.context, ray, cosine, rho));
             let second = 0.5 * (before + after - 2.0 * middle) / fit.noise.depth.sigma(rho);

@@ -26,6 +26,12 @@ impl BoardPlane {
         (z > 0.0 && z.is_finite()).then_some(z)
     }
 
+    /// The state that depth pieces are given on a ray: x, y, inverse depth of the plane (1/mm), cosine of the angle of incidence; `None`
+    /// where the ray does not meet the plane.
+    pub fn depth_state(&self, ray: [f64; 2]) -> Option<[f64; 4]> {
+        Some([ray[0], ray[1], 1.0 / self.depth(ray)?, self.cos_incidence(ray)])
+    }
+
     /// A point on a ray at a depth (mm), in board coordinates, mm.
     pub fn to_board(&self, ray: [f64; 2], depth_mm: f64) -> Point3<f64> {
         self.board_from_camera * Point3::new(ray[0] * depth_mm, ray[1] * depth_mm, depth_mm)
