@@ -56,7 +56,7 @@ fn fields_without_need_stay_flat() {
     let plain = fit(&simulation, "projective", &[]);
     let with = fit(&simulation, "projective", &["free_map"]);
     let map = with.camera.block("free_map").unwrap();
-    let errors = with.capture.frames.iter().flat_map(|f| &f.samples).map(|s| {
+    let errors = with.capture.frames.iter().flat_map(|f| f.samples.iter()).map(|s| {
         let measured = map.piece().unwrap();
         let mut rho = [0.0];
         measured.evaluate(&map.theta, &[0.0, 0.0, 1e-3, 1.0], &[s.context], &mut rho);

@@ -13,6 +13,8 @@ const MOST_STEPS: usize = 8;
 const RAY_SETTLED: f64 = 1e-8;
 /// Relative residual at which an inverse depth is accepted, see [`Camera::true_inverse_depth`].
 const DEPTH_SETTLED: f64 = 1e-13;
+/// Relative step of an inverse depth from which on slopes are taken from differences.
+const SECANT: f64 = 1e-8;
 
 impl Camera {
     /// Whether a pixel has the same ray at all depths: only a lens that breathes has not.
@@ -161,29 +163,46 @@ impl Camera {
         scratch.lost.resize(n, false);
         scratch.between.clear();
         scratch.between.resize(n, [0.0, f64::INFINITY]);
-        for _ in 0..MOST_STEPS {
+        scratch.slope.clear();
+        scratch.slope.resize(n, 1.0);
+        scratch.last.clear();
+        scratch.last.resize(n, [f64::NAN; 2]);
+        scratch.out.resize(n, 0.0);
+        scratch.d.resize(4 * n, 0.0);
+        for step in 0..MOST_STEPS {
             scratch.state.clear();
             let states = rays.iter().zip(&*rho).zip(cos_incidence);
             scratch.state.extend(states.flat_map(|((ray, rho), cos)| [ray[0], ray[1], *rho, *cos]));
-            scratch.slope.clear();
-            scratch.slope.resize(n, 1.0);
-            scratch.out.resize(n, 0.0);
-            scratch.d.resize(4 * n, 0.0);
             for (piece, theta) in self.of(HookKind::Depth) {
-                piece.linearize(theta, &scratch.state, contexts, &mut scratch.out, &mut scratch.d, None);
-                for k in 0..n {
-                    scratch.state[4 * k + 2] = scratch.out[k];
-                    scratch.slope[k] *= scratch.d[4 * k + 2];
+                // Slopes once by derivatives, then by differences, which cost a fraction.
+                if step == 0 {
+                    piece.linearize(theta, &scratch.state, contexts, &mut scratch.out, &mut scratch.d, None);
+                    let slopes = scratch.slope.iter_mut().zip(scratch.d.chunks_exact(4));
+                    slopes.for_each(|(slope, d)| *slope *= d[2]);
+                } else {
+                    piece.evaluate(theta, &scratch.state, contexts, &mut scratch.out);
                 }
+                let values = scratch.state.chunks_exact_mut(4).zip(&scratch.out);
+                values.for_each(|(state, out)| state[2] = *out);
             }
             let mut open = 0;
             for k in 0..n {
                 if scratch.settled[k] || scratch.lost[k] {
                     continue;
                 }
-                let (value, slope) = (scratch.state[4 * k + 2], scratch.slope[k]);
+                let value = scratch.state[4 * k + 2];
+                let [last_rho, last_value] = scratch.last[k];
+                // Differences far above rounding errors; NaN in the first step.
+                if (rho[k] - last_rho).abs() > SECANT * rho[k] {
+                    let secant = (value - last_value) / (rho[k] - last_rho);
+                    // Where the slope changes by much there may be a fold, which the method for single pixels knows.
+                    scratch.lost[k] = !(secant > 0.5 * scratch.slope[k] && secant < 2.0 * scratch.slope[k]);
+                    scratch.slope[k] = secant;
+                }
+                scratch.last[k] = [rho[k], value];
+                let slope = scratch.slope[k];
                 let tolerance = DEPTH_SETTLED * measured[k].abs();
-                if !(slope > 0.0) {
+                if !(slope > 0.0) || scratch.lost[k] {
                     scratch.lost[k] = true;
                 } else if (value - measured[k]).abs() <= tolerance {
                     scratch.settled[k] = true;
@@ -252,6 +271,8 @@ struct DepthScratch {
     settled: Vec<bool>,
     lost: Vec<bool>,
     between: Vec<[f64; 2]>,
+    /// Inverse depth and value of the step before.
+    last: Vec<[f64; 2]>,
 }
 
 #[cfg(test)]

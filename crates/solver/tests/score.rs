@@ -177,7 +177,7 @@ fn detectable_sizes_are_detected_as_often_as_promised() {
     for seed in 0..300 {
         let mut clean = problem(9000 + seed, 0.0, 0.0, None);
         solve(&mut clean);
-        let size = linearize(&clean).detectable_factor(0, &DVector::from_element(1, 1.0), 0.01, 0.8);
+        let size = linearize(&clean).detectable_factors(0, &[DVector::from_element(1, 1.0)], 0.01, 0.8)[0];
         let mut p = problem(9000 + seed, size, 0.0, None);
         solve(&mut p);
         found += usize::from(linearize(&p).score(0).p_value < 0.01);

@@ -10,7 +10,7 @@ use depthcal_solver::{
     BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, LinearSolver, Loss, Options,
     Report, SolveError, Values, VariableId, minimize,
 };
-use nalgebra::{DMatrix, DVector, Isometry3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Isometry3};
 use rayon::prelude::*;
 
 use super::blocks::{BlockKeys, is_depth_only};
@@ -123,7 +123,8 @@ impl Adjustment {
                 let groups = frames.flat_map(|(f, k)| cell_groups(f.samples(), *k, noise, &blocks));
                 DepthBatch::by_cell(chain, groups.collect(), loss)
             } else {
-                let groups = frames.map(|(f, k)| depth_group(f.samples(), *k, noise));
+                let frames: Vec<_> = frames.collect();
+                let groups = frames.par_iter().map(|(f, k)| depth_group(f.samples(), **k, noise));
                 DepthBatch::new(shared, groups.collect(), loss)
             })
         });
@@ -319,25 +320,26 @@ impl Adjustment {
     /// Redundancy (degrees of freedom left) of the marker and of the depth residuals: n − tr(W J Σ Jᵀ) (Förstner 1979;
     /// Koch 1999, section 3.6.1).
     pub fn redundancies(&self, covariance: &Covariance) -> (f64, f64) {
+        let of_group = |batch: &dyn FactorBatch, group: usize| {
+            let ids = batch.variables(group);
+            let columns: usize = ids.iter().map(|id| self.values.dim(*id)).sum();
+            let rows = batch.row_count(group);
+            let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * columns]);
+            if batch.evaluate(group, &self.values, &mut r, Some(&mut j)).is_err() {
+                return rows as f64;
+            }
+            // The trace of J Σ Jᵀ is that of Σ Jᵀ J. The transposed J is what lies in memory.
+            let transposed = DMatrixView::from_slice(&j, columns, rows);
+            let products = transposed * transposed.transpose();
+            // What a residual within the loss's quadratic part weighs.
+            let weight = batch.loss().evaluate(0.0)[1];
+            rows as f64 - weight * covariance.joint(ids).component_mul(&products).sum()
+        };
         let of = |batch: Option<BatchId>| -> f64 {
             let Some(batch) = batch.and_then(|b| self.graph.batch(b)) else { return 0.0 };
-            let mut redundancy = 0.0;
-            for group in 0..batch.group_count() {
-                let ids = batch.variables(group);
-                let columns: usize = ids.iter().map(|id| self.values.dim(*id)).sum();
-                let rows = batch.row_count(group);
-                let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * columns]);
-                redundancy += rows as f64;
-                if batch.evaluate(group, &self.values, &mut r, Some(&mut j)).is_err() {
-                    continue;
-                }
-                let sigma = covariance.joint(ids);
-                let j = DMatrix::from_row_slice(rows, columns, &j);
-                // What a residual within the loss's quadratic part weighs.
-                let weight = batch.loss().evaluate(0.0)[1];
-                redundancy -= weight * (&j * sigma).component_mul(&j).sum();
-            }
-            redundancy
+            let groups: Vec<f64> =
+                (0..batch.group_count()).into_par_iter().map(|group| of_group(batch, group)).collect();
+            groups.iter().sum()
         };
         (of(Some(self.image)), of(self.depth))
     }

@@ -1,6 +1,8 @@
 //! Fields of many nodes: the depth pixels of a frame are divided by the cells in which they lie, so that every group of
 //! residuals depends on the nodes of its cell and not on the whole field.
 
+use std::sync::Arc;
+
 use depthcal_model::chain::Chain;
 use depthcal_model::field::{Domain, FieldLayout};
 use depthcal_model::register::Options;
@@ -41,7 +43,7 @@ fn cells(layouts: &[FieldLayout], sample: &DepthSample) -> Vec<[usize; 2]> {
 pub(crate) fn sort_by_cell(capture: &mut Capture<SampledFrame>, camera: &Camera) {
     let layouts: Vec<FieldLayout> = camera.blocks().iter().filter_map(node_layout).collect();
     for frame in &mut capture.frames {
-        frame.samples.sort_by_cached_key(|s| cells(&layouts, s));
+        Arc::make_mut(&mut frame.samples).sort_by_cached_key(|s| cells(&layouts, s));
     }
 }
 

@@ -173,7 +173,7 @@ pub fn hold_untouched(camera: &Camera, capture: &Capture<SampledFrame>) -> Camer
         let mut touched = vec![false; block.theta.len()];
         let shared = touched.len() - layout.shared;
         touched[shared..].fill(true);
-        for sample in capture.frames.iter().flat_map(|f| &f.samples) {
+        for sample in capture.frames.iter().flat_map(|f| f.samples.iter()) {
             let (cell, _) = layout.grid.cell(sample.context.pixel);
             let bins = (0..layout.grid.bins)
                 .filter(|b| layout.grid.bins == 1 || layout.touches_bin(1.0 / sample.depth_mm, *b));

@@ -1,5 +1,7 @@
 //! A calibrated camera with everything that is known about its fit.
 
+use std::sync::Arc;
+
 use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
@@ -65,7 +67,7 @@ impl<F> Calibrated<F> {
 impl Calibrated<PosedFrame> {
     /// The same fit with frames that have no depth samples.
     pub(super) fn without_samples(self) -> Calibrated {
-        let sampled = |posed| SampledFrame { posed, samples: Vec::new() };
+        let sampled = |posed| SampledFrame { posed, samples: Arc::default() };
         let mut capture = self.capture.with_frames(Vec::new());
         capture.frames = self.capture.frames.into_iter().map(sampled).collect();
         Calibrated {

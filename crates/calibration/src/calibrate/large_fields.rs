@@ -5,6 +5,8 @@
 //! square of their distance h and their number grows with its inverse square, so that the same energy of curvature costs
 //! the same where roughness is proportional to h.
 
+use std::sync::Arc;
+
 use depthcal_model::Camera;
 
 use super::error::CalibrateError;
@@ -32,7 +34,7 @@ pub(super) fn settle_by_node(
     let mut thin = capture.clone();
     for frame in &mut thin.frames {
         let step = frame.samples.len().div_ceil(COARSE_SAMPLES).max(1);
-        frame.samples = frame.samples.iter().step_by(step).copied().collect();
+        frame.samples = Arc::new(frame.samples.iter().step_by(step).copied().collect());
     }
     let coarse = hold_untouched(coarse, &thin);
     let first =

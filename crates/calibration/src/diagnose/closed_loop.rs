@@ -67,10 +67,17 @@ pub fn diagnose(
     let mut possible: Vec<Possible> = Vec::new();
     // Effects that did not reduce the held-out errors of the present model.
     let mut rejected: Vec<String> = Vec::new();
+    // Where nothing was added the fit is the same, and so is what it leaves.
+    let mut unchanged: Option<Examination> = None;
     let examination = loop {
         model.round += 1;
-        model.report("examining what is left", &model.present());
-        let examination = examine(&present.fit, register, thresholds)?;
+        let examination = match unchanged.take() {
+            Some(examination) => examination,
+            None => {
+                model.report("examining what is left", &model.present());
+                examine(&present.fit, register, thresholds)?
+            }
+        };
         let least_share = thresholds.least_relative_gain * explained;
         let decision = decide(&examination, &frame_planes(&present.fit), least_share, &rejected, thresholds);
         rounds.push(Round::new(&examination, decision.clone()));
@@ -115,11 +122,13 @@ pub fn diagnose(
                         possible.extend(found_possible);
                         conclude(&mut rounds, RoundOutcome::NoHeldOutGain);
                         rejected.push(found.name.clone());
+                        unchanged = Some(examination);
                         continue;
                     }
                     Err(error) => {
                         conclude(&mut rounds, RoundOutcome::NotFitted { error: error.to_string() });
                         rejected.push(found.name.clone());
+                        unchanged = Some(examination);
                         continue;
                     }
                 }

@@ -204,19 +204,19 @@ impl Test<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(DIRECTIONS_SEED);
         let parameters = self.candidate.block.parameters().to_vec();
         let count = if parameters.len() == 1 { 1 } else { DIRECTIONS };
-        let mut sizes: Vec<f64> = (0..count)
-            .map(|_| {
-                let draw = |scale: f64| {
-                    if count == 1 { scale } else { scale * Distribution::<f64>::sample(&StandardNormal, &mut rng) }
-                };
-                let direction = DVector::from_iterator(parameters.len(), parameters.iter().map(|p| p.scale).map(draw));
-                let factor = self.linearization.detectable_factor(self.index, &direction, level, self.thresholds.power);
-                let mut block = self.candidate.block.clone();
-                block.theta.iter_mut().zip(direction.iter()).for_each(|(t, d)| *t += factor * d);
-                self.states.size_mm(&block)
-            })
-            .filter(|s| s.is_finite())
-            .collect();
+        let mut draw = |scale: f64| {
+            if count == 1 { scale } else { scale * Distribution::<f64>::sample(&StandardNormal, &mut rng) }
+        };
+        let scales = || parameters.iter().map(|p| p.scale);
+        let directions: Vec<DVector<f64>> =
+            (0..count).map(|_| DVector::from_iterator(parameters.len(), scales().map(&mut draw))).collect();
+        let factors = self.linearization.detectable_factors(self.index, &directions, level, self.thresholds.power);
+        let size = |(direction, factor): (&DVector<f64>, f64)| {
+            let mut block = self.candidate.block.clone();
+            block.theta.iter_mut().zip(direction.iter()).for_each(|(t, d)| *t += factor * d);
+            self.states.size_mm(&block)
+        };
+        let mut sizes: Vec<f64> = directions.iter().zip(factors).map(size).filter(|s| s.is_finite()).collect();
         upper_median(&mut sizes).unwrap_or(f64::INFINITY)
     }
 }

@@ -242,7 +242,7 @@ fn predicted_frame(fit: &Calibrated, pose: &Isometry3<f64>, context: &Context) -
     }
     let raw = RawFrame { name: "predicted".to_owned(), ..RawFrame::default() };
     let detected = DetectedFrame { raw, markers };
-    Some(SampledFrame { posed: PosedFrame { detected, camera_from_board: *pose }, samples })
+    Some(SampledFrame { posed: PosedFrame { detected, camera_from_board: *pose }, samples: samples.into() })
 }
 
 /// Covariates that the captures lack and that effects of the register, which the camera does not have, need to show.

@@ -18,7 +18,7 @@ use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
 
 /// Variants that are tested in one linearisation: enough to share its cost, few enough to share the variants among threads.
-const VARIANTS_PER_LINEARIZATION: usize = 12;
+const VARIANTS_PER_LINEARIZATION: usize = 24;
 
 /// An effect with a value of its constant in a place and a form.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,7 +5,7 @@ use depthcal_statistics::Bootstrap;
 use rayon::prelude::*;
 use tracing::{debug, warn};
 
-use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_strided};
+use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_part};
 use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
 use crate::adjust::leave_out::cameras_without_parts;
@@ -56,11 +56,11 @@ pub fn cross_validate_strided(
     let linear = if is_joint {
         let cameras = cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts);
         // Where one step does not lead to the optimum without the part, the model is adjusted.
-        cameras.into_iter().map(|camera| camera.filter(|camera| is_linear(fit, camera))).collect()
+        cameras.into_par_iter().map(|camera| camera.filter(|camera| is_linear(fit, camera))).collect()
     } else {
         vec![None; parts]
     };
-    let evaluate_part = |part: usize| {
+    let of_part = |part: usize| {
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();
         let rest = || fit.capture.subset(|i, _| part_of[i] != part);
@@ -72,12 +72,13 @@ pub fn cross_validate_strided(
             }
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
-        let evaluated =
-            camera.map(|camera| evaluate_strided(&camera, &held, stride)).map_err(|error| Box::new((error, held)));
+        let evaluated = camera
+            .map(|camera| evaluate_part(&camera, &held, stride, markers.len()))
+            .map_err(|error| Box::new((error, held)));
         job.advance();
         evaluated
     };
-    let evaluated: Vec<_> = (0..parts).into_par_iter().map(evaluate_part).collect();
+    let evaluated: Vec<_> = (0..parts).into_par_iter().map(of_part).collect();
     let mut all = Evaluated { name: fit.capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
     let mut failure = None;
     for part in evaluated {

@@ -63,11 +63,11 @@ pub fn evaluate<F>(camera: &Camera, capture: &Capture<F>) -> Evaluated
 where
     F: EvaluableFrame,
 {
-    evaluate_strided(camera, capture, 1)
+    evaluate_part(camera, capture, 1, capture.frames.len())
 }
 
-/// The same on every `stride`-th column and row of the depth images only.
-pub fn evaluate_strided<F>(camera: &Camera, capture: &Capture<F>, stride: usize) -> Evaluated
+/// The same of a part of `frames` frames that are evaluated together, and on every `stride`-th column and row of the depth images only.
+pub(crate) fn evaluate_part<F>(camera: &Camera, capture: &Capture<F>, stride: usize, frames: usize) -> Evaluated
 where
     F: EvaluableFrame,
 {
@@ -75,7 +75,7 @@ where
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
     let rays = PixelRays::new(&bare).to_be_corrected_by(camera);
     let [least, most] = KEPT_OF_A_FRAME;
-    let kept_pixels = (KEPT_PIXELS / capture.frames.len().max(1)).clamp(least, most);
+    let kept_pixels = (KEPT_PIXELS / frames.max(1)).clamp(least, most);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, stride };
     let poses: Vec<Result<PoseFit, StartError>> =
         capture.frames.par_iter().map(|frame| evaluation.pose(frame.as_ref(), frame.known_pose())).collect();
@@ -157,14 +157,16 @@ impl<F> Evaluation<'_, F> {
         let before = points(&all);
         let found = all.len();
         let thinning = Thinning::new(found, self.kept_pixels);
-        let (mut depth, mut pixels) = (DepthErrors::default(), Vec::new());
+        let mut depth = DepthErrors::default();
+        let mut pixels = Vec::with_capacity(found.min(self.kept_pixels + self.kept_pixels / 8));
         let mut kept = Vec::with_capacity(found);
         for (p, corrected) in all.iter().zip(corrected) {
             let Some(c) = corrected else { continue };
             let error = pixel_error(p, &c, &surface);
             depth.add(&error);
             if thinning.keeps(key(p)) {
-                let context = open.image.as_ref().map_or(p.context, |_| open.context(p.context.pixel));
+                let is_complete = self.rays.needs_surroundings() || open.image.is_none();
+                let context = if is_complete { p.context } else { open.context(p.context.pixel) };
                 let context = Context { stray: p.context.stray, ..context };
                 pixels.push(PixelError { context, ..error });
             }

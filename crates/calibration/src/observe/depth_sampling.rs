@@ -75,7 +75,8 @@ pub fn sample_depth(
     let frames = frames?;
     let mut sampled = capture.with_frames(Vec::new());
     let posed = capture.frames.into_iter();
-    sampled.frames = posed.zip(frames).map(|(posed, samples)| SampledFrame { posed, samples }).collect();
+    sampled.frames =
+        posed.zip(frames).map(|(posed, samples)| SampledFrame { posed, samples: samples.into() }).collect();
     Ok((sampled, correlation_length_px))
 }
 

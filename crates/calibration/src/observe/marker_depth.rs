@@ -10,8 +10,9 @@ use super::board_pixels::BoardPixel;
 const SUPPORT: f64 = 1.1;
 /// Fewest supporting pixels.
 const FEWEST_PIXELS: usize = 12;
-/// Most supporting pixels: of more, a scattered part. Noise that is left of so many is a few per cent of a pixel's.
-const MOST_PIXELS: usize = 1000;
+/// Most pixels that support a marker in the middle of the board, about: of more, a scattered part. Noise that is left of so many is a
+/// few per cent of a pixel's.
+const MOST_PIXELS: f64 = 1000.0;
 /// Residuals beyond this many robust standard deviations are excluded from the fit.
 const GATE: f64 = 3.5;
 
@@ -38,12 +39,6 @@ pub fn marker_inverse_depths(
                     inverse_depth: 1.0 / q.depth_mm,
                 });
             });
-            let thinning = Thinning::new(support.len(), MOST_PIXELS);
-            let mut number = 0;
-            support.retain(|_| {
-                number += 1;
-                thinning.keeps(number)
-            });
             value_at_marker(&mut support)
         })
         .collect()
@@ -66,7 +61,7 @@ struct Cells<'a> {
     rows: usize,
     /// First entry of every cell in `order`, and the end of the last.
     starts: Vec<u32>,
-    /// Pixels by cell; within a cell in their own order.
+    /// Those of the pixels that may support a marker, by cell; within a cell in their own order.
     order: Vec<u32>,
 }
 
@@ -83,17 +78,21 @@ impl<'a> Cells<'a> {
         let (columns, rows) = (count(0), count(1));
         let mut cells =
             Self { pixels, radius, low, columns, rows, starts: vec![0; columns * rows + 1], order: Vec::new() };
-        let of: Vec<u32> = pixels.iter().map(|p| cells.cell(p.board)).collect();
-        for cell in &of {
+        let area = |side: f64| (high[0] - low[0]).max(side) * (high[1] - low[1]).max(side);
+        let share = std::f64::consts::PI * radius * radius / area(radius);
+        let thinning = Thinning::new(pixels.len(), (MOST_PIXELS / share) as usize);
+        let kept = pixels.iter().enumerate().filter(|(number, _)| thinning.keeps(*number as u64));
+        let of: Vec<(u32, u32)> = kept.map(|(number, p)| (number as u32, cells.cell(p.board))).collect();
+        for (_, cell) in &of {
             cells.starts[*cell as usize + 1] += 1;
         }
         for i in 1..cells.starts.len() {
             cells.starts[i] += cells.starts[i - 1];
         }
         let mut next = cells.starts.clone();
-        cells.order.resize(pixels.len(), 0);
-        for (i, cell) in of.iter().enumerate() {
-            cells.order[next[*cell as usize] as usize] = i as u32;
+        cells.order.resize(of.len(), 0);
+        for (number, cell) in &of {
+            cells.order[next[*cell as usize] as usize] = *number;
             next[*cell as usize] += 1;
         }
         cells

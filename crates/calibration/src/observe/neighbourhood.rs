@@ -1,5 +1,7 @@
 //! The infrared amplitude around pixels, a covariate of some effects.
 
+use std::sync::LazyLock;
+
 use depthcal_io::GrayImage;
 use depthcal_model::SURROUND_PX;
 
@@ -7,10 +9,10 @@ use depthcal_model::SURROUND_PX;
 const REACH: usize = 4;
 const TAPS: usize = 2 * REACH + 1;
 
-fn weights() -> [f64; TAPS] {
+static WEIGHTS: LazyLock<[f64; TAPS]> = LazyLock::new(|| {
     const SPREAD: f64 = 1.0 / (2.0 * SURROUND_PX * SURROUND_PX);
     std::array::from_fn(|i| (-(i as f64 - REACH as f64).powi(2) * SPREAD).exp())
-}
+});
 
 /// Gaussian mean of the amplitude around every pixel of a part of an image, and the slope of its logarithm, see
 /// [`depthcal_model::Context::surround`]. The window is separable: rows first, then columns.
@@ -26,7 +28,7 @@ impl Surroundings {
     /// Of the pixels from `low` to `high` (column, row, both included), which must lie in the image. Beyond the image's border the
     /// window is cut off.
     pub fn of(image: &GrayImage, low: [usize; 2], high: [usize; 2]) -> Self {
-        let w = weights();
+        let w = &*WEIGHTS;
         let columns = high[0] - low[0] + 1;
         let first = low[1].saturating_sub(REACH);
         let last = (high[1] + REACH).min(image.height - 1);
@@ -64,8 +66,7 @@ impl Surroundings {
                     moment[0] += w[tap] * m;
                     moment[1] += w[tap] * s * (tap as f64 - REACH as f64);
                 }
-                // The derivative of a Gaussian mean is its first moment over the variance.
-                let slope = moment.map(|m| if sum > 0.0 { m / (sum * SURROUND_PX * SURROUND_PX) } else { 0.0 });
+                let slope = slope(moment, sum);
                 values.push([sum / (across * down), slope[0], slope[1]]);
             }
         }
@@ -87,7 +88,32 @@ pub fn amplitude(image: &GrayImage, [u, v]: [f64; 2]) -> f64 {
 /// Mean around the pixel nearest to (u, v), and the slope of its logarithm, 1/px; NaN outside the image.
 pub fn surround(image: &GrayImage, [u, v]: [f64; 2]) -> (f64, [f64; 2]) {
     let Some([u, v]) = nearest(image, [u, v]) else { return (f64::NAN, [f64::NAN; 2]) };
-    Surroundings::of(image, [u, v], [u, v]).at(u, v)
+    let w = &*WEIGHTS;
+    // Of either axis: first and last pixel of the window.
+    let [(left, right), (top, bottom)] =
+        [(u, image.width), (v, image.height)].map(|(at, size)| (at.saturating_sub(REACH), (at + REACH).min(size - 1)));
+    let (mut total, mut sum, mut moment) = (0.0, 0.0, [0.0; 2]);
+    for row in top..=bottom {
+        let (mut of_row, mut weighted, mut along) = (0.0, 0.0, 0.0);
+        for (i, value) in image.data[row * image.width..][left..=right].iter().enumerate() {
+            let tap = left + i + REACH - u;
+            let product = w[tap] * f64::from(*value);
+            of_row += w[tap];
+            weighted += product;
+            along += product * (tap as f64 - REACH as f64);
+        }
+        let tap = row + REACH - v;
+        total += w[tap] * of_row;
+        sum += w[tap] * weighted;
+        moment[0] += w[tap] * along;
+        moment[1] += w[tap] * weighted * (tap as f64 - REACH as f64);
+    }
+    (sum / total, slope(moment, sum))
+}
+
+/// The derivative of the logarithm of a Gaussian mean: the first moment over the variance and the sum.
+fn slope(moment: [f64; 2], sum: f64) -> [f64; 2] {
+    moment.map(|m| if sum > 0.0 { m / (sum * SURROUND_PX * SURROUND_PX) } else { 0.0 })
 }
 
 fn nearest(image: &GrayImage, [u, v]: [f64; 2]) -> Option<[usize; 2]> {

@@ -4,10 +4,11 @@ use depthcal_model::hook::HookKind;
 use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid, needed_light};
 use rayon::prelude::*;
 
-/// Distances of the exactly computed pixels that are tried, widest first, px. At 1 every pixel is exact.
-const STEPS: [usize; 5] = [16, 8, 4, 2, 1];
-/// Largest error of an interpolated ray on the normalised image plane: a few millionths of a pixel.
-const TOLERANCE: f64 = 1e-8;
+/// Distances of the exactly computed pixels that are tried, widest first, px. Where none is fine enough every pixel is exact.
+const STEPS: [usize; 4] = [16, 8, 4, 2];
+/// Largest error of an interpolated ray on the normalised image plane: some hundred-thousandths of a pixel, or a ten-thousandth of a
+/// millimetre at a metre.
+const TOLERANCE: f64 = 1e-7;
 /// Nodes to either side of a pixel that it is interpolated from.
 const REACH: usize = 3;
 /// Columns and rows of the pixels at which the interpolation is compared with exact rays.
@@ -116,14 +117,11 @@ fn needs_surroundings(camera: &Camera) -> bool {
 
 /// The rays of all pixels, row by row: exact on a grid, of fifth order between its nodes where that is as good.
 fn table(camera: &Camera) -> Vec<[f64; 2]> {
-    let fits = |step: &&usize| **step == 1 || Nodes::of(camera, **step).error() <= TOLERANCE;
-    match STEPS.iter().find(fits) {
-        Some(step) if *step > 1 => Nodes::of(camera, *step).table(),
-        _ => {
-            let grid = PixelGrid { first: [0.0; 2], step: 1.0, columns: camera.width, rows: camera.height };
-            camera.rays_of_grid(&grid)
-        }
-    }
+    let fine_enough = STEPS.iter().map(|step| Nodes::of(camera, *step)).find(|nodes| nodes.error() <= TOLERANCE);
+    fine_enough.map_or_else(
+        || camera.rays_of_grid(&PixelGrid { first: [0.0; 2], step: 1.0, columns: camera.width, rows: camera.height }),
+        |nodes| nodes.table(),
+    )
 }
 
 /// Exact rays on a grid of pixels that reaches beyond the image by two nodes or more all round.
@@ -199,7 +197,7 @@ impl<'a> Nodes<'a> {
 
     fn table(&self) -> Vec<[f64; 2]> {
         let weights = self.weights();
-        let limit = self.camera.lens_limit();
+        let safe = 0.98 * self.camera.lens_limit();
         let mut table = vec![[0.0; 2]; self.camera.width * self.camera.height];
         let rows = table.par_chunks_mut(self.camera.width.max(1)).enumerate();
         rows.for_each(|(v, out)| {
@@ -207,7 +205,7 @@ impl<'a> Nodes<'a> {
             for (u, ray) in out.iter_mut().enumerate() {
                 *ray = self.at(&row, &weights, u);
                 // Negated so that NaN counts as outside: near the lens' limit every pixel is exact.
-                if !(ray[0].hypot(ray[1]) < 0.98 * limit) {
+                if !(ray[0] * ray[0] + ray[1] * ray[1] < safe * safe) {
                     *ray = self.camera.ray([u as f64, v as f64], 1e-3).unwrap_or([f64::NAN; 2]);
                 }
             }

@@ -175,8 +175,8 @@ pub struct PosedFrame {
 pub struct SampledFrame {
     /// The frame with its pose.
     pub posed: PosedFrame,
-    /// Its depth samples.
-    pub samples: Vec<DepthSample>,
+    /// Its depth samples, shared by copies of the frame.
+    pub samples: Arc<Vec<DepthSample>>,
 }
 
 macro_rules! holds {
@@ -276,6 +276,6 @@ impl AdjustableFrame for SampledFrame {
         &self.samples
     }
     fn retain_samples(&mut self, keep: impl FnMut(&DepthSample) -> bool) {
-        self.samples.retain(keep);
+        Arc::make_mut(&mut self.samples).retain(keep);
     }
 }

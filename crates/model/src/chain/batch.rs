@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::hook::HookKind;
-use crate::piece::{AnyPiece, Context};
+use crate::piece::{AnyPiece, Context, Role};
 use crate::pose::POSE;
 
 /// A piece and the place of its parameters.
@@ -18,6 +18,12 @@ pub(super) struct Link {
 impl Link {
     pub(super) fn theta<'a>(&self, theta: &'a [f64]) -> &'a [f64] {
         &theta[self.offset..self.offset + self.count]
+    }
+
+    /// Whether it is an effect at its nominal parameters.
+    fn changes_nothing(&self, theta: &[f64]) -> bool {
+        let nominal = self.piece.parameters().iter().map(|p| p.nominal);
+        self.piece.role() == Role::Effect && nominal.eq(theta.iter().copied())
     }
 }
 
@@ -125,9 +131,15 @@ pub(super) fn run(
             Some(derive) => {
                 local.d_state.resize(n * outputs * inputs, 0.0);
                 local.d_theta.resize(n * outputs * link.count, 0.0);
-                let d_theta = (derive == Derive::All).then_some(&mut local.d_theta[..]);
-                let d_state = &mut local.d_state[..];
-                link.piece.linearize(parameters, &work.state, &work.contexts, next, d_state, d_theta);
+                let (d_state, d_theta) = (&mut local.d_state[..], &mut local.d_theta[..]);
+                let (states, contexts) = (&work.state, &work.contexts);
+                match derive {
+                    Derive::All if kind == HookKind::Depth && link.changes_nothing(parameters) => {
+                        link.piece.linearize_at_nominal(parameters, states, contexts, next, d_state, d_theta);
+                    }
+                    Derive::All => link.piece.linearize(parameters, states, contexts, next, d_state, Some(d_theta)),
+                    Derive::State => link.piece.linearize(parameters, states, contexts, next, d_state, None),
+                }
             }
         }
         // The output replaces the part of the state that the hook's pieces hand on.

@@ -89,6 +89,19 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
         d_state: &mut [f64],
         d_theta: Option<&mut [f64]>,
     );
+    /// [`AnyPiece::linearize`] of a depth effect whose parameters are `theta`, its nominal ones, so that it changes nothing: ∂ρ/∂ρ is 1
+    /// and only derivatives by the parameters are computed.
+    fn linearize_at_nominal(
+        &self,
+        theta: &[f64],
+        states: &[f64],
+        contexts: &[Context],
+        out: &mut [f64],
+        d_state: &mut [f64],
+        d_theta: &mut [f64],
+    ) {
+        self.linearize(theta, states, contexts, out, d_state, Some(d_theta));
+    }
     /// The layout of its parameters in the nodes of a grid; `None` for a piece that is no field.
     fn field(&self) -> Option<FieldLayout> {
         None

@@ -61,6 +61,14 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> Erased<H, P, M> {
     }
 }
 
+/// Inverse depth and its derivatives by (x, y, ρ, cos) where no piece changes it.
+pub(super) fn identity(states: &[f64], out: &mut [f64], d_state: &mut [f64]) {
+    for ((state, out), d) in states.chunks_exact(4).zip(out).zip(d_state.chunks_exact_mut(4)) {
+        *out = state[2];
+        d.copy_from_slice(&[0.0, 0.0, 1.0, 0.0]);
+    }
+}
+
 impl<H: Hook, const P: usize, M: Piece<H, P>> AnyPiece for Erased<H, P, M> {
     fn name(&self) -> &'static str {
         M::NAME
@@ -155,6 +163,30 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> AnyPiece for Erased<H, P, M> {
                         }
                     }
                 }
+            }
+        }
+    }
+
+    fn linearize_at_nominal(
+        &self,
+        theta: &[f64],
+        states: &[f64],
+        contexts: &[Context],
+        out: &mut [f64],
+        d_state: &mut [f64],
+        d_theta: &mut [f64],
+    ) {
+        if H::KIND != HookKind::Depth {
+            return self.linearize(theta, states, contexts, out, d_state, Some(d_theta));
+        }
+        identity(states, out, d_state);
+        let theta = Self::parameters_of(theta);
+        for ((state, context), row) in states.chunks_exact(H::IN).zip(contexts).zip(d_theta.chunks_exact_mut(P.max(1)))
+        {
+            for (first, part) in (H::IN..).step_by(CHUNK).zip(row.chunks_mut(CHUNK)) {
+                let y = self.pass(&theta, state, context, first);
+                let eps = y[0].eps.0.map_or([0.0; CHUNK], |eps| std::array::from_fn(|c| eps[c]));
+                part.iter_mut().zip(eps).for_each(|(d, eps)| *d = eps);
             }
         }
     }

@@ -7,6 +7,7 @@ use super::any::AnyPiece;
 use super::constant::{Constant, Options};
 use super::context::Context;
 use super::covariate::Covariate;
+use super::erased::identity;
 use super::parameter::Parameter;
 use super::placement::{On, Placement};
 use super::role::Role;
@@ -117,6 +118,25 @@ impl AnyPiece for Placed {
             }
         }
     }
+
+    fn linearize_at_nominal(
+        &self,
+        theta: &[f64],
+        states: &[f64],
+        contexts: &[Context],
+        out: &mut [f64],
+        d_state: &mut [f64],
+        d_theta: &mut [f64],
+    ) {
+        self.piece.linearize_at_nominal(theta, states, contexts, out, d_state, d_theta);
+        let Some(on) = self.placement.on else { return };
+        for (state, row) in states.chunks_exact(IN).zip(d_theta.chunks_exact_mut(self.parameters().len().max(1))) {
+            let (_, [_, by_out]) = self.piece.form().size_mm(state[RHO], state[RHO]);
+            let (_, [_, by_size]) = on.apply(state[RHO], 0.0);
+            row.iter_mut().for_each(|d| *d *= by_size * by_out);
+        }
+        identity(states, out, d_state);
+    }
 }
 
 #[cfg(test)]
@@ -217,6 +237,36 @@ mod tests {
                     ends[1][i] += h;
                     let expected = (evaluate(&ends[1], &state) - evaluate(&ends[0], &state)) / (2.0 * h);
                     near(d_theta[i], expected, h, "theta");
+                }
+            }
+        }
+    }
+
+    /// Every effect of depth, those that cannot be placed too: at its nominal parameters it changes nothing, and the short way to its
+    /// derivatives gives those of the long one.
+    #[test]
+    fn at_nominal_parameters_the_derivatives_are_the_same() {
+        let register = Register::builtin();
+        let all = register.names_at(HookKind::Depth).filter_map(|name| register.find(name));
+        for piece in all.filter(|piece| piece.role() == Role::Effect) {
+            for placement in placements() {
+                let piece = placed(piece.clone(), placement).unwrap_or_else(|| piece.clone());
+                let theta: Vec<f64> = piece.parameters().iter().map(|p| p.nominal).collect();
+                let states = [0.2, -0.3, 1.0 / 1300.0, 0.8, -0.1, 0.25, 1.0 / 700.0, 0.9];
+                let contexts = [context(), context()];
+                let mut results = [false, true].map(|short| {
+                    let (mut out, mut d_state, mut d_theta) = ([0.0; 2], [0.0; 8], vec![0.0; 2 * theta.len()]);
+                    if short {
+                        piece.linearize_at_nominal(&theta, &states, &contexts, &mut out, &mut d_state, &mut d_theta);
+                    } else {
+                        piece.linearize(&theta, &states, &contexts, &mut out, &mut d_state, Some(&mut d_theta));
+                    }
+                    [&out[..], &d_state, &d_theta].concat()
+                });
+                let [long, short] = &mut results;
+                for (i, (a, b)) in long.iter().zip(short.iter()).enumerate() {
+                    let close = (a - b).abs() <= 1e-12 * a.abs().max(1e-6);
+                    assert!(close, "{}{placement}, number {i}: {a} {b}", piece.name());
                 }
             }
         }

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::problem::batch::Batch;
 use crate::problem::error::EvaluationFailure;
 use crate::problem::factor::{Factor, VariableTuple};
@@ -12,6 +14,9 @@ use crate::problem::group_subset::GroupSubset;
 use crate::problem::key::VariableId;
 use crate::problem::labels::{Labels, label};
 use crate::problem::values::Values;
+
+/// Scalar residuals from which on a thread of its own pays.
+const ROWS_OF_A_TASK: usize = 512;
 
 /// Identifies a batch of a [`Graph`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -178,18 +183,21 @@ impl Graph {
     /// If the batch cannot be evaluated at these values. A batch that is not in the graph has no residuals.
     pub fn residuals(&self, batch: BatchId, values: &Values) -> Result<Vec<f64>, EvaluationFailure> {
         let Some(batch) = self.batch(batch) else { return Ok(Vec::new()) };
-        let rows = (0..batch.group_count()).map(|g| batch.row_count(g)).sum();
+        let rows: usize = (0..batch.group_count()).map(|g| batch.row_count(g)).sum();
         let mut residuals = vec![0.0; rows];
         let mut rest = residuals.as_mut_slice();
+        let mut groups = Vec::with_capacity(batch.group_count());
         for group in 0..batch.group_count() {
-            let (head, tail) = rest.split_at_mut(batch.row_count(group));
-            batch.evaluate(group, values, head, None).map_err(|source| EvaluationFailure {
-                batch: batch.name().to_owned(),
-                group,
-                source,
-            })?;
+            let (own, tail) = rest.split_at_mut(batch.row_count(group));
+            groups.push(own);
             rest = tail;
         }
+        let evaluate = |(group, own): (usize, &mut [f64])| {
+            let failed = |source| EvaluationFailure { batch: batch.name().to_owned(), group, source };
+            batch.evaluate(group, values, own, None).map_err(failed)
+        };
+        let groups_of_a_task = (ROWS_OF_A_TASK * groups.len()).div_ceil(rows.max(1)).max(1);
+        groups.into_par_iter().enumerate().with_min_len(groups_of_a_task).try_for_each(evaluate)?;
         Ok(residuals)
     }
 

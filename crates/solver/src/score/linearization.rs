@@ -1,12 +1,14 @@
 //! Normal equations of a problem at its minimum, cluster by cluster, from which score tests are computed.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::pseudo_inverse::{NEGLIGIBLE, pseudo_inverse};
+use crate::normal::kernels;
 use crate::problem::error::EvaluationFailure;
 use crate::problem::graph::{BatchId, Fixed, Graph};
 use crate::problem::key::VariableId;
@@ -77,7 +79,8 @@ pub(super) struct Cluster {
 /// belong to no single cluster, and over the candidates' parameters. Rows are weighted by √ρ′ as in the solver.
 #[derive(Clone, Debug)]
 pub struct Linearization {
-    pub(super) clusters: Vec<Cluster>,
+    /// Shared by copies: some tens of thousands of numbers each.
+    pub(super) clusters: Arc<[Cluster]>,
     pub(super) shared: usize,
     pub(super) candidates: Vec<Columns>,
     pub(super) total: Cluster,
@@ -153,7 +156,7 @@ impl Linearization {
             sum.cost += cluster.cost;
             sum.rows += cluster.rows;
         }
-        Ok(Self { clusters, shared, candidates: columns, total: sum })
+        Ok(Self { clusters: clusters.into(), shared, candidates: columns, total: sum })
     }
 
     /// Number of clusters.
@@ -352,15 +355,19 @@ fn accumulate(
         weight_rows(&batch.loss(), batch.residual_dim().max(1), width, &mut r, &mut j);
         cost += 0.5 * r.iter().map(|x| x * x).sum::<f64>();
         let used: Vec<usize> = (0..width).filter(|c| target[*c].is_some()).collect();
-        let compact = DMatrix::from_fn(rows, used.len(), |row, c| j[row * width + used[c]]);
-        // The product of two matrices is blocked; that with a transposed view is not.
-        let product = compact.transpose() * &compact;
-        let by_residual = compact.tr_mul(&DVector::from_vec(r));
+        let n = used.len();
+        let compact: Vec<f64> = j.chunks_exact(width).flat_map(|row| used.iter().map(|c| row[*c])).collect();
+        let (mut product, mut by_residual) = (vec![0.0; n * n], vec![0.0; n]);
+        kernels::gram_lower(&compact, rows, n, &mut product);
+        kernels::gram_vector(&compact, &r, n, &mut by_residual);
         let place: Vec<usize> = used.iter().filter_map(|c| target[*c]).collect();
         for (a, at) in place.iter().enumerate() {
             gradient[*at] += by_residual[a];
-            for (b, to) in place.iter().enumerate() {
-                hessian[(*at, *to)] += product[(a, b)];
+            for (b, to) in place[..=a].iter().enumerate() {
+                hessian[(*at, *to)] += product[a * n + b];
+                if a != b {
+                    hessian[(*to, *at)] += product[a * n + b];
+                }
             }
         }
         count += rows;

@@ -19,7 +19,7 @@
 //! - [`Score`]: the test, with p-values from the noise model and from the scatter between clusters (White 1982;
 //!   Liang, Zeger 1986);
 //! - [`Linearization::held_out_gain`]: by how much a candidate, estimated without a cluster, decreases that cluster's cost;
-//! - [`Linearization::detectable_factor`] and [`Linearization::visible_information`]: the smallest effect that these data
+//! - [`Linearization::detectable_factors`] and [`Linearization::visible_information`]: the smallest effect that these data
 //!   can reveal;
 //! - [`Linearization::mimicry`]: how well one candidate can reproduce the effect of another.
 

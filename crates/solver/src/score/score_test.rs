@@ -106,12 +106,13 @@ impl Linearization {
         self.project(candidate, &[]).information
     }
 
-    /// The factor by which an effect, the values `parameters` of a candidate, must be scaled for the test at level
-    /// `alpha` to detect it with probability `power`.
-    pub fn detectable_factor(&self, candidate: usize, parameters: &DVector<f64>, alpha: f64, power: f64) -> f64 {
+    /// The factors by which effects, each the values of all parameters of a candidate, must be scaled for the test at level `alpha`
+    /// to detect them with probability `power`.
+    pub fn detectable_factors(&self, candidate: usize, effects: &[DVector<f64>], alpha: f64, power: f64) -> Vec<f64> {
         let p = self.project(candidate, &[]);
         let (_, rank) = pseudo_inverse_scaled(&p.information, &p.alone, NEGLIGIBLE);
-        (noncentrality(rank, alpha, power) / parameters.dot(&(&p.information * parameters))).sqrt()
+        let sufficient = noncentrality(rank, alpha, power);
+        effects.iter().map(|effect| (sufficient / effect.dot(&(&p.information * effect))).sqrt()).collect()
     }
 
     /// How well candidate `other` can reproduce an effect, the values `parameters` of a candidate: the cosine of the
