@@ -47,3 +47,15 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
     };
     (0..parts).map(without).collect()
 }
+
+/// The camera that frames alone determine, with the noise and the smoothness of the adjustment of all frames, from whose `camera` and poses
+/// it starts; `None` where the adjustment fails.
+pub fn camera_of_frames<F: AdjustableFrame>(
+    capture: &Capture<F>,
+    camera: &Camera,
+    noise: &NoiseModel,
+    smoothness: &Smoothness,
+) -> Option<Camera> {
+    let adjusted = Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).solve().ok()?;
+    adjusted.report.converged.then_some(adjusted.camera)
+}

@@ -1,6 +1,7 @@
 //! The declared model with the effects that the loop has added: fits, held-out errors, effects added and removed.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 
 use depthcal_model::{Covariate, PieceSpec, Placement};
 use tracing::info;
@@ -188,11 +189,22 @@ impl<'a> AugmentedModel<'a> {
 
     /// Adds effects that explain the residuals together, in the given order and only until the held-out errors fall for certain: of
     /// two effects that cancel each other in part, one alone does not help. Where they do not, nothing is added; the first effect is
-    /// possible where they fall with it alone.
-    pub fn add(&mut self, found: Vec<AddedEffect>, present: &Fitted) -> Result<Addition, CalibrateError> {
+    /// possible where they fall with it alone. `tried` are effects that were added together before and did not help.
+    pub fn add(
+        &mut self,
+        found: Vec<AddedEffect>,
+        present: &Fitted,
+        tried: &[BTreeSet<String>],
+    ) -> Result<Addition, CalibrateError> {
         let before = self.added.clone();
         let mut possible = None;
+        let mut together = BTreeSet::new();
         for effect in found {
+            together.insert(effect.evidence.name.clone());
+            if tried.contains(&together) {
+                self.added.push(effect);
+                continue;
+            }
             match self.add_one(effect) {
                 Ok(fitted) => match self.gain(present, &fitted, &self.added[before.len()..]) {
                     Gain::Certain => return Ok(Addition::Added(Box::new(fitted))),

@@ -1,5 +1,7 @@
 //! The loop: rounds of examination, decision and fit.
 
+use std::collections::BTreeSet;
+
 use depthcal_io::Verdict;
 
 use super::augmented_model::{AddedEffect, Addition, AugmentedModel, Fitted};
@@ -67,6 +69,8 @@ pub fn diagnose(
     let mut possible: Vec<Possible> = Vec::new();
     // Effects that did not reduce the held-out errors of the present model.
     let mut rejected: Vec<String> = Vec::new();
+    // Those that were tried together.
+    let mut tried: Vec<BTreeSet<String>> = Vec::new();
     // Where nothing was added the fit is the same, and so is what it leaves.
     let mut unchanged: Option<Examination> = None;
     let examination = loop {
@@ -115,25 +119,29 @@ pub fn diagnose(
                 }
                 let before = model.added.len();
                 let effects = effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
-                match model.add(effects, &present) {
+                let names: Vec<String> = effects.iter().map(|e| e.evidence.name.clone()).collect();
+                match model.add(effects, &present, &tried) {
                     Ok(Addition::Added(fitted)) => present = *fitted,
                     Ok(Addition::Rejected(found_possible)) => {
                         possible.retain(|p| p.spec.name != found.name);
                         possible.extend(found_possible);
                         conclude(&mut rounds, RoundOutcome::NoHeldOutGain);
                         rejected.push(found.name.clone());
+                        tried.extend((1..=names.len()).map(|n| names[..n].iter().cloned().collect()));
                         unchanged = Some(examination);
                         continue;
                     }
                     Err(error) => {
                         conclude(&mut rounds, RoundOutcome::NotFitted { error: error.to_string() });
                         rejected.push(found.name.clone());
+                        tried.extend((1..=names.len()).map(|n| names[..n].iter().cloned().collect()));
                         unchanged = Some(examination);
                         continue;
                     }
                 }
                 explained = explained.max(merit(found) / examination.cost());
                 rejected.clear();
+                tried.clear();
                 let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
                 let removed = model.remove_unnecessary(&mut present, examination.tests)?;
                 conclude(&mut rounds, RoundOutcome::Added { effects, removed });

@@ -8,7 +8,7 @@ use tracing::{debug, warn};
 use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_part};
 use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
-use crate::adjust::leave_out::cameras_without_parts;
+use crate::adjust::leave_out::{camera_of_frames, cameras_without_parts};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
 use crate::observe::noise::DepthNoise;
 use crate::observe::{Capture, DroppedFrame, SampledFrame};
@@ -53,10 +53,8 @@ pub fn cross_validate_strided(
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
     let is_joint = options.estimator == Estimator::Joint && fit.with_depth && !has_fields(options)?;
-    let linear = if is_joint {
-        let cameras = cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts);
-        // Where one step does not lead to the optimum without the part, the model is adjusted.
-        cameras.into_par_iter().map(|camera| camera.filter(|camera| is_linear(fit, camera))).collect()
+    let steps = if is_joint {
+        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts)
     } else {
         vec![None; parts]
     };
@@ -64,12 +62,18 @@ pub fn cross_validate_strided(
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();
         let rest = || fit.capture.subset(|i, _| part_of[i] != part);
-        let camera = match &linear[part] {
-            Some(camera) => Ok(camera.clone()),
-            None if is_joint => {
-                debug!("without part {part} of the frames the model is adjusted anew");
-                readjust(fit, rest(), options).map(|fit| fit.camera)
+        let near = match &steps[part] {
+            Some(camera) if is_linear(fit, camera) => Some(camera.clone()),
+            // One step does not lead to the optimum without the part.
+            Some(_) => {
+                debug!("without part {part} of the frames the model is adjusted");
+                camera_of_frames(&rest(), &fit.camera, &fit.noise, &fit.smoothness)
             }
+            None => None,
+        };
+        let camera = match near {
+            Some(camera) => Ok(camera),
+            None if is_joint => readjust(fit, rest(), options).map(|fit| fit.camera),
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera
