@@ -33,7 +33,7 @@ fn capture(observations: &Observations) -> Result<Capture, Box<dyn Error>> {
         let raw = RawFrame { name: frame.name.clone(), ..RawFrame::default() };
         let markers =
             frame.markers.iter().map(|m| MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px });
-        DetectedFrame { raw, markers: markers.collect() }
+        DetectedFrame { raw, markers: markers.collect(), ..DetectedFrame::default() }
     });
     Ok(Capture {
         name: observations.dataset.path.clone(),

@@ -58,7 +58,7 @@ pub fn capture(observed: &simulate::PointObservations) -> Capture {
             depth: MeasuredDepth::Pixels(pixels),
             ..RawFrame::default()
         };
-        DetectedFrame { raw, markers: markers.collect() }
+        DetectedFrame { raw, markers: markers.collect(), wrong_markers: Vec::new() }
     });
     Capture {
         name: truth.kind.to_string(),

@@ -236,6 +236,10 @@ fn print_parameters(result: &Calibrated) {
         String::new()
     };
     say!("noise of a marker: {} per coordinate{depth}", quantity(noise.pixel_sigma, "px"));
+    let wrong: usize = result.capture.frames.iter().map(|f| f.wrong_markers.len()).sum();
+    if wrong > 0 {
+        say!("{} left out: more than a pixel from the fit", count(wrong, "marker"));
+    }
     let samples: usize = result.capture.frames.iter().map(|f| f.samples.len()).sum();
     let apart = result.correlation_length_px.unwrap_or(1);
     say!(

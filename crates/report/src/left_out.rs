@@ -1,4 +1,5 @@
-//! Board pixels that are no measurements of the board, and are therefore in none of the errors: in words and numbers.
+//! Board pixels that are no measurements of the board, and markers that were found in the wrong place. They are in none of the errors:
+//! in words and numbers.
 
 use super::format::{number, percent};
 use depthcal_io::Outliers;
@@ -22,6 +23,17 @@ pub(crate) fn sentence(o: &Outliers) -> String {
         "{} of the board's pixels were left out: more than {} mm off at the median distance, they are no measurements of the board.",
         share(Some(o.share)),
         number(o.limit_mm)
+    )
+}
+
+/// The markers that were left out, in a sentence.
+pub(crate) fn markers(wrong: usize) -> String {
+    format!(
+        "{} left out: more than a pixel from where the fit has them.",
+        match wrong {
+            1 => "One marker was".to_owned(),
+            more => format!("{more} markers were"),
+        }
     )
 }
 

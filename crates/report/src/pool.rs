@@ -100,6 +100,11 @@ impl<'a> Pool<'a> {
         change(&before, &after, Kind::Rms)
     }
 
+    /// Number of markers of these frames that were left out.
+    pub(super) fn wrong_markers(&self) -> usize {
+        self.frames.iter().map(|f| f.frame.wrong_markers).sum()
+    }
+
     /// Board pixels of these frames that were left out of the errors of depth; `None` without depth.
     pub(super) fn outliers(&self) -> Option<Outliers> {
         outliers(self.frames.iter().map(|f| f.frame))

@@ -65,7 +65,10 @@ pub(super) fn headline(input: &ReportInput<'_>) -> String {
     };
     let left_out = pool.outliers().map_or_else(String::new, |o| {
         format!("<p class=\"note\" id=\"left-out\">{}</p>\n", tie(&escape(&left_out::sentence(&o))))
-    });
+    }) + &match pool.wrong_markers() {
+        0 => String::new(),
+        wrong => format!("<p class=\"note\" id=\"wrong-markers\">{}</p>\n", tie(&left_out::markers(wrong))),
+    };
     format!(
         "<table class=\"numbers\"><caption>On {} ({whose}); in small type: 95 % interval</caption><thead><tr><td></td>\
          <th scope=\"col\">as measured</th><th scope=\"col\">corrected</th><th scope=\"col\">change</th></tr></thead>\n\
@@ -230,11 +233,18 @@ fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f6
 
 /// Data, residuals, noise and termination of the fit.
 pub(super) fn fit(c: &Calibrated) -> String {
+    let markers = |c: &Calibrated| {
+        let used: usize = c.capture.frames.iter().map(|f| f.markers.len()).sum();
+        match c.capture.frames.iter().map(|f| f.wrong_markers.len()).sum() {
+            0 => used.to_string(),
+            wrong => format!("{used}; {} left out, over a pixel from the fit", wrong),
+        }
+    };
     let mut items: Vec<(String, String)> = vec![
         ("Model".into(), escape(&pieces(&c.model.to_string()))),
         ("Estimator".into(), c.estimator.name().to_owned()),
         ("Frames".into(), c.capture.frames.len().to_string()),
-        ("Markers".into(), c.capture.frames.iter().map(|f| f.markers.len()).sum::<usize>().to_string()),
+        ("Markers".into(), markers(c)),
         ("Reprojection error".into(), format!("{} px rms", number(c.reprojection_rms_px))),
         ("Marker noise".into(), format!("{} px per coordinate (standard deviation)", number(c.noise.pixel_sigma))),
     ];

@@ -2,16 +2,17 @@
 
 use depthcal_model::Camera;
 use depthcal_statistics::upper_median;
-use nalgebra::Isometry3;
 use rayon::prelude::*;
-use tracing::warn;
+use tracing::{info, warn};
 
 use super::error::CalibrateError;
 use super::settle::{ROUNDS, State};
 use crate::adjust::adjustment::Adjusted;
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, PosedFrame};
+use crate::observe::wrong_markers::{limit_px, take_wrong};
+use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
 use crate::start::{
-    FEWEST_FRAMES, FEWEST_MARKERS, FrameMarkers, StartError, estimate_pose, fit_homography, pose_doubt, refine_pose,
+    FEWEST_FRAMES, FEWEST_MARKERS, FrameMarkers, PoseFit, StartError, doubt_between, estimate_pose, fit_homography,
+    mirrored_pose,
 };
 
 /// Frames whose reprojection error exceeds this many times the median are misdetected boards.
@@ -72,17 +73,22 @@ fn drop_frame(dropped: &mut Vec<DroppedFrame>, name: String, reason: String) {
 
 /// Leaves mirrored poses, and drops the frame that fits far worse than the others, and those whose markers do not determine
 /// their pose; true where anything changed.
-pub(super) fn repair(round: usize, state: &mut State<PosedFrame>, adjusted: &Adjusted) -> Result<bool, CalibrateError> {
-    // Before a frame is called bad: its pose may only be the wrong one of two.
-    if round <= ROUNDS && leave_mirrored_poses(&mut state.capture, &state.camera) > 0 {
+pub(super) fn repair(
+    [round, repairs]: [usize; 2],
+    state: &mut State<PosedFrame>,
+    adjusted: &Adjusted,
+) -> Result<bool, CalibrateError> {
+    let errors = frame_errors_px(&state.capture, &adjusted.image_residuals, state.noise.pixel_sigma);
+    // Before a frame is called bad: its pose may only be the wrong one of two. Later rounds change no pose by so much.
+    let others = if round == 1 { mirrored_poses(&state.capture, &state.camera) } else { Vec::new() };
+    if repairs < ROUNDS && leave_mirrored_poses(&mut state.capture, &others, &errors) > 0 {
         return Ok(true);
     }
-    let errors = frame_errors_px(&state.capture, &adjusted.image_residuals, state.noise.pixel_sigma);
     let capture = &mut state.capture;
     let bad = worst_frame(&errors).map(|bad| vec![bad]);
-    let bad = bad.unwrap_or_else(|| undetermined_frames(capture, &state.camera, &errors));
+    let bad = bad.unwrap_or_else(|| undetermined_frames(capture, &state.camera, &others, &errors));
     if bad.is_empty() {
-        return Ok(false);
+        return Ok(leave_out_wrong_markers(capture, &adjusted.image_residuals, state.noise.pixel_sigma) > 0);
     }
     for (place, reason) in bad.into_iter().rev() {
         let frame = capture.frames.remove(place);
@@ -96,39 +102,54 @@ pub(super) fn repair(round: usize, state: &mut State<PosedFrame>, adjusted: &Adj
 }
 
 /// A start camera without lens may put a frame into the wrong one of a plane's two poses, where the adjustment then stays.
-/// Estimates every pose anew under the adjusted camera and takes those that fit clearly better; returns how many.
-fn leave_mirrored_poses(capture: &mut Capture<PosedFrame>, camera: &Camera) -> usize {
+/// The other pose of every frame, mirrored about the line of sight; `None` where it has none.
+fn mirrored_poses(capture: &Capture<PosedFrame>, camera: &Camera) -> Vec<Option<PoseFit>> {
+    let other = |f: &PosedFrame| mirrored_pose(camera, &capture.target, &f.markers, &f.camera_from_board);
+    capture.frames.par_iter().map(other).collect()
+}
+
+/// A start camera without lens may put a frame into the wrong one of a plane's two poses, where the adjustment then stays.
+/// Takes the other poses that fit clearly better than the frames' own do, whose errors are given, px; returns how many.
+fn leave_mirrored_poses(capture: &mut Capture<PosedFrame>, others: &[Option<PoseFit>], errors: &[f64]) -> usize {
     const CLEARLY: f64 = 0.9;
-    let better: Vec<Option<Isometry3<f64>>> = capture
-        .frames
-        .par_iter()
-        .map(|frame| {
-            let stays = refine_pose(camera, &capture.target, &frame.markers, &frame.camera_from_board)?;
-            let other = estimate_pose(camera, &capture.target, &markers_of(frame)).ok()?;
-            (other.rms_px < CLEARLY * stays.rms_px).then_some(other.camera_from_board)
-        })
-        .collect();
-    let moved = better.iter().flatten().count();
-    for (frame, better) in capture.frames.iter_mut().zip(better) {
-        frame.camera_from_board = better.unwrap_or(frame.camera_from_board);
+    let mut moved = 0;
+    for ((frame, other), error) in capture.frames.iter_mut().zip(others).zip(errors) {
+        if let Some(other) = other.as_ref().filter(|other| other.rms_px < CLEARLY * error) {
+            frame.camera_from_board = other.camera_from_board;
+            moved += 1;
+        }
     }
     moved
 }
 
+/// Distances between markers and their projections, px, frame by frame, from whitened residuals.
+fn distances_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> Vec<Vec<f64>> {
+    let mut pairs = residuals.chunks_exact(2);
+    let distance = |(marker, pair): (&MarkerObservation, &[f64])| sigma * marker.std_px * pair[0].hypot(pair[1]);
+    capture.frames.iter().map(|frame| frame.markers.iter().zip(pairs.by_ref()).map(distance).collect()).collect()
+}
+
 /// Root mean square reprojection error of every frame, px, from whitened residuals.
 fn frame_errors_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> Vec<f64> {
-    let mut rest = residuals;
-    capture
-        .frames
-        .iter()
-        .map(|frame| {
-            let (own, after) = rest.split_at((2 * frame.markers.len()).min(rest.len()));
-            rest = after;
-            let squares =
-                own.iter().zip(frame.markers.iter().flat_map(|m| [m.std_px; 2])).map(|(r, s)| (r * s).powi(2));
-            sigma * (squares.sum::<f64>() / frame.markers.len().max(1) as f64).sqrt()
-        })
-        .collect()
+    distances_px(capture, residuals, sigma).into_iter().map(depthcal_statistics::rms).collect()
+}
+
+/// Leaves out markers that were found in the wrong place, of frames that keep enough of them; returns how many.
+fn leave_out_wrong_markers(capture: &mut Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> usize {
+    let distances = distances_px(capture, residuals, sigma);
+    let Some(limit) = limit_px(&distances.concat()) else { return 0 };
+    let mut count = 0;
+    for (frame, distances) in capture.frames.iter_mut().zip(&distances) {
+        let far = distances.iter().filter(|d| **d > limit).count();
+        if far == 0 || frame.markers.len() - far < FEWEST_MARKERS {
+            continue;
+        }
+        let wrong = take_wrong(&mut frame.markers, distances, limit);
+        info!("frame {}: {far} of its markers left out, more than {limit:.1} px from the fit", frame.name);
+        frame.wrong_markers.extend(wrong);
+        count += far;
+    }
+    count
 }
 
 /// The frame that fits far worse than the others, and why it goes.
@@ -143,14 +164,20 @@ fn worst_frame(errors: &[f64]) -> Option<(usize, String)> {
 
 /// The frames whose markers leave their pose undetermined under the adjusted camera, and why. The markers' standard deviation
 /// is that of the median frame.
-fn undetermined_frames(capture: &Capture<PosedFrame>, camera: &Camera, errors: &[f64]) -> Vec<(usize, String)> {
+fn undetermined_frames(
+    capture: &Capture<PosedFrame>,
+    camera: &Camera,
+    others: &[Option<PoseFit>],
+    errors: &[f64],
+) -> Vec<(usize, String)> {
     let Some(median) = upper_median(&mut errors.to_vec()) else { return Vec::new() };
     let sigma = median / std::f64::consts::SQRT_2;
-    let doubt = |(i, frame): (usize, &PosedFrame)| {
-        let doubt = pose_doubt(camera, &capture.target, &markers_of(frame), &frame.camera_from_board, sigma)?;
+    let doubt = |(i, (frame, other)): (usize, (&PosedFrame, &Option<PoseFit>))| {
+        let (target, markers) = (&capture.target, markers_of(frame));
+        let doubt = doubt_between(camera, target, &markers, &frame.camera_from_board, other.as_ref(), sigma)?;
         Some((i, doubt.to_string()))
     };
-    let mut all: Vec<(usize, String)> = capture.frames.par_iter().enumerate().filter_map(doubt).collect();
+    let mut all: Vec<(usize, String)> = capture.frames.par_iter().zip(others).enumerate().filter_map(doubt).collect();
     all.sort_by_key(|(i, _)| *i);
     all
 }

@@ -20,6 +20,8 @@ use crate::observe::{AdjustableFrame, Capture, SampledFrame};
 
 /// Rounds of adjustment and noise estimation.
 pub(super) const ROUNDS: usize = 4;
+/// Rounds in which the state is repaired: with the noise that was assumed, and with the one that was found.
+const ROUNDS_WITH_REPAIR: usize = 2;
 /// Relative change of a standard deviation below which the noise has settled.
 const NOISE_SETTLED: f64 = 0.01;
 /// … and of the frames' planes, whose scatter is known to some ten per cent at best.
@@ -50,8 +52,9 @@ pub(super) enum Freedom {
     Counted(usize),
 }
 
-/// A repair of the state after an adjustment, given the round's number (from 1); true where the round has to begin anew.
-pub(super) type Repair<'a, F> = &'a dyn Fn(usize, &mut State<F>, &Adjusted) -> Result<bool, CalibrateError>;
+/// A repair of the state after an adjustment, given the number of the round and of the repairs before it; true where the round has to
+/// begin anew. It is asked for in the first rounds: later ones hardly change the state.
+pub(super) type Repair<'a, F> = &'a dyn Fn([usize; 2], &mut State<F>, &Adjusted) -> Result<bool, CalibrateError>;
 
 /// What a calibration does in each round.
 pub(super) struct Rules<'a, F> {
@@ -72,7 +75,7 @@ pub(super) struct Rules<'a, F> {
 }
 
 /// Nothing to repair.
-fn no_repair<F>(_: usize, _: &mut State<F>, _: &Adjusted) -> Result<bool, CalibrateError> {
+fn no_repair<F>(_: [usize; 2], _: &mut State<F>, _: &Adjusted) -> Result<bool, CalibrateError> {
     Ok(false)
 }
 
@@ -117,7 +120,7 @@ pub(super) fn settle<F: AdjustableFrame>(
         let adjusted = adjustment.solve()?;
         state.camera = adjusted.camera.clone();
         state.capture.set_poses(&adjusted.poses);
-        if (rules.repair)(round + repairs, &mut state, &adjusted)? {
+        if round <= ROUNDS_WITH_REPAIR && (rules.repair)([round, repairs], &mut state, &adjusted)? {
             (round, repairs) = (round - 1, repairs + 1);
             continue;
         }

@@ -241,7 +241,7 @@ fn predicted_frame(fit: &Calibrated, pose: &Isometry3<f64>, context: &Context) -
         }
     }
     let raw = RawFrame { name: "predicted".to_owned(), ..RawFrame::default() };
-    let detected = DetectedFrame { raw, markers };
+    let detected = DetectedFrame { raw, markers, wrong_markers: Vec::new() };
     Some(SampledFrame { posed: PosedFrame { detected, camera_from_board: *pose }, samples: samples.into() })
 }
 

@@ -247,6 +247,7 @@ mod tests {
                 name: format!("{i:03}"),
                 camera_from_board: nalgebra::Isometry3::identity(),
                 reprojection: Vec::new(),
+                wrong_markers: 0,
                 dots: Vec::new(),
                 depth: DepthErrors::of(&pixels),
                 pixels,

@@ -4,6 +4,8 @@
 //! "after" the depth corrected by the camera's pixel and depth pieces. Pixels that are no measurements of the board are counted
 //! and left out, see [`crate::observe::outliers`].
 
+use std::borrow::Cow;
+
 use depthcal_io::{BeforeAfter, DatasetEvaluation, FrameEvaluation, MeanStd, Outliers, Rms};
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::{Thinning, rms, upper_median};
@@ -16,7 +18,10 @@ use crate::observe::board_pixels::{BoardPixel, board_pixels};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
-use crate::observe::{AdjustableFrame, Capture, DetectedFrame, DroppedFrame, EvaluableFrame, OpenFrame, PixelRays};
+use crate::observe::wrong_markers::{limit_px, take_wrong};
+use crate::observe::{
+    AdjustableFrame, Capture, DetectedFrame, DroppedFrame, EvaluableFrame, MarkerObservation, OpenFrame, PixelRays,
+};
 use crate::start::{FrameMarkers, PoseFit, StartError, estimate_pose, pose_doubt, refine_pose};
 
 /// Most pixels of all frames together that are kept one by one, about.
@@ -33,6 +38,8 @@ pub struct EvaluatedFrame {
     pub camera_from_board: Isometry3<f64>,
     /// Reprojection errors: detected pixel and detected minus projected, [u, v, du, dv], px.
     pub reprojection: Vec<[f64; 4]>,
+    /// Markers that were left out because they are far from where the board has them.
+    pub wrong_markers: usize,
     /// Dot errors before and after correction, mm; one pair per marker with depth.
     pub dots: Vec<[f64; 2]>,
     /// Sums over all its board pixels.
@@ -77,13 +84,17 @@ where
     let [least, most] = KEPT_OF_A_FRAME;
     let kept_pixels = (KEPT_PIXELS / frames.max(1)).clamp(least, most);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, stride };
-    let poses: Vec<Result<PoseFit, StartError>> =
-        capture.frames.par_iter().map(|frame| evaluation.pose(frame.as_ref(), frame.known_pose())).collect();
+    let mut seen: Vec<(Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)> = capture
+        .frames
+        .par_iter()
+        .map(|frame| (Cow::Borrowed(frame.as_ref()), evaluation.pose(frame.as_ref(), frame.known_pose())))
+        .collect();
+    evaluation.leave_out_wrong_markers(&mut seen);
     // Errors of the markers are those of the median frame: few markers fit any pose.
-    let mut rms_px: Vec<f64> = poses.iter().flatten().map(|p| p.rms_px).collect();
+    let mut rms_px: Vec<f64> = seen.iter().filter_map(|(_, pose)| Some(pose.as_ref().ok()?.rms_px)).collect();
     let sigma_px = upper_median(&mut rms_px).unwrap_or(0.0) / std::f64::consts::SQRT_2;
-    let frame = |(frame, pose): (&F, Result<PoseFit, StartError>)| {
-        let frame = frame.as_ref();
+    let frame = |(frame, pose): (Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)| {
+        let frame = &*frame;
         let dropped = |reason: String| DroppedFrame { name: frame.name.clone(), reason };
         let pose = pose.map_err(|e| dropped(e.to_string()))?.camera_from_board;
         match pose_doubt(camera, &capture.target, &markers_of(frame), &pose, sigma_px) {
@@ -94,7 +105,7 @@ where
             }
         }
     };
-    let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> = capture.frames.par_iter().zip(poses).map(frame).collect();
+    let frames: Vec<Result<EvaluatedFrame, DroppedFrame>> = seen.into_par_iter().map(frame).collect();
     let mut evaluated = Evaluated { name: capture.name.clone(), frames: Vec::new(), dropped: capture.dropped.clone() };
     for frame in frames {
         match frame {
@@ -116,12 +127,44 @@ struct Evaluation<'a, F> {
     stride: usize,
 }
 
-impl<F> Evaluation<'_, F> {
+impl<F: Sync> Evaluation<'_, F> {
     /// The pose from the image alone, searched from a known one where there is one.
     fn pose(&self, frame: &DetectedFrame, known: Option<&Isometry3<f64>>) -> Result<PoseFit, StartError> {
         let target = &self.capture.target;
         let refined = known.and_then(|pose| refine_pose(self.camera, target, &frame.markers, pose));
         refined.map_or_else(|| estimate_pose(self.camera, target, &markers_of(frame)), Ok)
+    }
+
+    /// Leaves out markers that were found in the wrong place, of frames that keep a pose without them, and estimates these poses anew.
+    fn leave_out_wrong_markers(&self, seen: &mut [(Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)]) {
+        let distances = |(frame, pose): &(Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)| {
+            let Ok(pose) = pose else { return Vec::new() };
+            let distance = |m: &MarkerObservation| {
+                self.reprojection(m, &pose.camera_from_board).map_or(f64::INFINITY, |e| e[2].hypot(e[3]))
+            };
+            frame.markers.iter().map(distance).collect()
+        };
+        let distances: Vec<Vec<f64>> = seen.par_iter().map(distances).collect();
+        let Some(limit) = limit_px(&distances.concat()) else { return };
+        for ((frame, pose), distances) in seen.iter_mut().zip(&distances) {
+            if distances.iter().all(|d| *d <= limit) {
+                continue;
+            }
+            let mut rest = frame.as_ref().clone();
+            rest.wrong_markers.extend(take_wrong(&mut rest.markers, distances, limit));
+            let Ok(known) = pose.as_ref().map(|p| p.camera_from_board) else { continue };
+            if let Ok(without) = self.pose(&rest, Some(&known)) {
+                (*frame, *pose) = (Cow::Owned(rest), Ok(without));
+            }
+        }
+    }
+
+    /// Where a marker was found, and how far that is from its projection, [u, v, du, dv], px; `None` where it has none.
+    fn reprojection(&self, marker: &MarkerObservation, pose: &Isometry3<f64>) -> Option<[f64; 4]> {
+        let p = self.camera.board_point(self.capture.target.point(marker.index));
+        let at = self.camera.project(&(pose * nalgebra::Point3::from(p)).coords)?;
+        let [u, v] = marker.pixel;
+        Some([u, v, u - at[0], v - at[1]])
     }
 
     /// The frame's board pixels, seen from a pose, before and after correction.
@@ -142,15 +185,7 @@ impl<F> Evaluation<'_, F> {
 
     fn of_frame(&self, frame: &DetectedFrame, open: &OpenFrame<'_>, pose: Isometry3<f64>) -> EvaluatedFrame {
         let target = &self.capture.target;
-        let reprojection = frame
-            .markers
-            .iter()
-            .filter_map(|m| {
-                let p = self.camera.board_point(target.point(m.index));
-                let at = self.camera.project(&(pose * nalgebra::Point3::from(p)).coords)?;
-                Some([m.pixel[0], m.pixel[1], m.pixel[0] - at[0], m.pixel[1] - at[1]])
-            })
-            .collect();
+        let reprojection = frame.markers.iter().filter_map(|m| self.reprojection(m, &pose)).collect();
         let surface = BoardSurface::new(&pose, self.camera);
         let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
@@ -181,6 +216,7 @@ impl<F> Evaluation<'_, F> {
             name: frame.name.clone(),
             camera_from_board: pose,
             reprojection,
+            wrong_markers: frame.wrong_markers.len(),
             dots,
             depth,
             pixels,
@@ -336,6 +372,7 @@ impl EvaluatedFrame {
         FrameEvaluation {
             name: self.name.clone(),
             markers: self.reprojection.len(),
+            wrong_markers: self.wrong_markers,
             depth_pixels: self.depth.pixels,
             outliers: self.outliers,
             reprojection_px: Rms { rms: rms(self.reprojection.iter().map(|e| e[2].hypot(e[3]))) },

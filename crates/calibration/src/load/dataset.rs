@@ -152,7 +152,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         if markers.is_empty() {
             dropped.push(DroppedFrame { name: raw.name, reason: "the board was not found".to_owned() });
         } else {
-            kept.push(DetectedFrame { raw, markers });
+            kept.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
         }
     }
     if kept.is_empty() {

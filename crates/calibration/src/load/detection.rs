@@ -140,6 +140,7 @@ fn refine(
             .map(|(f, m)| DetectedFrame {
                 raw: RawFrame { name: f.name.clone(), ..RawFrame::default() },
                 markers: m.clone(),
+                wrong_markers: Vec::new(),
             })
             .collect(),
         dropped: Vec::new(),

@@ -14,6 +14,7 @@ pub mod outliers;
 pub mod pixel_rays;
 mod stages;
 pub mod stored;
+pub(crate) mod wrong_markers;
 
 pub use capture::{Capture, DroppedFrame};
 pub use kept_light::FrameLight;

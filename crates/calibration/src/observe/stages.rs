@@ -158,6 +158,8 @@ pub struct DetectedFrame {
     pub raw: RawFrame,
     /// The markers in its image.
     pub markers: Vec<MarkerObservation>,
+    /// Markers that are left out because they are far from where the board has them.
+    pub wrong_markers: Vec<MarkerObservation>,
 }
 
 /// A frame whose board has a pose.

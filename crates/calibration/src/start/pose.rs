@@ -9,6 +9,10 @@ use super::frame_markers::FrameMarkers;
 use super::homography::homography;
 use crate::observe::MarkerObservation;
 
+/// Relative fall of the squared reprojection error in a step below which a pose has settled: it is then within some hundred-thousandth of
+/// its standard deviation.
+const SETTLED: f64 = 1e-10;
+
 /// A pose with its reprojection error.
 #[derive(Debug, Clone)]
 pub struct PoseFit {
@@ -81,6 +85,16 @@ fn mirror(pose: &Isometry3<f64>, target: &Target) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts(Translation3::from(middle.coords - rotation * centre), rotation))
 }
 
+/// The other minimum of the reprojection error: the pose that is found from the mirrored one; `None` where there is none.
+pub(crate) fn mirrored_pose(
+    camera: &Camera,
+    target: &Target,
+    markers: &[MarkerObservation],
+    pose: &Isometry3<f64>,
+) -> Option<PoseFit> {
+    refine_pose(camera, target, markers, &mirror(pose, target)?)
+}
+
 /// Minimises the reprojection error over the pose alone, by the Levenberg–Marquardt method from `start`. `None` where the camera
 /// does not image the board in the start pose, or where the markers do not determine the pose.
 pub fn refine_pose(
@@ -91,10 +105,9 @@ pub fn refine_pose(
 ) -> Option<PoseFit> {
     let (chain, theta) = (camera.chain(), camera.theta());
     let points: Vec<[f64; 2]> = markers.iter().map(|m| target.point(m.index)).collect();
-    let columns = POSE + chain.image_parameter_count();
     let mut work = Workspace::default();
     let mut pixels = vec![[0.0; 2]; points.len()];
-    let mut jacobian = vec![0.0; 2 * points.len() * columns];
+    let mut jacobian = vec![0.0; 2 * points.len() * POSE];
     let cost = |pixels: &[[f64; 2]]| -> f64 {
         let squares =
             pixels.iter().zip(markers).map(|(p, m)| (p[0] - m.pixel[0]).powi(2) + (p[1] - m.pixel[1]).powi(2));
@@ -102,13 +115,13 @@ pub fn refine_pose(
     };
     let mut pose = *start;
     let mut lambda = 1e-4;
-    chain.image(&mut work, &theta, &pose, &points, &mut pixels, Some(&mut jacobian)).ok()?;
+    chain.image_by_pose(&mut work, &theta, &pose, &points, &mut pixels, &mut jacobian).ok()?;
     let mut best = cost(&pixels);
     for _ in 0..50 {
         let (mut normal, mut rhs) = (SMatrix::<f64, 6, 6>::zeros(), SVector::<f64, 6>::zeros());
         for (k, marker) in markers.iter().enumerate() {
             for r in 0..2 {
-                let row = SVector::<f64, 6>::from_column_slice(&jacobian[(2 * k + r) * columns..][..POSE]);
+                let row = SVector::<f64, 6>::from_column_slice(&jacobian[(2 * k + r) * POSE..][..POSE]);
                 normal += row * row.transpose();
                 rhs += row * (marker.pixel[r] - pixels[k][r]);
             }
@@ -124,10 +137,10 @@ pub fn refine_pose(
                 Translation3::from(pose.translation.vector + step.fixed_rows::<3>(3)),
                 pose.rotation * UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned()),
             );
-            let valid = chain.image(&mut work, &theta, &moved, &points, &mut pixels, Some(&mut jacobian)).is_ok();
+            let valid = chain.image_by_pose(&mut work, &theta, &moved, &points, &mut pixels, &mut jacobian).is_ok();
             let trial = if valid { cost(&pixels) } else { f64::INFINITY };
             if trial <= best {
-                improved = best - trial > 1e-14 * best;
+                improved = best - trial > SETTLED * best;
                 (pose, best) = (moved, trial);
                 lambda = (lambda * 0.1).max(1e-12);
                 break;

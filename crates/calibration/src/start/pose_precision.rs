@@ -7,7 +7,8 @@ use depthcal_model::{Camera, Target};
 use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
 
 use super::frame_markers::FrameMarkers;
-use super::pose::{PoseFit, local_poses};
+use super::pose::{PoseFit, mirrored_pose};
+use crate::observe::MarkerObservation;
 
 /// Largest standard deviation of the board's depth within the hull of its markers, as a share of the depth, with which the
 /// markers count as determining a pose. A whole board leaves some 0.01 %; depth cameras err by up to some per cent, which a
@@ -70,19 +71,33 @@ pub fn pose_doubt(
     camera_from_board: &Isometry3<f64>,
     sigma_px: f64,
 ) -> Option<PoseDoubt> {
+    let other = mirrored_pose(camera, target, frame.markers, camera_from_board);
+    doubt_between(camera, target, frame, camera_from_board, other.as_ref(), sigma_px)
+}
+
+/// [`pose_doubt`], given the mirrored pose, which a frame may not have.
+pub(crate) fn doubt_between(
+    camera: &Camera,
+    target: &Target,
+    frame: &FrameMarkers<'_>,
+    camera_from_board: &Isometry3<f64>,
+    other: Option<&PoseFit>,
+    sigma_px: f64,
+) -> Option<PoseDoubt> {
     let markers = frame.markers.len();
     let share = depth_deviation(camera, target, frame, camera_from_board).map_or(f64::INFINITY, |d| d * sigma_px);
     if !(share <= MOST_UNCERTAIN_DEPTH) {
         return Some(PoseDoubt::Uncertain { markers, share });
     }
-    let poses = local_poses(camera, target, frame).ok()?;
-    let [best, other] = poses.as_slice() else { return None };
-    let squares = |fit: &PoseFit| fit.rms_px * fit.rms_px * markers as f64;
-    if squares(other) - squares(best) > SAME_FIT * sigma_px * sigma_px {
+    let other = other?;
+    let own_px = squared_distances(camera, target, frame, camera_from_board)?;
+    let difference = other.rms_px * other.rms_px * markers as f64 - own_px;
+    if difference.abs() > SAME_FIT * sigma_px * sigma_px {
         return None;
     }
-    let depth = |fit: &PoseFit, p: &Vector3<f64>| (fit.camera_from_board * nalgebra::Point3::from(*p)).z;
-    let differences = places(target, frame).map(|p| (depth(other, &p) / depth(best, &p) - 1.0).abs());
+    let depth = |pose: &Isometry3<f64>, p: &Vector3<f64>| (pose * nalgebra::Point3::from(*p)).z;
+    let other = &other.camera_from_board;
+    let differences = places(target, frame).map(|p| (depth(other, &p) / depth(camera_from_board, &p) - 1.0).abs());
     let share = differences.fold(0.0, f64::max);
     (share > MOST_UNCERTAIN_DEPTH).then_some(PoseDoubt::Ambiguous { markers, share })
 }
@@ -93,6 +108,21 @@ fn places<'a>(target: &'a Target, frame: &FrameMarkers<'a>) -> impl Iterator<Ite
         let [x, y] = target.point(m.index);
         Vector3::new(x, y, 0.0)
     })
+}
+
+/// Sum of the squared distances between the markers and their projections, px²; `None` where one has none.
+fn squared_distances(
+    camera: &Camera,
+    target: &Target,
+    frame: &FrameMarkers<'_>,
+    camera_from_board: &Isometry3<f64>,
+) -> Option<f64> {
+    let square = |m: &MarkerObservation| {
+        let p = camera.board_point(target.point(m.index));
+        let [u, v] = camera.project(&(camera_from_board * nalgebra::Point3::from(p)).coords)?;
+        Some((u - m.pixel[0]).powi(2) + (v - m.pixel[1]).powi(2))
+    };
+    frame.markers.iter().map(square).sum()
 }
 
 /// Largest standard deviation of depth over depth at the markers, per pixel of the markers' standard deviation; `None` where
@@ -106,15 +136,14 @@ fn depth_deviation(
 ) -> Option<f64> {
     let chain = camera.chain();
     let points: Vec<[f64; 2]> = frame.markers.iter().map(|m| target.point(m.index)).collect();
-    let columns = POSE + chain.image_parameter_count();
     let mut pixels = vec![[0.0; 2]; points.len()];
-    let mut jacobian = vec![0.0; 2 * points.len() * columns];
+    let mut jacobian = vec![0.0; 2 * points.len() * POSE];
     let mut work = Workspace::default();
-    chain.image(&mut work, &camera.theta(), camera_from_board, &points, &mut pixels, Some(&mut jacobian)).ok()?;
+    chain.image_by_pose(&mut work, &camera.theta(), camera_from_board, &points, &mut pixels, &mut jacobian).ok()?;
     let mut normal = SMatrix::<f64, POSE, POSE>::zeros();
-    for (rows, marker) in jacobian.chunks_exact(2 * columns).zip(frame.markers) {
-        for row in rows.chunks_exact(columns) {
-            let row = SVector::<f64, POSE>::from_column_slice(&row[..POSE]) / marker.std_px;
+    for (rows, marker) in jacobian.chunks_exact(2 * POSE).zip(frame.markers) {
+        for row in rows.chunks_exact(POSE) {
+            let row = SVector::<f64, POSE>::from_column_slice(row) / marker.std_px;
             normal += row * row.transpose();
         }
     }

@@ -46,8 +46,11 @@ pub struct DatasetEvaluation {
 pub struct FrameEvaluation {
     /// Name of the frame.
     pub name: String,
-    /// Number of markers that were found.
+    /// Number of markers that were found and count.
     pub markers: usize,
+    /// Number of markers that are left out: more than a pixel and four standard deviations from where the fit has them.
+    #[serde(default)]
+    pub wrong_markers: usize,
     /// Number of valid depth pixels on the board.
     pub depth_pixels: usize,
     /// Number of board pixels that are no measurements of the board, and are left out.

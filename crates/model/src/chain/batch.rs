@@ -89,7 +89,7 @@ pub(super) fn add_theta<const OUT: usize>(
     k: usize,
     g: &[f64; OUT],
 ) {
-    if let Some(row) = row.as_deref_mut() {
+    if let Some(row) = row.as_deref_mut().filter(|row| row.len() > POSE) {
         let columns = &mut row[POSE + link.offset..][..link.count];
         let block = &local.d_theta[k * OUT * link.count..(k + 1) * OUT * link.count];
         for (o, g) in g.iter().enumerate() {

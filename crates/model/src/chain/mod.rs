@@ -143,16 +143,47 @@ impl Chain {
         camera_from_board: &Isometry3<f64>,
         points: &[[f64; 2]],
         pixels: &mut [[f64; 2]],
+        jacobian: Option<&mut [f64]>,
+    ) -> Result<(), ChainError> {
+        let derive = jacobian.is_some().then_some(Derive::All);
+        self.image_rows(work, theta, camera_from_board, points, pixels, jacobian, derive)
+    }
+
+    /// [`Chain::image`] with the Jacobian by the pose alone: two rows per point, [`POSE`] columns.
+    ///
+    /// # Errors
+    ///
+    /// [`ChainError::BehindCamera`].
+    pub fn image_by_pose(
+        &self,
+        work: &mut Workspace,
+        theta: &[f64],
+        camera_from_board: &Isometry3<f64>,
+        points: &[[f64; 2]],
+        pixels: &mut [[f64; 2]],
+        jacobian: &mut [f64],
+    ) -> Result<(), ChainError> {
+        self.image_rows(work, theta, camera_from_board, points, pixels, Some(jacobian), Some(Derive::State))
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn image_rows(
+        &self,
+        work: &mut Workspace,
+        theta: &[f64],
+        camera_from_board: &Isometry3<f64>,
+        points: &[[f64; 2]],
+        pixels: &mut [[f64; 2]],
         mut jacobian: Option<&mut [f64]>,
+        derive: Option<Derive>,
     ) -> Result<(), ChainError> {
         let pose = Pose::from(camera_from_board);
-        let columns = POSE + self.image_parameter_count();
+        let columns = if derive == Some(Derive::State) { POSE } else { POSE + self.image_parameter_count() };
         for (start, batch) in (0..).step_by(BATCH).zip(points.chunks(BATCH)) {
             work.contexts.clear();
             work.contexts.resize(batch.len(), Context::default());
             work.seeds.clear();
             work.seeds.extend_from_slice(batch);
-            let derive = jacobian.is_some().then_some(Derive::All);
             self.forward(work, theta, &pose, false, derive)?;
             for (k, ray) in work.points.iter().enumerate() {
                 pixels[start + k] = ray.pixel;
@@ -372,7 +403,8 @@ impl Chain {
     /// - `by_pixel`: gradient by (u, v), 1 × 2;
     /// - `direct`: gradient by (x, y, ρ) with the pixel held, 1 × 3;
     /// - `row`: the row of the Jacobian that is added to, 1 × ([`POSE`] + [`Chain::parameter_count`]) for depth pixels,
-    ///   1 × ([`POSE`] + [`Chain::image_parameter_count`]) for image pixels; columns of depth pieces are left alone.
+    ///   1 × ([`POSE`] + [`Chain::image_parameter_count`]) for image pixels, or 1 × [`POSE`] for the pose alone; columns of depth pieces
+    ///   are left alone.
     ///
     /// Returns the gradient by the point (X, Y) of the nominal board, 1 × 2.
     #[allow(clippy::too_many_arguments)]
@@ -396,7 +428,7 @@ impl Chain {
                 g = [g[0] * d[0] + g[1] * d[2], g[0] * d[1] + g[1] * d[3]];
             }
         }
-        if let Some(row) = row.as_deref_mut() {
+        if let Some(row) = row.as_deref_mut().filter(|row| row.len() > POSE) {
             let [x, y] = ray.distorted;
             let columns = &mut row[POSE + self.pinhole_offset..][..PINHOLE];
             for (c, d) in columns.iter_mut().zip([g[0] * x, g[1] * y, g[0], g[1], g[0] * y]) {

@@ -67,6 +67,7 @@ fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFram
         name: frame.name.clone(),
         camera_from_board: pose,
         reprojection: errors.collect(),
+        wrong_markers: 0,
         dots,
         depth: DepthErrors::of(&pixels),
         pixels,
