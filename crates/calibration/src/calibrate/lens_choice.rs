@@ -61,14 +61,11 @@ pub(super) fn settle_with_chosen_lens(
     let chosen = choose(&compared);
     let candidates = compared.iter().map(|c| c.candidate).collect();
     let choice = Some(LensChoice { order: orders[chosen], candidates });
-    let shown: Vec<String> =
-        compared.iter().map(|c| format!("{}: {:.4} px", c.candidate.order, c.candidate.held_out_px)).collect();
-    info!(
-        "the markers leave the lens uncertain by {uncertain_px:.1} px at the border of the image; errors on left-out frames: \
-         {}; {} is fitted",
-        shown.join(", "),
-        orders[chosen]
-    );
+    let uncertain = match uncertain_px {
+        px if px.is_finite() => format!("uncertain by {px:.1} px at the border of the image"),
+        _ => "undetermined at the border of the image".to_owned(),
+    };
+    info!("the markers leave the lens {uncertain}; {}", choice.iter().map(LensChoice::to_string).collect::<String>());
     if !compared[chosen].candidate.one_to_one {
         warn!(
             "the lens {} is not one-to-one over the whole image, nor is any that predicts the markers as well",

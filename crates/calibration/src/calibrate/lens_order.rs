@@ -91,6 +91,14 @@ pub struct LensChoice {
     pub candidates: Vec<LensCandidate>,
 }
 
+impl fmt::Display for LensChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let errors: Vec<String> =
+            self.candidates.iter().map(|c| format!("{}: {:.3} px", c.order, c.held_out_px)).collect();
+        write!(f, "{} is fitted; errors on left-out frames: {}", self.order, errors.join(", "))
+    }
+}
+
 /// One order of a lens that was compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LensCandidate {

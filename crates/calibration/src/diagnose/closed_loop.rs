@@ -91,7 +91,7 @@ pub fn diagnose(
                 let found = &examination.evidence[*free];
                 let share_of_cost = merit(found) / examination.cost();
                 let least_share = thresholds.least_unexplained_share;
-                if !rejected.is_empty() && merit(found) < least_share * examination.cost() {
+                if merit(found) < least_share * examination.cost() {
                     conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
                     break examination;
                 }

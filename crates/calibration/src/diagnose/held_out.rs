@@ -5,7 +5,9 @@ use std::sync::Arc;
 use depthcal_io::{GainInterval, HeldOutErrors};
 
 use super::thresholds::Thresholds;
-use crate::judge::cross_validation::{depth_gain_percent, dot_gain_percent, weighted_gain_percent};
+use crate::judge::cross_validation::{
+    depth_gain_percent, dot_gain_percent, weighted_gain_of_blocks_percent, weighted_gain_percent,
+};
 use crate::judge::evaluate::Evaluated;
 use crate::observe::noise::DepthNoise;
 
@@ -41,7 +43,8 @@ pub(super) enum Gain {
 /// that is larger than the gain is none that chance excuses.
 ///
 /// Of an effect of time (`of_time`) a block of consecutive frames is an extrapolation: there the error must not rise, but need not fall
-/// for certain.
+/// for certain. Instead the fall with frames left out singly must be certain over blocks of frames, not only over frames: it must not come
+/// from one stretch of the recording.
 pub(super) fn gain(
     before: &HeldOut,
     after: &HeldOut,
@@ -54,7 +57,8 @@ pub(super) fn gain(
     let blocks = before.blocks.as_ref().zip(after.blocks.as_ref());
     let in_blocks = blocks.and_then(|(b, a)| of(b, a));
     let falls_in_blocks = in_blocks.is_none_or(|g| g.value > 0.0);
-    let gains = || singly.iter().chain(in_blocks.iter().filter(|_| !of_time));
+    let over_blocks = weighted_gain_of_blocks_percent(&before.evaluated, &after.evaluated, noise);
+    let gains = || singly.iter().chain(if of_time { over_blocks.iter() } else { in_blocks.iter() });
     let Some(least) = gains().min_by(|a, b| a.low.total_cmp(&b.low)) else { return Gain::None };
     if !(falls_in_blocks && gains().all(|g| g.value > thresholds.least_held_out_gain_percent)) {
         return Gain::None;
@@ -67,7 +71,10 @@ pub(super) fn gain(
     });
     let is_certain = |gains: [Option<GainInterval>; 2]| gains.iter().flatten().any(GainInterval::is_certain);
     let in_blocks_or_depth = || is_certain([in_blocks, blocks.and_then(|(b, a)| depth_gain_percent(b, a))]);
-    let certain_in_blocks = of_time || blocks.is_none() || in_blocks_or_depth();
+    let certain_in_blocks = match of_time {
+        true => is_certain([over_blocks, None]),
+        false => blocks.is_none() || in_blocks_or_depth(),
+    };
     let certain = is_certain([singly, depth]) && certain_in_blocks;
     if certain && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
 }

@@ -62,8 +62,8 @@ pub struct Thresholds {
     /// Effects in a row that may fail on held-out frames before the loop ends (3). Guards against trying the whole catalogue on
     /// residuals that no named effect explains.
     pub most_rejected: usize,
-    /// Share of the cost below which unexplained structure is not reported once effects have been rejected (0.01). Guards
-    /// against a verdict "unexplained" for a remainder without practical importance.
+    /// Share of the cost below which unexplained structure is not reported (0.01: it raises the error by 0.5 %). Guards against a
+    /// verdict "unexplained" for what is certain but without practical importance.
     pub least_unexplained_share: f64,
 
     /// Share of the mean squared residual that frames must share at the same values of a covariate for it to be reported (0.04: it

@@ -126,6 +126,9 @@ const MOST_SIGMAS: f64 = 8.0;
 /// Whole frames are drawn, because the pixels of a frame share errors.
 const BOOTSTRAP: Bootstrap = Bootstrap { resamples: 1000, seed: 1 };
 
+/// Blocks of consecutive frames into which a recording is divided where time matters.
+const BLOCKS_OF_TIME: usize = 10;
+
 /// Fewest frames for an interval.
 const FEWEST_FRAMES: usize = 3;
 
@@ -193,19 +196,36 @@ pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInt
 /// reprojection error, together: the sum of their falls. Every frame counts alike, by the geometric mean of the frames' errors: a frame
 /// far outside the others' poses, which they do not determine, decides nothing alone.
 pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
+    let falls = weighted_falls(before, after, noise);
+    gain_over(falls.len(), |drawn| mean_fall_percent(drawn.iter().map(|d| falls[*d])))
+}
+
+/// The same with its interval over blocks of consecutive frames, which are resampled whole: what a function of time takes up in one stretch
+/// of a recording may be anything that happened there.
+pub fn weighted_gain_of_blocks_percent(
+    before: &Evaluated,
+    after: &Evaluated,
+    noise: &DepthNoise,
+) -> Option<GainInterval> {
+    let falls = weighted_falls(before, after, noise);
+    let blocks: Vec<&[[f64; 2]]> = falls.chunks(falls.len().div_ceil(BLOCKS_OF_TIME).max(1)).collect();
+    gain_over(blocks.len(), |drawn| mean_fall_percent(drawn.iter().flat_map(|d| blocks[*d].iter().copied())))
+}
+
+/// Sum of the falls of both kinds of error, per cent, over frames given by the logarithms of their ratios.
+fn mean_fall_percent(frames: impl Iterator<Item = [f64; 2]>) -> f64 {
+    let (sum, n) = frames.fold(([0.0; 2], 0.0), |(sum, n), f| ([sum[0] + f[0], sum[1] + f[1]], n + 1.0));
+    sum.map(|s: f64| 100.0 * (1.0 - (s / n).exp())).iter().sum()
+}
+
+/// Logarithms of the ratio of every frame's weighted depth errors after and before, and of its reprojection errors; in the order of the
+/// frames.
+fn weighted_falls(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Vec<[f64; 2]> {
     let logarithm = |[before, after]: [(f64, f64); 2]| {
         let ratio = pooled_rms([after].into_iter()) / pooled_rms([before].into_iter());
         if ratio.is_finite() && ratio > 0.0 { ratio.ln() } else { 0.0 }
     };
-    let falls: Vec<[f64; 2]> =
-        weighted_pairs(before, after, noise).into_iter().map(|kinds| kinds.map(logarithm)).collect();
-    gain_over(falls.len(), |drawn| {
-        let fall = |kind: usize| {
-            let mean = drawn.iter().map(|d| falls[*d][kind]).sum::<f64>() / drawn.len() as f64;
-            100.0 * (1.0 - mean.exp())
-        };
-        fall(0) + fall(1)
-    })
+    weighted_pairs(before, after, noise).into_iter().map(|kinds| kinds.map(logarithm)).collect()
 }
 
 /// Sum and number of the squared weighted depth errors and of the squared reprojection errors of every frame, before and after.
