@@ -7,7 +7,7 @@
 //! | option | |
 //! |---|---|
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
-//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables |
+//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs,sensitivity` | which tables; the last on request only |
 //! | `--effects a,b` | these effects only |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
 //! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
@@ -18,6 +18,7 @@ mod beyond;
 mod nothing;
 mod pairs;
 mod placed;
+mod sensitivity;
 mod single;
 mod size;
 
@@ -111,7 +112,10 @@ fn main() {
             "beyond" => study.beyond(),
             "absent" => study.absent(),
             "pairs" => study.pairs(),
-            other => eprintln!("there is no table '{other}': single, clean, heavy, bad, beyond, absent, pairs"),
+            "sensitivity" => study.sensitivity(),
+            other => eprintln!(
+                "there is no table '{other}': single, placed, clean, heavy, bad, beyond, absent, pairs, sensitivity"
+            ),
         }
     }
     eprintln!("{:.0} s", start.elapsed().as_secs_f64());

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use tracing::{info, warn};
 
 use super::error::CalibrateError;
-use super::settle::{ROUNDS, State};
+use super::settle::{Attempt, ROUNDS, State};
 use crate::adjust::adjustment::Adjusted;
 use crate::observe::wrong_markers::{limit_px, take_wrong};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
@@ -74,7 +74,7 @@ fn drop_frame(dropped: &mut Vec<DroppedFrame>, name: String, reason: String) {
 /// Leaves mirrored poses, and drops the frame that fits far worse than the others, and those whose markers do not determine
 /// their pose; true where anything changed.
 pub(super) fn repair(
-    [round, repairs]: [usize; 2],
+    Attempt { round, repairs }: Attempt,
     state: &mut State<PosedFrame>,
     adjusted: &Adjusted,
 ) -> Result<bool, CalibrateError> {

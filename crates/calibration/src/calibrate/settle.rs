@@ -52,9 +52,18 @@ pub(super) enum Freedom {
     Counted(usize),
 }
 
-/// A repair of the state after an adjustment, given the number of the round and of the repairs before it; true where the round has to
+/// How often was adjusted.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Attempt {
+    /// Number of the round, from 1.
+    pub round: usize,
+    /// Repairs before this one.
+    pub repairs: usize,
+}
+
+/// A repair of the state after an adjustment, given how often was adjusted; true where the round has to
 /// begin anew. It is asked for in the first rounds: later ones hardly change the state.
-pub(super) type Repair<'a, F> = &'a dyn Fn([usize; 2], &mut State<F>, &Adjusted) -> Result<bool, CalibrateError>;
+pub(super) type Repair<'a, F> = &'a dyn Fn(Attempt, &mut State<F>, &Adjusted) -> Result<bool, CalibrateError>;
 
 /// What a calibration does in each round.
 pub(super) struct Rules<'a, F> {
@@ -75,7 +84,7 @@ pub(super) struct Rules<'a, F> {
 }
 
 /// Nothing to repair.
-fn no_repair<F>(_: [usize; 2], _: &mut State<F>, _: &Adjusted) -> Result<bool, CalibrateError> {
+fn no_repair<F>(_: Attempt, _: &mut State<F>, _: &Adjusted) -> Result<bool, CalibrateError> {
     Ok(false)
 }
 
@@ -120,7 +129,7 @@ pub(super) fn settle<F: AdjustableFrame>(
         let adjusted = adjustment.solve()?;
         state.camera = adjusted.camera.clone();
         state.capture.set_poses(&adjusted.poses);
-        if round <= ROUNDS_WITH_REPAIR && (rules.repair)([round, repairs], &mut state, &adjusted)? {
+        if round <= ROUNDS_WITH_REPAIR && (rules.repair)(Attempt { round, repairs }, &mut state, &adjusted)? {
             (round, repairs) = (round - 1, repairs + 1);
             continue;
         }
