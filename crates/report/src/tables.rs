@@ -240,16 +240,17 @@ pub(super) fn fit(c: &Calibrated) -> String {
             wrong => format!("{used}; {} left out, over a pixel from the fit", wrong),
         }
     };
-    let lens = c.lens_choice.as_ref().map_or_else(|| "as asked for".to_owned(), |choice| escape(&choice.to_string()));
     let mut items: Vec<(String, String)> = vec![
         ("Model".into(), escape(&pieces(&c.model.to_string()))),
         ("Estimator".into(), c.estimator.name().to_owned()),
         ("Frames".into(), c.capture.frames.len().to_string()),
         ("Markers".into(), markers(c)),
-        ("Terms of the lens".into(), lens),
         ("Reprojection error".into(), format!("{} px rms", number(c.reprojection_rms_px))),
         ("Marker noise".into(), format!("{} px per coordinate (standard deviation)", number(c.noise.pixel_sigma))),
     ];
+    if let Some(choice) = &c.lens_choice {
+        items.push(("Terms of the lens".into(), escape(&choice.to_string())));
+    }
     if c.with_depth {
         let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
         let apart = c.correlation_length_px.map_or(String::new(), |n| format!(", at least {n} px apart"));
