@@ -26,8 +26,7 @@ fn said(folder: &Folder, declared_mm: Option<f64>) -> String {
 #[test]
 fn a_missing_diameter_is_measured_and_a_wrong_one_is_said() {
     let folder = Folder::new();
-    let seed = ["--seed", "5", "--frames", "8"];
-    succeeds(["simulate", "--out", &folder.arg("capture"), seed[0], seed[1], seed[2], seed[3]]);
+    succeeds(["simulate", "--out", &folder.arg("capture"), "--seed", "5", "--frames", "8"]);
     let truth_mm = Board::default().circle_diameter_mm().unwrap();
     let measured = |text: &str| -> f64 {
         let (_, rest) = text.split_once("the dots measure ").unwrap_or_else(|| panic!("{text}"));

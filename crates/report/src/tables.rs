@@ -233,18 +233,18 @@ fn shift(c: &Calibrated, theta: &[f64], index: usize, nominal: f64) -> Option<f6
 
 /// Data, residuals, noise and termination of the fit.
 pub(super) fn fit(c: &Calibrated) -> String {
-    let markers = |c: &Calibrated| {
+    let markers = {
         let used: usize = c.capture.frames.iter().map(|f| f.markers.len()).sum();
         match c.capture.frames.iter().map(|f| f.wrong_markers.len()).sum() {
             0 => used.to_string(),
-            wrong => format!("{used}; {} left out, over a pixel from the fit", wrong),
+            wrong => format!("{used}; {wrong} left out, over a pixel from the fit"),
         }
     };
     let mut items: Vec<(String, String)> = vec![
         ("Model".into(), escape(&pieces(&c.model.to_string()))),
         ("Estimator".into(), c.estimator.name().to_owned()),
         ("Frames".into(), c.capture.frames.len().to_string()),
-        ("Markers".into(), markers(c)),
+        ("Markers".into(), markers),
         ("Reprojection error".into(), format!("{} px rms", number(c.reprojection_rms_px))),
         ("Marker noise".into(), format!("{} px per coordinate (standard deviation)", number(c.noise.pixel_sigma))),
     ];

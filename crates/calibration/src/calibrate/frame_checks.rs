@@ -1,7 +1,7 @@
 //! Which frames can be calibrated with: those whose markers determine a pose, and fit it as those of the others do.
 
 use depthcal_model::Camera;
-use depthcal_statistics::upper_median;
+use depthcal_statistics::{rms, upper_median};
 use rayon::prelude::*;
 use tracing::{info, warn};
 
@@ -78,7 +78,8 @@ pub(super) fn repair(
     state: &mut State<PosedFrame>,
     adjusted: &Adjusted,
 ) -> Result<bool, CalibrateError> {
-    let errors = frame_errors_px(&state.capture, &adjusted.image_residuals, state.noise.pixel_sigma);
+    let distances = distances_px(&state.capture, &adjusted.image_residuals, state.noise.pixel_sigma);
+    let errors: Vec<f64> = distances.iter().map(|of_frame| rms(of_frame.iter().copied())).collect();
     // Before a frame is called bad: its pose may only be the wrong one of two. Later rounds change no pose by so much.
     let others = if round == 1 { mirrored_poses(&state.capture, &state.camera) } else { Vec::new() };
     if repairs < ROUNDS && leave_mirrored_poses(&mut state.capture, &others, &errors) > 0 {
@@ -88,7 +89,7 @@ pub(super) fn repair(
     let bad = worst_frame(&errors).map(|bad| vec![bad]);
     let bad = bad.unwrap_or_else(|| undetermined_frames(capture, &state.camera, &others, &errors));
     if bad.is_empty() {
-        return Ok(leave_out_wrong_markers(capture, &adjusted.image_residuals, state.noise.pixel_sigma) > 0);
+        return Ok(leave_out_wrong_markers(capture, &distances) > 0);
     }
     for (place, reason) in bad.into_iter().rev() {
         let frame = capture.frames.remove(place);
@@ -129,17 +130,12 @@ fn distances_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) ->
     capture.frames.iter().map(|frame| frame.markers.iter().zip(pairs.by_ref()).map(distance).collect()).collect()
 }
 
-/// Root mean square reprojection error of every frame, px, from whitened residuals.
-fn frame_errors_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> Vec<f64> {
-    distances_px(capture, residuals, sigma).into_iter().map(depthcal_statistics::rms).collect()
-}
-
-/// Leaves out markers that were found in the wrong place, of frames that keep enough of them; returns how many.
-fn leave_out_wrong_markers(capture: &mut Capture<PosedFrame>, residuals: &[f64], sigma: f64) -> usize {
-    let distances = distances_px(capture, residuals, sigma);
+/// Leaves out markers that were found in the wrong place, of frames that keep enough of them, given the distances of all from their
+/// projections, px; returns how many.
+fn leave_out_wrong_markers(capture: &mut Capture<PosedFrame>, distances: &[Vec<f64>]) -> usize {
     let Some(limit) = limit_px(&distances.concat()) else { return 0 };
     let mut count = 0;
-    for (frame, distances) in capture.frames.iter_mut().zip(&distances) {
+    for (frame, distances) in capture.frames.iter_mut().zip(distances) {
         let far = distances.iter().filter(|d| **d > limit).count();
         if far == 0 || frame.markers.len() - far < FEWEST_MARKERS {
             continue;

@@ -57,7 +57,8 @@ pub(super) fn gain(
     let blocks = before.blocks.as_ref().zip(after.blocks.as_ref());
     let in_blocks = blocks.and_then(|(b, a)| of(b, a));
     let falls_in_blocks = in_blocks.is_none_or(|g| g.value > 0.0);
-    let over_blocks = weighted_gain_of_blocks_percent(&before.evaluated, &after.evaluated, noise);
+    let over_blocks =
+        of_time.then(|| weighted_gain_of_blocks_percent(&before.evaluated, &after.evaluated, noise)).flatten();
     let gains = || singly.iter().chain(if of_time { over_blocks.iter() } else { in_blocks.iter() });
     let Some(least) = gains().min_by(|a, b| a.low.total_cmp(&b.low)) else { return Gain::None };
     if !(falls_in_blocks && gains().all(|g| g.value > thresholds.least_held_out_gain_percent)) {

@@ -1,7 +1,7 @@
 //! Markers that were found in the wrong place: on a speck, on a reflection, on the neighbour.
 //!
-//! A detector puts some corners of thousands a pixel or more beside the board's, where the others are good to a tenth. A robust loss
-//! lessens their pull but leaves them in the error that is reported.
+//! Most markers are detected to a tenth of a pixel, but a few among thousands are a pixel or more off. A robust loss reduces their
+//! influence on the fit, but not on the reprojection error that is reported.
 
 use depthcal_statistics::upper_median;
 
