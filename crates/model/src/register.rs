@@ -10,8 +10,9 @@ use crate::block::Block;
 use crate::field::Field;
 use crate::hook::{Depth, Hook, HookKind};
 pub use crate::piece::Options;
-use crate::piece::{AnyPiece, Piece, Placement, erase, placed};
+use crate::piece::{AnyPiece, BoardSide, Piece, Placement, erase, placed};
 use crate::spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
+use crate::target::Target;
 
 type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
 
@@ -86,6 +87,8 @@ pub enum RegisterError {
 #[derive(Clone)]
 pub struct Register {
     entries: Vec<(&'static str, HookKind, Make)>,
+    /// Width and height of the board's markers, mm, where it is known.
+    board_mm: Option<[f64; 2]>,
 }
 
 impl std::fmt::Debug for Register {
@@ -97,7 +100,7 @@ impl std::fmt::Debug for Register {
 impl Register {
     /// A register without pieces.
     pub fn empty() -> Self {
-        Self { entries: Vec::new() }
+        Self { entries: Vec::new(), board_mm: None }
     }
 
     /// Adds a piece; `make` is given the constants that a file or the command line sets. A piece of the same name is
@@ -126,6 +129,13 @@ impl Register {
         self
     }
 
+    /// The register for captures of one board: constants of pieces that are a side of its rectangle of markers have the board's values
+    /// where none are given.
+    pub fn for_board(mut self, target: &Target) -> Self {
+        self.board_mm = Some(target.size_mm());
+        self
+    }
+
     /// All names, in the order of registration.
     pub fn names(&self) -> impl Iterator<Item = &'static str> {
         self.entries.iter().map(|(name, ..)| *name)
@@ -145,7 +155,22 @@ impl Register {
         let entry = self.entries.iter().find(|(n, ..)| *n == name);
         let unknown =
             || RegisterError::UnknownPiece { name: name.to_owned(), known: self.names().map(str::to_owned).collect() };
-        entry.map(|(_, _, make)| make(options)).ok_or_else(unknown)
+        let (_, _, make) = entry.ok_or_else(unknown)?;
+        let piece = make(options);
+        let Some([width, height]) = self.board_mm else { return Ok(piece) };
+        let constants = piece.constants();
+        let of_board = constants.iter().filter(|c| !options.contains_key(c.name)).filter_map(|c| {
+            let size = match c.of_board? {
+                BoardSide::Width => width,
+                BoardSide::Height => height,
+            };
+            Some((c.name.to_owned(), size))
+        });
+        let of_board: Options = of_board.collect();
+        if of_board.is_empty() {
+            return Ok(piece);
+        }
+        Ok(make(&options.iter().map(|(k, v)| (k.clone(), *v)).chain(of_board).collect()))
     }
 
     /// The piece of that name in a place and a form.

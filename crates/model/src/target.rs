@@ -103,6 +103,16 @@ impl Target {
         (0..self.len()).map(|i| self.point(i)).collect()
     }
 
+    /// Width and height, mm, of the rectangle from the board's origin that has the centre of the markers as its own: for dots and
+    /// inner corners of a chessboard that of the markers, for ChArUco that of the squares.
+    pub fn size_mm(&self) -> [f64; 2] {
+        let points = self.points();
+        [0, 1].map(|axis| {
+            let along = points.iter().map(|p| p[axis]);
+            along.clone().fold(f64::INFINITY, f64::min) + along.fold(f64::NEG_INFINITY, f64::max)
+        })
+    }
+
     /// Diameter of the printed dots in mm, where the board has dots and their diameter is known.
     pub fn circle_diameter_mm(&self) -> Option<f64> {
         match self.pattern {

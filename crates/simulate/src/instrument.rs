@@ -51,11 +51,32 @@ pub(crate) fn with_depth_added(rho: f64, dz: f64) -> f64 {
     rho / (1.0 + rho * dz)
 }
 
+/// A wave of the board's surface along one of its sides: height sin(radians t + phase), t from −1 to 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct SurfaceWave {
+    /// Amplitude, mm.
+    pub height: f64,
+    /// Radians per half of the side.
+    pub radians: f64,
+    /// Phase, rad.
+    pub phase: f64,
+}
+
+impl SurfaceWave {
+    /// Height at t and its derivative.
+    pub fn at(&self, t: f64) -> (f64, f64) {
+        let (sin, cos) = (self.radians * t + self.phase).sin_cos();
+        (self.height * sin, self.height * self.radians * cos)
+    }
+}
+
 /// Deviation of the real board from its design.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BoardShape {
     /// Height h = a ξ² + b η² + c ξ η, mm, ξ and η from −1 to 1 over the markers.
     pub bow: [f64; 3],
+    /// Waves of the surface along ξ and along η, added to h.
+    pub waves: [SurfaceWave; 2],
     /// Relative elongation of the print along y.
     pub stretch_y: f64,
     centre: [f64; 2],
@@ -66,11 +87,11 @@ impl BoardShape {
     pub fn flat(board: &Board) -> Self {
         let [x0, y0, x1, y1] = board.marker_rectangle();
         let half = [(x1 - x0) / 2.0, (y1 - y0) / 2.0].map(|h: f64| h.max(1.0));
-        Self { bow: [0.0; 3], stretch_y: 0.0, centre: board.centre(), half }
+        Self { bow: [0.0; 3], waves: Default::default(), stretch_y: 0.0, centre: board.centre(), half }
     }
 
     pub fn is_flat(&self) -> bool {
-        self.bow == [0.0; 3]
+        self.bow == [0.0; 3] && self.waves.iter().all(|w| w.height == 0.0)
     }
 
     /// Position on the real board of the point (x, y) of the design, mm.
@@ -88,8 +109,9 @@ impl BoardShape {
     pub fn height(&self, [x, y]: [f64; 2]) -> (f64, [f64; 2]) {
         let [a, b, c] = self.bow;
         let (xi, eta) = ((x - self.centre[0]) / self.half[0], (y - self.centre[1]) / self.half[1]);
-        let height = a * xi * xi + b * eta * eta + c * xi * eta;
-        (height, [(2.0 * a * xi + c * eta) / self.half[0], (2.0 * b * eta + c * xi) / self.half[1]])
+        let [(along_xi, by_xi), (along_eta, by_eta)] = [self.waves[0].at(xi), self.waves[1].at(eta)];
+        let height = a * xi * xi + b * eta * eta + c * xi * eta + along_xi + along_eta;
+        (height, [(2.0 * a * xi + c * eta + by_xi) / self.half[0], (2.0 * b * eta + c * xi + by_eta) / self.half[1]])
     }
 }
 

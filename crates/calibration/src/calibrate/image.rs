@@ -30,6 +30,7 @@ pub fn calibrate_image(
     options: &CalibrateOptions,
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {
     let _stage = options.progress.stage("image calibration");
+    let options = &options.for_board(&capture.target);
     let capture = with_homographies(capture);
     let (lens, order) = requested(&options.lens);
     let mut camera = match &options.camera {

@@ -1,6 +1,6 @@
 //! What to fit, and how.
 
-use depthcal_model::{Camera, ModelSpec, PieceSpec, Register};
+use depthcal_model::{Camera, ModelSpec, PieceSpec, Register, Target};
 
 use super::held::HeldParameter;
 use crate::adjust::FieldThresholds;
@@ -64,6 +64,14 @@ pub struct CalibrateOptions {
     pub field_thresholds: FieldThresholds,
     /// Receives progress.
     pub progress: ProgressHandle,
+}
+
+impl CalibrateOptions {
+    /// The same with a register that knows the board ([`Register::for_board`]).
+    #[must_use]
+    pub fn for_board(&self, target: &Target) -> Self {
+        Self { register: self.register.clone().for_board(target), ..self.clone() }
+    }
 }
 
 impl Default for CalibrateOptions {

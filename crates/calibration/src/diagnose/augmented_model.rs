@@ -268,9 +268,15 @@ impl<'a> AugmentedModel<'a> {
         Ok(Fitted { held_out: self.held_out(&fit, &self.present())?, fit })
     }
 
-    /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them.
-    /// Returns the specs of the removed ones.
-    pub fn remove_unnecessary(&mut self, present: &mut Fitted, tests: usize) -> Result<Vec<PieceSpec>, CalibrateError> {
+    /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them. Of those
+    /// that were added together, from the one at `together` on, each has to gain for certain given the others: one that is certain must not
+    /// carry another that is not. Returns the specs of the removed ones.
+    pub fn remove_unnecessary(
+        &mut self,
+        present: &mut Fitted,
+        mut together: usize,
+        tests: usize,
+    ) -> Result<Vec<PieceSpec>, CalibrateError> {
         let mut removed = Vec::new();
         let mut i = 0;
         while i + 1 < self.added.len() {
@@ -278,7 +284,8 @@ impl<'a> AugmentedModel<'a> {
             let effect = rest.remove(i);
             let model = self.with_effects(&rest);
             match self.fitted(&model) {
-                Ok(without) if !self.is_needed(&effect, &without, present, tests) => {
+                Ok(without) if !self.is_needed(&effect, &without, present, i >= together, tests) => {
+                    together -= usize::from(i < together);
                     removed.push(effect.evidence.spec);
                     self.added = rest;
                     *present = without;
@@ -294,12 +301,17 @@ impl<'a> AugmentedModel<'a> {
         Ok(removed)
     }
 
-    /// Whether an effect is significant given the others, and the model `with` it better on held-out frames than `without`.
-    fn is_needed(&self, effect: &AddedEffect, without: &Fitted, with: &Fitted, tests: usize) -> bool {
+    /// Whether an effect is significant given the others, and the model `with` it better on held-out frames than `without`: certainly so
+    /// where it is `new`.
+    fn is_needed(&self, effect: &AddedEffect, without: &Fitted, with: &Fitted, is_new: bool, tests: usize) -> bool {
         let test = score_and_gains(&without.fit, &self.declared().register, &effect.evidence.spec);
         let counts = test.is_none_or(|(score, gains)| significant(score.p_value, tests, &gains, self.thresholds()));
         // Once added, an effect need only not be superfluous.
-        counts && self.gain(without, with, std::slice::from_ref(effect)) != Gain::None
+        match self.gain(without, with, std::slice::from_ref(effect)) {
+            Gain::Certain => counts,
+            Gain::Possible(_) => counts && !is_new,
+            Gain::None => false,
+        }
     }
 
     /// Computes the held-out errors of the models along the way anew, from the effect at `first` on; those of the last model

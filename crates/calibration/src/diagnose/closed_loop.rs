@@ -50,7 +50,7 @@ pub fn diagnose(
         frame_planes: false,
         smoothness_rounds: FREE_MAP_ROUNDS,
         samples_for_search: true,
-        ..options.calibrate.clone()
+        ..options.calibrate.for_board(&capture.target)
     };
     let options = &DiagnoseOptions { calibrate, ..options.clone() };
     let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
@@ -143,7 +143,7 @@ pub fn diagnose(
                 rejected.clear();
                 tried.clear();
                 let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
-                let removed = model.remove_unnecessary(&mut present, examination.tests)?;
+                let removed = model.remove_unnecessary(&mut present, before, examination.tests)?;
                 conclude(&mut rounds, RoundOutcome::Added { effects, removed });
                 if model.exclude_bad_frames(&mut present.fit, &mut bad_frames, 0.0)? {
                     // Errors before and after have to be about the same frames.

@@ -147,7 +147,8 @@ mod tests {
         }
         let mut present = model.fitted(&model.present()).unwrap();
         // The last effect stays: the loop tests it when it is added.
-        let removed = model.remove_unnecessary(&mut present, examination.tests).unwrap();
+        let together = model.added.len();
+        let removed = model.remove_unnecessary(&mut present, together, examination.tests).unwrap();
         let removed: Vec<&str> = removed.iter().map(|spec| spec.name.as_str()).collect();
         assert_eq!(removed, ["incidence_bias"]);
         let names: Vec<&str> = model.added.iter().map(|a| a.evidence.name.as_str()).collect();

@@ -33,8 +33,9 @@ pub struct Thresholds {
     /// Mean over standard error of the paired differences of two effects' gains that distinguishes them (2). Guards against
     /// presenting one of two indistinguishable effects as the only explanation.
     pub distinguishing_t: f64,
-    /// Smallest share of its score statistic by which an effect has to explain more in another place and form than in that of its own
-    /// equation, to be added there although the captures cannot tell them apart.
+    /// Share of its score statistic that an effect may lose in a place and form that still counts as not told apart from the best one
+    /// (0.01), and by which it has to explain more in another place and form than in that of its own equation to be added there.
+    /// Guards against a certain choice by what the effect's own shape leaves over.
     pub least_placement_gain: f64,
     /// Minimum fraction of its own gain that an effect must retain when fitted jointly with a competing free function (0.25).
     /// Guards against naming an effect that only imitates an unknown map while something is unexplained.

@@ -164,11 +164,14 @@ pub(super) fn refined_variant(
         own_form.flat_map(|placement| values.iter().map(move |value| (0, Variant { value: *value, placement })));
     let mut scores = scored(&without, register, effects, &first.collect::<Vec<_>>()).ok()?;
     let of_place = |of: Of| best(&scores, 0, |v| v.placement.of == of);
-    let forms = effect.placements.iter().filter_map(|placement| {
-        let variant = Variant { placement: *placement, ..of_place(placement.of)?.0 };
-        (!scores.iter().any(|(_, v, _)| *v == variant)).then_some((0, variant))
+    // The few values that are searched afterwards only are searched in every form: a wrong one may decide between forms.
+    let forms = effect.placements.iter().flat_map(|placement| {
+        let found = of_place(placement.of).into_iter().map(|(v, _)| v.value);
+        let values: Vec<_> = if effect.afterwards.is_empty() { found.collect() } else { values.clone() };
+        values.into_iter().map(|value| (0, Variant { value, placement: *placement }))
     });
-    scores.extend(scored(&without, register, effects, &forms.collect::<Vec<_>>()).ok()?);
+    let forms: Vec<_> = forms.filter(|(_, new)| !scores.iter().any(|(_, v, _)| v == new)).collect();
+    scores.extend(scored(&without, register, effects, &forms).ok()?);
     let of_placement = |p: &Placement| best(&scores, 0, |v| v.placement == *p);
     let finals: Vec<(usize, Variant)> =
         effect.placements.iter().filter_map(of_placement).map(|(v, _)| (0, v)).collect();
@@ -179,11 +182,17 @@ pub(super) fn refined_variant(
     let gains: Vec<(Variant, Vec<f64>)> = gains.ok()?;
     let (top, most) = best(&scores, 0, |_| true)?;
     let of_top = &gains.iter().find(|(v, _)| *v == top)?.1;
-    let is_rival = |own: &[f64]| mean_to_standard_error(&difference(of_top, own)) < thresholds.distinguishing_t;
-    let tied: Vec<Variant> = gains.iter().filter(|(v, own)| *v == top || is_rival(own)).map(|(v, _)| *v).collect();
-    let own = of_placement(&Placement::default())
-        .filter(|(v, statistic)| tied.contains(v) && most - statistic < thresholds.least_placement_gain * most);
-    let chosen = own.map_or(top, |(v, _)| v);
+    // What an effect of a slightly other shape leaves can decide with certainty about so little.
+    let explains_as_much = |v: &Variant| {
+        let statistic = of_placement(&v.placement).map_or(0.0, |(_, statistic)| statistic);
+        most - statistic < thresholds.least_placement_gain * most
+    };
+    let is_rival = |v: &Variant, own: &[f64]| {
+        explains_as_much(v) || mean_to_standard_error(&difference(of_top, own)) < thresholds.distinguishing_t
+    };
+    let tied: Vec<Variant> = gains.iter().filter(|(v, own)| is_rival(v, own)).map(|(v, _)| *v).collect();
+    let own = tied.iter().copied().find(|v| v.placement == Placement::default() && explains_as_much(v));
+    let chosen = own.unwrap_or(top);
     let rivals = tied.iter().map(|v| v.placement).filter(|p| *p != chosen.placement).collect();
     let spec = effect.spec(chosen.value, chosen.placement);
     Some(Refined { evidence: Evidence { spec, value: chosen.value, ..added.clone() }, rivals })

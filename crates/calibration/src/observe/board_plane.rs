@@ -4,6 +4,13 @@ use depthcal_model::Camera;
 use depthcal_model::hook::HookKind;
 use nalgebra::{Isometry3, Point3, Vector3};
 
+/// Most rounds in which a ray is brought to a board's surface.
+const MOST_ROUNDS: usize = 5;
+/// Distance from the surface at which a ray has reached it, mm: far below what any sensor resolves.
+const SETTLED_MM: f64 = 1e-5;
+/// Distance from the surface that a ray may have after the last round, mm.
+const NEAR_MM: f64 = 1e-3;
+
 /// The board's plane in the camera frame.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardPlane {
@@ -69,16 +76,19 @@ impl<'a> BoardSurface<'a> {
         let mut depth = self.plane.depth(ray)?;
         let Some(camera) = self.shape else { return Some(depth) };
         let d = Vector3::new(ray[0], ray[1], 1.0);
-        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more.
-        for _ in 0..4 {
+        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more, but for rays that
+        // graze the board or pass it far away, which meet no surface.
+        let mut gap = f64::INFINITY;
+        for _ in 0..MOST_ROUNDS {
             let at = self.plane.to_board(ray, depth);
             let height = camera.board_point([at.x, at.y])[2];
-            if height == at.z {
+            gap = (height - at.z).abs();
+            if gap < SETTLED_MM {
                 break;
             }
             depth = (self.plane.offset + height) / self.plane.normal.dot(&d);
         }
-        (depth > 0.0 && depth.is_finite()).then_some(depth)
+        (depth > 0.0 && depth.is_finite() && gap < NEAR_MM).then_some(depth)
     }
 
     /// Height over the surface of a point on a ray at a depth (mm), mm.

@@ -59,7 +59,7 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn is_offset_map(&self) -> bool {
         false
     }
-    /// [`Piece::FORM`](super::Piece::FORM).
+    /// [`Piece::FORM`](super::Piece::FORM): the form of its equation, wherever it is placed.
     fn form(&self) -> On {
         On::Depth
     }

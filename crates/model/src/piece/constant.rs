@@ -5,6 +5,15 @@ use super::covariate::Covariate;
 /// Constants of a piece by name, as files and the command line give them.
 pub type Options = BTreeMap<String, f64>;
 
+/// A side of the rectangle of a board's markers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BoardSide {
+    /// Along x.
+    Width,
+    /// Along y.
+    Height,
+}
+
 /// A number of a piece that is declared, not fitted: a period, a time constant, a reference value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Constant {
@@ -18,18 +27,28 @@ pub struct Constant {
     pub default: f64,
     /// Covariate and role by which its value is searched for in data; `None` where data cannot tell it.
     pub search: Option<(Covariate, ScanKind)>,
+    /// Side of the rectangle of the board's markers that it is where none is given and the board is known
+    /// ([`Register::for_board`](crate::Register::for_board)).
+    pub of_board: Option<BoardSide>,
 }
 
 impl Constant {
     /// A constant from its name in files, its words for people, its unit and its default value.
     pub const fn new(name: &'static str, label: &'static str, unit: &'static str, default: f64) -> Self {
-        Self { name, label, unit, default, search: None }
+        Self { name, label, unit, default, search: None, of_board: None }
     }
 
     /// The same constant, whose value can be searched for in data.
     #[must_use]
     pub const fn searched(mut self, covariate: Covariate, kind: ScanKind) -> Self {
         self.search = Some((covariate, kind));
+        self
+    }
+
+    /// The same constant, which is a side of the rectangle of the board's markers.
+    #[must_use]
+    pub const fn of_board(mut self, side: BoardSide) -> Self {
+        self.of_board = Some(side);
         self
     }
 

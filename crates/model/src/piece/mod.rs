@@ -18,7 +18,7 @@ mod role;
 pub use crate::scalar::Scalar;
 pub use any::AnyPiece;
 pub(crate) use constant::worded;
-pub use constant::{Constant, Options, Scan, ScanKind};
+pub use constant::{BoardSide, Constant, Options, Scan, ScanKind};
 pub use context::{Context, SURROUND_PX};
 pub use covariate::Covariate;
 pub use definition::Piece;

@@ -78,7 +78,7 @@ impl AnyPiece for Placed {
         self.piece.role()
     }
     fn form(&self) -> On {
-        self.placement.on.unwrap_or(self.piece.form())
+        self.piece.form()
     }
     fn placement(&self) -> Placement {
         self.placement

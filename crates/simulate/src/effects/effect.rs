@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn the_catalogue_is_complete() {
         let names: Vec<_> = catalogue().iter().map(|info| info.name).collect();
-        assert_eq!(names.len(), 17);
+        assert_eq!(names.len(), 18);
         assert!(uncatalogued().len() >= 5);
         assert!(uncatalogued().iter().all(|info| !names.contains(&info.name)));
     }

@@ -18,7 +18,7 @@ const fn effect(
 const RMS_MM: &str = "rms of the depth error over the reference volume";
 const RMS_PX: &str = "rms displacement over all pixels of the image";
 
-static CATALOGUE: [EffectInfo; 17] = [
+static CATALOGUE: [EffectInfo; 18] = [
     effect(
         "board_bow",
         "board",
@@ -27,6 +27,15 @@ static CATALOGUE: [EffectInfo; 17] = [
         "peak-to-valley height over the rectangle of the markers",
         "the board is a quadratic surface with twist; image and depth see it",
         board::board_bow,
+    ),
+    effect(
+        "board_warp",
+        "board",
+        "mm",
+        1.0,
+        "peak-to-valley height over the rectangle of the markers",
+        "waves along both sides of the board, of one cycle to one and a half; image and depth see them",
+        board::board_warp,
     ),
     effect(
         "print_scale",
