@@ -33,7 +33,7 @@ pub(super) fn estimate(
         _ => return Err(EstimatorError::NotProjective { estimator: estimator.name(), model }.into()),
     };
     let unit_mm = result.capture.depth_unit_mm.unwrap_or(1.0);
-    let rays = PixelRays::new(&result.camera);
+    let rays = PixelRays::new(&result.camera, &result.capture.target);
     let mut points: Vec<MarkerPoint> = Vec::new();
     for frame in &result.capture.frames {
         let pose = &frame.camera_from_board;

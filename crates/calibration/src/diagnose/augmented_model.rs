@@ -4,10 +4,11 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 
 use depthcal_model::{Covariate, PieceSpec, Placement};
+use depthcal_statistics::mean_to_standard_error;
 use tracing::info;
 
 use super::evidence::Evidence;
-use super::examination::score_and_gains;
+use super::examination::test_effect;
 use super::held_out::{Gain, HeldOut, gain};
 use super::merit::significant;
 use super::options::DiagnoseOptions;
@@ -282,16 +283,15 @@ impl<'a> AugmentedModel<'a> {
         while i + 1 < self.added.len() {
             let mut rest = self.added.clone();
             let effect = rest.remove(i);
-            let model = self.with_effects(&rest);
-            match self.fitted(&model) {
-                Ok(without) if !self.is_needed(&effect, &without, present, i >= together, tests) => {
+            match self.without(&effect, &self.with_effects(&rest), present, i >= together, tests) {
+                Ok(Some(without)) => {
                     together -= usize::from(i < together);
                     removed.push(effect.evidence.spec);
                     self.added = rest;
                     *present = without;
                     self.update_errors(i, &present.held_out)?;
                 }
-                Ok(_) => i += 1,
+                Ok(None) => i += 1,
                 Err(error) => {
                     info!("without {}: {error}", effect.evidence.spec);
                     i += 1;
@@ -301,17 +301,34 @@ impl<'a> AugmentedModel<'a> {
         Ok(removed)
     }
 
-    /// Whether an effect is significant given the others, and the model `with` it better on held-out frames than `without`: certainly so
-    /// where it is `new`.
-    fn is_needed(&self, effect: &AddedEffect, without: &Fitted, with: &Fitted, is_new: bool, tests: usize) -> bool {
-        let test = score_and_gains(&without.fit, &self.declared().register, &effect.evidence.spec);
-        let counts = test.is_none_or(|(score, gains)| significant(score.p_value, tests, &gains, self.thresholds()));
-        // Once added, an effect need only not be superfluous.
-        match self.gain(without, with, std::slice::from_ref(effect)) {
+    /// The fit of `model`, which lacks an effect, where the effect is not needed: it is insignificant given the others, or the model
+    /// `with` it is no better on held-out frames, for certain where the effect is `new`.
+    fn without(
+        &self,
+        effect: &AddedEffect,
+        model: &CalibrateOptions,
+        with: &Fitted,
+        is_new: bool,
+        tests: usize,
+    ) -> Result<Option<Fitted>, CalibrateError> {
+        let fit = self.fit(model)?;
+        let test = test_effect(&fit, &self.declared().register, &effect.evidence.spec);
+        let thresholds = self.thresholds();
+        let counts = test.as_ref().is_none_or(|t| significant(t.score.p_value, tests, &t.gains, thresholds));
+        let is_plain = test.as_ref().is_some_and(|t| {
+            t.gains.iter().sum::<f64>() > thresholds.plain_share * t.cost
+                && mean_to_standard_error(&t.gains) > thresholds.plain_t
+        });
+        if counts && is_plain && !is_new {
+            return Ok(None);
+        }
+        let without = Fitted { held_out: self.held_out(&fit, model)?, fit };
+        let is_needed = match self.gain(&without, with, std::slice::from_ref(effect)) {
             Gain::Certain => counts,
             Gain::Possible(_) => counts && !is_new,
             Gain::None => false,
-        }
+        };
+        Ok((!is_needed).then_some(without))
     }
 
     /// Computes the held-out errors of the models along the way anew, from the effect at `first` on; those of the last model

@@ -55,7 +55,7 @@ pub enum BadFrameReason {
 
 /// The reasons for frames with outlying planes: depth images that are exchanged among these frames, or else a movement.
 pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -> Vec<BadFrame> {
-    let rays = PixelRays::new(&fit.camera);
+    let rays = PixelRays::new(&fit.camera, &fit.capture.target);
     let deviation = |frame: usize, pose: &Isometry3<f64>| deviation(fit, &rays, frame, pose);
     let pose_of = |i: usize| fit.capture.frames[i].camera_from_board;
     let find = |name: &str| fit.capture.frames.iter().position(|f| f.name == name);

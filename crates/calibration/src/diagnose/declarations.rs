@@ -50,7 +50,7 @@ pub fn implausible_declarations(fit: &Calibrated, thresholds: &Thresholds) -> Ve
 fn depth_scale(fit: &Calibrated) -> Option<f64> {
     let unit_mm = fit.capture.depth_unit_mm.unwrap_or(1.0);
     let without_depth_pieces = fit.camera.filtered(|b| !is_depth_only(b));
-    let rays = PixelRays::new(&without_depth_pieces);
+    let rays = PixelRays::new(&without_depth_pieces, &fit.capture.target);
     let mut ratios: Vec<f64> = Vec::new();
     for frame in &fit.capture.frames {
         let region = BoardRegion::within_markers(&fit.capture.target, &frame.markers);

@@ -114,11 +114,21 @@ pub fn scores(fit: &Calibrated, register: &Register, specs: &[PieceSpec]) -> Res
     Ok((0..candidates.len()).map(|i| linearization.score(i)).collect())
 }
 
-/// Score test of one effect, with the constants of its spec and no search, and its gain on every frame; `None` where the
-/// problem cannot be evaluated.
-pub(super) fn score_and_gains(fit: &Calibrated, register: &Register, spec: &PieceSpec) -> Option<(Score, Vec<f64>)> {
+/// What one effect, with the constants of its spec and no search, would bring to a fit that lacks it.
+pub(super) struct EffectTest {
+    /// Its score test.
+    pub score: Score,
+    /// Its gain on every frame.
+    pub gains: Vec<f64>,
+    /// Cost of the fit, ½ Σ r².
+    pub cost: f64,
+}
+
+/// Tests one effect; `None` where the problem cannot be evaluated.
+pub(super) fn test_effect(fit: &Calibrated, register: &Register, spec: &PieceSpec) -> Option<EffectTest> {
     let linearization = linearize(fit, &[CandidateBlock::effect(register, spec.clone())?]).ok()?;
-    Some((linearization.score(0), linearization.held_out_gain(&[0])))
+    let cost = (0..linearization.cluster_count()).map(|c| linearization.cluster_cost(c)).sum();
+    Some(EffectTest { score: linearization.score(0), gains: linearization.held_out_gain(&[0]), cost })
 }
 
 /// One candidate in the linearisation of all.

@@ -78,6 +78,13 @@ pub struct Thresholds {
     /// improving near pixels, where noise is small, at the expense of far ones.
     pub most_unweighted_loss_percent: f64,
 
+    /// Share of the cost that an added effect gains in first order on left-out frames (0.01), and the mean of these gains per frame over
+    /// its standard error (5), from which it is plainly needed after others were added, without fits to parts of the frames. Bounds
+    /// the time.
+    pub plain_share: f64,
+    /// See [`plain_share`](Self::plain_share).
+    pub plain_t: f64,
+
     /// Size of a frame's plane, rms in mm, below which no frame is excluded before the first effect is in the model (5). Guards
     /// against excluding frames whose deviation is a missing effect.
     pub gross_plane_mm: f64,
@@ -156,6 +163,8 @@ impl Default for Thresholds {
             least_shared_share: 0.04,
             least_held_out_gain_percent: 0.02,
             most_unweighted_loss_percent: 0.5,
+            plain_share: 0.01,
+            plain_t: 5.0,
             gross_plane_mm: 5.0,
             most_exclusion_rounds: 3,
             outlying_plane_of_noise: 2.0,

@@ -80,7 +80,7 @@ where
 {
     // Pixel pieces belong to the correction: uncorrected depth is located by the pixel of the depth image itself.
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
-    let rays = PixelRays::new(&bare).to_be_corrected_by(camera);
+    let rays = PixelRays::new(&bare, &capture.target).to_be_corrected_by(camera);
     let [least, most] = KEPT_OF_A_FRAME;
     let kept_pixels = (KEPT_PIXELS / frames.max(1)).clamp(least, most);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, stride };
@@ -186,7 +186,7 @@ impl<F: Sync> Evaluation<'_, F> {
     fn of_frame(&self, frame: &DetectedFrame, open: &OpenFrame<'_>, pose: Isometry3<f64>) -> EvaluatedFrame {
         let target = &self.capture.target;
         let reprojection = frame.markers.iter().filter_map(|m| self.reprojection(m, &pose)).collect();
-        let surface = BoardSurface::new(&pose, self.camera);
+        let surface = self.rays.surface(&pose);
         let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
         let before = points(&all);
@@ -286,11 +286,11 @@ where
     T: Send,
 {
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
-    let rays = PixelRays::new(&bare).to_be_corrected_by(camera);
+    let rays = PixelRays::new(&bare, &capture.target).to_be_corrected_by(camera);
     let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels: 0, stride: 1 };
     let of_frame = |frame: &F| {
         let pose = &frame.posed().camera_from_board;
-        let surface = BoardSurface::new(pose, camera);
+        let surface = rays.surface(pose);
         let errors = frame.posed().open().ok().map(|open| {
             let judged = evaluation.judged(frame.posed(), &open, &surface, pose);
             let pairs = judged.measured.iter().zip(&judged.corrected);

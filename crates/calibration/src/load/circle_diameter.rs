@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+#[cfg(any(test, feature = "detect"))]
 use depthcal_statistics::upper_median;
 
 /// A declared diameter is contradicted when the measured one differs from it by more than this share of it.

@@ -61,7 +61,7 @@ fn image_pixels(
         .filter_map(|c| camera.project(&(camera_from_board * Point3::new(c[0], c[1], 0.0)).coords))
         .collect();
     let Some((low, high)) = bounds(&corners, depth.width, depth.height) else { return Vec::new() };
-    let surface = BoardSurface::new(camera_from_board, camera);
+    let surface = rays.surface(camera_from_board);
     let [fx, ..] = camera.pinhole();
     let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
     let surroundings = image.map(|i| Surroundings::of(i, low, high));
@@ -98,7 +98,7 @@ fn given_pixels(
     region: &BoardRegion,
     camera_from_board: &Isometry3<f64>,
 ) -> Vec<BoardPixel> {
-    let surface = BoardSurface::new(camera_from_board, rays.camera());
+    let surface = rays.surface(camera_from_board);
     let seen = pixels.iter().filter_map(|p| at_board(p.context, p.depth_mm, rays, &surface));
     seen.filter(|p| region.contains(p.board, 0.0)).collect()
 }

@@ -1,8 +1,8 @@
 //! The board's plane in the camera frame, and the board's depth on rays.
 
-use depthcal_model::Camera;
-use depthcal_model::hook::HookKind;
 use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::board_heights::BoardHeights;
 
 /// Most rounds in which a ray is brought to a board's surface.
 const MOST_ROUNDS: usize = 5;
@@ -55,15 +55,14 @@ impl BoardPlane {
 #[derive(Debug, Clone, Copy)]
 pub struct BoardSurface<'a> {
     plane: BoardPlane,
-    /// The camera, where it has board pieces.
-    shape: Option<&'a Camera>,
+    /// Heights over the plane, where the camera has board pieces.
+    heights: Option<&'a BoardHeights>,
 }
 
 impl<'a> BoardSurface<'a> {
     /// The surface of a board in a pose.
-    pub fn new(camera_from_board: &Isometry3<f64>, camera: &'a Camera) -> Self {
-        let shaped = camera.blocks().iter().any(|b| b.hook() == HookKind::Board);
-        Self { plane: BoardPlane::new(camera_from_board), shape: shaped.then_some(camera) }
+    pub fn new(camera_from_board: &Isometry3<f64>, heights: Option<&'a BoardHeights>) -> Self {
+        Self { plane: BoardPlane::new(camera_from_board), heights }
     }
 
     /// The plane of the nominal board.
@@ -74,14 +73,14 @@ impl<'a> BoardSurface<'a> {
     /// Depth (mm) at which a ray (X/Z, Y/Z) meets the surface; `None` where it meets none in front of the camera.
     pub fn depth(&self, ray: [f64; 2]) -> Option<f64> {
         let mut depth = self.plane.depth(ray)?;
-        let Some(camera) = self.shape else { return Some(depth) };
+        let Some(heights) = self.heights else { return Some(depth) };
         let d = Vector3::new(ray[0], ray[1], 1.0);
         // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more, but for rays that
         // graze the board or pass it far away, which meet no surface.
         let mut gap = f64::INFINITY;
         for _ in 0..MOST_ROUNDS {
             let at = self.plane.to_board(ray, depth);
-            let height = camera.board_point([at.x, at.y])[2];
+            let height = heights.at([at.x, at.y]);
             gap = (height - at.z).abs();
             if gap < SETTLED_MM {
                 break;
@@ -94,6 +93,6 @@ impl<'a> BoardSurface<'a> {
     /// Height over the surface of a point on a ray at a depth (mm), mm.
     pub fn height(&self, ray: [f64; 2], depth_mm: f64) -> f64 {
         let at = self.plane.to_board(ray, depth_mm);
-        at.z - self.shape.map_or(0.0, |camera| camera.board_point([at.x, at.y])[2])
+        at.z - self.heights.map_or(0.0, |heights| heights.at([at.x, at.y]))
     }
 }

@@ -40,7 +40,7 @@ pub fn sample_depth(
     light: Option<Modulation>,
 ) -> Result<(Capture<SampledFrame>, Option<usize>), ImageError> {
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
-    let rays = PixelRays::new(camera).with_light(light);
+    let rays = PixelRays::new(camera, &capture.target).with_light(light);
     keep_light(&mut capture, &rays)?;
     let on_board = |posed: &PosedFrame, frame: &OpenFrame<'_>| {
         let region = BoardRegion::within_markers(&capture.target, &posed.markers);

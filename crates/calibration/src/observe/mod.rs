@@ -1,5 +1,6 @@
 //! Measurements: frames at every stage, depth samples, their noise, and the pixels that show the board.
 
+mod board_heights;
 pub mod board_pixels;
 pub mod board_plane;
 pub mod board_region;

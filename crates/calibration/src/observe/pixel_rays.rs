@@ -1,8 +1,12 @@
 //! The ray of every pixel of a camera, computed once for all frames.
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid, needed_light};
+use depthcal_model::{Camera, Context, Covariate, Modulation, PixelGrid, Target, needed_light};
+use nalgebra::Isometry3;
 use rayon::prelude::*;
+
+use super::board_heights::BoardHeights;
+use super::board_plane::BoardSurface;
 
 /// Distances of the exactly computed pixels that are tried, widest first, px. Where none is fine enough every pixel is exact.
 const STEPS: [usize; 4] = [16, 8, 4, 2];
@@ -23,15 +27,17 @@ pub struct PixelRays<'a> {
     has_pixel_pieces: bool,
     needs_surroundings: bool,
     modulation: Option<Modulation>,
+    heights: Option<BoardHeights>,
 }
 
 impl<'a> PixelRays<'a> {
-    /// The rays of a camera: a table where the lens is the same at all depths.
-    pub fn new(camera: &'a Camera) -> Self {
+    /// The rays of a camera: a table where the lens is the same at all depths; and the surface that they meet, of a board.
+    pub fn new(camera: &'a Camera, target: &Target) -> Self {
         let table = if camera.has_fixed_rays() { table(camera) } else { Vec::new() };
         let has_pixel_pieces = Self::has_pixel_pieces_of(camera);
         let (needs_surroundings, modulation) = (needs_surroundings(camera), light_of(camera));
-        Self { camera, table, has_pixel_pieces, needs_surroundings, modulation }
+        let heights = BoardHeights::new(camera, target);
+        Self { camera, table, has_pixel_pieces, needs_surroundings, modulation, heights }
     }
 
     /// The same for pixels that are then corrected by `camera`: they get the covariates that its pieces need.
@@ -64,6 +70,11 @@ impl<'a> PixelRays<'a> {
     /// Whether pixels need the amplitude around them.
     pub fn needs_surroundings(&self) -> bool {
         self.needs_surroundings
+    }
+
+    /// The surface of the board in a pose.
+    pub fn surface(&self, camera_from_board: &Isometry3<f64>) -> BoardSurface<'_> {
+        BoardSurface::new(camera_from_board, self.heights.as_ref())
     }
 
     /// The camera.
@@ -216,7 +227,7 @@ impl<'a> Nodes<'a> {
 
 #[cfg(test)]
 mod tests {
-    use depthcal_model::Register;
+    use depthcal_model::{Pattern, Register};
 
     use super::*;
 
@@ -224,12 +235,13 @@ mod tests {
     /// camera is.
     #[test]
     fn the_table_has_the_rays_of_the_camera() {
+        let target = Target { pattern: Pattern::Chessboard, columns: 9, rows: 6, spacing_mm: 25.0 };
         for (focal, k) in [(480.0, [-0.15, 0.05]), (150.0, [-0.3, 0.09]), (300.0, [-0.5, 0.0])] {
             let mut lens = Register::builtin().block("brown_conrady", None).unwrap();
             lens.theta[..2].copy_from_slice(&k);
             lens.theta[2..4].copy_from_slice(&[1e-3, -2e-3]);
             let camera = Camera::new(321, 243, [focal, 1.01 * focal, 155.2, 126.1, 0.0], vec![lens]);
-            let rays = PixelRays::new(&camera);
+            let rays = PixelRays::new(&camera, &target);
             assert!(!rays.depend_on_depth());
             for v in (0..243).step_by(7) {
                 for u in (0..321).step_by(3) {
