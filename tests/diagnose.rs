@@ -110,7 +110,8 @@ fn two_effects_are_both_named() {
 #[test]
 fn what_resembles_two_effects_is_not_named() {
     for seed in [0, 1] {
-        let d = run(&simulation(&[("board_bow", 0.25), ("reflectivity_bias", 1.5)], seed));
+        // Large enough for each to be certain given the other.
+        let d = run(&simulation(&[("board_bow", 0.25), ("reflectivity_bias", 3.0)], seed));
         let mut found = names(&d);
         found.sort_unstable();
         assert_eq!(found, ["board_bow", "reflectivity_bias"], "seed {seed}: {:?}", decisions(&d));

@@ -51,21 +51,19 @@ pub(crate) fn with_depth_added(rho: f64, dz: f64) -> f64 {
     rho / (1.0 + rho * dz)
 }
 
-/// A wave of the board's surface along one of its sides: height sin(radians t + phase), t from −1 to 1.
+/// A wave of the board's surface along one of its sides: height sin(radians t), t from −1 to 1.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct SurfaceWave {
     /// Amplitude, mm.
     pub height: f64,
     /// Radians per half of the side.
     pub radians: f64,
-    /// Phase, rad.
-    pub phase: f64,
 }
 
 impl SurfaceWave {
     /// Height at t and its derivative.
     pub fn at(&self, t: f64) -> (f64, f64) {
-        let (sin, cos) = (self.radians * t + self.phase).sin_cos();
+        let (sin, cos) = (self.radians * t).sin_cos();
         (self.height * sin, self.height * self.radians * cos)
     }
 }

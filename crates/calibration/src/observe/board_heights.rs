@@ -3,8 +3,8 @@
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Camera, Target};
 
-/// Cells along each side of the grid. A surface that bends by 1 mm over the board is interpolated within a micrometre.
-const CELLS: usize = 128;
+/// Cells along each side of the grid. A surface that bends by 2 mm over the board is interpolated within 2 µm.
+const CELLS: usize = 192;
 
 /// What the camera's board pieces make of the plane of a board: heights over it, mm, between which is interpolated.
 #[derive(Debug, Clone)]

@@ -20,10 +20,10 @@ pub(super) fn board_bow(context: &Context, size: f64, to: &mut Instrument) -> Re
     Ok(parameters([("a_mm", a), ("b_mm", b), ("c_mm", c)]))
 }
 
-/// Waves in the board's surface along both sides, of one cycle to one and a half.
+/// Waves in the board's surface along both sides, odd about its centre. A pose takes up their slope.
 pub(super) fn board_warp(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
-    let wave = |height, phase| SurfaceWave { height, radians: context.near(4.0, 0.5), phase: context.near(phase, 0.3) };
-    let waves = [wave(context.near(1.0, 0.3), 0.4), wave(context.near(0.7, 0.3), -0.3)];
+    let wave = |height| SurfaceWave { height, radians: context.near(2.5, 0.1) };
+    let waves = [wave(context.near(1.0, 0.3)), wave(context.near(0.7, 0.3))];
     let span = |wave: &SurfaceWave| {
         let heights = (0..=40).map(|i| wave.at(f64::from(i) / 20.0 - 1.0).0);
         heights.clone().fold(f64::NEG_INFINITY, f64::max) - heights.fold(f64::INFINITY, f64::min)
@@ -31,14 +31,7 @@ pub(super) fn board_warp(context: &Context, size: f64, to: &mut Instrument) -> R
     let peak_to_valley: f64 = waves.iter().map(span).sum();
     to.shape.waves = waves.map(|w| SurfaceWave { height: w.height * size / peak_to_valley, ..w });
     let [x, y] = to.shape.waves;
-    Ok(parameters([
-        ("x_mm", x.height),
-        ("x_radians", x.radians),
-        ("x_phase_rad", x.phase),
-        ("y_mm", y.height),
-        ("y_radians", y.radians),
-        ("y_phase_rad", y.phase),
-    ]))
+    Ok(parameters([("x_mm", x.height), ("x_radians", x.radians), ("y_mm", y.height), ("y_radians", y.radians)]))
 }
 
 /// Stretches the print along y.

@@ -34,7 +34,7 @@ static CATALOGUE: [EffectInfo; 18] = [
         "mm",
         1.0,
         "peak-to-valley height over the rectangle of the markers",
-        "waves along both sides of the board, of one cycle to one and a half; image and depth see them",
+        "a wave of 0.8 cycles along each side of the board, odd about its centre; image and depth see them",
         board::board_warp,
     ),
     effect(
