@@ -59,8 +59,7 @@ impl Piece<Board, 9> for BoardWarp {
     fn map<T: Scalar>(&self, [x, y, z]: [T; 3], h: [T; 9], _: &Context) -> [T; 3] {
         let [p, q] = [legendre(x * (2.0 / self.size_mm[0]) - 1.0), legendre(y * (2.0 / self.size_mm[1]) - 1.0)];
         let cubic = h[0] * p[3] + h[1] * p[2] * q[1] + h[2] * p[1] * q[2] + h[3] * q[3];
-        let quartic =
-            h[4] * p[4] + h[5] * p[3] * q[1] + h[6] * p[2] * q[2] + h[7] * p[1] * q[3] + h[8] * q[4];
+        let quartic = h[4] * p[4] + h[5] * p[3] * q[1] + h[6] * p[2] * q[2] + h[7] * p[1] * q[3] + h[8] * q[4];
         [x, y, z + cubic + quartic]
     }
 
