@@ -106,11 +106,17 @@ impl Target {
     /// Width and height, mm, of the rectangle from the board's origin that has the centre of the markers as its own: for dots and
     /// inner corners of a chessboard that of the markers, for ChArUco that of the squares.
     pub fn size_mm(&self) -> [f64; 2] {
+        let [low, high] = self.marker_rectangle();
+        [0, 1].map(|axis| low[axis] + high[axis])
+    }
+
+    /// Lowest and highest (x, y) of the markers, mm.
+    pub fn marker_rectangle(&self) -> [[f64; 2]; 2] {
         let points = self.points();
-        [0, 1].map(|axis| {
-            let along = points.iter().map(|p| p[axis]);
-            along.clone().fold(f64::INFINITY, f64::min) + along.fold(f64::NEG_INFINITY, f64::max)
-        })
+        let corner = |pick: fn(f64, f64) -> f64, start: f64| {
+            points.iter().fold([start; 2], |c, p| [pick(c[0], p[0]), pick(c[1], p[1])])
+        };
+        [corner(f64::min, f64::INFINITY), corner(f64::max, f64::NEG_INFINITY)]
     }
 
     /// Diameter of the printed dots in mm, where the board has dots and their diameter is known.

@@ -56,6 +56,7 @@ fn with_model(
     capture: &Capture<SampledFrame>,
     options: &CalibrateOptions,
 ) -> Result<Camera, RegisterError> {
+    let options = &options.for_board(&capture.target);
     let domain = seen(capture);
     let is_effect = |b: &Block| b.piece().is_some_and(|p| p.role() == Role::Effect);
     let (pinhole, own): (Vec<Block>, Vec<Block>) = camera.blocks().iter().cloned().partition(|b| b.piece().is_none());

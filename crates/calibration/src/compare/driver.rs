@@ -23,8 +23,6 @@ use crate::observe::Capture;
 ///
 /// [`RegisterError`] where a model's name is wrong. Models that cannot be fitted are listed with the reason.
 pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) -> Result<Comparison, RegisterError> {
-    let calibrate = options.calibrate.for_board(&train.target);
-    let options = &CompareOptions { calibrate, ..options.clone() };
     let base = &options.calibrate;
     for model in &options.models {
         base.register.depth_blocks(model)?;

@@ -48,8 +48,13 @@ impl Examination {
 
     /// Cost of all frames, ½ Σ r².
     pub fn cost(&self) -> f64 {
-        (0..self.linearization.cluster_count()).map(|c| self.linearization.cluster_cost(c)).sum()
+        cost(&self.linearization)
     }
+}
+
+/// Cost of all frames, ½ Σ r².
+fn cost(linearization: &Linearization) -> f64 {
+    (0..linearization.cluster_count()).map(|c| linearization.cluster_cost(c)).sum()
 }
 
 /// Examines a fit: every effect of `register` that its camera lacks, and free functions.
@@ -71,11 +76,7 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
         }
     }
     let tests = candidates.len().max(1);
-    let points = fit.capture.target.points();
-    let corner = |pick: fn(f64, f64) -> f64, start: f64| {
-        points.iter().fold([start; 2], |c, p| [pick(c[0], p[0]), pick(c[1], p[1])])
-    };
-    let board = [corner(f64::min, f64::INFINITY), corner(f64::max, f64::NEG_INFINITY)];
+    let board = fit.capture.target.marker_rectangle();
     for function in free_functions(&states, fit.camera.width, fit.camera.height, board, thresholds) {
         let FreeFunction { name, along, block, smoothness } = function;
         let (name, smoothness) = (name.to_owned(), Some(smoothness));
@@ -127,8 +128,8 @@ pub(super) struct EffectTest {
 /// Tests one effect; `None` where the problem cannot be evaluated.
 pub(super) fn test_effect(fit: &Calibrated, register: &Register, spec: &PieceSpec) -> Option<EffectTest> {
     let linearization = linearize(fit, &[CandidateBlock::effect(register, spec.clone())?]).ok()?;
-    let cost = (0..linearization.cluster_count()).map(|c| linearization.cluster_cost(c)).sum();
-    Some(EffectTest { score: linearization.score(0), gains: linearization.held_out_gain(&[0]), cost })
+    let (score, gains) = (linearization.score(0), linearization.held_out_gain(&[0]));
+    Some(EffectTest { score, gains, cost: cost(&linearization) })
 }
 
 /// One candidate in the linearisation of all.

@@ -21,13 +21,10 @@ impl BoardHeights {
         if !camera.blocks().iter().any(|b| b.hook() == HookKind::Board) {
             return None;
         }
-        let points = target.points();
-        let fold =
-            |axis: usize, pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[axis]).fold(start, pick);
+        let [first, last] = target.marker_rectangle();
         // Dots and squares reach beyond the markers by less than a spacing or two.
         let margin = 2.0 * target.spacing_mm;
-        let low = [0, 1].map(|axis| fold(axis, f64::min, f64::INFINITY) - margin);
-        let high = [0, 1].map(|axis| fold(axis, f64::max, f64::NEG_INFINITY) + margin);
+        let (low, high) = (first.map(|x| x - margin), last.map(|x| x + margin));
         let step = [0, 1].map(|axis| (high[axis] - low[axis]) / CELLS as f64);
         let height =
             |i: usize, j: usize| camera.board_point([low[0] + step[0] * i as f64, low[1] + step[1] * j as f64])[2];
