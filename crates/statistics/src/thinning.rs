@@ -15,6 +15,21 @@ impl Thinning {
         Self { below }
     }
 
+    /// Keeps all.
+    pub const ALL: Self = Self { below: 1 << 32 };
+
+    /// Keeps `most` of the `count` values that this thinning has kept, on average, or all of them where there are no more.
+    #[must_use]
+    pub fn further(self, count: usize, most: usize) -> Self {
+        Self { below: (self.below * Self::new(count, most).below) >> 32 }
+    }
+
+    /// About how many of `count` values are kept, with some room for chance.
+    pub fn expected(self, count: usize) -> usize {
+        let share = self.below as f64 / (1u64 << 32) as f64;
+        (count as f64 * share * 1.1).min(count as f64) as usize
+    }
+
     /// Whether the value with this key, for example its number, is kept.
     pub fn keeps(&self, key: u64) -> bool {
         // The finaliser of SplitMix64 (Steele, Lea, Flood 2014): every bit of the key changes half of the hash's bits.
@@ -36,6 +51,18 @@ mod tests {
         let kept = (0..80_000).filter(|i| thinning.keeps(*i)).count() as f64;
         // Binomial: a standard deviation of 62.
         assert!((kept - 4000.0).abs() < 4.0 * 62.0, "{kept}");
+    }
+
+    /// A thinning of what a thinning has kept is a part of it, of the wanted size.
+    #[test]
+    fn thinnings_are_nested() {
+        let first = Thinning::new(80_000, 16_000);
+        let second = first.further(16_000, 4000);
+        let kept = (0..80_000).filter(|i| second.keeps(*i)).count() as f64;
+        assert!((kept - 4000.0).abs() < 4.0 * 62.0, "{kept}");
+        assert!((0..80_000).all(|i| first.keeps(i) || !second.keeps(i)));
+        assert_eq!(first.further(10, 20), first);
+        assert_eq!(Thinning::ALL, Thinning::new(5, 5));
     }
 
     /// Of the columns of an image none is preferred, whatever its width.

@@ -223,9 +223,18 @@ impl Adjustment {
     ///
     /// [`SolveError`].
     pub fn solve(&mut self) -> Result<Adjusted, SolveError> {
+        self.solve_within(0.0)
+    }
+
+    /// The same until a step decreases the cost by no more than `decrease`.
+    ///
+    /// # Errors
+    ///
+    /// [`SolveError`].
+    pub fn solve_within(&mut self, decrease: f64) -> Result<Adjusted, SolveError> {
         // Poses see all nodes and no order of elimination by blocks is good: a minimum-degree order puts them last.
         let linear_solver = if self.by_node() { LinearSolver::SparseCholesky } else { LinearSolver::default() };
-        let options = Options { linear_solver, ..Options::default() };
+        let options = Options { linear_solver, decrease_tolerance: decrease, ..Options::default() };
         let solution = minimize(&self.graph, self.values.clone(), &options)?;
         self.values = solution.values;
         let residuals =
@@ -341,7 +350,15 @@ impl Adjustment {
                 (0..batch.group_count()).into_par_iter().map(|group| of_group(batch, group)).collect();
             groups.iter().sum()
         };
-        (of(Some(self.image)), of(self.depth))
+        let image = of(Some(self.image));
+        // All batches together have the degrees of freedom of the problem: where there is no third one, depth has the rest.
+        let is_alone = self.graph.batches().count() == 1 + usize::from(self.depth.is_some());
+        let depth = if is_alone && self.depth.is_some() {
+            covariance.degrees_of_freedom() as f64 - image
+        } else {
+            of(self.depth)
+        };
+        (image, depth)
     }
 }
 

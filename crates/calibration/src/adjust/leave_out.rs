@@ -12,6 +12,8 @@ use super::smoothness_selection::{FrameInformation, prior, solve_scaled};
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture};
 
+/// Decrease of the cost below which an adjustment ends: what is left is a small part of a standard deviation.
+const DECREASE: f64 = 1e-3;
 /// Most free parameters of a camera: matrices of this size are dense.
 const MOST_PARAMETERS: usize = 800;
 
@@ -56,6 +58,7 @@ pub fn camera_of_frames<F: AdjustableFrame>(
     noise: &NoiseModel,
     smoothness: &Smoothness,
 ) -> Option<Camera> {
-    let adjusted = Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).solve().ok()?;
+    let adjusted =
+        Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).solve_within(DECREASE).ok()?;
     adjusted.report.converged.then_some(adjusted.camera)
 }

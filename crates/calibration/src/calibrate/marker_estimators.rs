@@ -1,7 +1,7 @@
 //! D by one of the thesis' estimators, on top of a calibration from the images alone.
 
 use depthcal_model::Block;
-use depthcal_statistics::rms;
+use depthcal_statistics::{Thinning, rms};
 use nalgebra::Vector4;
 
 use super::error::CalibrateError;
@@ -38,7 +38,7 @@ pub(super) fn estimate(
     for frame in &result.capture.frames {
         let pose = &frame.camera_from_board;
         let region = BoardRegion::within_markers(&result.capture.target, &frame.markers);
-        let mut pixels = board_pixels(&frame.open()?, unit_mm, &rays, &region, pose, 1);
+        let mut pixels = board_pixels(&frame.open()?, unit_mm, &rays, &region, pose, Thinning::ALL);
         remove_outliers(&mut pixels);
         let of_frame = marker_points(frame, &pixels, &result.camera, &result.capture.target, pose);
         points.extend(of_frame.into_iter().flatten());

@@ -4,6 +4,7 @@
 use depthcal_model::Camera;
 use depthcal_solver::Covariance;
 use depthcal_statistics::rms;
+use tracing::debug;
 
 use super::error::CalibrateError;
 use super::explanation::explained;
@@ -26,6 +27,11 @@ const ROUNDS_WITH_REPAIR: usize = 2;
 const NOISE_SETTLED: f64 = 0.01;
 /// … and of the frames' planes, whose scatter is known to some ten per cent at best.
 const PLANES_SETTLED: f64 = 0.05;
+/// Decrease of the cost by a step below which the first adjustment ends, before the noise is known. What is left is a tenth of that
+/// or less: with the first value below two hundredths of a standard deviation of all parameters together …
+const FIRST_DECREASE: f64 = 1e-3;
+/// … and below five thousandths in later ones.
+const LAST_DECREASE: f64 = 1e-4;
 /// Markers are never taken for more precise than this, px: simulated ones may be exact.
 const LEAST_PIXEL_SIGMA: f64 = 1e-4;
 /// Nor is inverse depth, 1/mm: a micrometre at 1 m.
@@ -126,7 +132,8 @@ pub(super) fn settle<F: AdjustableFrame>(
         round += 1;
         let mut adjustment = Adjustment::new(&state.capture, &state.camera, &state.noise, rules.with_depth)
             .with_smoothness(&state.smoothness);
-        let adjusted = adjustment.solve()?;
+        let adjusted = adjustment.solve_within(if round == 1 { FIRST_DECREASE } else { LAST_DECREASE })?;
+        debug!("round {round}: {} iterations", adjusted.report.iterations);
         state.camera = adjusted.camera.clone();
         state.capture.set_poses(&adjusted.poses);
         if round <= ROUNDS_WITH_REPAIR && (rules.repair)(Attempt { round, repairs }, &mut state, &adjusted)? {

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use depthcal_model::{Covariate, PieceSpec, Placement};
 use depthcal_statistics::mean_to_standard_error;
+use nalgebra::{DMatrix, DVector};
 use tracing::info;
 
 use super::evidence::Evidence;
@@ -16,7 +17,7 @@ use super::possible::Possible;
 use super::thresholds::Thresholds;
 use super::variant_search::{Refined, refined_variant};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, readjust};
-use crate::judge::cross_validation::{cross_validate, cross_validate_strided, errors};
+use crate::judge::cross_validation::{cross_validate_thinned, errors};
 use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
 use crate::observe::{Capture, SampledFrame};
@@ -62,8 +63,14 @@ pub(super) struct AugmentedModel<'a> {
     basis: RefCell<Option<Basis>>,
 }
 
-/// Distance of the columns and rows on which models are compared with blocks of frames left out, px.
-const BLOCKS_STRIDE: usize = 4;
+/// Most board pixels of a frame, about, on which models are judged with frames left out singly …
+const JUDGED_PIXELS: usize = 16_000;
+/// … and in blocks, which only decide.
+const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
+
+/// What an effect must be predicted to explain to be kept without a fit, over what one must explain to be plainly needed: a Wald statistic
+/// takes residuals of a frame for independent, and is quadratic.
+const WALD_FACTOR: f64 = 5.0;
 
 /// What fits start from.
 struct Basis {
@@ -163,9 +170,9 @@ impl<'a> AugmentedModel<'a> {
                 // Models with fields are fitted anew without each part: once has to do.
                 let blocks = match has_fields(model)? {
                     true => None,
-                    false => Some(cross_validate_strided(fit, folds, Parts::Blocks, BLOCKS_STRIDE, model)?),
+                    false => Some(cross_validate_thinned(fit, folds, Parts::Blocks, JUDGED_PIXELS_OF_BLOCKS, model)?),
                 };
-                (cross_validate(fit, folds, Parts::Interleaved, model)?, blocks)
+                (cross_validate_thinned(fit, folds, Parts::Interleaved, JUDGED_PIXELS, model)?, blocks)
             }
         };
         Ok(HeldOut { errors: errors(&evaluated), evaluated: evaluated.into(), blocks: blocks.map(Into::into) })
@@ -208,7 +215,13 @@ impl<'a> AugmentedModel<'a> {
             }
             match self.add_one(effect) {
                 Ok(fitted) => match self.gain(present, &fitted, &self.added[before.len()..]) {
-                    Gain::Certain => return Ok(Addition::Added(Box::new(fitted))),
+                    Gain::Certain => {
+                        let last = self.added.len() - 1;
+                        for earlier in &mut self.added[..last] {
+                            earlier.after = earlier.after.without_pixels();
+                        }
+                        return Ok(Addition::Added(Box::new(fitted)));
+                    }
                     Gain::Possible(gain) if self.added.len() == before.len() + 1 => {
                         let spec = self.added[before.len()].evidence.spec.clone();
                         possible = Some(Possible::new(spec, gain, present.held_out.evaluated.frames.len()));
@@ -281,6 +294,10 @@ impl<'a> AugmentedModel<'a> {
         let mut removed = Vec::new();
         let mut i = 0;
         while i + 1 < self.added.len() {
+            if i < together && self.is_plain_by_wald(&present.fit, &self.added[i]) {
+                i += 1;
+                continue;
+            }
             let mut rest = self.added.clone();
             let effect = rest.remove(i);
             match self.without(&effect, &self.with_effects(&rest), present, i >= together, tests) {
@@ -299,6 +316,24 @@ impl<'a> AugmentedModel<'a> {
             }
         }
         Ok(removed)
+    }
+
+    /// Whether the parameters of an effect alone say that it is plainly needed: half their Wald statistic, which predicts what the cost would
+    /// rise by without it, is [`WALD_FACTOR`] times what is asked of a plain effect. Then no fit without it is made.
+    fn is_plain_by_wald(&self, fit: &Calibrated, effect: &AddedEffect) -> bool {
+        let wald = || {
+            let covariance = fit.covariance.as_ref()?;
+            let (block, range) = fit.camera.blocks_with_ranges().find(|(b, _)| b.name() == effect.evidence.name)?;
+            let free: Vec<usize> = (0..block.theta.len()).filter(|i| block.free[*i]).collect();
+            let nominals = block.parameters();
+            let change =
+                DVector::from_iterator(free.len(), free.iter().map(|i| block.theta[*i] - nominals[*i].nominal));
+            let own = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+                covariance[(range.start + free[i], range.start + free[j])]
+            });
+            Some(change.dot(&own.cholesky()?.solve(&change)))
+        };
+        wald().is_some_and(|wald: f64| 0.5 * wald > WALD_FACTOR * self.thresholds().plain_share * fit.cost)
     }
 
     /// The fit of `model`, which lacks an effect, where the effect is not needed: it is insignificant given the others, or the model
@@ -336,8 +371,11 @@ impl<'a> AugmentedModel<'a> {
     pub fn update_errors(&mut self, first: usize, present: &HeldOut) -> Result<(), CalibrateError> {
         for i in first..self.added.len() {
             let is_last = i + 1 == self.added.len();
-            self.added[i].after =
-                if is_last { present.clone() } else { self.fitted(&self.with_effects(&self.added[..=i]))?.held_out };
+            self.added[i].after = if is_last {
+                present.clone()
+            } else {
+                self.fitted(&self.with_effects(&self.added[..=i]))?.held_out.without_pixels()
+            };
         }
         Ok(())
     }

@@ -4,18 +4,18 @@
 //! They are excluded because they imitate effects: a frame whose depth belongs to another pose distorts the estimate of
 //! everything that varies with pose.
 
-use depthcal_statistics::upper_median;
+use depthcal_statistics::{Thinning, upper_median};
 use nalgebra::Isometry3;
 
 use super::frame_planes::FramePlane;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
-use crate::observe::board_pixels::{BoardPixel, board_pixels};
+use crate::observe::board_pixels::{BoardPixel, board_area_px, board_pixels};
 use crate::observe::board_region::BoardRegion;
 use crate::observe::{Capture, DetectedFrame, PixelRays};
 
-/// Every how many columns and rows of a depth image are compared with the board.
-const STRIDE: usize = 5;
+/// Most pixels of a depth image that are compared with the board, about.
+const MOST_PIXELS: usize = 4000;
 
 /// An excluded frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,7 +86,8 @@ fn deviation(fit: &Calibrated, rays: &PixelRays<'_>, frame: usize, pose: &Isomet
     let unit_mm = fit.capture.depth_unit_mm?;
     // Only how the exclusion is explained depends on it: an image that cannot be read any more explains nothing.
     let open = fit.capture.frames[frame].open().ok()?;
-    let pixels = board_pixels(&open, unit_mm, rays, &region, pose, STRIDE);
+    let thinning = Thinning::new(board_area_px(&fit.camera, &region, pose), MOST_PIXELS);
+    let pixels = board_pixels(&open, unit_mm, rays, &region, pose, thinning);
     let corrected =
         |p: &BoardPixel| Some(1.0 / fit.camera.correct(&p.context, p.cos_incidence, 1.0 / p.depth_mm).ok()?.1);
     let mut deviations: Vec<f64> =

@@ -1,16 +1,16 @@
 //! Declarations of the dataset that cannot be right: the size of the board's squares and the unit of depth.
 
-use depthcal_statistics::upper_median;
+use depthcal_statistics::{Thinning, upper_median};
 
 use super::thresholds::Thresholds;
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::Calibrated;
 use crate::observe::PixelRays;
-use crate::observe::board_pixels::board_pixels;
+use crate::observe::board_pixels::{board_area_px, board_pixels};
 use crate::observe::board_region::BoardRegion;
 
-/// Every how many columns and rows of a depth image are compared with the board.
-const STRIDE: usize = 7;
+/// Most pixels of a depth image that are compared with the board, about.
+const MOST_PIXELS: usize = 2000;
 
 /// Depth and image disagree in scale by more than a depth camera's error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +56,9 @@ fn depth_scale(fit: &Calibrated) -> Option<f64> {
         let region = BoardRegion::within_markers(&fit.capture.target, &frame.markers);
         // Whoever needs the image will say that it cannot be read.
         let Ok(open) = frame.open() else { continue };
-        let pixels = board_pixels(&open, unit_mm, &rays, &region, &frame.camera_from_board, STRIDE);
+        let pose = &frame.camera_from_board;
+        let thinning = Thinning::new(board_area_px(rays.camera(), &region, pose), MOST_PIXELS);
+        let pixels = board_pixels(&open, unit_mm, &rays, &region, pose, thinning);
         ratios.extend(pixels.iter().map(|p| p.depth_mm / p.board_depth_mm));
     }
     upper_median(&mut ratios)

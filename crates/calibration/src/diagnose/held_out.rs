@@ -22,6 +22,13 @@ pub struct HeldOut {
     pub blocks: Option<Arc<Evaluated>>,
 }
 
+impl HeldOut {
+    /// The same without single pixels, for a model that is no longer compared with others.
+    pub(super) fn without_pixels(&self) -> Self {
+        Self { errors: self.errors, evaluated: self.evaluated.without_pixels().into(), blocks: None }
+    }
+}
+
 /// What a change of the model brings on held-out frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Gain {

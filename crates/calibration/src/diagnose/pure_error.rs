@@ -17,7 +17,7 @@ use crate::judge::evaluate::residual_pixels;
 const FRAMES: [usize; 2] = [12, 64];
 /// Most image pixels of these frames together, which bounds memory. Frames are left out whole: fine structure needs neighbouring
 /// pixels.
-const MOST_PIXELS: usize = 20_000_000;
+const MOST_PIXELS: usize = 12_000_000;
 /// Side of the finest cells on the board and in depth, mm.
 const CELL_MM: f64 = 2.0;
 /// Cells over the logarithm of the amplitude and over the cosine of incidence, from edge-on to frontal.

@@ -5,6 +5,8 @@
 //! only weight the effect over distance: they are compared at the best constant of each place, and the constant is refined in
 //! the best of them.
 
+use std::sync::Arc;
+
 use depthcal_model::{Of, Placement, Register};
 use depthcal_solver::score::{Linearization, ScoreError};
 use depthcal_statistics::mean_to_standard_error;
@@ -19,6 +21,13 @@ use crate::calibrate::Calibrated;
 
 /// Variants that are tested in one linearisation: enough to share its cost, few enough to share the variants among threads.
 const VARIANTS_PER_LINEARIZATION: usize = 24;
+
+/// Values of a constant from which on they are first compared on a part of the samples.
+const MANY_VALUES: usize = 16;
+/// That part is every so manieth sample of a frame.
+const SAMPLE_STEP: usize = 3;
+/// So many of the best values there, per effect and place, are then compared on all samples.
+const FINALISTS: usize = 4;
 
 /// An effect with a value of its constant in a place and a form.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +85,28 @@ fn best(scores: &[Scored], i: usize, select: impl Fn(&Variant) -> bool) -> Optio
     own.reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
+/// The fit with every [`SAMPLE_STEP`]-th sample of its frames.
+fn thinned(fit: &Calibrated) -> Calibrated {
+    let mut thinned = fit.clone();
+    for frame in &mut thinned.capture.frames {
+        frame.samples = Arc::new(frame.samples.iter().step_by(SAMPLE_STEP).copied().collect());
+    }
+    thinned
+}
+
+/// The [`FINALISTS`] best of the variants of every effect in every place and form.
+fn finalists(mut scores: Vec<Scored>) -> Vec<(usize, Variant)> {
+    scores.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let mut chosen: Vec<(usize, Variant)> = Vec::new();
+    for (i, variant, _) in scores {
+        let rivals = chosen.iter().filter(|(k, v)| *k == i && v.placement == variant.placement).count();
+        if rivals < FINALISTS {
+            chosen.push((i, variant));
+        }
+    }
+    chosen
+}
+
 /// The variant with the largest score statistic of every effect; `None` for those that cannot be tested.
 ///
 /// # Errors
@@ -97,7 +128,9 @@ pub(super) fn best_variants(
             .into_iter()
             .flat_map(move |placement| values.clone().into_iter().map(move |value| (i, Variant { value, placement })))
     });
-    let mut scores = scored(fit, register, effects, &coarse.collect::<Vec<_>>())?;
+    let (many, few): (Vec<_>, Vec<_>) = coarse.partition(|(i, _)| effects[*i].values.len() >= MANY_VALUES);
+    let finalists = finalists(scored(&thinned(fit), register, effects, &many)?);
+    let mut scores = scored(fit, register, effects, &[few, finalists].concat())?;
     // All places and forms with the best value of the place.
     let forms = effects.iter().enumerate().flat_map(|(i, effect)| {
         let of_place = |of: Of| best(&scores, i, |v| v.placement.of == of).or_else(|| best(&scores, i, |_| true));

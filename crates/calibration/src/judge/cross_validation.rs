@@ -1,7 +1,7 @@
 //! Cross-validation: errors on frames that a fit did not see, and their bootstrap intervals.
 
 use depthcal_io::{GainInterval, HeldOutErrors, Interval};
-use depthcal_statistics::Bootstrap;
+use depthcal_statistics::{Bootstrap, Thinning};
 use rayon::prelude::*;
 use tracing::{debug, warn};
 
@@ -10,6 +10,8 @@ use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
 use crate::adjust::leave_out::{camera_of_frames, cameras_without_parts};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
+use crate::observe::board_pixels::board_area_px;
+use crate::observe::board_region::BoardRegion;
 use crate::observe::noise::DepthNoise;
 use crate::observe::{Capture, DroppedFrame, SampledFrame};
 
@@ -34,30 +36,33 @@ pub fn cross_validate(
     how: Parts,
     options: &CalibrateOptions,
 ) -> Result<Evaluated, CalibrateError> {
-    cross_validate_strided(fit, parts, how, 1, options)
+    cross_validate_thinned(fit, parts, how, usize::MAX, options)
 }
 
-/// The same, judged on every `stride`-th column and row of the depth images only: enough to compare models.
+/// The same, judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames have the weight that they
+/// have with all their pixels.
 ///
 /// # Errors
 ///
 /// [`CalibrateError`] where the model can be adjusted without none of the parts.
-pub fn cross_validate_strided(
+pub fn cross_validate_thinned(
     fit: &Calibrated,
     parts: usize,
     how: Parts,
-    stride: usize,
+    most_pixels: usize,
     options: &CalibrateOptions,
 ) -> Result<Evaluated, CalibrateError> {
     let job = options.progress.steps("cross-validating", parts);
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
-    let is_joint = options.estimator == Estimator::Joint && fit.with_depth && !has_fields(options)?;
-    let steps = if is_joint {
+    let is_joint = options.estimator == Estimator::Joint && fit.with_depth;
+    // The smoothness of fields is chosen anew without each part.
+    let steps = if is_joint && !has_fields(options)? {
         cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts)
     } else {
         vec![None; parts]
     };
+    let thinning = thinning(fit, most_pixels);
     let of_part = |part: usize| {
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();
@@ -77,7 +82,7 @@ pub fn cross_validate_strided(
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera
-            .map(|camera| evaluate_part(&camera, &held, stride, markers.len()))
+            .map(|camera| evaluate_part(&camera, &held, thinning, markers.len()))
             .map_err(|error| Box::new((error, held)));
         job.advance();
         evaluated
@@ -106,6 +111,16 @@ pub fn cross_validate_strided(
     }
     all.frames.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(all)
+}
+
+/// Which pixels are judged where about `most` of a frame are wanted on average: the same share of every frame's.
+fn thinning(fit: &Calibrated, most: usize) -> Thinning {
+    let frames = &fit.capture.frames;
+    let area = |f: &SampledFrame| {
+        let region = BoardRegion::within_markers(&fit.capture.target, &f.markers);
+        board_area_px(&fit.camera, &region, &f.camera_from_board)
+    };
+    Thinning::new(frames.iter().map(area).sum(), most.saturating_mul(frames.len()))
 }
 
 /// The errors after correction, one number of each kind.

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::depth_errors::{DepthErrors, PixelError};
 use crate::estimators::{MarkerPoint, marker_points};
-use crate::observe::board_pixels::{BoardPixel, board_pixels};
+use crate::observe::board_pixels::{BoardPixel, board_pixels, key};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
@@ -70,11 +70,11 @@ pub fn evaluate<F>(camera: &Camera, capture: &Capture<F>) -> Evaluated
 where
     F: EvaluableFrame,
 {
-    evaluate_part(camera, capture, 1, capture.frames.len())
+    evaluate_part(camera, capture, Thinning::ALL, capture.frames.len())
 }
 
-/// The same of a part of `frames` frames that are evaluated together, and on every `stride`-th column and row of the depth images only.
-pub(crate) fn evaluate_part<F>(camera: &Camera, capture: &Capture<F>, stride: usize, frames: usize) -> Evaluated
+/// The same of a part of `frames` frames that are evaluated together, and on the board pixels that `thinning` keeps.
+pub(crate) fn evaluate_part<F>(camera: &Camera, capture: &Capture<F>, thinning: Thinning, frames: usize) -> Evaluated
 where
     F: EvaluableFrame,
 {
@@ -83,7 +83,7 @@ where
     let rays = PixelRays::new(&bare, &capture.target).to_be_corrected_by(camera);
     let [least, most] = KEPT_OF_A_FRAME;
     let kept_pixels = (KEPT_PIXELS / frames.max(1)).clamp(least, most);
-    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, stride };
+    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels, thinning };
     let mut seen: Vec<(Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)> = capture
         .frames
         .par_iter()
@@ -123,8 +123,8 @@ struct Evaluation<'a, F> {
     rays: &'a PixelRays<'a>,
     capture: &'a Capture<F>,
     kept_pixels: usize,
-    /// Distance of the columns and rows that count, px.
-    stride: usize,
+    /// Which board pixels count.
+    thinning: Thinning,
 }
 
 impl<F: Sync> Evaluation<'_, F> {
@@ -177,7 +177,7 @@ impl<F: Sync> Evaluation<'_, F> {
     ) -> Judged {
         let unit_mm = self.capture.depth_unit_mm.unwrap_or(1.0);
         let region = BoardRegion::within_markers(&self.capture.target, &frame.markers);
-        let mut measured = board_pixels(open, unit_mm, self.rays, &region, pose, self.stride);
+        let mut measured = board_pixels(open, unit_mm, self.rays, &region, pose, self.thinning);
         let (outliers, outlier_limit_mm) = remove_outliers(&mut measured);
         let corrected = self.corrected(&measured, surface);
         Judged { measured, corrected, outliers, outlier_limit_mm }
@@ -191,7 +191,7 @@ impl<F: Sync> Evaluation<'_, F> {
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
         let before = points(&all);
         let found = all.len();
-        let thinning = Thinning::new(found, self.kept_pixels);
+        let thinning = self.thinning.further(found, self.kept_pixels);
         let mut depth = DepthErrors::default();
         let mut pixels = Vec::with_capacity(found.min(self.kept_pixels + self.kept_pixels / 8));
         let mut kept = Vec::with_capacity(found);
@@ -199,7 +199,7 @@ impl<F: Sync> Evaluation<'_, F> {
             let Some(c) = corrected else { continue };
             let error = pixel_error(p, &c, &surface);
             depth.add(&error);
-            if thinning.keeps(key(p)) {
+            if thinning.keeps(key(p.context.pixel)) {
                 let is_complete = self.rays.needs_surroundings() || open.image.is_none();
                 let context = if is_complete { p.context } else { open.context(p.context.pixel) };
                 let context = Context { stray: p.context.stray, ..context };
@@ -287,7 +287,7 @@ where
 {
     let bare = camera.filtered(|block| !crate::adjust::blocks::is_depth_only(block));
     let rays = PixelRays::new(&bare, &capture.target).to_be_corrected_by(camera);
-    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels: 0, stride: 1 };
+    let evaluation = Evaluation { camera, rays: &rays, capture, kept_pixels: 0, thinning: Thinning::ALL };
     let of_frame = |frame: &F| {
         let pose = &frame.posed().camera_from_board;
         let surface = rays.surface(pose);
@@ -305,12 +305,6 @@ fn markers_of(frame: &DetectedFrame) -> FrameMarkers<'_> {
     FrameMarkers { name: &frame.name, markers: &frame.markers }
 }
 
-/// A key of a pixel's place.
-fn key(p: &BoardPixel) -> u64 {
-    let [u, v] = p.context.pixel.map(|c| (16.0 * c).round() as i32 as u64 & 0xffff_ffff);
-    v << 32 | u
-}
-
 /// Distance between a marker's position on the board and its position by image and depth, mm.
 fn dot_distance(point: &MarkerPoint) -> f64 {
     let measured = Vector3::new(point.ray[0], point.ray[1], 1.0) / point.inverse_depth;
@@ -324,6 +318,12 @@ fn mean_std(values: impl Iterator<Item = f64> + Clone) -> MeanStd {
 }
 
 impl Evaluated {
+    /// The same without single pixels: sums and counts.
+    pub(crate) fn without_pixels(&self) -> Self {
+        let frames = self.frames.iter().map(EvaluatedFrame::without_pixels).collect();
+        Self { name: self.name.clone(), frames, dropped: self.dropped.clone() }
+    }
+
     /// The record for `evaluation.json`.
     pub fn record(&self) -> DatasetEvaluation {
         let dots = || self.frames.iter().flat_map(|f| f.dots.iter());
@@ -357,6 +357,22 @@ pub fn outliers<'a>(frames: impl Iterator<Item = &'a EvaluatedFrame> + Clone) ->
 }
 
 impl EvaluatedFrame {
+    /// The same without single pixels, which take nearly all of its memory.
+    fn without_pixels(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            camera_from_board: self.camera_from_board,
+            reprojection: self.reprojection.clone(),
+            wrong_markers: self.wrong_markers,
+            dots: self.dots.clone(),
+            depth: self.depth,
+            pixels: Vec::new(),
+            outliers: self.outliers,
+            outlier_limit_mm: self.outlier_limit_mm,
+            uncorrectable: self.uncorrectable,
+        }
+    }
+
     /// Number of its valid depth pixels on the board, whether they count or not.
     pub fn board_pixels(&self) -> usize {
         self.outliers + self.depth.pixels + self.uncorrectable

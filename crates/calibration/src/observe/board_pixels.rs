@@ -1,7 +1,8 @@
 //! The depth pixels of a frame that lie on the board.
 
 use depthcal_io::DepthImage;
-use depthcal_model::Context;
+use depthcal_model::{Camera, Context};
+use depthcal_statistics::Thinning;
 use nalgebra::{Isometry3, Point3};
 
 use super::board_plane::BoardSurface;
@@ -29,18 +30,18 @@ pub struct BoardPixel {
     pub cos_incidence: f64,
 }
 
-/// All valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image every
-/// `stride`-th column and row, row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
+/// Valid depth pixels of a frame on the board, given a camera and a pose that come from the image: of a depth image those that
+/// `thinning` keeps (by [`key`]), row by row; or the single pixels that the frame has. `unit_mm` is the unit of the depth image.
 pub fn board_pixels(
     frame: &OpenFrame<'_>,
     unit_mm: f64,
     rays: &PixelRays<'_>,
     region: &BoardRegion,
     camera_from_board: &Isometry3<f64>,
-    stride: usize,
+    thinning: Thinning,
 ) -> Vec<BoardPixel> {
     match &frame.depth {
-        Some(depth) => image_pixels(frame, depth, unit_mm, rays, region, camera_from_board, stride),
+        Some(depth) => image_pixels(frame, depth, unit_mm, rays, region, camera_from_board, thinning),
         None => given_pixels(frame.raw.depth_pixels(), rays, region, camera_from_board),
     }
 }
@@ -52,25 +53,21 @@ fn image_pixels(
     rays: &PixelRays<'_>,
     region: &BoardRegion,
     camera_from_board: &Isometry3<f64>,
-    stride: usize,
+    thinning: Thinning,
 ) -> Vec<BoardPixel> {
-    let camera = rays.camera();
-    let corners: Vec<[f64; 2]> = region
-        .hull()
-        .iter()
-        .filter_map(|c| camera.project(&(camera_from_board * Point3::new(c[0], c[1], 0.0)).coords))
-        .collect();
+    let corners = corners(rays.camera(), region, camera_from_board);
     let Some((low, high)) = bounds(&corners, depth.width, depth.height) else { return Vec::new() };
     let surface = rays.surface(camera_from_board);
-    let [fx, ..] = camera.pinhole();
+    let [fx, ..] = rays.camera().pinhole();
     let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
     let surroundings = image.map(|i| Surroundings::of(i, low, high));
     let light = light(frame, unit_mm, rays).zip(frame.image.as_deref());
-    let mut pixels = Vec::with_capacity((high[0] - low[0] + 1) * (high[1] - low[1] + 1) / (2 * stride * stride));
-    for v in (low[1]..=high[1]).filter(|v| v % stride == 0) {
-        for u in (low[0]..=high[0]).filter(|u| u % stride == 0) {
+    let within = (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
+    let mut pixels = Vec::with_capacity(thinning.expected(within / 2));
+    for v in low[1]..=high[1] {
+        for u in low[0]..=high[0] {
             let raw = depth.data[v * depth.width + u];
-            if !DepthImage::is_measurement(raw) {
+            if !(DepthImage::is_measurement(raw) && thinning.keeps(key([u as f64, v as f64]))) {
                 continue;
             }
             let depth_mm = f64::from(raw) * unit_mm;
@@ -90,6 +87,27 @@ fn image_pixels(
         }
     }
     pixels
+}
+
+/// Number of pixels that the board covers in the image, about.
+pub fn board_area_px(camera: &Camera, region: &BoardRegion, camera_from_board: &Isometry3<f64>) -> usize {
+    let corners = corners(camera, region, camera_from_board);
+    let next = corners.iter().cycle().skip(1);
+    let twice_area: f64 = corners.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
+    (0.5 * twice_area.abs()).min((camera.width * camera.height) as f64) as usize
+}
+
+/// A key of a pixel's place, for a [`Thinning`].
+pub fn key(pixel: [f64; 2]) -> u64 {
+    // Truncated, which is one instruction; of whole numbers it is exact.
+    let [u, v] = pixel.map(|c| (16.0 * c) as i32 as u64 & 0xffff_ffff);
+    v << 32 | u
+}
+
+/// The corners of the board's region in the image.
+fn corners(camera: &Camera, region: &BoardRegion, camera_from_board: &Isometry3<f64>) -> Vec<[f64; 2]> {
+    let project = |c: &[f64; 2]| camera.project(&(camera_from_board * Point3::new(c[0], c[1], 0.0)).coords);
+    region.hull().iter().filter_map(project).collect()
 }
 
 fn given_pixels(

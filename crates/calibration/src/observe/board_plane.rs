@@ -1,20 +1,21 @@
 //! The board's plane in the camera frame, and the board's depth on rays.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use super::board_heights::BoardHeights;
 
 /// Most rounds in which a ray is brought to a board's surface.
 const MOST_ROUNDS: usize = 5;
 /// Distance from the surface at which a ray has reached it, mm: far below what any sensor resolves.
-const SETTLED_MM: f64 = 1e-5;
+const SETTLED_MM: f64 = 1e-4;
 /// Distance from the surface that a ray may have after the last round, mm.
 const NEAR_MM: f64 = 1e-3;
 
 /// The board's plane in the camera frame.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardPlane {
-    board_from_camera: Isometry3<f64>,
+    /// Rotation and translation that map the camera's frame to the board's.
+    board_from_camera: (Matrix3<f64>, Vector3<f64>),
     normal: Vector3<f64>,
     offset: f64,
 }
@@ -24,7 +25,9 @@ impl BoardPlane {
     pub fn new(camera_from_board: &Isometry3<f64>) -> Self {
         let normal = camera_from_board.rotation * Vector3::z();
         let offset = normal.dot(&camera_from_board.translation.vector);
-        Self { board_from_camera: camera_from_board.inverse(), normal, offset }
+        let inverse = camera_from_board.inverse();
+        let board_from_camera = (inverse.rotation.to_rotation_matrix().into_inner(), inverse.translation.vector);
+        Self { board_from_camera, normal, offset }
     }
 
     /// Depth (mm) at which a ray (X/Z, Y/Z) meets the plane; `None` where it meets none in front of the camera.
@@ -41,7 +44,8 @@ impl BoardPlane {
 
     /// A point on a ray at a depth (mm), in board coordinates, mm.
     pub fn to_board(&self, ray: [f64; 2], depth_mm: f64) -> Point3<f64> {
-        self.board_from_camera * Point3::new(ray[0] * depth_mm, ray[1] * depth_mm, depth_mm)
+        let (rotation, translation) = &self.board_from_camera;
+        Point3::from(rotation * (Vector3::new(ray[0], ray[1], 1.0) * depth_mm) + translation)
     }
 
     /// Cosine of the angle between a ray and the normal, in [0, 1].
@@ -74,18 +78,19 @@ impl<'a> BoardSurface<'a> {
     pub fn depth(&self, ray: [f64; 2]) -> Option<f64> {
         let mut depth = self.plane.depth(ray)?;
         let Some(heights) = self.heights else { return Some(depth) };
-        let d = Vector3::new(ray[0], ray[1], 1.0);
+        let (rotation, origin) = &self.plane.board_from_camera;
+        let direction = rotation * Vector3::new(ray[0], ray[1], 1.0);
         // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more, but for rays that
         // graze the board or pass it far away, which meet no surface.
         let mut gap = f64::INFINITY;
         for _ in 0..MOST_ROUNDS {
-            let at = self.plane.to_board(ray, depth);
+            let at = origin + direction * depth;
             let height = heights.at([at.x, at.y]);
             gap = (height - at.z).abs();
             if gap < SETTLED_MM {
                 break;
             }
-            depth = (self.plane.offset + height) / self.plane.normal.dot(&d);
+            depth = (height - origin.z) / direction.z;
         }
         (depth > 0.0 && depth.is_finite() && gap < NEAR_MM).then_some(depth)
     }

@@ -3,6 +3,7 @@
 
 use depthcal_io::ImageError;
 use depthcal_model::{Camera, Context, Modulation};
+use depthcal_statistics::Thinning;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rayon::prelude::*;
 
@@ -44,7 +45,7 @@ pub fn sample_depth(
     keep_light(&mut capture, &rays)?;
     let on_board = |posed: &PosedFrame, frame: &OpenFrame<'_>| {
         let region = BoardRegion::within_markers(&capture.target, &posed.markers);
-        let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &posed.camera_from_board, 1);
+        let mut pixels = board_pixels(frame, unit_mm, &rays, &region, &posed.camera_from_board, Thinning::ALL);
         remove_outliers_and_rim(&mut pixels);
         pixels
     };

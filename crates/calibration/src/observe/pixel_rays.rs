@@ -106,11 +106,11 @@ impl<'a> PixelRays<'a> {
     /// The ray of a pixel of the image, from the table where it is one of its grid.
     fn at(&self, [u, v]: [f64; 2], depth_mm: f64) -> Option<[f64; 2]> {
         let (width, height) = (self.camera.width, self.camera.height);
-        let (column, row) = (u.round(), v.round());
-        let inside = column >= 0.0 && row >= 0.0 && column < width as f64 && row < height as f64;
-        let near = inside.then(|| self.table[row as usize * width + column as usize]).filter(|ray| !ray[0].is_nan());
+        let inside = |c: f64, size: usize| (c > -0.5 && c < size as f64 - 0.5).then_some((c + 0.5) as usize);
+        let nearest = inside(u, width).zip(inside(v, height));
+        let near = nearest.map(|(column, row)| self.table[row * width + column]).filter(|ray| !ray[0].is_nan());
         match near {
-            Some(ray) if u == column && v == row => Some(ray),
+            Some(ray) if nearest.is_some_and(|(column, row)| u == column as f64 && v == row as f64) => Some(ray),
             near => self.camera.ray_near([u, v], 1.0 / depth_mm, near).ok(),
         }
     }

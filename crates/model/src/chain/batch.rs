@@ -39,6 +39,8 @@ pub struct Workspace {
     pub(super) contexts: Vec<Context>,
     pub(super) seeds: Vec<[f64; 2]>,
     pub(super) points: Vec<Ray>,
+    /// Derivatives of the board point by the pixel, mm/px.
+    pub(super) by_pixel: Vec<[[f64; 2]; 2]>,
 }
 
 /// Derivatives of one piece over a batch.

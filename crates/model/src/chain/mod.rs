@@ -33,8 +33,10 @@ const BATCH: usize = 64;
 const NEAREST_MM: f64 = 1e-3;
 /// Newton's method for the board point of a depth pixel stops here, px.
 const PIXEL_TOLERANCE: f64 = 1e-9;
-/// Rounds of Newton's method; it needs three from a start that is a few pixels off.
-const NEWTON_ROUNDS: usize = 25;
+/// Most rounds of Newton's method.
+const NEWTON_ROUNDS: usize = 100;
+/// Rounds of Newton's method with the same derivative.
+const ROUNDS_PER_DERIVATIVE: usize = 4;
 
 /// Reason why a chain has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
@@ -243,22 +245,30 @@ impl Chain {
         Ok(())
     }
 
-    /// Moves the batch's board points until their pixels are the contexts' pixels; leaves the chain evaluated there.
+    /// Moves the batch's board points until their pixels are the contexts' pixels; leaves the points evaluated there.
+    ///
+    /// A derivative of the forward chain serves several rounds: it costs as much as some values, and changes by a thousandth or so over
+    /// the few pixels that a start is off.
     fn intersect(&self, work: &mut Workspace, theta: &[f64], pose: &Pose) -> Result<(), ChainError> {
-        for _ in 0..NEWTON_ROUNDS {
-            self.forward(work, theta, pose, true, Some(Derive::State))?;
+        for round in 0..NEWTON_ROUNDS {
+            let derive = (round % ROUNDS_PER_DERIVATIVE == 0).then_some(Derive::State);
+            self.forward(work, theta, pose, true, derive)?;
             let mut worst = 0.0_f64;
             for k in 0..work.points.len() {
                 let (target, pixel) = (work.contexts[k].pixel, work.points[k].pixel);
                 let miss = [target[0] - pixel[0], target[1] - pixel[1]];
-                // Negated so that NaN counts as a miss.
-                if !(miss[0].abs().max(miss[1].abs()) <= PIXEL_TOLERANCE) {
-                    worst = if miss[0].is_finite() && miss[1].is_finite() { 1.0 } else { f64::NAN };
+                if derive.is_some() {
                     let a = self.backward(work, theta, pose, true, k, [1.0, 0.0], [0.0; 3], None);
                     let b = self.backward(work, theta, pose, true, k, [0.0, 1.0], [0.0; 3], None);
                     let det = a[0] * b[1] - a[1] * b[0];
-                    work.seeds[k][0] += (b[1] * miss[0] - a[1] * miss[1]) / det;
-                    work.seeds[k][1] += (a[0] * miss[1] - b[0] * miss[0]) / det;
+                    work.by_pixel[k] = [[b[1] / det, -a[1] / det], [-b[0] / det, a[0] / det]];
+                }
+                // Negated so that NaN counts as a miss.
+                if !(miss[0].abs().max(miss[1].abs()) <= PIXEL_TOLERANCE) {
+                    worst = if miss[0].is_finite() && miss[1].is_finite() { 1.0 } else { f64::NAN };
+                    let [x, y] = work.by_pixel[k];
+                    work.seeds[k][0] += x[0] * miss[0] + x[1] * miss[1];
+                    work.seeds[k][1] += y[0] * miss[0] + y[1] * miss[1];
                 }
                 if worst.is_nan() {
                     return Err(ChainError::NoIntersection { u: target[0], v: target[1] });
@@ -293,6 +303,7 @@ impl Chain {
     ) -> Result<(), ChainError> {
         let n = work.seeds.len();
         work.points.resize(n, Ray::default());
+        work.by_pixel.resize(n, [[0.0; 2]; 2]);
         work.state.clear();
         work.state.extend(work.seeds.iter().flat_map(|w| [w[0], w[1], 0.0]));
         run(&self.board, 3, 3, theta, work, HookKind::Board, derive);

@@ -123,7 +123,7 @@ impl LevenbergMarquardt {
         let last = first && level;
         record.accepted = last || clipped.is_some() && level || decrease > 0.0 && ratio > self.options.min_gain_ratio;
         let still = record.step <= self.options.parameter_tolerance * (2.0 * self.cost).sqrt();
-        let tolerance = self.options.cost_tolerance * self.cost;
+        let tolerance = (self.options.cost_tolerance * self.cost).max(self.options.decrease_tolerance);
         let (residuals, least_damping) = (system.layout.rows as f64, system.min_damping());
         let (accepted, trial_cost) = (record.accepted, record.trial_cost);
         self.trace.push(record);

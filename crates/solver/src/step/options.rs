@@ -75,6 +75,9 @@ pub struct Options {
     pub gradient_tolerance: f64,
     /// Converged when a step decreases the cost by at most this, relative to the cost. Default 1e-9.
     pub cost_tolerance: f64,
+    /// Converged when a step decreases the cost by at most this. Of whitened residuals a decrease of ½ moves the values by a standard
+    /// deviation: statistics need no more than a small part of that. Default 0.
+    pub decrease_tolerance: f64,
     /// Converged when no component of a step changes the residuals by more than this, relative to their norm:
     /// max |δ_j| √H_jj ≤ tolerance · √(2 · cost). It does not depend on the units of the variables. Default 1e-9.
     pub parameter_tolerance: f64,
@@ -121,6 +124,7 @@ impl Default for Options {
             max_iterations: 100,
             gradient_tolerance: 1e-10,
             cost_tolerance: 1e-9,
+            decrease_tolerance: 0.0,
             parameter_tolerance: 1e-9,
             min_gain_ratio: 1e-3,
             method: Method::default(),
@@ -147,6 +151,7 @@ impl Options {
         let tolerances = [
             ("gradient_tolerance", self.gradient_tolerance),
             ("cost_tolerance", self.cost_tolerance),
+            ("decrease_tolerance", self.decrease_tolerance),
             ("parameter_tolerance", self.parameter_tolerance),
         ];
         for (name, value) in tolerances {
