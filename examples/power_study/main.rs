@@ -7,7 +7,7 @@
 //! | option | |
 //! |---|---|
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
-//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs,sensitivity` | which tables; the last on request only |
+//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables; on request also `faultless`, `nature`, `fine`, `coverage` and `sensitivity` |
 //! | `--effects a,b` | these effects only |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
 //! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
@@ -15,6 +15,10 @@
 //! Every run is also a line on standard error, so that rows can be looked into.
 
 mod beyond;
+mod coverage;
+mod drawn;
+mod fine;
+mod nature;
 mod nothing;
 mod pairs;
 mod placed;
@@ -112,9 +116,14 @@ fn main() {
             "beyond" => study.beyond(),
             "absent" => study.absent(),
             "pairs" => study.pairs(),
+            "faultless" => study.faultless(),
+            "nature" => study.nature(),
+            "fine" => study.fine(),
+            "coverage" => study.coverage(),
             "sensitivity" => study.sensitivity(),
             other => eprintln!(
-                "there is no table '{other}': single, placed, clean, heavy, bad, beyond, absent, pairs, sensitivity"
+                "there is no table '{other}': single, placed, clean, heavy, bad, beyond, absent, pairs, faultless, nature, fine, \
+                 coverage, sensitivity"
             ),
         }
     }

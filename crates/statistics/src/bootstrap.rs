@@ -72,6 +72,36 @@ impl Bootstrap {
         });
         Estimate::from_resamples(value, resamples.collect(), 0.95)
     }
+
+    /// Σa / Σb over clusters given by (a, b), both not negative, with its 95 % interval from the studentised bootstrap of its logarithm
+    /// (bootstrap-t; Efron, Tibshirani 1993, section 12.5; standard error by linearisation, Cochran 1977, section 6.4). Where few of the clusters
+    /// make up most of a sum, the percentile interval is too short.
+    pub fn ratio(&self, clusters: &[(f64, f64)]) -> Estimate {
+        let n = clusters.len();
+        let Some((value, error)) = ratio_and_error(clusters.iter().copied(), n) else {
+            let (a, b) = clusters.iter().fold((0.0, 0.0), |s, c| (s.0 + c.0, s.1 + c.1));
+            return Estimate { value: a / b, low: a / b, high: a / b };
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let mut drawn = vec![(0.0, 0.0); n];
+        let mut t: Vec<f64> = Vec::with_capacity(self.resamples);
+        for _ in 0..self.resamples {
+            drawn.iter_mut().for_each(|d| *d = clusters[rng.random_range(0..n)]);
+            let resample = ratio_and_error(drawn.iter().copied(), n);
+            t.extend(resample.map(|(v, e)| (v / value).ln() / e).filter(|t| t.is_finite()));
+        }
+        let t = Estimate::from_resamples(0.0, t, 0.95);
+        Estimate { value, low: value * (-t.high * error).exp(), high: value * (-t.low * error).exp() }
+    }
+}
+
+/// A ratio of sums over `n` clusters and the standard error of its logarithm; `None` where there is no scatter.
+fn ratio_and_error(clusters: impl Iterator<Item = (f64, f64)> + Clone, n: usize) -> Option<(f64, f64)> {
+    let (a, b) = clusters.clone().fold((0.0, 0.0), |s, c| (s.0 + c.0, s.1 + c.1));
+    let ratio = a / b;
+    let squares: f64 = clusters.map(|(a, b)| (a - ratio * b).powi(2)).sum();
+    let error = (squares * n as f64 / (n as f64 - 1.0)).sqrt() / a;
+    (ratio > 0.0 && error > 0.0 && error.is_finite()).then_some((ratio, error))
 }
 
 #[cfg(test)]
@@ -87,6 +117,26 @@ mod tests {
         let expected = 1.96 * (1.0 / 12.0_f64).sqrt() / 20.0;
         assert!(((e.high - e.low) / (2.0 * expected) - 1.0).abs() < 0.05, "{e:?}");
         assert!((e.value - 0.498_75).abs() < 1e-9, "{e:?}");
+    }
+
+    /// Ratios of sums over 20 clusters of which few are large: of 400 samples, 95 % intervals hold the truth in 90 % or more. Percentile
+    /// intervals do in 85 %.
+    #[test]
+    fn the_interval_of_a_skewed_ratio_holds_the_truth() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let bootstrap = Bootstrap { resamples: 400, seed: 2 };
+        let (mut studentised, mut percentile) = (0, 0);
+        for _ in 0..400 {
+            // Squares of exponentials have the mean 2.
+            let clusters: Vec<(f64, f64)> =
+                (0..20).map(|_| (rng.random::<f64>().max(1e-12).ln().powi(2), 1.0)).collect();
+            let e = bootstrap.ratio(&clusters);
+            studentised += usize::from(e.low <= 2.0 && 2.0 <= e.high);
+            let mean = |drawn: &[usize]| drawn.iter().map(|i| clusters[*i].0).sum::<f64>() / 20.0;
+            let e = bootstrap.estimate(20, mean);
+            percentile += usize::from(e.low <= 2.0 && 2.0 <= e.high);
+        }
+        assert!(studentised >= 360 && percentile < studentised, "{studentised} and {percentile} of 400");
     }
 
     #[test]

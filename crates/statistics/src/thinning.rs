@@ -21,7 +21,8 @@ impl Thinning {
     /// Keeps `most` of the `count` values that this thinning has kept, on average, or all of them where there are no more.
     #[must_use]
     pub fn further(self, count: usize, most: usize) -> Self {
-        Self { below: (self.below * Self::new(count, most).below) >> 32 }
+        let share = u128::from(Self::new(count, most).below);
+        Self { below: ((u128::from(self.below) * share) >> 32) as u64 }
     }
 
     /// About how many of `count` values are kept, with some room for chance.

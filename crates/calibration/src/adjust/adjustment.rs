@@ -10,7 +10,7 @@ use depthcal_solver::{
     BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, LinearSolver, Loss, Options,
     Report, SolveError, Values, VariableId, minimize,
 };
-use nalgebra::{DMatrix, DMatrixView, DVector, Isometry3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Isometry3, Vector3};
 use rayon::prelude::*;
 
 use super::blocks::{BlockKeys, is_depth_only};
@@ -43,6 +43,16 @@ pub enum Curvature {
     OfWeights,
     /// Of the loss itself, which is zero beyond [`HUBER`]: what tells how the optimum moves with the data.
     OfLoss,
+}
+
+/// The rows of a group, weighted by the loss.
+struct WeightedRows {
+    jacobian: DMatrix<f64>,
+    residuals: DVector<f64>,
+    /// Square roots of the weights, one per row.
+    weights: Vec<f64>,
+    /// Rows in the linear part of the loss, which has no curvature.
+    linear: Vec<usize>,
 }
 
 /// A solved adjustment.
@@ -182,39 +192,71 @@ impl Adjustment {
         curvature: Curvature,
         (normal, gradient): (&mut DMatrix<f64>, &mut DVector<f64>),
     ) {
+        let Some(mut rows) = self.weighted_rows(batch, group, columns) else { return };
+        let n = rows.jacobian.ncols();
+        let own_gradient = rows.jacobian.tr_mul(&rows.residuals);
+        if curvature == Curvature::OfLoss {
+            for row in &rows.linear {
+                rows.jacobian.row_mut(*row).fill(0.0);
+            }
+        }
+        normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &rows.jacobian, &rows.jacobian, 1.0);
+        let mut gradient = gradient.rows_mut(0, n);
+        gradient += own_gradient;
+    }
+
+    /// The rows of a group over its pose and those of the chosen columns that it has; `None` where it cannot be evaluated.
+    fn weighted_rows(&self, batch: &dyn FactorBatch, group: usize, columns: &[usize]) -> Option<WeightedRows> {
         let rows = batch.row_count(group);
         let width: usize = batch.variables(group).iter().map(|id| self.values.dim(*id)).sum();
         let (mut r, mut jacobian) = (vec![0.0; rows], vec![0.0; rows * width]);
-        if batch.evaluate(group, &self.values, &mut r, Some(&mut jacobian)).is_err() {
-            return;
-        }
+        batch.evaluate(group, &self.values, &mut r, Some(&mut jacobian)).ok()?;
         let (dim, loss) = (batch.residual_dim(), batch.loss());
         // Images see the leading part of the parameters only.
         let places: Vec<usize> = (0..POSE).chain(columns.iter().copied().filter(|c| *c < width)).collect();
         let mut part = DMatrix::zeros(rows, places.len());
-        // Residuals in the linear part of the loss, which has no curvature.
-        let mut linear = Vec::new();
+        let (mut linear, mut weights) = (Vec::new(), Vec::with_capacity(rows));
         for (k, (residual, rows)) in r.chunks_exact_mut(dim).zip(jacobian.chunks_exact(dim * width)).enumerate() {
             let size = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
             let weight = loss.evaluate(size * size)[1].sqrt();
-            linear.extend((size > HUBER).then_some(k));
+            if size > HUBER {
+                linear.extend(k * dim..(k + 1) * dim);
+            }
             for (i, row) in rows.chunks_exact(width).enumerate() {
                 residual[i] *= weight;
+                weights.push(weight);
                 for (c, place) in places.iter().enumerate() {
                     part[(k * dim + i, c)] = weight * row[*place];
                 }
             }
         }
-        let n = places.len();
-        let own_gradient = part.tr_mul(&DVector::from_vec(r));
-        if curvature == Curvature::OfLoss {
-            for row in linear.into_iter().flat_map(|k| k * dim..(k + 1) * dim) {
-                part.row_mut(row).fill(0.0);
+        Some(WeightedRows { jacobian: part, residuals: DVector::from_vec(r), weights, linear })
+    }
+
+    /// By how much planes of a frame's own of the given shapes, one per depth sample, turn the gradient of the cost by the camera's free
+    /// parameters, the frame's pose eliminated: one row per parameter, one column per coefficient of a plane. `None` for a frame without
+    /// depth or where it cannot be evaluated.
+    pub fn plane_response(&self, frame: usize, shapes: &[Vector3<f64>]) -> Option<DMatrix<f64>> {
+        let pose = self.poses.get(frame)?.id();
+        let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
+        let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
+        let size = POSE + columns.len();
+        let (mut normal, mut turned) = (DMatrix::zeros(size, size), DMatrix::zeros(size, 3));
+        for id in [self.image, self.depth?] {
+            let batch = self.graph.batch(id)?;
+            let group = (0..batch.group_count()).find(|g| batch.variables(*g).first() == Some(&pose))?;
+            let rows = self.weighted_rows(batch, group, &columns)?;
+            let n = rows.jacobian.ncols();
+            normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &rows.jacobian, &rows.jacobian, 1.0);
+            if Some(id) == self.depth {
+                let planes = DMatrix::from_fn(shapes.len(), 3, |row, k| rows.weights[row] * shapes[row][k]);
+                turned.rows_mut(0, n).gemm_tr(1.0, &rows.jacobian, &planes, 1.0);
             }
         }
-        normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &part, &part, 1.0);
-        let mut gradient = gradient.rows_mut(0, n);
-        gradient += own_gradient;
+        let of_pose = normal.view((0, 0), (POSE, POSE)).into_owned().cholesky()?;
+        let by_pose = normal.view((POSE, 0), (columns.len(), POSE)).into_owned();
+        let kept = turned.rows(POSE, columns.len()).into_owned();
+        Some(kept - by_pose * of_pose.solve(&turned.rows(0, POSE).into_owned()))
     }
 
     /// Minimises the problem from its start values.

@@ -2,7 +2,7 @@
 
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::chi_squared_tail;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 use rayon::prelude::*;
 
 use super::adjustment::Adjustment;
@@ -94,28 +94,62 @@ pub fn plane_scatter<F: AdjustableFrame>(capture: &Capture<F>, camera: &Camera, 
     scatter_of(&planes)
 }
 
-/// Maximum-likelihood estimate of τ from planes with the distribution N(0, τ² I + C), C the inverse of each information
-/// (Dempster, Laird, Rubin 1977).
+/// The scatter that planes show beyond what noise makes of them.
 fn scatter_of(planes: &[OwnPlaneFit]) -> PlaneScatter {
     let n = planes.len();
     let statistic: f64 = planes.iter().map(OwnPlaneFit::statistic).sum();
     if n < FEWEST_FRAMES || chi_squared_tail(statistic, 3 * n) > LEVEL {
         return PlaneScatter::NONE;
     }
-    // One degree of freedom of each coefficient goes into the camera's parameters, which the planes have been fitted with.
-    let coefficients = 3.0 * (n as f64 - 1.0);
-    let mut variance = planes.iter().map(|p| p.plane.norm_squared()).sum::<f64>() / coefficients;
-    for _ in 0..ROUNDS {
-        let mut next = 0.0;
-        for p in planes {
-            let Some(posterior) = (p.information + Matrix3::identity() / variance).try_inverse() else { continue };
-            let mean = posterior * (p.information * p.plane);
-            next += mean.norm_squared() + posterior.trace();
-        }
-        variance = next / coefficients;
-    }
+    let variance = variances(planes, true).x;
     let leverage = planes.iter().map(|p| p.leverage).sum::<f64>() / n as f64;
-    PlaneScatter { of_noise: variance.sqrt(), design_effect: 1.0 + variance * leverage }
+    let deviations = variances(planes, false).map(f64::sqrt).into();
+    PlaneScatter { of_noise: variance.sqrt(), deviations, design_effect: 1.0 + variance * leverage }
+}
+
+/// Maximum-likelihood estimate of the variances T of the coefficients from planes with the distribution N(0, T + C), C the inverse of each
+/// information (Dempster, Laird, Rubin 1977); one for all three, where they are `alike`.
+fn variances(planes: &[OwnPlaneFit], alike: bool) -> Vector3<f64> {
+    // One degree of freedom of each coefficient goes into the camera's parameters, which the planes have been fitted with.
+    let each = planes.len() as f64 - 1.0;
+    let mut variances = Vector3::repeat(planes.iter().map(|p| p.plane.norm_squared()).sum::<f64>() / (3.0 * each));
+    for _ in 0..ROUNDS {
+        let mut next = Vector3::zeros();
+        let prior = Matrix3::from_diagonal(&variances.map(f64::recip));
+        for p in planes {
+            let Some(posterior) = (p.information + prior).try_inverse() else { continue };
+            let mean = posterior * (p.information * p.plane);
+            next += mean.component_mul(&mean) + posterior.diagonal();
+        }
+        variances = if alike { Vector3::repeat(next.mean() / each) } else { next / each };
+    }
+    variances
+}
+
+/// The covariance of a camera's parameters (zero for held ones) where frames have planes of their own of the given scatter: to that of the
+/// noise alone, `covariance`, what the planes add is added, C G T Gᵀ C for each frame, where G is how its planes turn the gradient and T
+/// has their variances (the sandwich of a misspecified likelihood; White 1982).
+pub fn covariance_with_planes<F: AdjustableFrame>(
+    adjustment: &Adjustment,
+    capture: &Capture<F>,
+    camera: &Camera,
+    noise: &DepthNoise,
+    planes: &PlaneScatter,
+    covariance: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let free: Vec<usize> = {
+        let free = camera.blocks().iter().flat_map(|b| b.free.iter().copied());
+        free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
+    };
+    let of_free = covariance.select_columns(&free);
+    let moves = |(index, frame): (usize, &F)| {
+        let samples: Vec<_> = frame.samples().iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
+        let response = adjustment.plane_response(index, &plane_shapes(camera, &samples, noise))?;
+        let moved = &of_free * response * Matrix3::from_diagonal(&Vector3::from(planes.deviations));
+        Some(&moved * moved.transpose())
+    };
+    let added: Vec<DMatrix<f64>> = capture.frames.par_iter().enumerate().filter_map(moves).collect();
+    added.into_iter().fold(covariance.clone(), |sum, frame| sum + frame)
 }
 
 #[cfg(test)]

@@ -8,6 +8,8 @@ mod fitted;
 mod folds;
 mod frame_checks;
 #[cfg(test)]
+mod frame_planes_tests;
+#[cfg(test)]
 mod hard_frames_tests;
 mod held;
 mod image;

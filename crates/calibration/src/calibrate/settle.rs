@@ -13,7 +13,7 @@ use super::options::CalibrateOptions;
 use super::residuals::{depth_residuals_mm, drop_outliers, inverse_depth_residuals};
 use crate::adjust::adjustment::{Adjusted, Adjustment, Curvature};
 use crate::adjust::depth_weight::less_predicts_better;
-use crate::adjust::plane_scatter::plane_scatter;
+use crate::adjust::plane_scatter::{covariance_with_planes, plane_scatter};
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::adjust::smoothness_selection;
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter, clipped_sigma};
@@ -126,6 +126,7 @@ pub(super) fn settle<F: AdjustableFrame>(
     let may_have_planes = options.frame_planes && rules.with_depth && !chooses_smoothness;
     // Whether depth weighs less than its samples would if frames had no planes of their own; decided once all else has settled.
     let mut weighs_less = if may_have_planes { None } else { Some(false) };
+    let mut scatter = PlaneScatter::NONE;
     // Rounds that began anew after a repair estimate no noise and do not count.
     let (mut round, mut repairs) = (0, 0);
     loop {
@@ -153,6 +154,9 @@ pub(super) fn settle<F: AdjustableFrame>(
             Some(true) => plane_scatter(&state.capture, &state.camera, &used),
             _ => PlaneScatter::NONE,
         };
+        if weighs_less == Some(true) {
+            scatter = planes;
+        }
         state.noise = estimate_noise(&used, &adjusted, &residuals, &adjustment, covariance.as_ref(), &rules.freedom);
         let dropped =
             if round <= rules.last_to_drop { drop_outliers(&mut state.capture, &residuals, &state.noise) } else { 0 };
@@ -170,15 +174,26 @@ pub(super) fn settle<F: AdjustableFrame>(
         if (dropped == 0 && noise_settled && smoothness_settled) || round >= most_rounds {
             converged(&adjusted)?;
             if weighs_less.is_none() && !adjustment.by_node() {
-                let planes = plane_scatter(&state.capture, &state.camera, &used);
-                let less = planes != PlaneScatter::NONE && less_predicts_better(&adjustment, planes.design_effect);
+                scatter = plane_scatter(&state.capture, &state.camera, &used);
+                let less = scatter != PlaneScatter::NONE && less_predicts_better(&adjustment, scatter.design_effect);
                 weighs_less = Some(less);
                 if less {
-                    (state.noise.planes, round) = (planes, 0);
+                    (state.noise.planes, round) = (scatter, 0);
                     continue;
                 }
+                // They are reported all the same, and count in the covariance.
+                state.noise.planes = PlaneScatter { design_effect: 1.0, ..scatter };
             }
-            let covariance = covariance.map(|c| adjustment.camera_covariance(&c));
+            let covariance = covariance.map(|c| {
+                let of_noise = adjustment.camera_covariance(&c);
+                match scatter.of_noise > 0.0 {
+                    true => {
+                        let (capture, camera) = (&state.capture, &adjusted.camera);
+                        covariance_with_planes(&adjustment, capture, camera, &used.depth, &scatter, &of_noise)
+                    }
+                    false => of_noise,
+                }
+            });
             let depth_mm =
                 rules.with_depth.then(|| depth_residuals_mm(&state.capture, &adjusted.depth_residuals, &used));
             return Ok(Calibrated {

@@ -165,8 +165,9 @@ pub fn depth_rms_interval(evaluated: &Evaluated) -> Option<Interval> {
     if frames.len() < FEWEST_FRAMES {
         return None;
     }
-    let rms = BOOTSTRAP.estimate(frames.len(), |drawn| pooled_rms(drawn.iter().map(|i| frames[*i])));
-    Some(Interval { mean: rms.value, low: rms.low, high: rms.high })
+    // Far frames, of which there are few, make up most of the mean square.
+    let mean_square = BOOTSTRAP.ratio(&frames);
+    Some(Interval { mean: mean_square.value.sqrt(), low: mean_square.low.sqrt(), high: mean_square.high.sqrt() })
 }
 
 /// The frames of two evaluations that both have, in pairs.
