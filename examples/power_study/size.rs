@@ -61,6 +61,9 @@ pub fn recovery(
         "print_scale" => return Ok(ratio(block.theta[0], value("stretch"))),
         "depth_registration" => return Ok(ratio(block.theta[0].hypot(block.theta[1]), truth.size)),
         "board_bow" => return Ok(Some(bow(fit, &block.theta, ["a_mm", "b_mm", "c_mm"].map(value)))),
+        "board_warp" => {
+            return Ok(Some(warp(fit, ["x_mm", "x_radians", "y_mm", "y_radians"].map(value))));
+        }
         _ => {}
     }
     let with = exact(simulation, &[Effect::new(&truth.name, truth.size)?])?;
@@ -93,6 +96,22 @@ fn bow(fit: &Calibrated, theta: &[f64], [a, b, c]: [f64; 3]) -> Recovery {
     let truth = DVector::from_iterator(points.len(), heights);
     let plane = DMatrix::from_fn(points.len(), 3, |i, k| [1.0, points[i][0], points[i][1]][k]);
     Recovery::of(&fitted, &truth, plane)
+}
+
+/// Heights over the markers, of the piece and of the simulated waves; poses and a bow take up terms of second degree.
+fn warp(fit: &Calibrated, [x_mm, x_radians, y_mm, y_radians]: [f64; 4]) -> Recovery {
+    let points = fit.capture.target.points();
+    let [low, high] = fit.capture.target.marker_rectangle();
+    let place = |p: &[f64; 2]| [0, 1].map(|i| (2.0 * p[i] - low[i] - high[i]) / (high[i] - low[i]));
+    let camera = fit.camera.filtered(|b| b.name() == "board_warp");
+    let fitted = DVector::from_iterator(points.len(), points.iter().map(|p| camera.board_point(*p)[2]));
+    let wave = |[x, y]: [f64; 2]| x_mm * (x_radians * x).sin() + y_mm * (y_radians * y).sin();
+    let truth = DVector::from_iterator(points.len(), points.iter().map(|p| wave(place(p))));
+    let others = DMatrix::from_fn(points.len(), 6, |i, k| {
+        let [x, y] = place(&points[i]);
+        [1.0, x, y, x * x, x * y, y * y][k]
+    });
+    Recovery::of(&fitted, &truth, others)
 }
 
 /// Inverse depth at the same pixels; D takes up what is affine in x, y and ρ.

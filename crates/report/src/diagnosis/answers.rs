@@ -2,7 +2,7 @@
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 
-use super::sentences::{capture, declaration, left_over};
+use super::sentences::{capture, declaration, left_over, possible};
 use crate::checks::Level;
 use crate::format::{self, count, join, number, percent, pieces};
 use crate::headline::interval;
@@ -107,8 +107,7 @@ pub(crate) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage
 fn how_wrong(input: &ReportInput<'_>) -> String {
     let pool = Pool::last(input);
     let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
-    let mut text =
-        format!("By {} rms as measured, over all depth pixels of the board", with_interval(&depth.before, "mm"));
+    let mut text = format!("By {} rms as measured, over the board's depth pixels", with_interval(&depth.before, "mm"));
     if let Some(plane) = pool.plane_error() {
         text += &format!("; the mean plane error is {} mm", number(plane.before.value));
     }
@@ -200,9 +199,28 @@ fn step_words(step: &DiagnosisStep) -> String {
 fn added(d: &ReportDiagnosis<'_>) -> String {
     if d.record.steps.is_empty() {
         let tested = d.record.rounds.first().map_or(0, |r| r.effects.len());
-        return format!("Nothing; {} were tested.", count(tested, "effect"));
+        return format!("Nothing; {} were tested.{}", count(tested, "effect"), not_certain(d));
     }
-    d.record.steps.iter().map(step_words).collect::<Vec<_>>().join(" ")
+    d.record.steps.iter().map(step_words).collect::<Vec<_>>().join(" ") + &not_certain(d)
+}
+
+/// Effects that may be missing, with a space before; empty where there are none.
+fn not_certain(d: &ReportDiagnosis<'_>) -> String {
+    let words: Vec<String> = d.record.possible.iter().map(possible).collect();
+    if words.is_empty() { String::new() } else { format!(" Possible, but not certain: {}.", words.join(". ")) }
+}
+
+/// What of the error no model could remove, with a space before; empty where that is not known.
+fn pure_error(d: &ReportDiagnosis<'_>) -> String {
+    d.record.pure_error.as_ref().map_or_else(String::new, |found| {
+        format!(
+            " Over the fitted frames {} mm rms is left, of which {} mm is pure error (ratio {}): different frames do not share it at the same \
+             values of any covariate, so that no model of these could remove it.",
+            number(found.residual_rms_mm),
+            number(found.pure_error_mm),
+            number(found.ratio)
+        )
+    })
 }
 
 fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
@@ -214,7 +232,7 @@ fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
     if !d.record.left_over.is_empty() {
         text += &format!(" Left: {}", sentences(&words(&d.record.left_over, left_over)));
     }
-    text
+    text + &pure_error(d)
 }
 
 fn sure(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
