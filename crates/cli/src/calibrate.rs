@@ -236,6 +236,12 @@ fn print_parameters(result: &Calibrated) {
         String::new()
     };
     say!("noise of a marker: {} per coordinate{depth}", quantity(noise.pixel_sigma, "px"));
+    if noise.planes.of_noise > 0.0 {
+        let size = number(noise.planes.of_noise);
+        say!(
+            "frames have planes of their own, {size} times a pixel's noise; standard deviations of parameters cover them"
+        );
+    }
     let wrong: usize = result.capture.frames.iter().map(|f| f.wrong_markers.len()).sum();
     if wrong > 0 {
         say!("{} left out: more than a pixel from the fit", count(wrong, "marker"));

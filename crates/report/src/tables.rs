@@ -263,6 +263,15 @@ pub(super) fn fit(c: &Calibrated) -> String {
             "Noise of inverse depth".into(),
             format!("σ² = ({} / mm)² + ({} mm · ρ²)²", significant(d.a_per_mm, 3), significant(d.b_mm, 3)),
         ));
+        if c.noise.planes.of_noise > 0.0 {
+            items.push((
+                "Planes of the frames' own".into(),
+                format!(
+                    "{} times a pixel's noise; the standard deviations of the parameters cover them",
+                    number(c.noise.planes.of_noise)
+                ),
+            ));
+        }
     }
     items
         .push(("Termination".into(), format!("{} after {}", escape(&c.termination), count(c.iterations, "iteration"))));

@@ -24,6 +24,7 @@ use super::pure_error::pure_error;
 use super::round::{Round, RoundOutcome};
 use super::step::steps;
 use super::stepwise_selection::score_given;
+use super::thresholds::Thresholds;
 use crate::calibrate::CalibrateOptions;
 use crate::observe::Capture;
 
@@ -117,6 +118,13 @@ pub fn diagnose(
                     conclude(&mut rounds, RoundOutcome::RejectionLimit { rejected: rejected.len() });
                     break examination;
                 }
+                let members = std::iter::once(effect).chain(jointly_with);
+                let gain: f64 = members.map(|i| examination.evidence[*i].gain()).sum();
+                let (share_of_cost, least_share) = (gain / examination.cost(), least_share_worth_a_trial(thresholds));
+                if share_of_cost < least_share {
+                    conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
+                    break examination;
+                }
                 let before = model.added.len();
                 let effects = effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
                 let names: Vec<String> = effects.iter().map(|e| e.evidence.name.clone()).collect();
@@ -196,6 +204,14 @@ pub fn diagnose(
         planes,
         examination,
     })
+}
+
+/// Share of the cost that effects must be predicted to explain to be tried: that of half the fall of the held-out error that they would
+/// have to bring, because predictions are uncertain. In a thousand frames much less is significant.
+fn least_share_worth_a_trial(thresholds: &Thresholds) -> f64 {
+    // An error that falls by p per cent leaves (1 − p / 100)² of the cost.
+    let fall = 0.5 * thresholds.least_held_out_gain_percent / 100.0;
+    1.0 - (1.0 - fall).powi(2)
 }
 
 /// Records what came of the last round's decision.

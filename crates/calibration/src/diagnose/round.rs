@@ -53,11 +53,11 @@ pub enum RoundOutcome {
         /// The form of the map.
         map: PieceSpec,
     },
-    /// What no named effect explains is too small to be reported.
+    /// What was found is too small: effects to be tried, or what no named effect explains to be reported.
     Negligible {
         /// Its merit over the cost.
         share_of_cost: f64,
-        /// The least share that is reported.
+        /// The least share that is tried or reported.
         least_share: f64,
     },
 }

@@ -194,10 +194,9 @@ impl<F: Sync> Evaluation<'_, F> {
         let thinning = self.thinning.further(found, self.kept_pixels);
         let mut depth = DepthErrors::default();
         let mut pixels = Vec::with_capacity(found.min(self.kept_pixels + self.kept_pixels / 8));
-        let mut kept = Vec::with_capacity(found);
-        for (p, corrected) in all.iter().zip(corrected) {
+        for (p, corrected) in all.iter().zip(&corrected) {
             let Some(c) = corrected else { continue };
-            let error = pixel_error(p, &c, &surface);
+            let error = pixel_error(p, c, &surface);
             depth.add(&error);
             if thinning.keeps(key(p.context.pixel)) {
                 let is_complete = self.rays.needs_surroundings() || open.image.is_none();
@@ -205,8 +204,9 @@ impl<F: Sync> Evaluation<'_, F> {
                 let context = Context { stray: p.context.stray, ..context };
                 pixels.push(PixelError { context, ..error });
             }
-            kept.push(c);
         }
+        drop(all);
+        let kept: Vec<BoardPixel> = corrected.into_iter().flatten().collect();
         let dots = before
             .into_iter()
             .zip(points(&kept))
