@@ -116,6 +116,10 @@ pub fn cross_validate_thinned(
 /// Which pixels are judged where about `most` of a frame are wanted on average: the same share of every frame's.
 fn thinning(fit: &Calibrated, most: usize) -> Thinning {
     let frames = &fit.capture.frames;
+    // Where frames have single pixels instead of images, these are all judged.
+    if frames.iter().any(|f| !f.raw.depth_pixels().is_empty()) {
+        return Thinning::ALL;
+    }
     let area = |f: &SampledFrame| {
         let region = BoardRegion::within_markers(&fit.capture.target, &f.markers);
         board_area_px(&fit.camera, &region, &f.camera_from_board)

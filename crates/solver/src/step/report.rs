@@ -55,7 +55,7 @@ impl fmt::Display for Termination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Gradient => "converged: the gradient is within its tolerance",
-            Self::Cost => "converged: the relative decrease of the cost is within its tolerance",
+            Self::Cost => "converged: the decrease of the cost is within its tolerance",
             Self::Parameters => "converged: the step is within the parameter tolerance",
             Self::Rounding => "converged: the cost cannot be decreased beyond rounding errors",
             Self::NothingToEstimate => "there is nothing to estimate",
