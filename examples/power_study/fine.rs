@@ -4,8 +4,6 @@ use std::path::Path;
 
 use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
-use depthcal::calibration::load::{LoadOptions, load};
-use depthcal::calibration::observe::Capture;
 use depthcal::calibration::observe::PixelRays;
 use depthcal::calibration::observe::board_plane::BoardPlane;
 use depthcal::io::{DepthImage, Verdict, read_depth, write_depth};
@@ -14,7 +12,7 @@ use depthcal_simulate::Noise;
 use rayon::prelude::*;
 
 use super::drawn::drawn_of;
-use super::{Failure, Study, percent};
+use super::{Failure, Study, load_anew, percent};
 
 const FRAMES: usize = 24;
 /// Period of a pattern, px of the image or, of the print, mm of the board.
@@ -78,12 +76,9 @@ fn patterned(pattern: Pattern, period: f64, seed: u64) -> Result<[bool; 2], Fail
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("capture");
     drawn.simulation.write_dataset(&path)?;
-    let load = || -> Result<Capture, Failure> {
-        Ok(load(&path, &LoadOptions { cache: None, ..LoadOptions::default() })?.capture)
-    };
-    let fit = calibrate(&load()?, &CalibrateOptions::default())?;
+    let fit = calibrate(&load_anew(&path)?, &CalibrateOptions::default())?;
     plant(&path, &fit, &drawn.noise, pattern, period)?;
-    let d = diagnose(&load()?, None, &DiagnoseOptions::default())?;
+    let d = diagnose(&load_anew(&path)?, None, &DiagnoseOptions::default())?;
     let shares = d.pure_error.as_ref().is_some_and(|p| !p.shared.is_empty());
     let ratio = d.pure_error.as_ref().map_or(f64::NAN, |p| p.ratio());
     eprintln!("{pattern:?} {period} {seed}: {:?} shared {shares}, ratio {ratio:.3}", d.verdict);

@@ -27,6 +27,7 @@ mod single;
 mod size;
 
 use std::error::Error;
+use std::path::Path;
 use std::time::Instant;
 
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, HeldOut, diagnose};
@@ -65,12 +66,17 @@ impl Study {
         let folder = tempfile::tempdir()?;
         let path = folder.path().join("capture");
         simulation.write_dataset(&path)?;
-        Ok(load(&path, &LoadOptions { cache: None, ..LoadOptions::default() })?.capture)
+        load_anew(&path)
     }
 
     fn diagnose(&self, simulation: &Simulation) -> Result<Diagnosis, Failure> {
         Ok(diagnose(&self.capture(simulation)?, None, &DiagnoseOptions::default())?)
     }
+}
+
+/// The capture of a dataset on disk, detected anew.
+fn load_anew(path: &Path) -> Result<Capture, Failure> {
+    Ok(load(path, &LoadOptions { cache: None, ..LoadOptions::default() })?.capture)
 }
 
 /// The names of a diagnosis, in order.

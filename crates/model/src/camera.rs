@@ -138,6 +138,12 @@ impl Camera {
         Chain::new(&pieces)
     }
 
+    /// Places of the free parameters among those of [`Camera::theta`], in order.
+    pub fn free_parameters(&self) -> Vec<usize> {
+        let free = self.blocks.iter().flat_map(|b| b.free.iter().copied());
+        free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
+    }
+
     /// All parameter values in the chain's order.
     pub fn theta(&self) -> Vec<f64> {
         self.blocks.iter().flat_map(|b| b.theta.iter().copied()).collect()

@@ -162,8 +162,7 @@ impl Adjustment {
     /// by their losses, and with the weight of depth where frames are fitted multiplied by `depth_weight`. Frames that cannot be
     /// evaluated say nothing.
     pub fn frame_information(&self, curvature: Curvature, depth_weight: f64) -> Vec<FrameInformation> {
-        let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
-        let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
+        let columns: Vec<usize> = self.camera.free_parameters().into_iter().map(|i| POSE + i).collect();
         let size = POSE + columns.len();
         self.poses
             .par_iter()
@@ -238,8 +237,7 @@ impl Adjustment {
     /// depth or where it cannot be evaluated.
     pub fn plane_response(&self, frame: usize, shapes: &[Vector3<f64>]) -> Option<DMatrix<f64>> {
         let pose = self.poses.get(frame)?.id();
-        let free: Vec<bool> = self.camera.blocks().iter().flat_map(|b| b.free.iter().copied()).collect();
-        let columns: Vec<usize> = (0..free.len()).filter(|i| free[*i]).map(|i| POSE + i).collect();
+        let columns: Vec<usize> = self.camera.free_parameters().into_iter().map(|i| POSE + i).collect();
         let size = POSE + columns.len();
         let (mut normal, mut turned) = (DMatrix::zeros(size, size), DMatrix::zeros(size, 3));
         for id in [self.image, self.depth?] {
@@ -344,20 +342,13 @@ impl Adjustment {
             if own.next().is_some() {
                 return None;
             }
-            let rows = batch.row_count(group);
-            let width: usize = batch.variables(group).iter().map(|v| self.values.dim(*v)).sum();
-            let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * width]);
-            batch.evaluate(group, &self.values, &mut r, Some(&mut j)).ok()?;
-            let dim = batch.residual_dim();
-            for (residual, rows) in r.chunks_exact(dim).zip(j.chunks_exact(dim * width)) {
-                let weight = batch.loss().evaluate(residual.iter().map(|x| x * x).sum())[1].sqrt();
-                residuals.extend(residual.iter().map(|x| x * weight));
-                weights.extend(residual.iter().map(|_| weight));
-                columns.extend(rows.chunks_exact(width).flat_map(|row| row[..6].iter().map(|d| d * weight)));
-            }
-            depth = if Some(id) == self.depth { rows } else { 0 };
+            let rows = self.weighted_rows(batch, group, &[])?;
+            residuals.extend(rows.residuals.iter());
+            columns.extend(rows.jacobian.transpose().iter());
+            depth = if Some(id) == self.depth { rows.weights.len() } else { 0 };
+            weights.extend(rows.weights);
         }
-        let pose = DMatrix::from_row_slice(residuals.len(), 6, &columns);
+        let pose = DMatrix::from_row_slice(residuals.len(), POSE, &columns);
         Some(FrameRows { residuals: DVector::from_vec(residuals), weights, pose, depth })
     }
 

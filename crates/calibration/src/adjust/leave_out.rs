@@ -33,10 +33,7 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
     }
     let frames = adjustment.frame_information(Curvature::OfLoss, 1.0);
     let (precision, pull) = prior(camera, smoothness, &frames);
-    let free: Vec<usize> = {
-        let free = camera.blocks().iter().flat_map(|b| b.free.iter().copied());
-        free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
-    };
+    let free = camera.free_parameters();
     let without = |part: usize| {
         let rest = frames.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(frame, _)| frame);
         let (normal, gradient) = FrameInformation::added((precision.clone(), pull.clone()), rest);

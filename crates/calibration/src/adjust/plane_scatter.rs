@@ -137,11 +137,10 @@ pub fn covariance_with_planes<F: AdjustableFrame>(
     planes: &PlaneScatter,
     covariance: &DMatrix<f64>,
 ) -> DMatrix<f64> {
-    let free: Vec<usize> = {
-        let free = camera.blocks().iter().flat_map(|b| b.free.iter().copied());
-        free.enumerate().filter(|(_, free)| *free).map(|(i, _)| i).collect()
-    };
-    let of_free = covariance.select_columns(&free);
+    if *planes == PlaneScatter::NONE {
+        return covariance.clone();
+    }
+    let of_free = covariance.select_columns(&camera.free_parameters());
     let moves = |(index, frame): (usize, &F)| {
         let samples: Vec<_> = frame.samples().iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
         let response = adjustment.plane_response(index, &plane_shapes(camera, &samples, noise))?;

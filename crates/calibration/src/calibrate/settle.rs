@@ -150,20 +150,16 @@ pub(super) fn settle<F: AdjustableFrame>(
             Freedom::Counted(_) => None,
         };
         let residuals = inverse_depth_residuals(&state.capture, &adjusted.depth_residuals, &used);
-        let planes = match weighs_less {
-            Some(true) => plane_scatter(&state.capture, &state.camera, &used),
-            _ => PlaneScatter::NONE,
-        };
         if weighs_less == Some(true) {
-            scatter = planes;
+            scatter = plane_scatter(&state.capture, &state.camera, &used);
         }
         state.noise = estimate_noise(&used, &adjusted, &residuals, &adjustment, covariance.as_ref(), &rules.freedom);
         let dropped =
             if round <= rules.last_to_drop { drop_outliers(&mut state.capture, &residuals, &state.noise) } else { 0 };
         outliers += dropped;
-        state.noise.planes = planes;
+        state.noise.planes = scatter;
         let noise_settled = has_settled(&used, &state.noise, &residuals, rules.depth_noise_settled)
-            && planes_settled(&used.planes, &planes);
+            && planes_settled(&used.planes, &scatter);
         let mut smoothness_settled = true;
         if chooses_smoothness && round < most_rounds {
             let frames = adjustment.frame_information(Curvature::OfWeights, 1.0);
@@ -185,14 +181,9 @@ pub(super) fn settle<F: AdjustableFrame>(
                 state.noise.planes = PlaneScatter { design_effect: 1.0, ..scatter };
             }
             let covariance = covariance.map(|c| {
+                let (capture, camera) = (&state.capture, &adjusted.camera);
                 let of_noise = adjustment.camera_covariance(&c);
-                match scatter.of_noise > 0.0 {
-                    true => {
-                        let (capture, camera) = (&state.capture, &adjusted.camera);
-                        covariance_with_planes(&adjustment, capture, camera, &used.depth, &scatter, &of_noise)
-                    }
-                    false => of_noise,
-                }
+                covariance_with_planes(&adjustment, capture, camera, &used.depth, &scatter, &of_noise)
             });
             let depth_mm =
                 rules.with_depth.then(|| depth_residuals_mm(&state.capture, &adjusted.depth_residuals, &used));

@@ -22,9 +22,9 @@ use crate::calibrate::Calibrated;
 /// Variants that are tested in one linearisation: enough to share its cost, few enough to share the variants among threads.
 const VARIANTS_PER_LINEARIZATION: usize = 24;
 
-/// Values of a constant from which on they are first compared on a part of the samples.
+/// Fewest values of a constant that are compared on a part of the samples first.
 const MANY_VALUES: usize = 16;
-/// That part is every so manieth sample of a frame.
+/// Of every so many samples of a frame one belongs to that part.
 const SAMPLE_STEP: usize = 3;
 /// So many of the best values there, per effect and place, are then compared on all samples.
 const FINALISTS: usize = 4;

@@ -250,6 +250,7 @@ impl Chain {
     /// A derivative of the forward chain serves several rounds: it costs as much as some values, and changes by a thousandth or so over
     /// the few pixels that a start is off.
     fn intersect(&self, work: &mut Workspace, theta: &[f64], pose: &Pose) -> Result<(), ChainError> {
+        work.by_pixel.resize(work.seeds.len(), [[0.0; 2]; 2]);
         for round in 0..NEWTON_ROUNDS {
             let derive = (round % ROUNDS_PER_DERIVATIVE == 0).then_some(Derive::State);
             self.forward(work, theta, pose, true, derive)?;
@@ -303,7 +304,6 @@ impl Chain {
     ) -> Result<(), ChainError> {
         let n = work.seeds.len();
         work.points.resize(n, Ray::default());
-        work.by_pixel.resize(n, [[0.0; 2]; 2]);
         work.state.clear();
         work.state.extend(work.seeds.iter().flat_map(|w| [w[0], w[1], 0.0]));
         run(&self.board, 3, 3, theta, work, HookKind::Board, derive);
