@@ -4,6 +4,7 @@
 #![cfg(feature = "detect")]
 
 use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
 use depthcal::calibration::judge::evaluate::evaluate;
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal::calibration::observe::Capture;
@@ -26,8 +27,6 @@ fn simulation(effects: &[Effect]) -> Simulation {
         depth: [3e-6, -2e-6, 1e-6, 0.996],
         ..whole
     };
-    let rendering =
-        Rendering { image_bits: 16, max_range_mm: 4000.0, clutter: 3, wall_mm: 1700.0, ..Rendering::default() };
     // An infrared image of many steps, as the sum of several exposures has; its noise would hide how dark the dark squares are.
     let noise = Noise {
         depth: DepthNoise::TimeOfFlight { sigma_mm: 1.5 },
@@ -42,7 +41,11 @@ fn simulation(effects: &[Effect]) -> Simulation {
         .board(board)
         .noise(noise)
         .exposure(Exposure::Fixed { white_at_1m: 0.3 })
-        .rendering(rendering)
+        .rendering(rendering())
+}
+
+fn rendering() -> Rendering {
+    Rendering { image_bits: 16, max_range_mm: 4000.0, clutter: 3, wall_mm: 1700.0, ..Rendering::default() }
 }
 
 fn capture(simulation: &Simulation) -> Capture {
@@ -58,6 +61,21 @@ fn fit(capture: &Capture, effects: &[&str]) -> Calibrated {
 
 fn depth_rms_mm(fit: &Calibrated, capture: &Capture) -> f64 {
     evaluate(&fit.camera, capture).record().depth_rms_mm.unwrap().after
+}
+
+/// A camera that modulates its light by 20 MHz instead of by the frequencies of a Kinect v2: nothing in the dataset says so.
+#[test]
+fn unknown_modulation_frequencies_are_found() {
+    let effect = Effect::new("stray_light", 1.5).unwrap();
+    let rendering = Rendering { modulation_mhz: [20.0, 0.0, 0.0], ..rendering() };
+    let seen = capture(&simulation(&[effect]).rendering(rendering));
+    let d = diagnose(&seen, None, &DiagnoseOptions::default()).unwrap();
+    let step = d.steps.iter().find(|s| s.spec.name == "stray_light").unwrap();
+    let told = fit(&seen, &["stray_light@f1_mhz=20"]);
+    let [found, told] = [&d.last, &told].map(|fit| depth_rms_mm(fit, &seen));
+    println!("{}: {found:.3} mm, with the true frequency {told:.3} mm", step.spec);
+    assert_eq!(step.spec.constants.get("f1_mhz"), Some(&20.0), "{}", step.spec);
+    assert!(found < 1.03 * told, "{found} mm, with the true frequency {told} mm");
 }
 
 #[test]

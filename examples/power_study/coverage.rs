@@ -18,7 +18,7 @@ use super::{Failure, Study};
 /// Standard deviations of an interval that holds 95 %.
 const SIGMAS: f64 = 1.96;
 /// Frames of the capture that says what the error really is.
-const FRAMES_OF_TRUTH: usize = 300;
+const FRAMES_OF_TRUTH: usize = 1000;
 /// Size of frames' own planes in inverse depth at the middle of the image, and per unit of the ray, 1/mm: some 1 mm at a metre.
 const OWN_PLANE: [f64; 2] = [1e-6, 4e-6];
 

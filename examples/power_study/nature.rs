@@ -43,13 +43,17 @@ impl Study {
     fn natural(&self, seed: u64) -> Result<Run, Failure> {
         let mut rng = ChaCha8Rng::seed_from_u64(9000 + seed);
         let size = SIZES_MM[0] * (SIZES_MM[1] / SIZES_MM[0]).powf(rng.random());
-        let d = self.diagnose(&drawn(&[Effect::new("nature", size)?], seed)?.simulation)?;
+        let simulation = drawn(&[Effect::new("nature", size)?], seed)?.simulation;
+        let d = self.diagnose(&simulation)?;
+        let function: Vec<String> =
+            simulation.truth()?.effects.iter().flat_map(|e| e.parameters.keys().cloned()).collect();
         let options = CalibrateOptions::default();
         let without = calibrate(&self.capture(&drawn(&[], seed)?.simulation)?, &options)?;
         let folds = DiagnoseOptions::default().folds;
         let pure = errors(&cross_validate(&without, folds, Parts::Interleaved, &options)?);
         let ratio = depth_rms_mm(&d.before) / pure.depth_rms_mm.unwrap_or(f64::NAN);
-        eprintln!("nature {seed}: {size:.2} mm {:?} {:?} error over pure {ratio:.3}", d.verdict, names(&d));
-        Ok((names(&d), d.verdict, ratio))
+        let (verdict, names) = (d.verdict, names(&d));
+        eprintln!("nature {seed}: {size:.2} mm {verdict:?} {names:?} error over pure {ratio:.3} {function:?}");
+        Ok((names, verdict, ratio))
     }
 }

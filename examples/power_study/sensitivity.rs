@@ -13,12 +13,14 @@ use super::{Failure, Study, names, percent, simulation};
 type Varied = (&'static str, fn(&mut Thresholds) -> &mut f64);
 
 /// Those that decide what is named and what is reported as left over.
-const VARIED: [Varied; 16] = [
+const VARIED: [Varied; 20] = [
     ("level", |t| &mut t.level),
     ("values_per_test", |t| &mut t.values_per_test),
     ("least_gain_t", |t| &mut t.least_gain_t),
     ("least_relative_gain", |t| &mut t.least_relative_gain),
     ("least_explained", |t| &mut t.least_explained),
+    ("least_explained_of_own", |t| &mut t.least_explained_of_own),
+    ("least_explained_of_planes", |t| &mut t.least_explained_of_planes),
     ("distinguishing_t", |t| &mut t.distinguishing_t),
     ("least_placement_gain", |t| &mut t.least_placement_gain),
     ("least_kept_gain", |t| &mut t.least_kept_gain),
@@ -29,6 +31,8 @@ const VARIED: [Varied; 16] = [
     ("least_shared_share", |t| &mut t.least_shared_share),
     ("least_held_out_gain_percent", |t| &mut t.least_held_out_gain_percent),
     ("most_unweighted_loss_percent", |t| &mut t.most_unweighted_loss_percent),
+    ("plain_share", |t| &mut t.plain_share),
+    ("plain_t", |t| &mut t.plain_t),
     ("many_own_planes", |t| &mut t.many_own_planes),
 ];
 

@@ -86,6 +86,9 @@ pub fn calibration_record(
     other.insert("depth_outliers".to_owned(), result.outliers as f64);
     if result.noise.planes.of_noise > 0.0 {
         other.insert("frame_planes_of_noise".to_owned(), result.noise.planes.of_noise);
+        let names = ["constant", "u", "v", "inverse_amplitude"];
+        let deviations = names.iter().zip(result.noise.planes.deviations).filter(|(_, deviation)| *deviation > 0.0);
+        other.extend(deviations.map(|(name, deviation)| (format!("frame_scatter_of_noise.{name}"), deviation)));
     }
     for field in &result.smoothness.fields {
         let mut note =

@@ -25,6 +25,8 @@ pub struct Rendering {
     pub edge_noise: f64,
     /// Whether valid depth pixels at the board's outline mix the depths of board and background.
     pub mixed_pixels: bool,
+    /// Frequencies by which a time-of-flight camera modulates its light, MHz; 0 for one that is not used. Stray light depends on them.
+    pub modulation_mhz: [f64; 3],
 }
 
 impl Default for Rendering {
@@ -38,6 +40,8 @@ impl Default for Rendering {
             holes: 1.0,
             edge_noise: 2.0,
             mixed_pixels: false,
+            // A Kinect v2.
+            modulation_mhz: [16.0, 80.0, 120.0],
         }
     }
 }
@@ -54,6 +58,11 @@ impl Rendering {
             if !(value.is_finite() && value > 0.0) {
                 return Err(SimulateError::BadParameter { field, value, expected: "a positive number" });
             }
+        }
+        let modulation_mhz = self.modulation_mhz.iter().sum::<f64>();
+        if !(modulation_mhz.is_finite() && modulation_mhz > 0.0 && self.modulation_mhz.iter().all(|f| *f >= 0.0)) {
+            let (field, expected) = ("rendering.modulation_mhz", "frequencies of which one is positive");
+            return Err(SimulateError::BadParameter { field, value: modulation_mhz, expected });
         }
         for (field, value) in [
             ("rendering.wall_mm", self.wall_mm),

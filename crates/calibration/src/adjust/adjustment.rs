@@ -10,7 +10,7 @@ use depthcal_solver::{
     BatchId, Covariance, CovarianceError, CovarianceOptions, FactorBatch, Graph, Key, LinearSolver, Loss, Options,
     Report, SolveError, Values, VariableId, minimize,
 };
-use nalgebra::{DMatrix, DMatrixView, DVector, Isometry3, Vector3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Isometry3, SVector};
 use rayon::prelude::*;
 
 use super::blocks::{BlockKeys, is_depth_only};
@@ -232,14 +232,14 @@ impl Adjustment {
         Some(WeightedRows { jacobian: part, residuals: DVector::from_vec(r), weights, linear })
     }
 
-    /// By how much planes of a frame's own of the given shapes, one per depth sample, turn the gradient of the cost by the camera's free
-    /// parameters, the frame's pose eliminated: one row per parameter, one column per coefficient of a plane. `None` for a frame without
+    /// By how much functions of a frame's own, with the given shapes at every depth sample, turn the gradient of the cost by the camera's free
+    /// parameters, the frame's pose eliminated: one row per parameter, one column per shape. `None` for a frame without
     /// depth or where it cannot be evaluated.
-    pub fn plane_response(&self, frame: usize, shapes: &[Vector3<f64>]) -> Option<DMatrix<f64>> {
+    pub fn plane_response<const N: usize>(&self, frame: usize, shapes: &[SVector<f64, N>]) -> Option<DMatrix<f64>> {
         let pose = self.poses.get(frame)?.id();
         let columns: Vec<usize> = self.camera.free_parameters().into_iter().map(|i| POSE + i).collect();
         let size = POSE + columns.len();
-        let (mut normal, mut turned) = (DMatrix::zeros(size, size), DMatrix::zeros(size, 3));
+        let (mut normal, mut turned) = (DMatrix::zeros(size, size), DMatrix::zeros(size, N));
         for id in [self.image, self.depth?] {
             let batch = self.graph.batch(id)?;
             let group = (0..batch.group_count()).find(|g| batch.variables(*g).first() == Some(&pose))?;
@@ -247,7 +247,7 @@ impl Adjustment {
             let n = rows.jacobian.ncols();
             normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &rows.jacobian, &rows.jacobian, 1.0);
             if Some(id) == self.depth {
-                let planes = DMatrix::from_fn(shapes.len(), 3, |row, k| rows.weights[row] * shapes[row][k]);
+                let planes = DMatrix::from_fn(shapes.len(), N, |row, k| rows.weights[row] * shapes[row][k]);
                 turned.rows_mut(0, n).gemm_tr(1.0, &rows.jacobian, &planes, 1.0);
             }
         }

@@ -1,8 +1,9 @@
-//! How much the depth of whole frames scatters: a plane of each frame's own, beyond what its pose explains.
+//! How much the depth of whole frames scatters: a plane of each frame's own, and a term in the inverse of the amplitude, beyond what
+//! its pose explains.
 
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::chi_squared_tail;
-use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3, Vector4};
 use rayon::prelude::*;
 
 use super::adjustment::Adjustment;
@@ -14,6 +15,8 @@ use crate::observe::{AdjustableFrame, Capture};
 const FEWEST_FRAMES: usize = 6;
 /// Probability by chance above which planes count as noise.
 const LEVEL: f64 = 1e-3;
+/// Least standard deviation of the inverse amplitude over its mean: of less there is nothing to tell from a plane.
+const LEAST_AMPLITUDE_SCATTER: f64 = 0.1;
 /// Rounds of the expectation–maximisation; it is within a per cent after some ten.
 const ROUNDS: usize = 60;
 
@@ -35,67 +38,99 @@ pub fn plane_shapes(camera: &Camera, samples: &[(Context, f64)], noise: &DepthNo
     samples.iter().zip(&sigmas).map(shape).collect()
 }
 
-/// A frame's own plane, in standard deviations of the noise of its pixels.
+/// The shapes of [`plane_shapes`], and as a fourth the inverse of the amplitude against that of all frames, without its mean over the
+/// frame; zero where `typical_amplitude` is `None`. Light that goes astray adds to a pixel's phasor, so that dark pixels suffer in
+/// proportion, and how much there is changes from frame to frame (Mure-Dubois, Hügli 2007).
+fn shapes_with_amplitude(
+    camera: &Camera,
+    samples: &[(Context, f64)],
+    noise: &DepthNoise,
+    typical_amplitude: Option<f64>,
+) -> Vec<Vector4<f64>> {
+    let inverse = |context: &Context| typical_amplitude.map_or(0.0, |typical| typical / context.amplitude);
+    let mean = samples.iter().map(|(context, _)| inverse(context)).sum::<f64>() / samples.len().max(1) as f64;
+    let planes = plane_shapes(camera, samples, noise).into_iter().zip(samples);
+    planes.map(|(plane, (context, _))| plane.push(plane.x * (inverse(context) - mean))).collect()
+}
+
+/// Harmonic mean of the amplitudes of all depth samples; `None` where one is unknown, or where they hardly differ.
+fn typical_amplitude<F: AdjustableFrame>(capture: &Capture<F>) -> Option<f64> {
+    let amplitudes = || capture.frames.iter().flat_map(|f| f.samples()).map(|s| s.context.amplitude);
+    if amplitudes().next().is_none() || amplitudes().any(|a| !(a > 0.0 && a.is_finite())) {
+        return None;
+    }
+    let (sum, squares, n) =
+        amplitudes().map(f64::recip).fold((0.0, 0.0, 0.0), |(s, q, n), x| (s + x, q + x * x, n + 1.0));
+    let mean = sum / n;
+    let scatter = (squares / n - mean * mean).max(0.0).sqrt() / mean;
+    (scatter > LEAST_AMPLITUDE_SCATTER).then(|| mean.recip())
+}
+
+/// A frame's own plane, or its plane and a further shape, in standard deviations of the noise of its pixels.
 #[derive(Debug, Clone, Copy)]
-pub struct OwnPlaneFit {
-    /// Coefficients of (1, u, v), see [`plane_shapes`]; added to the predicted inverse depth.
-    pub plane: Vector3<f64>,
-    /// Its information, the pose left free: the inverse of its covariance.
-    pub information: Matrix3<f64>,
-    /// Mean square that a plane of coefficients of variance 1 has on average over the samples, times their number, over the
+pub struct OwnPlaneFit<const N: usize> {
+    /// Coefficients of the shapes, of which (1, u, v) are the first, see [`plane_shapes`]; added to the predicted inverse depth.
+    pub plane: SVector<f64, N>,
+    /// Their information, the pose left free: the inverse of their covariance.
+    pub information: SMatrix<f64, N, N>,
+    /// Mean square that shapes of coefficients of variance 1 have on average over the samples, times their number, over the
     /// number of coefficients.
     pub leverage: f64,
 }
 
-impl OwnPlaneFit {
-    /// χ² statistic with three degrees of freedom.
+impl<const N: usize> OwnPlaneFit<N> {
+    /// χ² statistic with as many degrees of freedom as coefficients.
     pub fn statistic(&self) -> f64 {
         self.plane.dot(&(self.information * self.plane))
     }
 }
 
-/// The plane of one frame, fitted together with its pose to its rows of an adjustment without planes. `shapes` has those of its samples. `None` where the markers leave the pose so free that nothing tells the plane from it.
-pub fn own_plane(rows: &FrameRows, shapes: &[Vector3<f64>]) -> Option<OwnPlaneFit> {
-    let first = rows.residuals.len() - rows.depth;
-    let mut normal = SMatrix::<f64, 9, 9>::zeros();
-    let mut rhs = SVector::<f64, 9>::zeros();
-    for row in 0..rows.residuals.len() {
-        let mut columns = SVector::<f64, 9>::zeros();
-        for c in 0..6 {
-            columns[c] = rows.pose[(row, c)];
-        }
-        if row >= first {
-            // The residual is predicted minus measured: the plane adds to what is predicted.
-            columns.fixed_rows_mut::<3>(6).copy_from(&(shapes.get(row - first)? * rows.weights[row]));
-        }
-        normal += columns * columns.transpose();
-        rhs += columns * rows.residuals[row];
+/// The plane of one frame, fitted together with its pose to its rows of an adjustment without planes. `shapes` has those of its
+/// samples. `None` where the markers leave the pose so free that nothing tells the plane from it.
+pub fn own_plane<const N: usize>(rows: &FrameRows, shapes: &[SVector<f64, N>]) -> Option<OwnPlaneFit<N>> {
+    let (count, pose) = (rows.residuals.len(), rows.pose.ncols());
+    let first = count - rows.depth;
+    if shapes.len() < rows.depth {
+        return None;
     }
-    let step = -normal.cholesky()?.solve(&rhs);
+    // The residual is predicted minus measured: the plane adds to what is predicted.
+    let columns = DMatrix::from_fn(count, pose + N, |row, c| match (c < pose, row >= first) {
+        (true, _) => rows.pose[(row, c)],
+        (false, true) => shapes[row - first][c - pose] * rows.weights[row],
+        (false, false) => 0.0,
+    });
+    let normal = columns.tr_mul(&columns);
+    let step = -normal.clone().cholesky()?.solve(&columns.tr_mul(&rows.residuals));
     let covariance = normal.try_inverse()?;
-    let information = covariance.fixed_view::<3, 3>(6, 6).into_owned().try_inverse()?;
-    let leverage = shapes.iter().map(Vector3::norm_squared).sum::<f64>() / 3.0;
-    Some(OwnPlaneFit { plane: step.fixed_rows::<3>(6).into_owned(), information, leverage })
+    let information = covariance.fixed_view::<N, N>(pose, pose).into_owned().try_inverse()?;
+    let leverage = shapes.iter().map(SVector::norm_squared).sum::<f64>() / N as f64;
+    Some(OwnPlaneFit { plane: step.fixed_rows::<N>(pose).into_owned(), information, leverage })
 }
 
 /// The scatter of the frames' own planes at the optimum of an adjustment; none where noise explains the planes.
 pub fn plane_scatter<F: AdjustableFrame>(capture: &Capture<F>, camera: &Camera, noise: &NoiseModel) -> PlaneScatter {
     let noise = NoiseModel { planes: PlaneScatter::NONE, ..*noise };
     let adjustment = Adjustment::new(capture, camera, &noise, true);
+    let amplitude = typical_amplitude(capture);
     let of_frame = |(index, frame): (usize, &F)| {
         if frame.samples().is_empty() || frame.posed().markers.is_empty() {
             return None;
         }
         let rows = adjustment.frame_rows(index)?;
         let samples: Vec<_> = frame.samples().iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
-        own_plane(&rows, &plane_shapes(camera, &samples, &noise.depth))
+        let shapes = shapes_with_amplitude(camera, &samples, &noise.depth, amplitude);
+        let planes: Vec<Vector3<f64>> = shapes.iter().map(|s| s.xyz()).collect();
+        let plane = own_plane(&rows, &planes)?;
+        Some((plane, amplitude.and_then(|_| own_plane(&rows, &shapes))))
     };
-    let planes: Vec<OwnPlaneFit> = capture.frames.par_iter().enumerate().filter_map(of_frame).collect();
-    scatter_of(&planes)
+    let (planes, with_amplitude): (Vec<OwnPlaneFit<3>>, Vec<Option<OwnPlaneFit<4>>>) =
+        capture.frames.par_iter().enumerate().filter_map(of_frame).collect::<Vec<_>>().into_iter().unzip();
+    scatter_of(&planes, &with_amplitude.into_iter().flatten().collect::<Vec<_>>())
 }
 
-/// The scatter that planes show beyond what noise makes of them.
-fn scatter_of(planes: &[OwnPlaneFit]) -> PlaneScatter {
+/// The scatter that planes show beyond what noise makes of them, and that of the term in the inverse amplitude beside them where
+/// `with_amplitude` has it.
+fn scatter_of(planes: &[OwnPlaneFit<3>], with_amplitude: &[OwnPlaneFit<4>]) -> PlaneScatter {
     let n = planes.len();
     let statistic: f64 = planes.iter().map(OwnPlaneFit::statistic).sum();
     if n < FEWEST_FRAMES || chi_squared_tail(statistic, 3 * n) > LEVEL {
@@ -103,25 +138,30 @@ fn scatter_of(planes: &[OwnPlaneFit]) -> PlaneScatter {
     }
     let variance = variances(planes, true).x;
     let leverage = planes.iter().map(|p| p.leverage).sum::<f64>() / n as f64;
-    let deviations = variances(planes, false).map(f64::sqrt).into();
+    let deviations = match with_amplitude.len() < FEWEST_FRAMES {
+        true => variances(planes, false).push(0.0),
+        false => variances(with_amplitude, false),
+    };
+    let deviations = deviations.map(f64::sqrt).into();
     PlaneScatter { of_noise: variance.sqrt(), deviations, design_effect: 1.0 + variance * leverage }
 }
 
 /// Maximum-likelihood estimate of the variances T of the coefficients from planes with the distribution N(0, T + C), C the inverse of each
-/// information (Dempster, Laird, Rubin 1977); one for all three, where they are `alike`.
-fn variances(planes: &[OwnPlaneFit], alike: bool) -> Vector3<f64> {
+/// information (Dempster, Laird, Rubin 1977); one for all, where they are `alike`.
+fn variances<const N: usize>(planes: &[OwnPlaneFit<N>], alike: bool) -> SVector<f64, N> {
     // One degree of freedom of each coefficient goes into the camera's parameters, which the planes have been fitted with.
     let each = planes.len() as f64 - 1.0;
-    let mut variances = Vector3::repeat(planes.iter().map(|p| p.plane.norm_squared()).sum::<f64>() / (3.0 * each));
+    let mean_square = planes.iter().map(|p| p.plane.norm_squared()).sum::<f64>() / (N as f64 * each);
+    let mut variances = SVector::<f64, N>::repeat(mean_square);
     for _ in 0..ROUNDS {
-        let mut next = Vector3::zeros();
-        let prior = Matrix3::from_diagonal(&variances.map(f64::recip));
+        let mut next = SVector::<f64, N>::zeros();
+        let prior = SMatrix::<f64, N, N>::from_diagonal(&variances.map(f64::recip));
         for p in planes {
             let Some(posterior) = (p.information + prior).try_inverse() else { continue };
             let mean = posterior * (p.information * p.plane);
             next += mean.component_mul(&mean) + posterior.diagonal();
         }
-        variances = if alike { Vector3::repeat(next.mean() / each) } else { next / each };
+        variances = if alike { SVector::repeat(next.mean() / each) } else { next / each };
     }
     variances
 }
@@ -141,10 +181,11 @@ pub fn covariance_with_planes<F: AdjustableFrame>(
         return covariance.clone();
     }
     let of_free = covariance.select_columns(&camera.free_parameters());
+    let amplitude = typical_amplitude(capture);
     let moves = |(index, frame): (usize, &F)| {
         let samples: Vec<_> = frame.samples().iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
-        let response = adjustment.plane_response(index, &plane_shapes(camera, &samples, noise))?;
-        let moved = &of_free * response * Matrix3::from_diagonal(&Vector3::from(planes.deviations));
+        let response = adjustment.plane_response(index, &shapes_with_amplitude(camera, &samples, noise, amplitude))?;
+        let moved = &of_free * response * SMatrix::<f64, 4, 4>::from_diagonal(&Vector4::from(planes.deviations));
         Some(&moved * moved.transpose())
     };
     let added: Vec<DMatrix<f64>> = capture.frames.par_iter().enumerate().filter_map(moves).collect();
@@ -158,11 +199,11 @@ mod tests {
 
     use super::*;
 
-    fn planes(n: usize, of_noise: f64, seed: u64) -> Vec<OwnPlaneFit> {
+    fn planes(n: usize, of_noise: f64, seed: u64) -> Vec<OwnPlaneFit<3>> {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
         let mut draw = || -> f64 { StandardNormal.sample(&mut rng) };
         let deviation = Vector3::new(0.2, 0.5, 0.4);
-        let information = Matrix3::from_diagonal(&deviation.map(|d| 1.0 / (d * d)));
+        let information = SMatrix::<f64, 3, 3>::from_diagonal(&deviation.map(|d| 1.0 / (d * d)));
         (0..n)
             .map(|_| {
                 let plane = Vector3::from_fn(|i, _| of_noise * draw() + deviation[i] * draw());
@@ -175,15 +216,15 @@ mod tests {
     #[test]
     fn the_scatter_of_planes_is_recovered() {
         for truth in [2.0, 0.5] {
-            let found = scatter_of(&planes(200, truth, 3)).of_noise;
+            let found = scatter_of(&planes(200, truth, 3), &[]).of_noise;
             assert!((found / truth - 1.0).abs() < 0.12, "{found} {truth}");
         }
     }
 
     #[test]
     fn planes_of_noise_are_no_scatter() {
-        let found = (0..200).filter(|seed| scatter_of(&planes(30, 0.0, *seed)) != PlaneScatter::NONE).count();
+        let found = (0..200).filter(|seed| scatter_of(&planes(30, 0.0, *seed), &[]) != PlaneScatter::NONE).count();
         assert!(found <= 2, "{found} of 200 at a level of 0.1 %");
-        assert_eq!(scatter_of(&planes(5, 9.0, 1)), PlaneScatter::NONE, "too few frames");
+        assert_eq!(scatter_of(&planes(5, 9.0, 1), &[]), PlaneScatter::NONE, "too few frames");
     }
 }

@@ -92,6 +92,15 @@ pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, Reg
     Ok(blocks)
 }
 
+/// The modulation frequencies for which the samples of a fit of these options have the light of their frames; `None` where they need none.
+///
+/// # Errors
+///
+/// [`RegisterError`] where an effect or the depth model is unknown.
+pub fn light_of_samples(options: &CalibrateOptions) -> Result<Option<Modulation>, RegisterError> {
+    Ok(light(&depth_blocks(options)?, options))
+}
+
 /// The modulation frequencies for which samples need the light of their frames: those of the model, else of a piece that a search
 /// may add.
 fn light(blocks: &[Block], options: &CalibrateOptions) -> Option<Modulation> {

@@ -9,9 +9,15 @@ use rayon::prelude::*;
 use crate::calibrate::{CalibrateOptions, calibrate};
 use crate::simulated;
 
-/// Mean square of the deviations of D and K from the truth, in standard deviations, of one capture whose frames have planes of a millimetre
-/// or so.
-fn mean_square_deviation(seed: u64) -> f64 {
+/// What frames have of their own: planes of a millimetre or so, or terms in the inverse amplitude, which are as large at dark pixels.
+#[derive(Clone, Copy, PartialEq)]
+enum Own {
+    Planes,
+    InverseAmplitudes,
+}
+
+/// Mean square of the deviations of D and K from the truth, in standard deviations, of one capture.
+fn mean_square_deviation(own: Own, seed: u64) -> f64 {
     let camera = CameraTruth::published(1).unwrap();
     let noise = Noise { depth: DepthNoise::Disparity { sigma_rho: 1e-6 }, ..Noise::default() };
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed).frames(30).noise(noise);
@@ -20,9 +26,16 @@ fn mean_square_deviation(seed: u64) -> f64 {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     for frame in &mut capture.frames {
         let plane = [1e-6, 2e-6, 2e-6].map(|size| size * rng.sample::<f64, _>(StandardNormal));
+        let by_amplitude = 5e-6 * rng.sample::<f64, _>(StandardNormal);
         for pixel in frame.raw.depth_pixels_mut() {
             let [x, y] = [0, 1].map(|i| (pixel.context.pixel[i] - camera.centre_px[i]) / camera.focal_px[i]);
-            pixel.depth_mm = 1.0 / (1.0 / pixel.depth_mm + plane[0] + plane[1] * x + plane[2] * y);
+            // Dark and bright in turn, as on a chessboard, and the darker the farther to the left.
+            pixel.context.amplitude = if rng.random_bool(0.5) { 1.0 } else { (0.3 + 0.2 * x).max(0.1) };
+            let added = match own {
+                Own::Planes => plane[0] + plane[1] * x + plane[2] * y,
+                Own::InverseAmplitudes => plane[0] + by_amplitude * (1.0 / pixel.context.amplitude - 1.0),
+            };
+            pixel.depth_mm = 1.0 / (1.0 / pixel.depth_mm + added);
         }
     }
     let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
@@ -35,7 +48,16 @@ fn mean_square_deviation(seed: u64) -> f64 {
 
 #[test]
 fn standard_deviations_cover_planes_of_frames() {
-    let squares: Vec<f64> = (0..24).into_par_iter().map(mean_square_deviation).collect();
+    covers(Own::Planes);
+}
+
+#[test]
+fn standard_deviations_cover_terms_in_the_inverse_amplitude() {
+    covers(Own::InverseAmplitudes);
+}
+
+fn covers(own: Own) {
+    let squares: Vec<f64> = (0..24).into_par_iter().map(|seed| mean_square_deviation(own, seed)).collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     // Some five of the thirteen parameters are independent: of 24 captures the mean has a standard deviation of 0.13.
     assert!((0.5..1.6).contains(&mean), "{mean}");

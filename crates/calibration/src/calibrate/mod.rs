@@ -24,6 +24,7 @@ mod residuals;
 mod settle;
 mod undetermined;
 
+pub(crate) use driver::light_of_samples;
 pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples};
 pub use error::CalibrateError;
 pub use fitted::Calibrated;

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use depthcal_model::{Covariate, PieceSpec, Placement};
+use depthcal_model::{Covariate, Modulation, PieceSpec, Placement};
 use depthcal_statistics::mean_to_standard_error;
 use nalgebra::{DMatrix, DVector};
 use tracing::info;
@@ -16,7 +16,9 @@ use super::options::DiagnoseOptions;
 use super::possible::Possible;
 use super::thresholds::Thresholds;
 use super::variant_search::{Refined, refined_variant};
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, readjust};
+use crate::calibrate::{
+    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, light_of_samples, readjust,
+};
 use crate::judge::cross_validation::{cross_validate_thinned, errors};
 use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
@@ -78,6 +80,8 @@ struct Basis {
     samples: Capture<SampledFrame>,
     /// The last fit.
     last: Calibrated,
+    /// Modulation frequencies for which the samples have the light of their frames.
+    light: Option<Modulation>,
 }
 
 impl Basis {
@@ -144,7 +148,8 @@ impl<'a> AugmentedModel<'a> {
     pub fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
         self.report("fitting", model);
         let mut basis = self.basis.borrow_mut();
-        let last = basis.as_ref().filter(|_| !has_fields(model).unwrap_or(false));
+        let light = light_of_samples(model)?;
+        let last = basis.as_ref().filter(|b| b.light == light && !has_fields(model).unwrap_or(false));
         let from_last = last.and_then(|b| Some(readjust(&b.last, b.samples_of(&self.capture)?, model)));
         match (from_last, &mut *basis) {
             (Some(Ok(fit)), Some(basis)) => {
@@ -156,7 +161,7 @@ impl<'a> AugmentedModel<'a> {
             _ => {}
         }
         let (fit, samples) = calibrate_keeping_samples(&self.capture, model)?;
-        *basis = Some(Basis { samples, last: fit.clone() });
+        *basis = Some(Basis { samples, last: fit.clone(), light });
         Ok(fit)
     }
 
@@ -269,6 +274,7 @@ impl<'a> AugmentedModel<'a> {
             }
             (other, _) => other?,
         };
+        fit = self.with_modulation(fit)?;
         for i in (0..self.added.len()).rev() {
             let AddedEffect { evidence, .. } = &self.added[i];
             let refined = refined_variant(&fit, &self.declared().register, evidence, self.thresholds());

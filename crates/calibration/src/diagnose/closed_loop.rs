@@ -10,6 +10,7 @@ use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
 use super::error::DiagnoseError;
+use super::evidence::Evidence;
 use super::examination::{Examination, examine};
 use super::experiment_design::{distinguishing_frames, missing_covariates};
 use super::frame_planes::{frame_planes, share_with_own_plane};
@@ -19,13 +20,14 @@ use super::held_out::HeldOut;
 use super::left_over::LeftOver;
 use super::merit::merit;
 use super::options::DiagnoseOptions;
+use super::own_function::share_of_own_function;
 use super::possible::Possible;
 use super::pure_error::pure_error;
-use super::round::{Round, RoundOutcome};
+use super::round::{Refuted, Round, RoundOutcome};
 use super::step::steps;
 use super::stepwise_selection::score_given;
 use super::thresholds::Thresholds;
-use crate::calibrate::CalibrateOptions;
+use crate::calibrate::{CalibrateOptions, Calibrated};
 use crate::observe::Capture;
 
 /// Rounds in which the smoothness of the free map is chosen.
@@ -84,8 +86,9 @@ pub fn diagnose(
             }
         };
         let least_share = thresholds.least_relative_gain * explained;
-        let decision = decide(&examination, &frame_planes(&present.fit), least_share, &rejected, thresholds);
-        rounds.push(Round::new(&examination, decision.clone()));
+        let (decision, refuted) =
+            decide_with_own_functions(&present.fit, &examination, least_share, &rejected, options)?;
+        rounds.push(Round::new(&examination, decision.clone(), refuted));
         match &decision {
             Decision::Nothing => break examination,
             Decision::Unexplained { free, explained, .. } => {
@@ -204,6 +207,42 @@ pub fn diagnose(
         planes,
         examination,
     })
+}
+
+/// Decides on an examination; effects of one covariate of which a free function of that covariate explains much more are refuted, and
+/// the decision is made without them.
+fn decide_with_own_functions(
+    fit: &Calibrated,
+    examination: &Examination,
+    least_share: f64,
+    rejected: &[String],
+    options: &DiagnoseOptions,
+) -> Result<(Decision, Vec<Refuted>), DiagnoseError> {
+    let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
+    let planes = frame_planes(fit);
+    let mut refuted: Vec<Refuted> = Vec::new();
+    loop {
+        let places: Vec<usize> = refuted.iter().map(|r| r.effect).collect();
+        let decision = decide(examination, &planes, least_share, rejected, &places, thresholds);
+        let members: Vec<usize> = match &decision {
+            Decision::Add { effect, jointly_with, .. } => {
+                std::iter::once(effect).chain(jointly_with).copied().collect()
+            }
+            Decision::Nothing | Decision::Unexplained { .. } => Vec::new(),
+        };
+        let before = refuted.len();
+        for member in &members {
+            let others: Vec<&Evidence> =
+                members.iter().filter(|m| *m != member).map(|m| &examination.evidence[*m]).collect();
+            let (states, effect) = (&examination.states, &examination.evidence[*member]);
+            let share = share_of_own_function(fit, register, states, effect, &others, thresholds)?;
+            let small = share.filter(|(_, share)| *share < thresholds.least_explained_of_own);
+            refuted.extend(small.map(|(along, explained)| Refuted { effect: *member, along, explained }));
+        }
+        if refuted.len() == before {
+            return Ok((decision, refuted));
+        }
+    }
 }
 
 /// Share of the cost that effects must be predicted to explain to be tried: that of half the fall of the held-out error that they would

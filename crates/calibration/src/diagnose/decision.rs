@@ -59,17 +59,18 @@ pub enum Competitor {
 /// Decides on an examination and on the planes by which single frames deviate from the same model.
 ///
 /// Candidates explaining less than `least_share` of the cost are ignored; effects with a name in `rejected` are not proposed
-/// again.
+/// again, and those at the places `refuted` explain nothing.
 pub fn decide(
     examination: &Examination,
     planes: &[FramePlane],
     least_share: f64,
     rejected: &[String],
+    refuted: &[usize],
     thresholds: &Thresholds,
 ) -> Decision {
     let all = &examination.evidence;
     let free_count = examination.free_functions().count();
-    let effects: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_none()).collect();
+    let effects: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_none() && !refuted.contains(i)).collect();
     let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_some()).collect();
     let least = least_share * examination.cost();
     let is_significant =
@@ -91,7 +92,10 @@ pub fn decide(
     // An effect that was rejected is added jointly with another one at most: the first that was not tried moves to the front.
     let untried = selected.members.iter().position(|i| !rejected.contains(&all[*i].name));
     selected.members[..=untried.unwrap_or(0)].rotate_right(1);
-    let first = selected.members[0];
+    let excluded: Vec<usize> =
+        (0..all.len()).filter(|i| refuted.contains(i) || rejected.contains(&all[*i].name)).collect();
+    let first = in_own_form(examination, selected.members[0], &selected.members, &excluded, thresholds);
+    selected.members[0] = first;
     // The largest gain that a free function adds to the selected effects.
     let explained = selected.gain();
     let left = free
@@ -104,6 +108,10 @@ pub fn decide(
             (i, if counts { added.iter().sum::<f64>() } else { 0.0 })
         })
         .max_by(|a, b| a.1.total_cmp(&b.1));
+    let not_told_apart = |first: usize, selected: &[usize]| -> Vec<String> {
+        let places = indistinguishable(examination, first, selected, thresholds);
+        places.into_iter().map(|i| all[i].name.clone()).collect()
+    };
     let mut share = 1.0;
     // The gain of the frames' planes, half of χ² less its three degrees of freedom: an effect that is present takes it up.
     let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
@@ -117,7 +125,7 @@ pub fn decide(
         Some(effect) => Decision::Add {
             effect,
             jointly_with: Vec::new(),
-            indistinguishable: indistinguishable(examination, effect, &[effect], thresholds),
+            indistinguishable: not_told_apart(effect, &[effect]),
             explained,
             of_planes: 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE),
             leaves_unexplained: true,
@@ -140,7 +148,7 @@ pub fn decide(
     Decision::Add {
         effect: first,
         jointly_with: selected.members[1..].to_vec(),
-        indistinguishable: indistinguishable(examination, first, &selected.members, thresholds),
+        indistinguishable: not_told_apart(first, &selected.members),
         explained: share,
         of_planes,
         leaves_unexplained: false,
@@ -183,13 +191,13 @@ fn robust_effect(
     })
 }
 
-/// Names of the effects that these captures cannot distinguish from effect `first`, without the `selected` ones.
+/// The effects that these captures cannot distinguish from effect `first`, without the `selected` ones.
 fn indistinguishable(
     examination: &Examination,
     first: usize,
     selected: &[usize],
     thresholds: &Thresholds,
-) -> Vec<String> {
+) -> Vec<usize> {
     let (lin, all) = (&examination.linearization, &examination.evidence);
     (0..all.len())
         .filter(|i| all[*i].along.is_none() && !selected.contains(i) && all[*i].gain() > 0.0)
@@ -198,6 +206,27 @@ fn indistinguishable(
             let given_other = lin.score_adjusted(all[first].index, &[all[*i].index]).p_value;
             mean_to_standard_error(&difference) < thresholds.distinguishing_t && given_other > thresholds.level
         })
-        .map(|i| all[i].name.clone())
         .collect()
+}
+
+/// The effect `first`, or another that cannot be distinguished from it and acts in the form of its own equation where `first` does not:
+/// a range offset as a factor of depth is a radial range, and the latter is the simpler name. Not one of more parameters; of several the
+/// one with the largest merit; none of the `excluded`.
+fn in_own_form(
+    examination: &Examination,
+    first: usize,
+    selected: &[usize],
+    excluded: &[usize],
+    thresholds: &Thresholds,
+) -> usize {
+    let all = &examination.evidence;
+    let has_own_form = |i: &usize| all[*i].spec.placement.on.is_none();
+    if has_own_form(&first) {
+        return first;
+    }
+    let others = indistinguishable(examination, first, selected, thresholds).into_iter();
+    let is_as_simple = |i: &usize| all[*i].score.rank <= all[first].score.rank;
+    let others = others.filter(|i| has_own_form(i) && is_as_simple(i) && !excluded.contains(i));
+    let by_merit = |a: &usize, b: &usize| penalized_merit(examination, *a).total_cmp(&penalized_merit(examination, *b));
+    others.max_by(by_merit).unwrap_or(first)
 }

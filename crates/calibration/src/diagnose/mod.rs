@@ -7,6 +7,7 @@
 //! | declarations that cannot be right | [`declarations`] |
 //! | effects that may be missing | [`candidates`] |
 //! | free functions that compete with them | [`free_functions`] |
+//! | the free function of an effect's own covariate | `own_function` |
 //! | the evidence for each in the residuals | [`evidence`], [`examination`] |
 //! | effects that explain the residuals together | `stepwise_selection` |
 //! | the decision: which effect to add, if any | [`decision`] |
@@ -39,13 +40,17 @@ mod free_map;
 mod held_out;
 mod left_over;
 pub mod merit;
+mod modulation_search;
 pub mod observed_states;
 mod options;
+mod own_function;
 mod possible;
 pub mod pure_error;
+mod pure_noise;
 pub mod record;
 mod round;
 pub mod separability;
+mod spline_piece;
 mod step;
 mod stepwise_selection;
 mod thresholds;
@@ -59,6 +64,7 @@ pub use held_out::HeldOut;
 pub use left_over::LeftOver;
 pub use options::DiagnoseOptions;
 pub use possible::Possible;
-pub use round::{Round, RoundOutcome};
+pub use pure_noise::{NoiseAtDepth, PureNoise};
+pub use round::{Refuted, Round, RoundOutcome};
 pub use step::Step;
 pub use thresholds::Thresholds;

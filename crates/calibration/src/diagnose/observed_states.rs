@@ -84,6 +84,12 @@ impl ObservedStates {
         states
     }
 
+    /// About so many depth samples, evenly spread: state (x, y, ρ, cosine of incidence) and covariates.
+    pub fn spread(&self, count: usize) -> impl Iterator<Item = ([f64; 4], Context)> {
+        let step = (self.depth.len() / count.max(1)).max(1);
+        self.depth.iter().copied().zip(self.contexts.iter().copied()).step_by(step)
+    }
+
     /// Range over the depth samples of `value`, a function of state (x, y, ρ, cosine of incidence) and covariates.
     pub fn range(&self, value: impl Fn(&[f64; 4], &Context) -> f64) -> Option<Range> {
         Range::of(self.depth.iter().zip(&self.contexts).map(|(s, c)| value(s, c)))

@@ -8,6 +8,7 @@ use depthcal_statistics::{PlacedValue, SharedOctave, family_p_values, shared_str
 use rayon::prelude::*;
 
 use super::free_functions::Along;
+use super::pure_noise::{PureNoise, pure_noise};
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
 use crate::judge::depth_errors::PixelError;
@@ -29,7 +30,7 @@ const BOARD_MARGIN_MM: f64 = 100.0;
 /// Residuals count up to this many standard deviations of the noise: single pixels do not decide.
 const MOST_SIGMAS: f64 = 6.0;
 /// Largest share of the mean squared residual that counts as shared: estimates may exceed it where little else is left.
-const LARGEST_SHARE: f64 = 0.99;
+pub(super) const LARGEST_SHARE: f64 = 0.99;
 /// Cells along each of two covariates together are this many times as large as those along one.
 const COARSER: u16 = 8;
 
@@ -42,6 +43,8 @@ pub struct PureError {
     pub pure_mm: f64,
     /// What frames certainly share, by falling size: one entry for each covariate or pair.
     pub shared: Vec<Shared>,
+    /// The law of the pure error over depth, and how far it is correlated; `None` where residuals are too few to tell.
+    pub noise: Option<PureNoise>,
 }
 
 impl PureError {
@@ -68,22 +71,37 @@ pub struct Shared {
 
 /// A board pixel in cells of its covariates.
 #[derive(Clone, Copy)]
-struct Cells {
-    pixel: [u16; 2],
+pub(super) struct Cells {
+    pub pixel: [u16; 2],
     board: [u16; 2],
     depth: u16,
     amplitude: u16,
     incidence: u16,
     /// Residual in standard deviations of the noise.
-    value: f32,
+    pub value: f32,
+}
+
+impl Cells {
+    /// Middle of its cell of depth, mm.
+    pub fn depth_mm(&self) -> f64 {
+        (f64::from(self.depth) + 0.5) * CELL_MM
+    }
 }
 
 /// One grid of cells: what it is along, and where a pixel lies in it.
-struct Cover {
+pub(super) struct Cover {
     along: &'static [Along],
     /// Side of its finest cells in the covariates' unit; 0 where two have different ones.
     cell: f64,
-    place: fn(&Cells) -> [u16; 2],
+    pub place: fn(&Cells) -> [u16; 2],
+}
+
+impl Cover {
+    /// Columns and rows of the grid that has all pixels of some frames.
+    pub fn size<'a>(&self, frames: impl Iterator<Item = &'a [Cells]>) -> [usize; 2] {
+        let places = frames.flatten().map(self.place);
+        places.fold([0; 2], |s, p| [0, 1].map(|i| usize::max(s[i], usize::from(p[i]) + 1)))
+    }
 }
 
 const fn cover(along: &'static [Along], cell: f64, place: fn(&Cells) -> [u16; 2]) -> Cover {
@@ -123,8 +141,7 @@ pub fn pure_error(fit: &Calibrated, thresholds: &Thresholds) -> Option<PureError
         return None;
     }
     let of_cover = |cover: &Cover| -> Vec<SharedOctave> {
-        let places = || cells.iter().flat_map(|c| c.0.iter()).map(cover.place);
-        let size = places().fold([0; 2], |s, p| [0, 1].map(|i| usize::max(s[i], usize::from(p[i]) + 1)));
+        let size = cover.size(cells.iter().map(|c| c.0.as_slice()));
         let value = |c: &Cells| PlacedValue { cell: (cover.place)(c).map(u32::from), value: c.value.into() };
         shared_structure(cells.len(), size, |group| cells[group].0.iter().map(value))
     };
@@ -134,13 +151,16 @@ pub fn pure_error(fit: &Calibrated, thresholds: &Thresholds) -> Option<PureError
     }
     let mut p_values = family_p_values(&octaves.concat()).into_iter();
     let mut shared: Vec<Shared> = Vec::new();
-    let mut largest = 0.0_f64;
+    let mut largest: Option<(&Cover, f64)> = None;
     for (cover, octaves) in COVERS.iter().zip(&octaves) {
         let certain: Vec<(&SharedOctave, f64)> =
             octaves.iter().zip(p_values.by_ref()).filter(|(o, p)| *p < thresholds.level && o.variance > 0.0).collect();
         let size_mm = noise_mm * certain.iter().map(|(o, _)| o.variance).sum::<f64>().sqrt();
         let Some((best, p_value)) = certain.iter().max_by(|a, b| a.0.z.total_cmp(&b.0.z)) else { continue };
-        largest = largest.max((size_mm / residual_mm).powi(2).min(LARGEST_SHARE));
+        let share = (size_mm / residual_mm).powi(2).min(LARGEST_SHARE);
+        if largest.is_none_or(|(_, most)| share > most) {
+            largest = Some((cover, share));
+        }
         shared.push(Shared {
             along: cover.along.to_vec(),
             scale: cover.cell * f64::from(best.side),
@@ -150,7 +170,10 @@ pub fn pure_error(fit: &Calibrated, thresholds: &Thresholds) -> Option<PureError
         });
     }
     shared.sort_by(|a, b| b.size_mm.total_cmp(&a.size_mm));
-    Some(PureError { residual_mm, pure_mm: residual_mm * (1.0 - largest).sqrt(), shared })
+    let pure_mm = residual_mm * (1.0 - largest.map_or(0.0, |(_, share)| share)).sqrt();
+    let frames: Vec<&[Cells]> = cells.iter().map(|c| c.0.as_slice()).collect();
+    let noise = pure_noise(fit, &frames, largest.map(|(cover, _)| cover));
+    Some(PureError { residual_mm, pure_mm, shared, noise })
 }
 
 /// The cells of a frame's pixels, and the sums of their squared errors, mm², and of the inverse variances of their noise, 1/mm².
@@ -216,5 +239,10 @@ mod tests {
         assert_eq!((first.along.as_slice(), first.scale), ([Along::Column].as_slice(), 1.0), "{:?}", found.shared);
         assert!((first.size_mm / (0.5 * noise_mm) - 1.0).abs() < 0.3, "{first:?}, noise {noise_mm} mm");
         assert!(found.ratio() > 1.05, "{}", found.ratio());
+        // The noise is that of the capture without the stripes, but for these being the same in mm and not in standard deviations: with
+        // them in the noise it would be 12 % more.
+        let std_mm = |found: &PureError| found.noise.as_ref().unwrap().at[1].std_mm;
+        let (with, without) = (std_mm(&found), std_mm(&striped(0.0, 7)));
+        assert!((with / without - 1.0).abs() < 0.07, "{with} mm, without stripes {without} mm");
     }
 }

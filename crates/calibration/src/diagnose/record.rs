@@ -3,8 +3,9 @@
 use depthcal_io::{
     DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
     DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
-    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisPossible, DiagnosisProposedFrame, DiagnosisPureError,
-    DiagnosisRound, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
+    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefuted, DiagnosisRound, DiagnosisShared,
+    DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
@@ -20,7 +21,8 @@ use super::free_map::FREE_MAP;
 use super::left_over::LeftOver;
 use super::possible::Possible;
 use super::pure_error::{PureError, Shared};
-use super::round::{Round, RoundOutcome};
+use super::pure_noise::{NoiseAtDepth, PureNoise};
+use super::round::{Refuted, Round, RoundOutcome};
 use super::step::Step;
 
 /// Largest ratio to the frames' planes that is recorded: of next to nothing anything is a multiple.
@@ -70,7 +72,16 @@ fn round(round: &Round) -> DiagnosisRound {
     DiagnosisRound {
         effects: round.effects().map(|e| candidate(e, round.cost)).collect(),
         free: round.free_functions().map(|e| candidate(e, round.cost)).collect(),
+        refuted: round.refuted.iter().map(|r| refuted(round, r)).collect(),
         decision: decision(round),
+    }
+}
+
+fn refuted(round: &Round, refuted: &Refuted) -> DiagnosisRefuted {
+    DiagnosisRefuted {
+        effect: round.evidence[refuted.effect].name.clone(),
+        along: along(refuted.along),
+        explained_share: refuted.explained,
     }
 }
 
@@ -120,6 +131,9 @@ fn decision(round: &Round) -> DiagnosisDecision {
                 outcome: match &round.outcome {
                     Some(RoundOutcome::Added { effects, removed }) => {
                         DiagnosisAddOutcome::Added { effects: specs(effects), taken_out: specs(removed) }
+                    }
+                    Some(RoundOutcome::Negligible { share_of_cost, least_share }) => {
+                        DiagnosisAddOutcome::TooSmall { share_of_cost: *share_of_cost, least_share: *least_share }
                     }
                     Some(RoundOutcome::NotFitted { error }) => DiagnosisAddOutcome::NotFitted { error: error.clone() },
                     Some(RoundOutcome::RoundLimit { rounds }) => DiagnosisAddOutcome::RoundLimit { rounds: *rounds },
@@ -204,6 +218,17 @@ fn pure_error(found: &PureError) -> DiagnosisPureError {
         pure_error_mm: found.pure_mm,
         ratio: found.ratio(),
         shared: found.shared.iter().map(shared).collect(),
+        noise: found.noise.as_ref().map(pure_noise),
+    }
+}
+
+fn pure_noise(found: &PureNoise) -> DiagnosisPureNoise {
+    let at = |at: &NoiseAtDepth| DiagnosisNoiseAtDepth { depth_mm: at.depth_mm, std_mm: at.std_mm };
+    DiagnosisPureNoise {
+        a_per_mm: found.law.a_per_mm,
+        b_mm: found.law.b_mm,
+        at: found.at.iter().map(at).collect(),
+        correlation_length_px: found.correlation_px,
     }
 }
 

@@ -5,6 +5,7 @@ use depthcal_model::PieceSpec;
 use super::decision::Decision;
 use super::evidence::Evidence;
 use super::examination::Examination;
+use super::free_functions::Along;
 
 /// A round of the loop.
 #[derive(Debug, Clone)]
@@ -15,8 +16,22 @@ pub struct Round {
     pub cost: f64,
     /// The decision.
     pub decision: Decision,
+    /// Effects that the decision disregards, because a free function of their covariate explains much more.
+    pub refuted: Vec<Refuted>,
     /// What came of the decision; `None` where nothing is missing.
     pub outcome: Option<RoundOutcome>,
+}
+
+/// An effect of one covariate that explains too little of what a free function of that covariate, in the effect's place and form,
+/// explains.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refuted {
+    /// Its place in [`Round::evidence`].
+    pub effect: usize,
+    /// The covariate.
+    pub along: Along,
+    /// Share that it explains of what both explain together.
+    pub explained: f64,
 }
 
 /// What came of a decision.
@@ -64,8 +79,8 @@ pub enum RoundOutcome {
 
 impl Round {
     /// An examination and the decision on it.
-    pub(super) fn new(examination: &Examination, decision: Decision) -> Self {
-        Self { evidence: examination.evidence.clone(), cost: examination.cost(), decision, outcome: None }
+    pub(super) fn new(examination: &Examination, decision: Decision, refuted: Vec<Refuted>) -> Self {
+        Self { evidence: examination.evidence.clone(), cost: examination.cost(), decision, refuted, outcome: None }
     }
 
     /// The effects that were tested, by falling gain.

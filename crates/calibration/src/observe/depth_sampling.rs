@@ -18,9 +18,9 @@ use super::pixel_rays::PixelRays;
 use super::stages::{DepthPixel, DepthSample, MeasuredDepth, OpenFrame, PosedFrame, SampledFrame};
 
 /// Longest distance at which correlation is measured, px.
-const LONGEST_PX: usize = 8;
+pub(crate) const LONGEST_PX: usize = 8;
 /// Share of the variance at the longest distance at which pixels count as uncorrelated.
-const SILL: f64 = 0.9;
+pub(crate) const SILL: f64 = 0.9;
 /// Largest step of a sampling grid, px.
 const COARSEST_PX: usize = 64;
 /// Frames from which the correlation length is measured, about.

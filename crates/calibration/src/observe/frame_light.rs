@@ -5,13 +5,13 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use depthcal_io::{DepthImage, ImageError};
-use depthcal_model::{FrameCovariates, Modulation};
+use depthcal_model::{Context, FrameCovariates, Modulation, StrayLight};
 use rayon::prelude::*;
 
 use super::capture::Capture;
 use super::kept_light::FrameLight;
 use super::pixel_rays::PixelRays;
-use super::stages::{OpenFrame, PosedFrame};
+use super::stages::{DepthSample, OpenFrame, PosedFrame, SampledFrame};
 
 /// Computes the light of all frames and keeps it with them.
 pub(super) fn keep_light(capture: &mut Capture<PosedFrame>, rays: &PixelRays<'_>) -> Result<(), ImageError> {
@@ -32,6 +32,29 @@ pub(super) fn light<'a>(frame: &OpenFrame<'a>, unit_mm: f64, rays: &PixelRays<'_
         Some(kept) if kept.modulation == modulation => kept.covariates.as_deref().map(Cow::Borrowed),
         _ => compute(frame, modulation, unit_mm, rays).map(Cow::Owned),
     }
+}
+
+/// The depth samples of a frame with light of other modulation frequencies than those that they were sampled with.
+///
+/// # Errors
+///
+/// [`ImageError`] where an image has become unreadable.
+pub(crate) fn relit(
+    frame: &SampledFrame,
+    modulation: Modulation,
+    unit_mm: f64,
+    rays: &PixelRays<'_>,
+) -> Result<SampledFrame, ImageError> {
+    let open = frame.open()?;
+    let covariates = compute(&open, modulation, unit_mm, rays);
+    let light = |pixel: [f64; 2]| match (&covariates, open.image.as_deref()) {
+        (Some(covariates), Some(image)) => covariates.at(&image.data, pixel.map(|x| x as usize)),
+        _ => StrayLight::UNKNOWN,
+    };
+    let with_light =
+        |s: &DepthSample| DepthSample { context: Context { stray: light(s.context.pixel), ..s.context }, ..*s };
+    let samples: Vec<DepthSample> = frame.samples.iter().map(with_light).collect();
+    Ok(SampledFrame { posed: frame.posed.clone(), samples: samples.into() })
 }
 
 fn compute(

@@ -6,7 +6,7 @@ pub mod board_plane;
 pub mod board_region;
 mod capture;
 pub mod depth_sampling;
-mod frame_light;
+pub(crate) mod frame_light;
 mod kept_light;
 pub mod marker_depth;
 pub mod neighbourhood;

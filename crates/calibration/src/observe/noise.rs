@@ -23,8 +23,9 @@ pub struct PlaneScatter {
     /// standard deviations of the noise of a pixel; 0 where frames have no planes of their own. One for all three: with one each, the scale of depth
     /// and the scatter of the constants could grow together.
     pub of_noise: f64,
-    /// The same for each coefficient alone, which the covariance of the parameters takes into account.
-    pub deviations: [f64; 3],
+    /// The same for each coefficient alone, and for that of the inverse amplitude, over the mean one of all frames, beside them (0 where
+    /// it is unknown): the covariance of the parameters takes these into account.
+    pub deviations: [f64; 4],
     /// Design effect (Kish 1965): how many times the variance of what the samples of a frame say together is larger than it would be
     /// without these planes; 1 where frames have none.
     pub design_effect: f64,
@@ -32,7 +33,7 @@ pub struct PlaneScatter {
 
 impl PlaneScatter {
     /// No planes but those of the poses.
-    pub const NONE: Self = Self { of_noise: 0.0, deviations: [0.0; 3], design_effect: 1.0 };
+    pub const NONE: Self = Self { of_noise: 0.0, deviations: [0.0; 4], design_effect: 1.0 };
 }
 
 /// Standard deviation of measured inverse depth: σ_ρ² = a² + (b ρ²)².

@@ -59,8 +59,20 @@ pub enum DiagnosisCompetitor {
     FramePlanes,
 }
 
+/// An effect of one covariate that explains too little of what a free function of that covariate explains in the effect's place and
+/// form: the effect is not what depends on the covariate there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisRefuted {
+    /// Name of the effect.
+    pub effect: String,
+    /// Its covariate.
+    pub along: DiagnosisCovariate,
+    /// Gain of the effect over that of both: falls of ½ Σ r² on left-out frames.
+    pub explained_share: f64,
+}
+
 /// The fate of an effect that a round found missing: added, or not and why. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisAddOutcome {
     /// It was added to the model.
@@ -74,6 +86,13 @@ pub enum DiagnosisAddOutcome {
     },
     /// It was fitted, but the errors on held-out frames did not fall.
     NoHeldOutGain,
+    /// It was not tried: it could not lower the held-out errors by what counts.
+    TooSmall {
+        /// Its predicted gain over the residuals' ½ Σ r².
+        share_of_cost: f64,
+        /// The least share that is tried.
+        least_share: f64,
+    },
     /// The model with it cannot be fitted.
     NotFitted {
         /// Message of the calibration's error.

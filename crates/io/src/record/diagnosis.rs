@@ -6,7 +6,7 @@ use depthcal_model::{Of, On};
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
-use super::decision::DiagnosisDecision;
+use super::decision::{DiagnosisDecision, DiagnosisRefuted};
 use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
 use super::pure_error::DiagnosisPureError;
@@ -153,6 +153,9 @@ pub struct DiagnosisRound {
     pub effects: Vec<DiagnosisCandidate>,
     /// Free functions of a covariate, in descending order of gain. They compete with the effects and name nothing.
     pub free: Vec<DiagnosisCandidate>,
+    /// Effects that the decision disregards, because a free function of their covariate explains much more.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refuted: Vec<DiagnosisRefuted>,
     /// The decision, and what became of it.
     pub decision: DiagnosisDecision,
 }

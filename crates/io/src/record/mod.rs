@@ -21,7 +21,9 @@ pub use comparison::{
     Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
 };
 pub use covariate::DiagnosisCovariate;
-pub use decision::{DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisUnexplainedOutcome};
+pub use decision::{
+    DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisRefuted, DiagnosisUnexplainedOutcome,
+};
 pub use diagnosis::{
     DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,
     DiagnosisPlace, DiagnosisPossible, DiagnosisRound, DiagnosisStep, GainInterval, HeldOutErrors, Separability,
@@ -33,5 +35,5 @@ pub use findings::{
     DiagnosisProposedFrame,
 };
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
-pub use pure_error::{DiagnosisPureError, DiagnosisShared};
+pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;

@@ -16,6 +16,32 @@ pub struct DiagnosisPureError {
     pub ratio: f64,
     /// What frames certainly share, by falling size.
     pub shared: Vec<DiagnosisShared>,
+    /// Law and correlation of the pure error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<DiagnosisPureNoise>,
+}
+
+/// The noise of depth that the pure error has: what frames share is in neither number.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisPureNoise {
+    /// a of σ_ρ² = a² + (b ρ²)², 1/mm.
+    pub a_per_mm: f64,
+    /// b of it, mm.
+    pub b_mm: f64,
+    /// Its standard deviation at near, middle and far depths of the captures.
+    pub at: Vec<DiagnosisNoiseAtDepth>,
+    /// Distance in the image at which pixels are nearly uncorrelated, px; absent where single pixels were captured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correlation_length_px: Option<usize>,
+}
+
+/// Standard deviation of a pixel's depth at a depth.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisNoiseAtDepth {
+    /// Depth, mm.
+    pub depth_mm: f64,
+    /// Standard deviation, mm.
+    pub std_mm: f64,
 }
 
 /// Residuals that different frames share at the same value of a covariate, or of two together.

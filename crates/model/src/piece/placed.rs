@@ -89,7 +89,7 @@ impl AnyPiece for Placed {
         let Some(on) = self.placement.on else { return };
         let own = self.piece.form();
         for (state, out) in states.chunks_exact(IN).zip(out) {
-            *out = on.apply(state[RHO], own.size_mm(state[RHO], *out).0).0;
+            *out = on.apply(state[RHO], own.size_mm(state[RHO], *out)).0;
         }
     }
 
@@ -106,7 +106,7 @@ impl AnyPiece for Placed {
         let Some(on) = self.placement.on else { return };
         let (own, count) = (self.piece.form(), self.parameters().len());
         for (k, state) in states.chunks_exact(IN).enumerate() {
-            let (size, [by_rho, by_out]) = own.size_mm(state[RHO], out[k]);
+            let (size, [by_rho, by_out]) = own.size_with_derivatives(state[RHO], out[k]);
             let (placed, [direct, by_size]) = on.apply(state[RHO], size);
             out[k] = placed;
             let scale = by_size * by_out;
@@ -131,7 +131,7 @@ impl AnyPiece for Placed {
         self.piece.linearize_at_nominal(theta, states, contexts, out, d_state, d_theta);
         let Some(on) = self.placement.on else { return };
         for (state, row) in states.chunks_exact(IN).zip(d_theta.chunks_exact_mut(self.parameters().len().max(1))) {
-            let (_, [_, by_out]) = self.piece.form().size_mm(state[RHO], state[RHO]);
+            let (_, [_, by_out]) = self.piece.form().size_with_derivatives(state[RHO], state[RHO]);
             let (_, [_, by_size]) = on.apply(state[RHO], 0.0);
             row.iter_mut().for_each(|d| *d *= by_size * by_out);
         }

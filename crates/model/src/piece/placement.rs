@@ -88,10 +88,14 @@ impl On {
         }
     }
 
-    /// Size of a change of inverse depth from `rho` to `measured` in this form, as mm at [`REFERENCE_DEPTH_MM`], with its
-    /// derivatives by both.
+    /// Size of a change of inverse depth from `rho` to `measured`, 1/mm, in this form: mm at [`REFERENCE_DEPTH_MM`].
+    pub fn size_mm(self, rho: f64, measured: f64) -> f64 {
+        self.size_with_derivatives(rho, measured).0
+    }
+
+    /// The same with its derivatives by both.
     #[inline(always)]
-    pub(crate) fn size_mm(self, rho: f64, measured: f64) -> (f64, [f64; 2]) {
+    pub(crate) fn size_with_derivatives(self, rho: f64, measured: f64) -> (f64, [f64; 2]) {
         const Z0: f64 = REFERENCE_DEPTH_MM;
         match self {
             Self::Depth => (1.0 / measured - 1.0 / rho, [1.0 / (rho * rho), -1.0 / (measured * measured)]),

@@ -2,9 +2,9 @@
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 
-use super::sentences::{capture, declaration, left_over, possible};
+use super::sentences::{capture, declaration, left_over, possible, pure_noise};
 use crate::checks::Level;
-use crate::format::{self, count, join, number, percent, pieces};
+use crate::format::{self, capital, count, join, number, percent, pieces};
 use crate::headline::interval;
 use crate::input::{ReportDiagnosis, ReportInput};
 use crate::left_out;
@@ -213,9 +213,10 @@ fn not_certain(d: &ReportDiagnosis<'_>) -> String {
 /// What of the error no model could remove, with a space before; empty where that is not known.
 fn pure_error(d: &ReportDiagnosis<'_>) -> String {
     d.record.pure_error.as_ref().map_or_else(String::new, |found| {
+        let noise = found.noise.as_ref().map_or_else(String::new, |noise| format!(" {}.", capital(&pure_noise(noise))));
         format!(
             " Over the fitted frames {} mm rms is left, of which {} mm is pure error (ratio {}): different frames do not share it at the same \
-             values of any covariate, so that no model of these could remove it.",
+             values of any covariate, so that no model of these could remove it.{noise}",
             number(found.residual_rms_mm),
             number(found.pure_error_mm),
             number(found.ratio)

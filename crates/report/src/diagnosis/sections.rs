@@ -5,7 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 
 use super::answers::{arrow, gain};
-use super::sentences::{capture, decision, declaration, frame_cause, place};
+use super::sentences::{capture, decision, declaration, frame_cause, place, refuted};
 use crate::format::{count, join, measured, number, p_value, percent, pieces};
 use crate::html::escape;
 use crate::input::ReportDiagnosis;
@@ -113,11 +113,12 @@ fn rounds(d: &ReportDiagnosis<'_>) -> String {
         .rounds
         .iter()
         .map(|r| {
+            let sentences = std::iter::once(decision(&r.decision)).chain(r.refuted.iter().map(refuted));
             format!(
                 "<li>Of {} and {}: {}.</li>\n",
                 count(r.effects.len(), "effect"),
                 count(r.free.len(), "free function"),
-                escape(&decision(&r.decision))
+                escape(&sentences.collect::<Vec<_>>().join("; "))
             )
         })
         .collect();

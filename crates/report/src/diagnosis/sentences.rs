@@ -5,7 +5,8 @@ use std::fmt::Write;
 use depthcal_io::{
     DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate, DiagnosisDecision,
     DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisPlace, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefuted, DiagnosisShared, DiagnosisStep,
+    DiagnosisUnexplainedOutcome,
 };
 use depthcal_model::{Covariate, Of, On};
 
@@ -74,6 +75,16 @@ pub(crate) fn decision(decision: &DiagnosisDecision) -> String {
     }
 }
 
+/// An effect that a free function of its covariate refutes, without full stop.
+pub(crate) fn refuted(refuted: &DiagnosisRefuted) -> String {
+    format!(
+        "not considered: {}, which explains {} of what a free function of {} explains",
+        pieces(&refuted.effect),
+        share(refuted.explained_share),
+        covariate(refuted.along)
+    )
+}
+
 fn added(outcome: &DiagnosisAddOutcome) -> String {
     let list = |specs: &[String]| join(&specs.iter().map(|s| pieces(s)).collect::<Vec<_>>());
     match outcome {
@@ -84,6 +95,11 @@ fn added(outcome: &DiagnosisAddOutcome) -> String {
             format!("added: {}; removed, because no longer needed: {}", list(effects), list(taken_out))
         }
         DiagnosisAddOutcome::NoHeldOutGain => "not added, because held-out errors do not fall with it".to_owned(),
+        DiagnosisAddOutcome::TooSmall { share_of_cost, least_share } => format!(
+            "not tried, because it is too small: {} of the squared residuals, less than {}",
+            share(*share_of_cost),
+            share(*least_share)
+        ),
         DiagnosisAddOutcome::NotFitted { error } => format!("not added, because it cannot be fitted: {error}"),
         DiagnosisAddOutcome::RoundLimit { rounds } => {
             format!("not tried, because this was the last of {}", count(*rounds, "round"))
@@ -156,7 +172,18 @@ pub(crate) fn pure_error(found: &DiagnosisPureError) -> String {
         quantity(found.residual_rms_mm, "mm"),
         quantity(found.pure_error_mm, "mm"),
         number(found.ratio)
-    )
+    ) + &found.noise.as_ref().map_or_else(String::new, |noise| format!("; {}", pure_noise(noise)))
+}
+
+/// The noise of single pixels that the pure error has, without full stop.
+pub(crate) fn pure_noise(noise: &DiagnosisPureNoise) -> String {
+    let at =
+        noise.at.iter().map(|at| format!("{} at {}", quantity(at.std_mm, "mm"), quantity(1e-3 * at.depth_mm, "m")));
+    let at: Vec<String> = at.collect();
+    let correlation = noise
+        .correlation_length_px
+        .map_or_else(String::new, |px| format!(", pixels {px} px apart are nearly uncorrelated"));
+    format!("of single pixels it is {}{correlation}", join(&at))
 }
 
 /// An effect that is not certain, without full stop.

@@ -69,7 +69,7 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
         let values = |value: fn(&Pixel) -> f64| pixels.iter().map(value).collect::<Vec<f64>>();
         let (signal, range) = (values(|p| p.amplitude), values(|p| p.z * p.slant));
         let frame = Frame { width, amplitude: &signal, range_mm: &range };
-        let errors = frame.range_errors(scattering);
+        let errors = frame.range_errors(scattering, &rendering.modulation_mhz);
         measure_all(&mut pixels, &errors);
     }
     let mut rng = stream(renderer.session.seed(), Purpose::DepthNoise, shot.source);

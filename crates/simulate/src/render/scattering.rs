@@ -8,8 +8,6 @@ use std::f64::consts::PI;
 
 use crate::instrument::Scattering;
 
-/// Modulation frequencies of a Kinect v2, Hz.
-const FREQUENCIES: [f64; 3] = [16e6, 80e6, 120e6];
 /// Frequency at which the delay by the nearest pixels is given, Hz.
 const DELAY_AT: f64 = 80e6;
 /// Speed of light, mm/s.
@@ -45,17 +43,18 @@ impl Frame<'_> {
         sum / total
     }
 
-    /// The error of range at every pixel, mm.
-    pub fn range_errors(&self, scattering: &Scattering) -> Vec<f64> {
+    /// The error of range at every pixel, mm, with light of these modulation frequencies; 0 for one that is not used.
+    pub fn range_errors(&self, scattering: &Scattering, modulation_mhz: &[f64]) -> Vec<f64> {
         let pixels = || (0..self.amplitude.len()).map(|i| [i % self.width, i / self.width]);
         let near: Vec<f64> =
             pixels().map(|at| self.mean(self.amplitude, at, 3, |d2| (-d2 / (2.0 * NEAR_PX * NEAR_PX)).exp())).collect();
-        let scenes = FREQUENCIES.map(|f| self.scene(f));
-        let total: f64 = FREQUENCIES.iter().sum();
+        let frequencies: Vec<f64> = modulation_mhz.iter().filter(|f| **f > 0.0).map(|f| 1e6 * f).collect();
+        let scenes: Vec<Scene> = frequencies.iter().map(|f| self.scene(*f)).collect();
+        let total: f64 = frequencies.iter().sum();
         let error = |(i, at): (usize, [usize; 2])| {
             let own = self.mean(self.amplitude, at, 1, |_| 1.0);
             let mut phases = 0.0;
-            for (scene, f) in scenes.iter().zip(FREQUENCIES) {
+            for (scene, f) in scenes.iter().zip(&frequencies) {
                 let phase = 4.0 * PI * f * self.range_mm[i] / C;
                 let spread = scene.at(at);
                 let own_light = [own * phase.cos(), own * phase.sin()];

@@ -1,0 +1,150 @@
+//! Search for the modulation frequencies of a camera of which light goes astray: nothing in a dataset says them, and how the light of
+//! the scene turns a pixel's phase depends on them.
+
+use depthcal_io::ImageError;
+use depthcal_model::{Covariate, Modulation, PieceSpec, Register};
+use depthcal_solver::score::ScoreError;
+use depthcal_statistics::mean_to_standard_error;
+use rayon::prelude::*;
+use thiserror::Error;
+use tracing::info;
+
+use super::augmented_model::AugmentedModel;
+use super::candidate_blocks::{CandidateBlock, linearize};
+use super::evidence::{Evidence, difference};
+use super::thresholds::Thresholds;
+use crate::calibrate::{CalibrateError, Calibrated};
+use crate::judge::cross_validation::weighted_gain_percent;
+use crate::observe::frame_light::relit;
+use crate::observe::{Capture, PixelRays, SampledFrame};
+
+/// Frequencies of common time-of-flight cameras, MHz, and single ones between them: the effect of a set is nearly that of a frequency
+/// about its mean.
+const KNOWN_MHZ: [&[f64]; 12] = [
+    &[16.0, 80.0, 120.0],
+    &[10.0],
+    &[15.0],
+    &[20.0],
+    &[30.0],
+    &[40.0],
+    &[50.0],
+    &[60.0],
+    &[80.0],
+    &[60.0, 80.0],
+    &[20.0, 100.0],
+    &[120.0],
+];
+/// So many of the best sets are fitted.
+const FITTED: usize = 4;
+/// Frames, evenly over the capture, that are searched: their light is computed anew for every set.
+const FRAMES: usize = 16;
+
+/// The light of frames cannot be computed anew, or the problem not be evaluated with it.
+#[derive(Debug, Error)]
+enum ModulationError {
+    /// An image has become unreadable.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// The problem cannot be evaluated.
+    #[error(transparent)]
+    Score(#[from] ScoreError),
+}
+
+impl AugmentedModel<'_> {
+    /// Fits the model anew with other modulation frequencies of the effect that was added last, where it depends on them and others explain
+    /// more; else `fit` as it is. Frequencies are compared by score tests first, and where one of them explains more than the present ones, the
+    /// best by fits and held-out errors: the effect is not linear in the share of the light where pixels are dark.
+    pub(super) fn with_modulation(&mut self, fit: Calibrated) -> Result<Calibrated, CalibrateError> {
+        let Some(added) = self.added.last() else { return Ok(fit) };
+        let register = &self.declared().register;
+        let specs = promising(&fit, register, &added.evidence, self.thresholds()).unwrap_or_else(|error| {
+            info!("modulation frequencies are not searched: {error}");
+            Vec::new()
+        });
+        if specs.is_empty() {
+            return Ok(fit);
+        }
+        let own = added.evidence.spec.clone();
+        let noise = fit.noise.depth;
+        let present = self.held_out(&fit, &self.present())?;
+        let (mut best, mut most) = (own.clone(), 0.0);
+        for spec in specs {
+            self.set_last_spec(spec.clone());
+            let held_out = match self.fitted(&self.present()) {
+                Ok(fitted) => fitted.held_out,
+                Err(error) => {
+                    info!("{spec}: {error}");
+                    continue;
+                }
+            };
+            let gain = weighted_gain_percent(&present.evaluated, &held_out.evaluated, &noise);
+            if let Some(gain) = gain.filter(|gain| gain.is_certain() && gain.value > most) {
+                (best, most) = (spec, gain.value);
+            }
+        }
+        self.set_last_spec(best);
+        self.fit(&self.present())
+    }
+
+    fn set_last_spec(&mut self, spec: PieceSpec) {
+        if let Some(last) = self.added.last_mut() {
+            last.evidence.spec = spec;
+        }
+    }
+}
+
+/// The specs of an added effect with those known modulation frequencies that explain most, where any explains more than those that it has;
+/// none for effects that do not depend on them.
+fn promising(
+    fit: &Calibrated,
+    register: &Register,
+    added: &Evidence,
+    thresholds: &Thresholds,
+) -> Result<Vec<PieceSpec>, ModulationError> {
+    let Some(piece) = added.block.piece().filter(|piece| piece.needs().contains(&Covariate::StrayLight)) else {
+        return Ok(Vec::new());
+    };
+    let constants = piece.constants();
+    let of = |mhz: &[f64]| {
+        let plain = PieceSpec::new(added.name.as_str());
+        constants.iter().zip(mhz).fold(plain, |spec, (constant, f)| spec.with(constant.name, *f))
+    };
+    let tested = KNOWN_MHZ.iter().map(|mhz| {
+        let spec = of(mhz);
+        Ok((gains(fit, register, added, &spec)?, spec))
+    });
+    let mut tested: Vec<(Vec<f64>, PieceSpec)> = tested.collect::<Result<_, ModulationError>>()?;
+    tested.sort_by(|a, b| b.0.iter().sum::<f64>().total_cmp(&a.0.iter().sum::<f64>()));
+    let present = gains(fit, register, added, &added.spec)?;
+    let explains_more = tested
+        .first()
+        .is_some_and(|(best, _)| mean_to_standard_error(&difference(best, &present)) > thresholds.distinguishing_t);
+    let best = tested.into_iter().map(|(_, spec)| spec).take(if explains_more { FITTED } else { 0 });
+    Ok(best.collect())
+}
+
+/// Gains of an effect with the frequencies of a spec on some frames, whose light is computed for them.
+fn gains(
+    fit: &Calibrated,
+    register: &Register,
+    added: &Evidence,
+    spec: &PieceSpec,
+) -> Result<Vec<f64>, ModulationError> {
+    let Some(candidate) = CandidateBlock::effect(register, spec.clone()) else { return Ok(Vec::new()) };
+    let Some(modulation) = candidate.block.piece().map(|piece| Modulation::of(&piece.options())) else {
+        return Ok(Vec::new());
+    };
+    let count = fit.capture.frames.len();
+    let step = count.div_ceil(FRAMES).max(1);
+    let some: Capture<SampledFrame> = fit.capture.subset(|i, _| i % step == 0);
+    let camera = fit.camera.filtered(|block| block.name() != added.name);
+    let rays = PixelRays::new(&camera, &some.target);
+    let unit_mm = some.depth_unit_mm.unwrap_or(1.0);
+    let frames: Result<Vec<SampledFrame>, ImageError> =
+        some.frames.par_iter().map(|frame| relit(frame, modulation, unit_mm, &rays)).collect();
+    drop(rays);
+    let mut lit = some.clone();
+    lit.frames = frames?;
+    let without = Calibrated { camera, capture: lit, ..fit.clone() };
+    Ok(linearize(&without, &[candidate])?.held_out_gain(&[0]))
+}

@@ -1,0 +1,158 @@
+//! The free function of an effect's own covariate, in the effect's place and form: an effect of one covariate is named only where it
+//! explains nearly all that any function there does.
+
+use std::iter::once;
+
+use depthcal_model::hook::HookKind;
+use depthcal_model::{Block, Context, Of, On, Register};
+use depthcal_solver::score::ScoreError;
+
+use super::candidate_blocks::{CandidateBlock, linearize};
+use super::evidence::{Evidence, difference};
+use super::free_functions::{Along, FreeFunction, free_function, log_amplitude};
+use super::merit::significant;
+use super::observed_states::ObservedStates;
+use super::spline_piece::{Action, Axis, CUBIC};
+use super::thresholds::Thresholds;
+use crate::calibrate::Calibrated;
+
+/// Basis functions: two and a half for each cycle of the shortest wave that is searched. Their smoothness is chosen by gains on
+/// left-out frames.
+const BASIS_FUNCTIONS: usize = 64;
+/// Share by which D may scale inverse depth: the measured one has a range that is wider by it at both ends.
+const DEPTH_MODEL_MARGIN: f64 = 0.08;
+/// Observations at which it is tried what an effect depends on.
+const TRIED: usize = 48;
+/// Largest change of an effect, over its size, by what it does not depend on.
+const UNCHANGED: f64 = 1e-6;
+
+/// Covariates of which one alone may decide about an effect.
+const COVARIATES: [Along; 5] = [Along::Depth, Along::Amplitude, Along::Incidence, Along::Time, Along::Temperature];
+
+/// Form in which a block of the depth hook acts.
+fn form(block: &Block) -> Option<On> {
+    let piece = block.piece().filter(|piece| piece.can_be_placed())?;
+    Some(piece.placement().on.unwrap_or(piece.form()))
+}
+
+/// The covariate on which alone the shape of an effect of depth depends, in its form; `None` for effects of several covariates.
+pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Along> {
+    let (piece, on) = (block.piece()?, form(block)?);
+    let theta: Vec<f64> = block.parameters().iter().map(|p| p.nominal + p.scale).collect();
+    let shape = |(state, context): ([f64; 4], Context)| {
+        let mut out = [0.0];
+        piece.evaluate(&theta, &state, &[context], &mut out);
+        on.size_mm(state[2], out[0])
+    };
+    let observed: Vec<([f64; 4], Context)> = states.spread(TRIED).collect();
+    let sizes: Vec<f64> = observed.iter().copied().map(shape).collect();
+    let largest = sizes.iter().fold(0.0_f64, |most, size| most.max(size.abs()));
+    let depends_on_it_alone = |along: &Along| {
+        // Everything but the covariate from another observation.
+        let others = observed.iter().cycle().skip(TRIED / 2 + 1);
+        let mixed = observed.iter().zip(others).map(|(own, other)| {
+            let (mut state, mut context) = *other;
+            match along {
+                Along::Depth => state[2] = own.0[2],
+                Along::Incidence => state[3] = own.0[3],
+                Along::Amplitude => context.amplitude = own.1.amplitude,
+                Along::Time => context.time_s = own.1.time_s,
+                _ => context.temperature_c = own.1.temperature_c,
+            }
+            (state, context)
+        });
+        mixed.zip(&sizes).all(|(mixed, size)| (shape(mixed) - size).abs() <= UNCHANGED * largest)
+    };
+    COVARIATES.into_iter().find(depends_on_it_alone).filter(|_| largest > 0.0)
+}
+
+/// The free function beside an effect; `None` for effects of several covariates.
+fn own_function(block: &Block, states: &ObservedStates) -> Option<FreeFunction> {
+    let (along, on, of) = (own_covariate(block, states)?, form(block)?, block.placement().of);
+    let range = states.range(|state, context| match along {
+        Along::Depth => state[2],
+        Along::Incidence => state[3],
+        Along::Amplitude => log_amplitude(context),
+        Along::Time => context.time_s,
+        _ => context.temperature_c,
+    })?;
+    let margin = if along == Along::Depth && of == Of::Measured { DEPTH_MODEL_MARGIN } else { 0.0 };
+    let (low, high) = (range.low * (1.0 - margin), range.high * (1.0 + margin));
+    let axis = Axis { low, high, count: BASIS_FUNCTIONS, degree: CUBIC };
+    (high > low).then(|| free_function("its own covariate", along, Action::Depth(of, on), vec![axis]))
+}
+
+/// Share that an effect explains, given the `others` that are added with it, of what it and the free function of its own covariate
+/// explain together on left-out frames, and that covariate; `None` for effects of several covariates, and where the function adds nothing
+/// that is significant.
+///
+/// # Errors
+///
+/// [`ScoreError`] where the problem cannot be evaluated.
+pub(super) fn share_of_own_function(
+    fit: &Calibrated,
+    register: &Register,
+    states: &ObservedStates,
+    effect: &Evidence,
+    others: &[&Evidence],
+    thresholds: &Thresholds,
+) -> Result<Option<(Along, f64)>, ScoreError> {
+    if effect.block.hook() != HookKind::Depth {
+        return Ok(None);
+    }
+    let Some(FreeFunction { along, block, smoothness, name }) = own_function(&effect.block, states) else {
+        return Ok(None);
+    };
+    let of_effect = |e: &Evidence| CandidateBlock::effect(register, e.spec.clone());
+    let mut candidates: Vec<CandidateBlock> =
+        others.iter().copied().chain(once(effect)).filter_map(of_effect).collect();
+    let spec = depthcal_model::PieceSpec::new(name);
+    let (name, smoothness) = (name.to_owned(), Some(smoothness));
+    candidates.push(CandidateBlock { name, spec, value: None, along: Some(along), block, smoothness });
+    let linearization = linearize(fit, &candidates)?;
+    let (function, rest) = (candidates.len() - 1, candidates.len() - 2);
+    let all: Vec<usize> = (0..candidates.len()).collect();
+    let of_others = linearization.held_out_gain(&all[..rest]);
+    let of_effects = linearization.held_out_gain(&all[..function]);
+    let explained: f64 = difference(&of_effects, &of_others).iter().sum();
+    let added = difference(&linearization.held_out_gain(&all), &of_effects);
+    let p_value = linearization.score_adjusted(function, &all[..function]).p_value;
+    let left = if significant(p_value, 1, &added, thresholds) { added.iter().sum() } else { 0.0 };
+    Ok((left > 0.0).then(|| (along, explained / (explained + left))))
+}
+
+#[cfg(test)]
+mod tests {
+    use depthcal_model::{PieceSpec, Placement};
+    use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
+
+    use super::*;
+    use crate::calibrate::{CalibrateOptions, calibrate};
+    use crate::simulated;
+
+    #[test]
+    fn effects_of_one_covariate_are_known_in_every_place_and_form() {
+        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 3);
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
+        let states = ObservedStates::of(&fit);
+        let register = Register::builtin();
+        let own = |name: &str, placement: Placement| {
+            own_covariate(&register.make(&PieceSpec::new(name).placed(placement), None).unwrap(), &states)
+        };
+        for of in Of::ALL {
+            for on in On::ALL {
+                let placement = Placement { of, on: Some(on) };
+                assert_eq!(own("cyclic_depth", placement), Some(Along::Depth), "{placement}");
+                assert_eq!(own("disparity_ripple", placement), Some(Along::Depth), "{placement}");
+                assert_eq!(own("quadratic_depth", placement), Some(Along::Depth), "{placement}");
+                assert_eq!(own("incidence_bias", placement), Some(Along::Incidence), "{placement}");
+                assert_eq!(own("reflectivity_bias", placement), Some(Along::Amplitude), "{placement}");
+                for several in ["projector_distortion", "radial_range", "range_offset", "temporal_drift"] {
+                    assert_eq!(own(several, placement), None, "{several}{placement}");
+                }
+            }
+        }
+        assert_eq!(own("board_bow", Placement::default()), None);
+    }
+}
