@@ -55,7 +55,8 @@ impl Study {
     }
 
     fn outside(&self, name: &str, options: &DiagnoseOptions, effect: impl Fn(u64) -> Result<Effect, Failure> + Sync) {
-        let runs: Vec<Run> = (0..self.seeds)
+        let runs: Vec<Run> = self
+            .numbers()
             .into_par_iter()
             .filter_map(|seed| {
                 let run = || -> Result<Run, Failure> {

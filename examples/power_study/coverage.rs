@@ -31,7 +31,8 @@ impl Study {
         println!("| frames' own planes | captures | parameters | reported depth error |");
         println!("|---|---|---|---|");
         for has_planes in [false, true] {
-            let runs: Vec<Run> = (0..self.seeds)
+            let runs: Vec<Run> = self
+                .numbers()
                 .into_par_iter()
                 .filter_map(|seed| run(seed, has_planes).inspect_err(|e| eprintln!("coverage {seed}: {e}")).ok())
                 .collect();

@@ -56,7 +56,7 @@ impl Study {
                     let seen = patterned(pattern, period, seed);
                     seen.inspect_err(|e| eprintln!("{pattern:?} {period} {seed}: {e}")).ok()
                 };
-                let runs: Vec<[bool; 2]> = (0..self.seeds).into_par_iter().filter_map(run).collect();
+                let runs: Vec<[bool; 2]> = self.numbers().into_par_iter().filter_map(run).collect();
                 row(&format!("{pattern:?}"), &format!("{period}"), &runs);
                 all.extend(runs);
             }

@@ -11,6 +11,7 @@
 //! | `--effects a,b` | these effects only |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
 //! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
+//! | `--first K` | number of the first of them (0): a study in parts, or one capture again |
 //!
 //! Every run is also a line on standard error, so that rows can be looked into.
 
@@ -27,6 +28,7 @@ mod single;
 mod size;
 
 use std::error::Error;
+use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
@@ -42,6 +44,7 @@ type Failure = Box<dyn Error + Send + Sync>;
 /// What is studied.
 struct Study {
     images: bool,
+    first: u64,
     seeds: u64,
     effects: Vec<String>,
     factors: Vec<f64>,
@@ -57,6 +60,11 @@ fn simulation(effects: &[Effect], seed: u64) -> Result<Simulation, Failure> {
 impl Study {
     fn wants(&self, effect: &str) -> bool {
         self.effects.is_empty() || self.effects.iter().any(|n| n == effect)
+    }
+
+    /// Numbers of the captures of a row.
+    fn numbers(&self) -> Range<u64> {
+        self.first..self.first + self.seeds
     }
 
     fn capture(&self, simulation: &Simulation) -> Result<Capture, Failure> {
@@ -107,6 +115,7 @@ fn main() {
     let list = |text: String| -> Vec<String> { text.split(',').filter(|t| !t.is_empty()).map(str::to_owned).collect() };
     let study = Study {
         images: value("--level", "points") == "images",
+        first: value("--first", "0").parse().unwrap_or(0),
         seeds: value("--seeds", "5").parse().unwrap_or(5),
         effects: list(value("--effects", "")),
         factors: list(value("--factors", "1,2,4")).iter().filter_map(|f| f.parse().ok()).collect(),

@@ -2,7 +2,7 @@
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal::calibration::diagnose::{DiagnoseOptions, FREE_MAP};
-use depthcal::calibration::judge::cross_validation::{cross_validate, errors};
+use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::io::Verdict;
 use depthcal_simulate::Effect;
@@ -18,13 +18,17 @@ const SIZES_MM: [f64; 2] = [0.3, 6.0];
 /// Held-out error over that of the same capture without the function from which the verdict must not be `adequate`.
 const MUCH: f64 = 1.1;
 
+/// Board pixels of a frame, about, on which errors without the function are judged.
+const JUDGED_PIXELS: usize = 16_000;
+
 /// One run: names, verdict, held-out error over that of the same capture without the function.
 type Run = (Vec<String>, Verdict, f64);
 
 impl Study {
     /// One capture per seed.
     pub fn nature(&self) {
-        let runs: Vec<Run> = (0..self.seeds)
+        let runs: Vec<Run> = self
+            .numbers()
             .into_par_iter()
             .filter_map(|seed| self.natural(seed).inspect_err(|e| eprintln!("nature {seed}: {e}")).ok())
             .collect();
@@ -50,7 +54,7 @@ impl Study {
         let options = CalibrateOptions::default();
         let without = calibrate(&self.capture(&drawn(&[], seed)?.simulation)?, &options)?;
         let folds = DiagnoseOptions::default().folds;
-        let pure = errors(&cross_validate(&without, folds, Parts::Interleaved, &options)?);
+        let pure = errors(&cross_validate_thinned(&without, folds, Parts::Interleaved, JUDGED_PIXELS, &options)?);
         let ratio = depth_rms_mm(&d.before) / pure.depth_rms_mm.unwrap_or(f64::NAN);
         let (verdict, names) = (d.verdict, names(&d));
         eprintln!("nature {seed}: {size:.2} mm {verdict:?} {names:?} error over pure {ratio:.3} {function:?}");

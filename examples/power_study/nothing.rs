@@ -38,7 +38,8 @@ impl Study {
     }
 
     fn nothing(&self, what: &str, first: u64, change: impl Fn(Simulation, u64) -> Result<Simulation, Failure> + Sync) {
-        let runs: Vec<(String, Verdict)> = (0..self.seeds)
+        let runs: Vec<(String, Verdict)> = self
+            .numbers()
             .into_par_iter()
             .filter_map(|seed| {
                 let run = || -> Result<_, Failure> {

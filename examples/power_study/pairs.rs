@@ -22,7 +22,8 @@ impl Study {
         println!("| effects | both named | a false name beside them |");
         println!("|---|---|---|");
         for (a, b) in PAIRS.into_iter().filter(|(a, b)| self.wants(a) || self.wants(b)) {
-            let runs: Vec<Vec<String>> = (0..self.seeds)
+            let runs: Vec<Vec<String>> = self
+                .numbers()
                 .into_par_iter()
                 .filter_map(|seed| {
                     let run = || -> Result<_, Failure> {

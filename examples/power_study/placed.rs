@@ -46,7 +46,8 @@ impl Study {
         let mut all = Vec::new();
         let effects = (0..).zip(catalogue().iter().filter(|e| e.hook == "depth"));
         for (number, info) in effects.filter(|(_, e)| self.wants(e.name)) {
-            let runs: Vec<Run> = (0..self.seeds)
+            let runs: Vec<Run> = self
+                .numbers()
                 .into_par_iter()
                 .filter_map(|seed| {
                     self.placed_run(info.name, number, seed)

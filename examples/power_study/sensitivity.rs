@@ -57,7 +57,7 @@ impl Study {
         let known = catalogue().iter().filter(|e| self.wants(e.name)).map(|e| Some((e.name, true)));
         let unknown = uncatalogued().iter().map(|e| Some((e.name, false)));
         let kinds: Vec<Option<(&'static str, bool)>> = known.chain(unknown).chain([None, None]).collect();
-        let all = (0..self.seeds).flat_map(|seed| kinds.iter().enumerate().map(move |(k, kind)| (seed, k, *kind)));
+        let all = self.numbers().flat_map(|seed| kinds.iter().enumerate().map(move |(k, kind)| (seed, k, *kind)));
         let capture = |(seed, k, kind): (u64, usize, Option<(&'static str, bool)>)| -> Result<_, Failure> {
             let of = |effects: &[Effect]| simulation(effects, seed + k as u64);
             Ok(match kind {

@@ -132,7 +132,8 @@ impl Study {
         );
         println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
         for info in catalogue().iter().filter(|e| self.wants(e.name)) {
-            let sizes: Vec<(u64, f64)> = (0..self.seeds)
+            let sizes: Vec<(u64, f64)> = self
+                .numbers()
                 .into_par_iter()
                 .filter_map(|seed| {
                     let size =

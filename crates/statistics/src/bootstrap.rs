@@ -52,6 +52,9 @@ pub struct Bootstrap {
 }
 
 impl Bootstrap {
+    /// Of errors over frames, wherever they are stated: the same frames have the same interval in records, reports and on the terminal.
+    pub const OVER_FRAMES: Self = Self { resamples: 1000, seed: 1 };
+
     /// Draws clusters of several strata (such as the frames of several datasets), each stratum within itself: for every
     /// resample and stratum the positions drawn. `sizes` is the number of clusters of each stratum.
     pub fn draws(&self, sizes: &[usize]) -> Vec<Vec<Vec<usize>>> {

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
-use crate::calibrate::{CalibrateOptions, calibrate};
+use crate::calibrate::{CalibrateOptions, calibrate, with_frame_scatter};
 use crate::simulated;
 
 /// What frames have of their own: planes of a millimetre or so, or terms in the inverse amplitude, which are as large at dark pixels.
@@ -16,8 +16,9 @@ enum Own {
     InverseAmplitudes,
 }
 
-/// Mean square of the deviations of D and K from the truth, in standard deviations, of one capture.
-fn mean_square_deviation(own: Own, seed: u64) -> f64 {
+/// Mean square of the deviations of D and K from the truth, in standard deviations, of one capture; `afterwards`, the fit is made as if
+/// frames had nothing of their own, and its standard deviations cover it only then.
+fn mean_square_deviation(own: Own, afterwards: bool, seed: u64) -> f64 {
     let camera = CameraTruth::published(1).unwrap();
     let noise = Noise { depth: DepthNoise::Disparity { sigma_rho: 1e-6 }, ..Noise::default() };
     let simulation = Simulation::new(camera, Kind::General(1), &[], seed).frames(30).noise(noise);
@@ -38,7 +39,9 @@ fn mean_square_deviation(own: Own, seed: u64) -> f64 {
             pixel.depth_mm = 1.0 / (1.0 / pixel.depth_mm + added);
         }
     }
-    let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
+    let options = CalibrateOptions { frame_planes: !afterwards, ..CalibrateOptions::default() };
+    let fit = calibrate(&capture, &options).unwrap();
+    let fit = if afterwards { with_frame_scatter(fit) } else { fit };
     assert!(fit.noise.planes.of_noise > 0.0, "the scatter of planes is reported");
     let deviations = fit.camera.theta().into_iter().zip(simulated::true_theta(&camera)).zip(fit.std_devs());
     let squares: Vec<f64> =
@@ -48,16 +51,17 @@ fn mean_square_deviation(own: Own, seed: u64) -> f64 {
 
 #[test]
 fn standard_deviations_cover_planes_of_frames() {
-    covers(Own::Planes);
+    covers(Own::Planes, false);
+    covers(Own::Planes, true);
 }
 
 #[test]
 fn standard_deviations_cover_terms_in_the_inverse_amplitude() {
-    covers(Own::InverseAmplitudes);
+    covers(Own::InverseAmplitudes, false);
 }
 
-fn covers(own: Own) {
-    let squares: Vec<f64> = (0..24).into_par_iter().map(|seed| mean_square_deviation(own, seed)).collect();
+fn covers(own: Own, afterwards: bool) {
+    let squares: Vec<f64> = (0..24).into_par_iter().map(|seed| mean_square_deviation(own, afterwards, seed)).collect();
     let mean = squares.iter().sum::<f64>() / squares.len() as f64;
     // Some five of the thirteen parameters are independent: of 24 captures the mean has a standard deviation of 0.13.
     assert!((0.5..1.6).contains(&mean), "{mean}");

@@ -9,6 +9,7 @@ mod folds;
 mod frame_checks;
 #[cfg(test)]
 mod frame_planes_tests;
+mod frame_scatter;
 #[cfg(test)]
 mod hard_frames_tests;
 mod held;
@@ -28,6 +29,7 @@ pub(crate) use driver::light_of_samples;
 pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples};
 pub use error::CalibrateError;
 pub use fitted::Calibrated;
+pub use frame_scatter::with_frame_scatter;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;
 pub use lens_order::{LensCandidate, LensChoice, LensOrder};

@@ -38,8 +38,25 @@ impl CandidateBlock {
 ///
 /// [`ScoreError`] where the problem cannot be evaluated.
 pub(super) fn linearize(fit: &Calibrated, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
+    linearize_with(fit, candidates, true)
+}
+
+/// The same of the markers alone, without depth.
+///
+/// # Errors
+///
+/// [`ScoreError`] where the problem cannot be evaluated.
+pub(super) fn linearize_images(fit: &Calibrated, candidates: &[CandidateBlock]) -> Result<Linearization, ScoreError> {
+    linearize_with(fit, candidates, false)
+}
+
+fn linearize_with(
+    fit: &Calibrated,
+    candidates: &[CandidateBlock],
+    with_depth: bool,
+) -> Result<Linearization, ScoreError> {
     let (camera, places) = with_candidates(&fit.camera, candidates.iter().map(|c| &c.block));
-    let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
+    let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, with_depth);
     let held = candidates.iter().zip(places);
     adjustment.linearize(held.map(|(c, place)| (c.spec.to_string(), place, c.smoothness.clone())))
 }

@@ -18,16 +18,17 @@ use super::free_functions::Along;
 use super::free_map::FREE_MAP;
 use super::held_out::HeldOut;
 use super::left_over::LeftOver;
+use super::lens_in_image::shows_in_images;
 use super::merit::merit;
 use super::options::DiagnoseOptions;
 use super::own_function::share_of_own_function;
 use super::possible::Possible;
 use super::pure_error::pure_error;
-use super::round::{Refuted, Round, RoundOutcome};
+use super::round::{Refutation, Refuted, Round, RoundOutcome};
 use super::step::steps;
 use super::stepwise_selection::score_given;
 use super::thresholds::Thresholds;
-use crate::calibrate::{CalibrateOptions, Calibrated};
+use crate::calibrate::{CalibrateOptions, Calibrated, with_frame_scatter};
 use crate::observe::Capture;
 
 /// Rounds in which the smoothness of the free map is chosen.
@@ -86,8 +87,7 @@ pub fn diagnose(
             }
         };
         let least_share = thresholds.least_relative_gain * explained;
-        let (decision, refuted) =
-            decide_with_own_functions(&present.fit, &examination, least_share, &rejected, options)?;
+        let (decision, refuted) = decide_without_refuted(&present.fit, &examination, least_share, &rejected, options)?;
         rounds.push(Round::new(&examination, decision.clone(), refuted));
         match &decision {
             Decision::Nothing => break examination,
@@ -171,6 +171,8 @@ pub fn diagnose(
         model.update_errors(0, &present.held_out)?;
     }
     model.report("looking for what to capture next", &model.present());
+    // While effects were looked for, what changes from frame to frame was no excuse; the numbers that are reported cover it.
+    present.fit = with_frame_scatter(present.fit);
     let steps = steps(&model, &first.held_out, &present.fit)?;
     let (fit, present) = (present.fit, present.held_out);
     let planes = frame_planes(&fit);
@@ -209,9 +211,9 @@ pub fn diagnose(
     })
 }
 
-/// Decides on an examination; effects of one covariate of which a free function of that covariate explains much more are refuted, and
-/// the decision is made without them.
-fn decide_with_own_functions(
+/// Decides on an examination; effects of one covariate are refuted where a free function of it explains much more, and those of the lens
+/// where images alone do not show them. The decision is made without them.
+fn decide_without_refuted(
     fit: &Calibrated,
     examination: &Examination,
     least_share: f64,
@@ -235,9 +237,16 @@ fn decide_with_own_functions(
             let others: Vec<&Evidence> =
                 members.iter().filter(|m| *m != member).map(|m| &examination.evidence[*m]).collect();
             let (states, effect) = (&examination.states, &examination.evidence[*member]);
+            if !shows_in_images(fit, register, effect, &others, thresholds)? {
+                refuted.push(Refuted { effect: *member, because: Refutation::NotInImages });
+                continue;
+            }
             let share = share_of_own_function(fit, register, states, effect, &others, thresholds)?;
             let small = share.filter(|(_, share)| *share < thresholds.least_explained_of_own);
-            refuted.extend(small.map(|(along, explained)| Refuted { effect: *member, along, explained }));
+            refuted.extend(small.map(|(along, explained)| Refuted {
+                effect: *member,
+                because: Refutation::OwnFunction { along, explained },
+            }));
         }
         if refuted.len() == before {
             return Ok((decision, refuted));

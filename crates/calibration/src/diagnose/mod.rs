@@ -8,6 +8,7 @@
 //! | effects that may be missing | [`candidates`] |
 //! | free functions that compete with them | [`free_functions`] |
 //! | the free function of an effect's own covariate | `own_function` |
+//! | whether images alone show an effect of the lens | `lens_in_image` |
 //! | the evidence for each in the residuals | [`evidence`], [`examination`] |
 //! | effects that explain the residuals together | `stepwise_selection` |
 //! | the decision: which effect to add, if any | [`decision`] |
@@ -39,6 +40,7 @@ pub mod free_functions;
 mod free_map;
 mod held_out;
 mod left_over;
+mod lens_in_image;
 pub mod merit;
 mod modulation_search;
 pub mod observed_states;
@@ -65,6 +67,6 @@ pub use left_over::LeftOver;
 pub use options::DiagnoseOptions;
 pub use possible::Possible;
 pub use pure_noise::{NoiseAtDepth, PureNoise};
-pub use round::{Refuted, Round, RoundOutcome};
+pub use round::{Refutation, Refuted, Round, RoundOutcome};
 pub use step::Step;
 pub use thresholds::Thresholds;

@@ -1,13 +1,14 @@
-//! The free function of an effect's own covariate, in the effect's place and form: an effect of one covariate is named only where it
-//! explains nearly all that any function there does.
+//! The free function of an effect's own covariate, in the effect's place and form: an effect of one covariate, or of the place in the
+//! image, is named only where it explains nearly all that any function there does.
 
 use std::iter::once;
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Block, Context, Of, On, Register};
+use depthcal_model::{Block, Context, Of, On, PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
+use super::candidates::missing_effects;
 use super::evidence::{Evidence, difference};
 use super::free_functions::{Along, FreeFunction, free_function, log_amplitude};
 use super::merit::significant;
@@ -19,6 +20,8 @@ use crate::calibrate::Calibrated;
 /// Basis functions: two and a half for each cycle of the shortest wave that is searched. Their smoothness is chosen by gains on
 /// left-out frames.
 const BASIS_FUNCTIONS: usize = 64;
+/// The same of a function of the place in the image, along its columns and its rows.
+const MAP: [usize; 2] = [12, 9];
 /// Share by which D may scale inverse depth: the measured one has a range that is wider by it at both ends.
 const DEPTH_MODEL_MARGIN: f64 = 0.08;
 /// Observations at which it is tried what an effect depends on.
@@ -27,7 +30,8 @@ const TRIED: usize = 48;
 const UNCHANGED: f64 = 1e-6;
 
 /// Covariates of which one alone may decide about an effect.
-const COVARIATES: [Along; 5] = [Along::Depth, Along::Amplitude, Along::Incidence, Along::Time, Along::Temperature];
+const COVARIATES: [Along; 6] =
+    [Along::Depth, Along::Amplitude, Along::Incidence, Along::Time, Along::Temperature, Along::Pixel];
 
 /// Form in which a block of the depth hook acts.
 fn form(block: &Block) -> Option<On> {
@@ -57,7 +61,11 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
                 Along::Incidence => state[3] = own.0[3],
                 Along::Amplitude => context.amplitude = own.1.amplitude,
                 Along::Time => context.time_s = own.1.time_s,
-                _ => context.temperature_c = own.1.temperature_c,
+                Along::Temperature => context.temperature_c = own.1.temperature_c,
+                _ => {
+                    state[..2].copy_from_slice(&own.0[..2]);
+                    context.pixel = own.1.pixel;
+                }
             }
             (state, context)
         });
@@ -66,20 +74,25 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
     COVARIATES.into_iter().find(depends_on_it_alone).filter(|_| largest > 0.0)
 }
 
-/// The free function beside an effect; `None` for effects of several covariates.
-fn own_function(block: &Block, states: &ObservedStates) -> Option<FreeFunction> {
+/// The free function beside an effect, over an image of `size` columns and rows; `None` for effects of several covariates.
+fn own_function(block: &Block, states: &ObservedStates, size: [usize; 2]) -> Option<FreeFunction> {
     let (along, on, of) = (own_covariate(block, states)?, form(block)?, block.placement().of);
-    let range = states.range(|state, context| match along {
+    let value = |state: &[f64; 4], context: &Context| match along {
         Along::Depth => state[2],
         Along::Incidence => state[3],
         Along::Amplitude => log_amplitude(context),
         Along::Time => context.time_s,
         _ => context.temperature_c,
-    })?;
-    let margin = if along == Along::Depth && of == Of::Measured { DEPTH_MODEL_MARGIN } else { 0.0 };
-    let (low, high) = (range.low * (1.0 - margin), range.high * (1.0 + margin));
-    let axis = Axis { low, high, count: BASIS_FUNCTIONS, degree: CUBIC };
-    (high > low).then(|| free_function("its own covariate", along, Action::Depth(of, on), vec![axis]))
+    };
+    let axes = if along == Along::Pixel {
+        [0, 1].map(|i| Axis { low: 0.0, high: size[i] as f64 - 1.0, count: MAP[i], degree: CUBIC }).to_vec()
+    } else {
+        let range = states.range(value).filter(|r| r.span() > 0.0)?;
+        let margin = if along == Along::Depth && of == Of::Measured { DEPTH_MODEL_MARGIN } else { 0.0 };
+        let (low, high) = (range.low * (1.0 - margin), range.high * (1.0 + margin));
+        vec![Axis { low, high, count: BASIS_FUNCTIONS, degree: CUBIC }]
+    };
+    Some(free_function("its own covariate", along, Action::Depth(of, on), axes))
 }
 
 /// Share that an effect explains, given the `others` that are added with it, of what it and the free function of its own covariate
@@ -100,30 +113,54 @@ pub(super) fn share_of_own_function(
     if effect.block.hook() != HookKind::Depth {
         return Ok(None);
     }
-    let Some(FreeFunction { along, block, smoothness, name }) = own_function(&effect.block, states) else {
+    let Some(FreeFunction { along, block, smoothness, name }) =
+        own_function(&effect.block, states, [fit.camera.width, fit.camera.height])
+    else {
         return Ok(None);
     };
-    let of_effect = |e: &Evidence| CandidateBlock::effect(register, e.spec.clone());
+    let of_effect = |spec: &PieceSpec| CandidateBlock::effect(register, spec.clone());
+    let variants = variants(fit, register, states, effect);
     let mut candidates: Vec<CandidateBlock> =
-        others.iter().copied().chain(once(effect)).filter_map(of_effect).collect();
-    let spec = depthcal_model::PieceSpec::new(name);
+        others.iter().map(|e| &e.spec).chain(&variants).filter_map(of_effect).collect();
+    let spec = PieceSpec::new(name);
     let (name, smoothness) = (name.to_owned(), Some(smoothness));
     candidates.push(CandidateBlock { name, spec, value: None, along: Some(along), block, smoothness });
     let linearization = linearize(fit, &candidates)?;
-    let (function, rest) = (candidates.len() - 1, candidates.len() - 2);
-    let all: Vec<usize> = (0..candidates.len()).collect();
-    let of_others = linearization.held_out_gain(&all[..rest]);
-    let of_effects = linearization.held_out_gain(&all[..function]);
-    let explained: f64 = difference(&of_effects, &of_others).iter().sum();
-    let added = difference(&linearization.held_out_gain(&all), &of_effects);
-    let p_value = linearization.score_adjusted(function, &all[..function]).p_value;
-    let left = if significant(p_value, 1, &added, thresholds) { added.iter().sum() } else { 0.0 };
+    let (first, function) = (others.len(), candidates.len() - 1);
+    let others: Vec<usize> = (0..first).collect();
+    let with = |more: &[usize]| linearization.held_out_gain(&[&others, more].concat());
+    let total = |gains: &[f64]| gains.iter().sum::<f64>();
+    let of_variants = (first..function).map(|variant| (variant, with(&[variant])));
+    let Some((variant, of_effects)) = of_variants.max_by(|a, b| total(&a.1).total_cmp(&total(&b.1))) else {
+        return Ok(None);
+    };
+    let explained = total(&difference(&of_effects, &with(&[])));
+    let added = difference(&with(&[variant, function]), &of_effects);
+    let p_value = linearization.score_adjusted(function, &[&others[..], &[variant]].concat()).p_value;
+    eprintln!(
+        "OWN {} {:?} explained {explained:.1} added {:.1} p {p_value:.1e} t {:.2}",
+        candidates[variant].spec,
+        along,
+        total(&added),
+        depthcal_statistics::mean_to_standard_error(&added)
+    );
+    let left = if significant(p_value, 1, &added, thresholds) { total(&added) } else { 0.0 };
     Ok((left > 0.0).then(|| (along, explained / (explained + left))))
+}
+
+/// The spec of an effect, and with those values of its constant that are searched only once it is in the model.
+fn variants(fit: &Calibrated, register: &Register, states: &ObservedStates, effect: &Evidence) -> Vec<PieceSpec> {
+    let missing = missing_effects(register, &fit.camera, states);
+    let later = missing.iter().filter(|missing| missing.name == effect.name).flat_map(|missing| {
+        let placement = effect.spec.placement;
+        missing.afterwards.iter().map(move |value| missing.spec(Some(*value), placement))
+    });
+    once(effect.spec.clone()).chain(later.filter(|spec| *spec != effect.spec)).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use depthcal_model::{PieceSpec, Placement};
+    use depthcal_model::Placement;
     use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
     use super::*;
@@ -148,9 +185,10 @@ mod tests {
                 assert_eq!(own("quadratic_depth", placement), Some(Along::Depth), "{placement}");
                 assert_eq!(own("incidence_bias", placement), Some(Along::Incidence), "{placement}");
                 assert_eq!(own("reflectivity_bias", placement), Some(Along::Amplitude), "{placement}");
-                for several in ["projector_distortion", "radial_range", "range_offset", "temporal_drift"] {
-                    assert_eq!(own(several, placement), None, "{several}{placement}");
+                for of_place in ["projector_distortion", "radial_range", "range_offset"] {
+                    assert_eq!(own(of_place, placement), Some(Along::Pixel), "{of_place}{placement}");
                 }
+                assert_eq!(own("temporal_drift", placement), None, "{placement}");
             }
         }
         assert_eq!(own("board_bow", Placement::default()), None);

@@ -4,8 +4,8 @@ use depthcal_io::{
     DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
     DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
     DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefuted, DiagnosisRound, DiagnosisShared,
-    DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
+    DiagnosisRound, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
@@ -22,7 +22,7 @@ use super::left_over::LeftOver;
 use super::possible::Possible;
 use super::pure_error::{PureError, Shared};
 use super::pure_noise::{NoiseAtDepth, PureNoise};
-use super::round::{Refuted, Round, RoundOutcome};
+use super::round::{Refutation, Refuted, Round, RoundOutcome};
 use super::step::Step;
 
 /// Largest ratio to the frames' planes that is recorded: of next to nothing anything is a multiple.
@@ -80,8 +80,12 @@ fn round(round: &Round) -> DiagnosisRound {
 fn refuted(round: &Round, refuted: &Refuted) -> DiagnosisRefuted {
     DiagnosisRefuted {
         effect: round.evidence[refuted.effect].name.clone(),
-        along: along(refuted.along),
-        explained_share: refuted.explained,
+        because: match refuted.because {
+            Refutation::OwnFunction { along: a, explained } => {
+                DiagnosisRefutation::OwnFunction { along: along(a), explained_share: explained }
+            }
+            Refutation::NotInImages => DiagnosisRefutation::NotInImages,
+        },
     }
 }
 

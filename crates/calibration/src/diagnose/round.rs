@@ -16,22 +16,33 @@ pub struct Round {
     pub cost: f64,
     /// The decision.
     pub decision: Decision,
-    /// Effects that the decision disregards, because a free function of their covariate explains much more.
+    /// Effects that the decision disregards.
     pub refuted: Vec<Refuted>,
     /// What came of the decision; `None` where nothing is missing.
     pub outcome: Option<RoundOutcome>,
 }
 
-/// An effect of one covariate that explains too little of what a free function of that covariate, in the effect's place and form,
-/// explains.
+/// An effect that a decision disregards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refuted {
     /// Its place in [`Round::evidence`].
     pub effect: usize,
-    /// The covariate.
-    pub along: Along,
-    /// Share that it explains of what both explain together.
-    pub explained: f64,
+    /// Why.
+    pub because: Refutation,
+}
+
+/// Why a decision disregards an effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Refutation {
+    /// It explains too little of what a free function of its covariate, in its place and form, explains.
+    OwnFunction {
+        /// The covariate.
+        along: Along,
+        /// Share that it explains of what both explain together.
+        explained: f64,
+    },
+    /// It is one of the lens, and images alone do not show it.
+    NotInImages,
 }
 
 /// What came of a decision.

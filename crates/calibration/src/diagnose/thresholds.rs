@@ -25,7 +25,7 @@ pub struct Thresholds {
     /// an effect that resembles only a part of an unknown error.
     pub least_explained: f64,
     /// Share that an effect of one covariate must explain of what it and any function of that covariate explain together in its place and
-    /// form (0.9). Guards against the name of an effect for another function of the same covariate.
+    /// form (0.97). Guards against the name of an effect for another function of the same covariate.
     pub least_explained_of_own: f64,
     /// Share that named effects must explain of the planes by which single frames deviate (0.7). Guards against naming an
     /// effect where errors change from frame to frame.
@@ -149,7 +149,7 @@ impl Default for Thresholds {
             least_gain_t: 1.2,
             least_relative_gain: 0.06,
             least_explained: 0.75,
-            least_explained_of_own: 0.9,
+            least_explained_of_own: 0.97,
             least_explained_of_planes: 0.7,
             plane_scatter: 1.5,
             distinguishing_t: 2.0,

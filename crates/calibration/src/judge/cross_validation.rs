@@ -143,7 +143,7 @@ pub fn errors(evaluated: &Evaluated) -> HeldOutErrors {
 const MOST_SIGMAS: f64 = 8.0;
 
 /// Whole frames are drawn, because the pixels of a frame share errors.
-const BOOTSTRAP: Bootstrap = Bootstrap { resamples: 1000, seed: 1 };
+const BOOTSTRAP: Bootstrap = Bootstrap::OVER_FRAMES;
 
 /// Blocks of consecutive frames into which a recording is divided where time matters.
 const BLOCKS_OF_TIME: usize = 10;

@@ -59,16 +59,29 @@ pub enum DiagnosisCompetitor {
     FramePlanes,
 }
 
-/// An effect of one covariate that explains too little of what a free function of that covariate explains in the effect's place and
-/// form: the effect is not what depends on the covariate there.
+/// An effect that a decision disregards.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DiagnosisRefuted {
     /// Name of the effect.
     pub effect: String,
-    /// Its covariate.
-    pub along: DiagnosisCovariate,
-    /// Gain of the effect over that of both: falls of ½ Σ r² on left-out frames.
-    pub explained_share: f64,
+    /// Why.
+    pub because: DiagnosisRefutation,
+}
+
+/// Why a decision disregards an effect. In JSON an object with the field `kind`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum DiagnosisRefutation {
+    /// It explains too little of what a free function of its covariate explains in its place and form: it is not what depends on the
+    /// covariate there.
+    OwnFunction {
+        /// The covariate.
+        along: DiagnosisCovariate,
+        /// Gain of the effect over that of both: falls of ½ Σ r² on left-out frames.
+        explained_share: f64,
+    },
+    /// It is one of the lens, and images alone do not show it.
+    NotInImages,
 }
 
 /// The fate of an effect that a round found missing: added, or not and why. In JSON an object with the field `kind`.

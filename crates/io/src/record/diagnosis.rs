@@ -153,7 +153,7 @@ pub struct DiagnosisRound {
     pub effects: Vec<DiagnosisCandidate>,
     /// Free functions of a covariate, in descending order of gain. They compete with the effects and name nothing.
     pub free: Vec<DiagnosisCandidate>,
-    /// Effects that the decision disregards, because a free function of their covariate explains much more.
+    /// Effects that the decision disregards.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refuted: Vec<DiagnosisRefuted>,
     /// The decision, and what became of it.

@@ -22,7 +22,8 @@ pub use comparison::{
 };
 pub use covariate::DiagnosisCovariate;
 pub use decision::{
-    DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisRefuted, DiagnosisUnexplainedOutcome,
+    DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisRefutation, DiagnosisRefuted,
+    DiagnosisUnexplainedOutcome,
 };
 pub use diagnosis::{
     DiagnosisCandidate, DiagnosisFile, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisParameter,

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use depthcal_io::{
     DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate, DiagnosisDecision,
     DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisPlace, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefuted, DiagnosisShared, DiagnosisStep,
-    DiagnosisUnexplainedOutcome,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
+    DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
 };
 use depthcal_model::{Covariate, Of, On};
 
@@ -75,14 +75,17 @@ pub(crate) fn decision(decision: &DiagnosisDecision) -> String {
     }
 }
 
-/// An effect that a free function of its covariate refutes, without full stop.
+/// An effect that a decision disregards, without full stop.
 pub(crate) fn refuted(refuted: &DiagnosisRefuted) -> String {
-    format!(
-        "not considered: {}, which explains {} of what a free function of {} explains",
-        pieces(&refuted.effect),
-        share(refuted.explained_share),
-        covariate(refuted.along)
-    )
+    let why = match &refuted.because {
+        DiagnosisRefutation::OwnFunction { along, explained_share } => format!(
+            "explains only {} of what it and a free function of {} explain together",
+            share(*explained_share),
+            covariate(*along)
+        ),
+        DiagnosisRefutation::NotInImages => "is an effect of the lens that the images alone do not show".to_owned(),
+    };
+    format!("not considered: {}, which {why}", pieces(&refuted.effect))
 }
 
 fn added(outcome: &DiagnosisAddOutcome) -> String {
