@@ -137,13 +137,6 @@ pub(super) fn share_of_own_function(
     let explained = total(&difference(&of_effects, &with(&[])));
     let added = difference(&with(&[variant, function]), &of_effects);
     let p_value = linearization.score_adjusted(function, &[&others[..], &[variant]].concat()).p_value;
-    eprintln!(
-        "OWN {} {:?} explained {explained:.1} added {:.1} p {p_value:.1e} t {:.2}",
-        candidates[variant].spec,
-        along,
-        total(&added),
-        depthcal_statistics::mean_to_standard_error(&added)
-    );
     let left = if significant(p_value, 1, &added, thresholds) { total(&added) } else { 0.0 };
     Ok((left > 0.0).then(|| (along, explained / (explained + left))))
 }
