@@ -99,6 +99,15 @@ pub fn diagnose(
                     conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
                     break examination;
                 }
+                let effects = match rounds.len() < thresholds.most_rounds {
+                    true => model.remove_hidden_lens_effects(&mut present)?,
+                    false => Vec::new(),
+                };
+                if !effects.is_empty() {
+                    rejected.extend(effects.iter().map(|spec| spec.name.clone()));
+                    conclude(&mut rounds, RoundOutcome::TakenOut { effects });
+                    continue;
+                }
                 left_over.extend(LeftOver::free_function(found, *explained));
                 if found.along.is_some_and(Along::is_of_the_pixel) {
                     let tested = examination.free_functions().count() as f64;
@@ -212,7 +221,7 @@ pub fn diagnose(
 }
 
 /// Decides on an examination; effects of one covariate are refuted where a free function of it explains much more, and those of the lens
-/// where images alone do not show them. The decision is made without them.
+/// where something remains unexplained and images alone do not show them. The decision is made without them.
 fn decide_without_refuted(
     fit: &Calibrated,
     examination: &Examination,
@@ -226,18 +235,18 @@ fn decide_without_refuted(
     loop {
         let places: Vec<usize> = refuted.iter().map(|r| r.effect).collect();
         let decision = decide(examination, &planes, least_share, rejected, &places, thresholds);
-        let members: Vec<usize> = match &decision {
-            Decision::Add { effect, jointly_with, .. } => {
-                std::iter::once(effect).chain(jointly_with).copied().collect()
+        let (members, leaves_unexplained) = match &decision {
+            Decision::Add { effect, jointly_with, leaves_unexplained, .. } => {
+                (std::iter::once(effect).chain(jointly_with).copied().collect(), *leaves_unexplained)
             }
-            Decision::Nothing | Decision::Unexplained { .. } => Vec::new(),
+            Decision::Nothing | Decision::Unexplained { .. } => (Vec::<usize>::new(), false),
         };
         let before = refuted.len();
         for member in &members {
             let others: Vec<&Evidence> =
                 members.iter().filter(|m| *m != member).map(|m| &examination.evidence[*m]).collect();
             let (states, effect) = (&examination.states, &examination.evidence[*member]);
-            if !shows_in_images(fit, register, effect, &others, thresholds)? {
+            if leaves_unexplained && !shows_in_images(fit, register, effect, &others, thresholds)? {
                 refuted.push(Refuted { effect: *member, because: Refutation::NotInImages });
                 continue;
             }

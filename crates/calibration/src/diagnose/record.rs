@@ -156,6 +156,9 @@ fn decision(round: &Round) -> DiagnosisDecision {
                 Competitor::FramePlanes => DiagnosisCompetitor::FramePlanes,
             },
             outcome: match &round.outcome {
+                Some(RoundOutcome::TakenOut { effects }) => {
+                    DiagnosisUnexplainedOutcome::TakenOut { effects: specs(effects) }
+                }
                 Some(RoundOutcome::FreeMapAdded { map }) => {
                     DiagnosisUnexplainedOutcome::FreeMapAdded { spec: map.to_string() }
                 }

@@ -74,6 +74,11 @@ pub enum RoundOutcome {
     },
     /// What no named effect explains is reported.
     Reported,
+    /// Effects of the lens that were added before are removed: something else is unexplained, and images alone do not show them.
+    TakenOut {
+        /// Their specifications.
+        effects: Vec<PieceSpec>,
+    },
     /// What no named effect explains is corrected by a free map.
     FreeMapAdded {
         /// The form of the map.

@@ -130,6 +130,11 @@ pub enum DiagnosisUnexplainedOutcome {
     /// It is reported and nothing is added: a map over the image cannot describe it, or brings nothing on held-out
     /// frames.
     Reported,
+    /// Effects of the lens that were added before were taken out of the model, because the images alone do not show them.
+    TakenOut {
+        /// They as given to `calibrate --with`.
+        effects: Vec<String>,
+    },
     /// A free map over the image was added to the model as a correction.
     FreeMapAdded {
         /// The map as given to `calibrate --with`.

@@ -116,6 +116,10 @@ fn added(outcome: &DiagnosisAddOutcome) -> String {
 fn unexplained(outcome: &DiagnosisUnexplainedOutcome) -> String {
     match outcome {
         DiagnosisUnexplainedOutcome::Reported => "nothing is added".to_owned(),
+        DiagnosisUnexplainedOutcome::TakenOut { effects } => format!(
+            "removed, because they are effects of the lens that the images alone do not show: {}",
+            join(&effects.iter().map(|s| pieces(s)).collect::<Vec<_>>())
+        ),
         DiagnosisUnexplainedOutcome::FreeMapAdded { spec } => format!("corrected by a map: {}", pieces(spec)),
         DiagnosisUnexplainedOutcome::TooSmall { share_of_cost, least_share } => format!(
             "too small to report: {} of the squared residuals, less than {}",
