@@ -5,9 +5,11 @@
 
 use std::sync::Arc;
 
-use depthcal_model::{AnyPiece, Block, Context, Of, On, Parameter};
+use depthcal_model::{AnyPiece, Block, Of, On, Parameter};
 use nalgebra::DMatrix;
 
+pub use super::along::Along;
+use super::along::log_amplitude;
 use super::observed_states::{ObservedStates, Range};
 use super::spline_piece::{Action, Axis, CUBIC, LINEAR, SplinePiece};
 use super::thresholds::Thresholds;
@@ -24,36 +26,6 @@ const AMPLITUDE: usize = 6;
 const INCIDENCE: usize = 5;
 const TIME: usize = 6;
 const TEMPERATURE: usize = 5;
-
-/// The covariate of a free function.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Along {
-    /// Pixel position, both coordinates together.
-    Pixel,
-    /// Image column.
-    Column,
-    /// Image row.
-    Row,
-    /// Inverse depth.
-    Depth,
-    /// Infrared amplitude, its logarithm.
-    Amplitude,
-    /// Angle of incidence, its cosine.
-    Incidence,
-    /// Time.
-    Time,
-    /// Temperature.
-    Temperature,
-    /// Position on the board: its shape.
-    Board,
-}
-
-impl Along {
-    /// Whether the covariate is the pixel's position, or a part of it: then a map over the image can correct the depth.
-    pub fn is_of_the_pixel(self) -> bool {
-        matches!(self, Along::Pixel | Along::Column | Along::Row)
-    }
-}
 
 /// A free function, ready to be tested.
 #[derive(Debug, Clone)]
@@ -103,11 +75,6 @@ pub(super) fn free_function(name: &'static str, along: Along, action: Action, ax
     let parameters = vec![Parameter::new("c", unit, 0.0, 1.0); count];
     let block = Block::new(Arc::new(SplinePiece { name, along, action, axes, parameters }) as Arc<dyn AnyPiece>).hold();
     FreeFunction { name, along, block, smoothness }
-}
-
-/// Logarithm of the infrared amplitude; finite for an amplitude of zero.
-pub(super) fn log_amplitude(context: &Context) -> f64 {
-    context.amplitude.max(1e-300).ln()
 }
 
 /// The free functions of every covariate that is known and varies enough for the data to determine them, over images of

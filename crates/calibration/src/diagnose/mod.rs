@@ -22,6 +22,7 @@
 //!
 //! Every threshold of the rules is in [`Thresholds`]. Findings are data; `depthcal-report` words them.
 
+mod along;
 mod augmented_model;
 pub mod bad_frames;
 mod candidate_blocks;
@@ -50,6 +51,7 @@ mod possible;
 pub mod pure_error;
 mod pure_noise;
 pub mod record;
+mod residual_cells;
 mod round;
 pub mod separability;
 mod spline_piece;

@@ -7,10 +7,11 @@ use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Context, Of, On, PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
 
+use super::along::{Along, log_amplitude};
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::candidates::missing_effects;
 use super::evidence::{Evidence, difference};
-use super::free_functions::{Along, FreeFunction, free_function, log_amplitude};
+use super::free_functions::{FreeFunction, free_function};
 use super::merit::significant;
 use super::observed_states::ObservedStates;
 use super::spline_piece::{Action, Axis, CUBIC};

@@ -8,7 +8,7 @@
 use depthcal_statistics::nearest_rank;
 use rayon::prelude::*;
 
-use super::pure_error::{Cells, Cover, LARGEST_SHARE};
+use super::residual_cells::{Cells, Cover, LARGEST_SHARE};
 use crate::calibrate::Calibrated;
 use crate::observe::depth_sampling::{LONGEST_PX, SILL};
 use crate::observe::noise::DepthNoise;

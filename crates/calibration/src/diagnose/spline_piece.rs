@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AnyPiece, Context, Of, On, Parameter, Placement, REFERENCE_DEPTH_MM, Role};
 
-use super::free_functions::{Along, log_amplitude};
+use super::along::{Along, log_amplitude};
 
 /// Degrees of the splines.
 pub(super) const LINEAR: usize = 1;
