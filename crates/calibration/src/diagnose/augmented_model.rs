@@ -12,6 +12,7 @@ use super::evidence::Evidence;
 use super::examination::test_effect;
 use super::held_out::{Gain, HeldOut, gain};
 use super::merit::significant;
+use super::modulation_search::promising_modulations;
 use super::options::DiagnoseOptions;
 use super::possible::Possible;
 use super::thresholds::Thresholds;
@@ -19,7 +20,7 @@ use super::variant_search::{Refined, refined_variant};
 use crate::calibrate::{
     CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, light_of_samples, readjust,
 };
-use crate::judge::cross_validation::{cross_validate_thinned, errors};
+use crate::judge::cross_validation::{cross_validate_thinned, errors, weighted_gain_percent};
 use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
 use crate::observe::{Capture, SampledFrame};
@@ -286,6 +287,47 @@ impl<'a> AugmentedModel<'a> {
             }
         }
         Ok(Fitted { held_out: self.held_out(&fit, &self.present())?, fit })
+    }
+
+    /// Fits the model anew with other modulation frequencies of the effect that was added last, where it depends on them and others explain
+    /// more; else `fit` as it is. Frequencies are compared by score tests first, and where one of them explains more than the present ones, the
+    /// best by fits and held-out errors: the effect is not linear in the share of the light where pixels are dark.
+    fn with_modulation(&mut self, fit: Calibrated) -> Result<Calibrated, CalibrateError> {
+        let Some(added) = self.added.last() else { return Ok(fit) };
+        let register = &self.declared().register;
+        let specs = promising_modulations(&fit, register, &added.evidence, self.thresholds());
+        let specs = specs.unwrap_or_else(|error| {
+            info!("modulation frequencies are not searched: {error}");
+            Vec::new()
+        });
+        if specs.is_empty() {
+            return Ok(fit);
+        }
+        let noise = fit.noise.depth;
+        let present = self.held_out(&fit, &self.present())?;
+        let (mut best, mut most) = (added.evidence.spec.clone(), 0.0);
+        for spec in specs {
+            self.set_last_spec(spec.clone());
+            let held_out = match self.fitted(&self.present()) {
+                Ok(fitted) => fitted.held_out,
+                Err(error) => {
+                    info!("{spec}: {error}");
+                    continue;
+                }
+            };
+            let gain = weighted_gain_percent(&present.evaluated, &held_out.evaluated, &noise);
+            if let Some(gain) = gain.filter(|gain| gain.is_certain() && gain.value > most) {
+                (best, most) = (spec, gain.value);
+            }
+        }
+        self.set_last_spec(best);
+        self.fit(&self.present())
+    }
+
+    fn set_last_spec(&mut self, spec: PieceSpec) {
+        if let Some(last) = self.added.last_mut() {
+            last.evidence.spec = spec;
+        }
     }
 
     /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them. Of those

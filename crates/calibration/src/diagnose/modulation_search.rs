@@ -7,14 +7,11 @@ use depthcal_solver::score::ScoreError;
 use depthcal_statistics::mean_to_standard_error;
 use rayon::prelude::*;
 use thiserror::Error;
-use tracing::info;
 
-use super::augmented_model::AugmentedModel;
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::evidence::{Evidence, difference};
 use super::thresholds::Thresholds;
-use crate::calibrate::{CalibrateError, Calibrated};
-use crate::judge::cross_validation::weighted_gain_percent;
+use crate::calibrate::Calibrated;
 use crate::observe::frame_light::relit;
 use crate::observe::{Capture, PixelRays, SampledFrame};
 
@@ -41,7 +38,7 @@ const FRAMES: usize = 16;
 
 /// The light of frames cannot be computed anew, or the problem not be evaluated with it.
 #[derive(Debug, Error)]
-enum ModulationError {
+pub(super) enum ModulationError {
     /// An image has become unreadable.
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -50,52 +47,13 @@ enum ModulationError {
     Score(#[from] ScoreError),
 }
 
-impl AugmentedModel<'_> {
-    /// Fits the model anew with other modulation frequencies of the effect that was added last, where it depends on them and others explain
-    /// more; else `fit` as it is. Frequencies are compared by score tests first, and where one of them explains more than the present ones, the
-    /// best by fits and held-out errors: the effect is not linear in the share of the light where pixels are dark.
-    pub(super) fn with_modulation(&mut self, fit: Calibrated) -> Result<Calibrated, CalibrateError> {
-        let Some(added) = self.added.last() else { return Ok(fit) };
-        let register = &self.declared().register;
-        let specs = promising(&fit, register, &added.evidence, self.thresholds()).unwrap_or_else(|error| {
-            info!("modulation frequencies are not searched: {error}");
-            Vec::new()
-        });
-        if specs.is_empty() {
-            return Ok(fit);
-        }
-        let own = added.evidence.spec.clone();
-        let noise = fit.noise.depth;
-        let present = self.held_out(&fit, &self.present())?;
-        let (mut best, mut most) = (own.clone(), 0.0);
-        for spec in specs {
-            self.set_last_spec(spec.clone());
-            let held_out = match self.fitted(&self.present()) {
-                Ok(fitted) => fitted.held_out,
-                Err(error) => {
-                    info!("{spec}: {error}");
-                    continue;
-                }
-            };
-            let gain = weighted_gain_percent(&present.evaluated, &held_out.evaluated, &noise);
-            if let Some(gain) = gain.filter(|gain| gain.is_certain() && gain.value > most) {
-                (best, most) = (spec, gain.value);
-            }
-        }
-        self.set_last_spec(best);
-        self.fit(&self.present())
-    }
-
-    fn set_last_spec(&mut self, spec: PieceSpec) {
-        if let Some(last) = self.added.last_mut() {
-            last.evidence.spec = spec;
-        }
-    }
-}
-
 /// The specs of an added effect with those known modulation frequencies that explain most, where any explains more than those that it has;
 /// none for effects that do not depend on them.
-fn promising(
+///
+/// # Errors
+///
+/// [`ModulationError`].
+pub(super) fn promising_modulations(
     fit: &Calibrated,
     register: &Register,
     added: &Evidence,
