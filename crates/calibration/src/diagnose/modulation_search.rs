@@ -34,7 +34,7 @@ const KNOWN_MHZ: [&[f64]; 12] = [
 /// So many of the best sets are fitted.
 const FITTED: usize = 4;
 /// Frames, evenly over the capture, that are searched: their light is computed anew for every set.
-const FRAMES: usize = 16;
+const FRAMES: usize = 8;
 
 /// The light of frames cannot be computed anew, or the problem not be evaluated with it.
 #[derive(Debug, Error)]

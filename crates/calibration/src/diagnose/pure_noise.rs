@@ -17,7 +17,7 @@ use crate::observe::noise::DepthNoise;
 const BINS: usize = 8;
 /// Quantiles of depth at which the standard deviation is stated.
 const STATED: [f64; 3] = [0.05, 0.5, 0.95];
-/// About so many residuals determine the law.
+/// About so many residuals determine the law, and as many pairs of pixels the covariance at each distance.
 const MOST_RESIDUALS: usize = 200_000;
 
 /// The noise of depth that the pure error has.
@@ -103,7 +103,8 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
         total.iter_mut().zip(of_frame).for_each(|(t, f)| *t = (t.0 + f.0, t.1 + f.1));
     }
     let count: usize = frames.iter().map(|f| f.len()).sum();
-    let step = (count / MOST_RESIDUALS).max(1);
+    // Odd, so that no pattern of every second pixel is left out.
+    let step = (count / MOST_RESIDUALS) | 1;
     let some = || frames.iter().copied().flatten().step_by(step);
     let mut depths: Vec<f64> = some().map(Cells::depth_mm).collect();
     depths.sort_by(f64::total_cmp);
@@ -120,14 +121,14 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
                 (n > 0.5).then(|| f64::from(sum / n))
             };
             let mut sums = Sums::default();
-            for c in frame.iter() {
+            for c in frame.iter().step_by(step) {
                 let value = f64::from(c.value);
                 let products = (value * value, others(c).map(|mean| value * mean));
                 sums.bins[bin_of(c.depth_mm())].add(products.0, products.1);
                 sums.distances[0].add(products.0, products.1);
             }
             if has_images {
-                add_distances(&mut sums, frame, others);
+                add_distances(&mut sums, frame, step, others);
             }
             sums
         })
@@ -156,14 +157,14 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
     Some(PureNoise { law, at, correlation_px: has_images.then(|| correlation_px(&sums.distances)) })
 }
 
-/// Adds the products of a frame's pixels with those to the right of and below them.
-fn add_distances(sums: &mut Sums, frame: &[Cells], others: impl Fn(&Cells) -> Option<f64>) {
+/// Adds the products of every `step`-th of a frame's pixels with those to the right of and below it.
+fn add_distances(sums: &mut Sums, frame: &[Cells], step: usize, others: impl Fn(&Cells) -> Option<f64>) {
     let size = frame.iter().fold([0; 2], |s, c| [0, 1].map(|i| usize::max(s[i], usize::from(c.pixel[i]) + 1)));
     let columns = size[0] + LONGEST_PX;
     let mut at_pixel = vec![usize::MAX; columns * (size[1] + LONGEST_PX)];
     let place = |c: &Cells| usize::from(c.pixel[1]) * columns + usize::from(c.pixel[0]);
     frame.iter().enumerate().for_each(|(i, c)| at_pixel[place(c)] = i);
-    for c in frame {
+    for c in frame.iter().step_by(step) {
         let own = (f64::from(c.value), others(c));
         for (h, products) in sums.distances.iter_mut().enumerate().skip(1) {
             for next in [place(c) + h, place(c) + h * columns] {
