@@ -9,6 +9,7 @@
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
 //! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables; on request also `faultless`, `nature`, `fine`, `coverage` and `sensitivity` |
 //! | `--effects a,b` | these effects only |
+//! | `--thresholds a,b` | these thresholds only, in `sensitivity` |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
 //! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
 //! | `--first K` | number of the first of them (0): a study in parts, or one capture again |
@@ -47,6 +48,7 @@ struct Study {
     first: u64,
     seeds: u64,
     effects: Vec<String>,
+    thresholds: Vec<String>,
     factors: Vec<f64>,
 }
 
@@ -118,6 +120,7 @@ fn main() {
         first: value("--first", "0").parse().unwrap_or(0),
         seeds: value("--seeds", "5").parse().unwrap_or(5),
         effects: list(value("--effects", "")),
+        thresholds: list(value("--thresholds", "")),
         factors: list(value("--factors", "1,2,4")).iter().filter_map(|f| f.parse().ok()).collect(),
     };
     let start = Instant::now();

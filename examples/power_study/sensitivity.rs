@@ -116,7 +116,8 @@ impl Study {
             );
         };
         row("as they are", String::new(), Thresholds::default());
-        for (name, place) in VARIED {
+        let wants = |name: &str| self.thresholds.is_empty() || self.thresholds.iter().any(|n| n == name);
+        for (name, place) in VARIED.into_iter().filter(|(name, _)| wants(name)) {
             for factor in [0.5, 2.0] {
                 let mut thresholds = Thresholds::default();
                 let value = place(&mut thresholds);
