@@ -128,8 +128,8 @@ pub fn plane_scatter<F: AdjustableFrame>(capture: &Capture<F>, camera: &Camera, 
     scatter_of(&planes, &with_amplitude.into_iter().flatten().collect::<Vec<_>>())
 }
 
-/// The scatter that planes show beyond what noise makes of them, and that of the term in the inverse amplitude beside them where
-/// `with_amplitude` has it.
+/// The scatter of the frames' planes in excess of what noise explains. Where `with_amplitude` has fits of planes together with a term in the
+/// inverse amplitude, the scatter of each coefficient comes from those.
 fn scatter_of(planes: &[OwnPlaneFit<3>], with_amplitude: &[OwnPlaneFit<4>]) -> PlaneScatter {
     let n = planes.len();
     let statistic: f64 = planes.iter().map(OwnPlaneFit::statistic).sum();

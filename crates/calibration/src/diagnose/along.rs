@@ -26,6 +26,22 @@ pub enum Along {
 }
 
 impl Along {
+    /// Its value for an observation in a state of the depth hook, or of the board hook: one number, or two of a place in the image or on the
+    /// board.
+    pub(super) fn coordinates(self, state: &[f64], context: &Context) -> [f64; 2] {
+        match self {
+            Self::Pixel => context.pixel,
+            Self::Column => [context.pixel[0], 0.0],
+            Self::Row => [context.pixel[1], 0.0],
+            Self::Depth => [state[2], 0.0],
+            Self::Amplitude => [log_amplitude(context), 0.0],
+            Self::Incidence => [state[3], 0.0],
+            Self::Time => [context.time_s, 0.0],
+            Self::Temperature => [context.temperature_c, 0.0],
+            Self::Board => [state[0], state[1]],
+        }
+    }
+
     /// Whether the covariate is the pixel's position, or a part of it: then a map over the image can correct the depth.
     pub fn is_of_the_pixel(self) -> bool {
         matches!(self, Along::Pixel | Along::Column | Along::Row)

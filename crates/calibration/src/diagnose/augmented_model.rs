@@ -268,9 +268,7 @@ impl<'a> AugmentedModel<'a> {
         let mut fit = match (self.fit(&self.present()), reduced) {
             // The data do not determine all parameters: those that they determine worst are held.
             (Err(CalibrateError::Undetermined(_)), Some(reduced)) => {
-                if let Some(last) = self.added.last_mut() {
-                    last.evidence.spec = reduced;
-                }
+                self.set_last_spec(reduced);
                 self.fit(&self.present())?
             }
             (other, _) => other?,

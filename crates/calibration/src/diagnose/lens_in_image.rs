@@ -28,10 +28,11 @@ impl AugmentedModel<'_> {
     pub(super) fn remove_hidden_lens_effects(&mut self, present: &mut Fitted) -> Result<Vec<PieceSpec>, DiagnoseError> {
         let (register, thresholds) = (&self.declared().register, self.thresholds());
         let mut hidden = Vec::new();
-        for effect in self.added.iter().map(|added| &added.evidence) {
+        let of_lens = self.added.iter().map(|added| &added.evidence).filter(|e| e.block.hook() == HookKind::Lens);
+        for effect in of_lens {
             let camera = present.fit.camera.filtered(|block| block.name() != effect.name);
             let without = Calibrated { camera, ..present.fit.clone() };
-            if effect.block.hook() == HookKind::Lens && !shows_in_images(&without, register, effect, &[], thresholds)? {
+            if !shows_in_images(&without, register, effect, &[], thresholds)? {
                 hidden.push(effect.spec.clone());
             }
         }

@@ -13,7 +13,7 @@ use super::evidence::{Evidence, difference};
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
 use crate::observe::frame_light::relit;
-use crate::observe::{Capture, PixelRays, SampledFrame};
+use crate::observe::{PixelRays, SampledFrame};
 
 /// Frequencies of common time-of-flight cameras, MHz, and single ones between them: the effect of a set is nearly that of a frequency
 /// about its mean.
@@ -67,13 +67,19 @@ pub(super) fn promising_modulations(
         let plain = PieceSpec::new(added.name.as_str());
         constants.iter().zip(mhz).fold(plain, |spec, (constant, f)| spec.with(constant.name, *f))
     };
+    let step = fit.capture.frames.len().div_ceil(FRAMES).max(1);
+    let capture = fit.capture.subset(|i, _| i % step == 0);
+    let camera = fit.camera.filtered(|block| block.name() != added.name);
+    let without = Calibrated { camera, capture, ..fit.clone() };
+    let rays = PixelRays::new(&without.camera, &without.capture.target);
+    let gains = |spec: &PieceSpec| gains(&without, &rays, register, spec);
     let tested = KNOWN_MHZ.iter().map(|mhz| {
         let spec = of(mhz);
-        Ok((gains(fit, register, added, &spec)?, spec))
+        Ok((gains(&spec)?, spec))
     });
     let mut tested: Vec<(Vec<f64>, PieceSpec)> = tested.collect::<Result<_, ModulationError>>()?;
     tested.sort_by(|a, b| b.0.iter().sum::<f64>().total_cmp(&a.0.iter().sum::<f64>()));
-    let present = gains(fit, register, added, &added.spec)?;
+    let present = gains(&added.spec)?;
     let explains_more = tested
         .first()
         .is_some_and(|(best, _)| mean_to_standard_error(&difference(best, &present)) > thresholds.distinguishing_t);
@@ -81,28 +87,21 @@ pub(super) fn promising_modulations(
     Ok(best.collect())
 }
 
-/// Gains of an effect with the frequencies of a spec on some frames, whose light is computed for them.
+/// Gains of an effect with the frequencies of a spec over a fit without it, on frames whose light is computed for these.
 fn gains(
-    fit: &Calibrated,
+    without: &Calibrated,
+    rays: &PixelRays<'_>,
     register: &Register,
-    added: &Evidence,
     spec: &PieceSpec,
 ) -> Result<Vec<f64>, ModulationError> {
     let Some(candidate) = CandidateBlock::effect(register, spec.clone()) else { return Ok(Vec::new()) };
     let Some(modulation) = candidate.block.piece().map(|piece| Modulation::of(&piece.options())) else {
         return Ok(Vec::new());
     };
-    let count = fit.capture.frames.len();
-    let step = count.div_ceil(FRAMES).max(1);
-    let some: Capture<SampledFrame> = fit.capture.subset(|i, _| i % step == 0);
-    let camera = fit.camera.filtered(|block| block.name() != added.name);
-    let rays = PixelRays::new(&camera, &some.target);
-    let unit_mm = some.depth_unit_mm.unwrap_or(1.0);
+    let unit_mm = without.capture.depth_unit_mm.unwrap_or(1.0);
     let frames: Result<Vec<SampledFrame>, ImageError> =
-        some.frames.par_iter().map(|frame| relit(frame, modulation, unit_mm, &rays)).collect();
-    drop(rays);
-    let mut lit = some.clone();
-    lit.frames = frames?;
-    let without = Calibrated { camera, capture: lit, ..fit.clone() };
-    Ok(linearize(&without, &[candidate])?.held_out_gain(&[0]))
+        without.capture.frames.par_iter().map(|frame| relit(frame, modulation, unit_mm, rays)).collect();
+    let mut lit = without.clone();
+    lit.capture.frames = frames?;
+    Ok(linearize(&lit, &[candidate])?.held_out_gain(&[0]))
 }

@@ -3,11 +3,10 @@
 
 use std::iter::once;
 
-use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Context, Of, On, PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
 
-use super::along::{Along, log_amplitude};
+use super::along::Along;
 use super::candidate_blocks::{CandidateBlock, linearize};
 use super::candidates::missing_effects;
 use super::evidence::{Evidence, difference};
@@ -75,20 +74,13 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
     COVARIATES.into_iter().find(depends_on_it_alone).filter(|_| largest > 0.0)
 }
 
-/// The free function beside an effect, over an image of `size` columns and rows; `None` for effects of several covariates.
+/// The free function that an effect is compared with, over an image of `size` columns and rows; `None` for effects of several covariates.
 fn own_function(block: &Block, states: &ObservedStates, size: [usize; 2]) -> Option<FreeFunction> {
     let (along, on, of) = (own_covariate(block, states)?, form(block)?, block.placement().of);
-    let value = |state: &[f64; 4], context: &Context| match along {
-        Along::Depth => state[2],
-        Along::Incidence => state[3],
-        Along::Amplitude => log_amplitude(context),
-        Along::Time => context.time_s,
-        _ => context.temperature_c,
-    };
     let axes = if along == Along::Pixel {
         [0, 1].map(|i| Axis { low: 0.0, high: size[i] as f64 - 1.0, count: MAP[i], degree: CUBIC }).to_vec()
     } else {
-        let range = states.range(value).filter(|r| r.span() > 0.0)?;
+        let range = states.range(|state, context| along.coordinates(state, context)[0]).filter(|r| r.span() > 0.0)?;
         let margin = if along == Along::Depth && of == Of::Measured { DEPTH_MODEL_MARGIN } else { 0.0 };
         let (low, high) = (range.low * (1.0 - margin), range.high * (1.0 + margin));
         vec![Axis { low, high, count: BASIS_FUNCTIONS, degree: CUBIC }]
@@ -111,9 +103,6 @@ pub(super) fn share_of_own_function(
     others: &[&Evidence],
     thresholds: &Thresholds,
 ) -> Result<Option<(Along, f64)>, ScoreError> {
-    if effect.block.hook() != HookKind::Depth {
-        return Ok(None);
-    }
     let Some(FreeFunction { along, block, smoothness, name }) =
         own_function(&effect.block, states, [fit.camera.width, fit.camera.height])
     else {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::residual_cells::{Cells, Cover, LARGEST_SHARE};
 use crate::calibrate::Calibrated;
-use crate::observe::depth_sampling::{LONGEST_PX, SILL};
+use crate::observe::depth_sampling::{LONGEST_PX, distance_of_the_sill};
 use crate::observe::noise::DepthNoise;
 
 /// Bins of equal counts over depth in each of which the shared part is estimated.
@@ -177,13 +177,11 @@ fn add_distances(sums: &mut Sums, frame: &[Cells], step: usize, others: impl Fn(
     }
 }
 
-/// Distance at which the structure function C(0) − C(h) reaches the share [`SILL`] of its value at [`LONGEST_PX`], as where depth is
-/// sampled.
+/// The correlation length by the structure function C(0) − C(h), as where depth is sampled.
 fn correlation_px(distances: &[Products; LONGEST_PX + 1]) -> usize {
     let covariance = distances.map(|products| {
         let [own, with_others] = products.means();
         own - with_others
     });
-    let structure = |h: usize| covariance[0] - covariance[h];
-    (1..=LONGEST_PX).find(|h| structure(*h) >= SILL * structure(LONGEST_PX)).unwrap_or(LONGEST_PX)
+    distance_of_the_sill(|h| covariance[0] - covariance[h])
 }

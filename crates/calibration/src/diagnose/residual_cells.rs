@@ -10,7 +10,7 @@ const CELL_MM: f64 = 2.0;
 const LINE_CELLS: u32 = 256;
 /// Cells per e-fold of amplitude: some 2 % each.
 const CELLS_PER_LOG: f64 = 50.0;
-/// Distance from the edge of the grid to the board's origin, mm: pixels beside the markers are board pixels too.
+/// Distance from the edge of the grid to the board's origin, mm: the board goes on outside the rectangle of its markers.
 const BOARD_MARGIN_MM: f64 = 100.0;
 /// Residuals count up to this many standard deviations of the noise: single pixels do not decide.
 const MOST_SIGMAS: f64 = 6.0;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AnyPiece, Context, Of, On, Parameter, Placement, REFERENCE_DEPTH_MM, Role};
 
-use super::along::{Along, log_amplitude};
+use super::along::Along;
 
 /// Degrees of the splines.
 pub(super) const LINEAR: usize = 1;
@@ -77,24 +77,9 @@ pub(super) struct SplinePiece {
 }
 
 impl SplinePiece {
-    /// The covariate of an observation: one number, or two where the function is two-dimensional.
-    fn coordinates(&self, state: &[f64], context: &Context) -> [f64; 2] {
-        match self.along {
-            Along::Pixel => context.pixel,
-            Along::Column => [context.pixel[0], 0.0],
-            Along::Row => [context.pixel[1], 0.0],
-            Along::Depth => [state[2], 0.0],
-            Along::Amplitude => [log_amplitude(context), 0.0],
-            Along::Incidence => [state[3], 0.0],
-            Along::Time => [context.time_s, 0.0],
-            Along::Temperature => [context.temperature_c, 0.0],
-            Along::Board => [state[0], state[1]],
-        }
-    }
-
     /// Calls `take` with number and value of every basis function that is not zero at an observation.
     fn each(&self, state: &[f64], context: &Context, mut take: impl FnMut(usize, f64)) {
-        let at = self.coordinates(state, context);
+        let at = self.along.coordinates(state, context);
         // Where the covariate is unknown the function is zero.
         if !at[0].is_finite() || !at[1].is_finite() {
             return;

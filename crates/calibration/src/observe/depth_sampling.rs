@@ -20,7 +20,7 @@ use super::stages::{DepthPixel, DepthSample, MeasuredDepth, OpenFrame, PosedFram
 /// Longest distance at which correlation is measured, px.
 pub(crate) const LONGEST_PX: usize = 8;
 /// Share of the variance at the longest distance at which pixels count as uncorrelated.
-pub(crate) const SILL: f64 = 0.9;
+const SILL: f64 = 0.9;
 /// Largest step of a sampling grid, px.
 const COARSEST_PX: usize = 64;
 /// Frames from which the correlation length is measured, about.
@@ -142,8 +142,13 @@ fn correlation_length(frames: &[Vec<BoardPixel>]) -> usize {
         }
     }
     let value = |h: usize| if sums[h].1 > 0 { sums[h].0 / sums[h].1 as f64 } else { f64::NAN };
-    let sill = SILL * value(LONGEST_PX);
-    (1..=LONGEST_PX).find(|h| !(value(*h) < sill)).unwrap_or(LONGEST_PX)
+    distance_of_the_sill(value)
+}
+
+/// Distance, px, at which a structure function reaches the share [`SILL`] of its value at [`LONGEST_PX`].
+pub(crate) fn distance_of_the_sill(structure: impl Fn(usize) -> f64) -> usize {
+    let sill = SILL * structure(LONGEST_PX);
+    (1..=LONGEST_PX).find(|h| !(structure(*h) < sill)).unwrap_or(LONGEST_PX)
 }
 
 /// Deviations of inverse depth from its least-squares affine function of the ray, 1/mm.
