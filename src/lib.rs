@@ -39,6 +39,7 @@
 //! | crate | what it is |
 //! |---|---|
 //! | [`model`] | the camera as pieces, with all Jacobians |
+//! | [`formula`] | effects given as formulas instead of Rust |
 //! | [`solver`] | nonlinear least squares on factor graphs; knows no cameras |
 //! | [`io`] | datasets, images, result files, exports |
 //! | [`calibration`] | captures to a judged model: calibrate, evaluate, compare, diagnose |
@@ -52,6 +53,7 @@ pub use depthcal_calibration as calibration;
 #[cfg(feature = "cli")]
 pub use depthcal_cli as cli;
 pub use depthcal_correction as correction;
+pub use depthcal_formula as formula;
 pub use depthcal_io as io;
 pub use depthcal_model as model;
 #[cfg(feature = "cli")]

@@ -1,12 +1,14 @@
 //! Between calibrations in memory and `calibration.json`.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
+use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{
     Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
     ParameterRecord, PieceRecord,
 };
-use depthcal_model::{Block, Camera, Placement, Register, RegisterError};
+use depthcal_model::{AnyPiece, Block, Camera, FormulaDefinition, Options, Placement, Register, RegisterError};
 use thiserror::Error;
 
 use crate::calibrate::Calibrated;
@@ -31,6 +33,9 @@ pub enum RecordError {
         /// Names expected.
         expected: String,
     },
+    /// The formula of a piece is at fault.
+    #[error(transparent)]
+    Formula(#[from] FormulaError),
     /// There is no pinhole.
     #[error("the calibration has no piece 'pinhole'")]
     NoPinhole,
@@ -73,6 +78,7 @@ pub fn calibration_record(
             of: block.placement().of,
             on: block.placement().on,
             options: block.piece().map(|p| p.options()).unwrap_or_default(),
+            formula: block.piece().and_then(|p| p.formula().cloned()),
         })
         .collect();
     let covariance = result.covariance.as_ref().map(|c| {
@@ -168,7 +174,10 @@ pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<
             Block::pinhole([0.0; 5])
         } else {
             let placement = Placement { of: piece.of, on: piece.on };
-            Block::new(register.placed_piece(&piece.name, &piece.options, placement)?)
+            match &piece.formula {
+                Some(definition) => Block::new(formula_piece(definition, &piece.options, placement)?),
+                None => Block::new(register.placed_piece(&piece.name, &piece.options, placement)?),
+            }
         };
         let found: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
         let expected: Vec<&str> = block.parameters().iter().map(|p| &*p.name).collect();
@@ -186,4 +195,15 @@ pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<
     }
     let pinhole = pinhole.ok_or(RecordError::NoPinhole)?;
     Ok(Camera::from_blocks(record.width, record.height, pinhole, blocks))
+}
+
+/// The piece of a formula that a file carries, whatever the register has.
+fn formula_piece(
+    definition: &FormulaDefinition,
+    options: &Options,
+    placement: Placement,
+) -> Result<Arc<dyn AnyPiece>, RecordError> {
+    let mut register = Register::empty();
+    FormulaEffect::new(definition.clone())?.register(&mut register)?;
+    Ok(register.placed_piece(&definition.name, options, placement)?)
 }

@@ -1,6 +1,7 @@
 //! The arguments of the program and its commands.
 
 use clap::{CommandFactory, Parser, Subcommand};
+use depthcal_model::Register;
 use serde_json::Value;
 
 use super::apply::Apply;
@@ -13,6 +14,7 @@ use super::diagnose::Diagnose;
 use super::evaluate::Evaluate;
 use super::export::Export;
 use super::failure::Failure;
+use super::formula::Formula;
 use super::man::ManPage;
 use super::session::Session;
 use super::simulate::Simulate;
@@ -68,6 +70,7 @@ pub(super) enum Command {
     Apply(Apply),
     Export(Export),
     Simulate(Simulate),
+    Formula(Formula),
     Demo(Demo),
     Completions(Completions),
     Man(ManPage),
@@ -85,9 +88,21 @@ impl Command {
             Command::Apply(_) => "apply",
             Command::Export(_) => "export",
             Command::Simulate(_) => "simulate",
+            Command::Formula(_) => "formula",
             Command::Demo(_) => "demo",
             Command::Completions(_) => "completions",
             Command::Man(_) => "man",
+        }
+    }
+
+    /// Reads the files of formulas that its options name.
+    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
+        match self {
+            Command::Calibrate(command) => command.load_formulas(register),
+            Command::Diagnose(command) => command.load_formulas(register),
+            Command::Compare(command) => command.load_formulas(register),
+            Command::Evaluate(command) => command.load_formulas(register),
+            _ => Ok(()),
         }
     }
 
@@ -102,6 +117,7 @@ impl Command {
             Command::Apply(command) => command.run(session),
             Command::Export(command) => command.run(),
             Command::Simulate(command) => command.run(),
+            Command::Formula(command) => command.run(),
             Command::Demo(command) => command.run(session),
             Command::Completions(command) => command.run(Arguments::command()),
             Command::Man(command) => command.run(Arguments::command()),

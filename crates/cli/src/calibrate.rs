@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use depthcal_io::Calibration;
-use depthcal_model::{Block, ModelSpec, Parameter};
+use depthcal_model::{Block, ModelSpec, Parameter, Register};
 
 use serde_json::{Value, json};
 
@@ -12,6 +12,7 @@ use super::common::{
     Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_calibration, write_report,
 };
 use super::failure::{Failure, input};
+use super::formula_files;
 use super::recording::Recording;
 use super::session::{LENSES, Session};
 use super::voice::say;
@@ -99,6 +100,13 @@ pub(super) struct Calibrate {
 }
 
 impl Calibrate {
+    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
+    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
+        self.model = formula_files::resolve_model("--model", &self.model, register)?;
+        self.with = formula_files::resolve("--with", &self.with, register)?;
+        Ok(())
+    }
+
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let (effects, held) = session.effects(&self.with)?;
         let mut options = CalibrateOptions {

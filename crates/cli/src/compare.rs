@@ -4,11 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use depthcal_io::write_atomically;
+use depthcal_model::Register;
 
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, command_line, frames_of, value_of};
 use super::failure::{Failure, input};
+use super::formula_files;
 use super::session::{LENSES, Session};
 use super::voice::say;
 use crate::progress::Progress;
@@ -66,6 +68,15 @@ pub(super) struct Compare {
 }
 
 impl Compare {
+    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
+    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
+        for model in &mut self.models {
+            *model = formula_files::resolve_model("--models", model, register)?;
+        }
+        self.with = formula_files::resolve("--with", &self.with, register)?;
+        Ok(())
+    }
+
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let (effects, held) = session.effects(&self.with)?;
         let mut base = CalibrateOptions { effects, held, lens: self.lens.clone(), ..session.calibrate_options() };

@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_model::Register;
 
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, command_line, frames_of, value_of, write_calibration, write_report};
 use super::failure::{Failure, input};
+use super::formula_files;
 use super::recording::Recording;
 use super::session::{LENSES, Session};
 use super::voice::say;
@@ -71,6 +73,13 @@ impl From<DiagnoseError> for Failure {
 }
 
 impl Diagnose {
+    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
+    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
+        self.model = formula_files::resolve_model("--model", &self.model, register)?;
+        self.with = formula_files::resolve("--with", &self.with, register)?;
+        Ok(())
+    }
+
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let (effects, held) = session.effects(&self.with)?;
         let mut options = CalibrateOptions {

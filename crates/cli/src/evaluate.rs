@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use depthcal_io::Evaluation;
+use depthcal_model::{Camera, Register};
 
 use serde_json::{Value, json};
 
@@ -11,6 +12,7 @@ use super::common::{
     Output, Reading, command_line, frames_of, print_not_evaluated, read_calibration, value_of, write_report,
 };
 use super::failure::{Failure, input};
+use super::formula_files;
 use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
@@ -34,6 +36,9 @@ pub(super) struct Evaluate {
     /// Folders with a dataset.toml each.
     #[arg(required = true)]
     datasets: Vec<PathBuf>,
+    /// Files of formulas with a `value` of every parameter: effects that the camera is given in addition, with these values.
+    #[arg(long, value_delimiter = ',', value_name = "FILE.toml,…")]
+    with: Vec<String>,
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
@@ -43,9 +48,36 @@ pub(super) struct Evaluate {
 }
 
 impl Evaluate {
+    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
+    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
+        self.with = formula_files::resolve("--with", &self.with, register)?;
+        Ok(())
+    }
+
+    /// The camera with the effects of `--with`.
+    fn with_effects(&self, mut camera: Camera, register: &Register) -> Result<Camera, Failure> {
+        for text in &self.with {
+            let wrong = |e: &dyn std::fmt::Display| Failure::Input(format!("--with {text}: {e}"));
+            let spec = register.piece_spec(text).map_err(|e| wrong(&e))?;
+            let mut block = register.make(&spec, None).map_err(|e| wrong(&e))?;
+            let values = block.piece().and_then(|piece| formula_files::values(&**piece));
+            let Some(values) = values else {
+                let remedy = "give a file of formulas with a value of every parameter, parameters = { a = { unit = \"mm\", value = 2 } }";
+                return Err(wrong(&format!("its parameters have no values: {remedy}")));
+            };
+            if camera.block(&spec.name).is_some() {
+                return Err(wrong(&format!("the calibration has '{}' already", spec.name)));
+            }
+            block.theta = values;
+            camera = camera.with_block(block);
+        }
+        Ok(camera)
+    }
+
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
         let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
+        let camera = self.with_effects(camera, &session.register)?;
         let (mut datasets, mut all) = (Vec::new(), Vec::new());
         let (mut fitted, mut frames) = (None, Vec::new());
         for path in &self.datasets {

@@ -28,6 +28,8 @@ mod diagnose;
 mod evaluate;
 mod export;
 mod failure;
+mod formula;
+mod formula_files;
 mod man;
 mod progress;
 mod recording;

@@ -15,8 +15,8 @@ use super::voice;
 
 /// Runs the program: parses the arguments of the process, runs the command with the pieces of `register`, writes messages and
 /// results, and returns the exit code: 0 done, 1 invalid input or arguments, 2 a fit that cannot be trusted.
-pub fn run(register: Register) -> ExitCode {
-    let arguments = match Arguments::try_parse() {
+pub fn run(mut register: Register) -> ExitCode {
+    let mut arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(error) => {
             voice::usage(&error);
@@ -42,8 +42,9 @@ pub fn run(register: Register) -> ExitCode {
     }
     voice::keep_stdout_for_json(arguments.json);
     let name = arguments.command.name();
+    let loaded = arguments.command.load_formulas(&mut register);
     let session = Session::new(register);
-    let (code, mut value) = match arguments.command.run(&session) {
+    let (code, mut value) = match loaded.and_then(|()| arguments.command.run(&session)) {
         Ok(value) => (0, value),
         Err(failure) => {
             let (kind, code, message) = match failure {

@@ -2,16 +2,24 @@
 
 use std::fmt::Write as _;
 use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 use std::{fs, io};
 
 use clap::Args;
+use depthcal_formula::{FormulaCovariate, FormulaEffect};
 use depthcal_io::write_json;
-use depthcal_simulate::{CameraTruth, Effect, EffectInfo, Kind, Simulation, catalogue, of_whole_frames, uncatalogued};
+use depthcal_model::hook::HookKind;
+use depthcal_model::{AddsTo, Of};
+use depthcal_simulate::{
+    CameraTruth, Effect, EffectInfo, Form, GivenEffect, Kind, Observation, Place, Simulation, catalogue,
+    of_whole_frames, uncatalogued,
+};
 
 use serde_json::{Value, json};
 
 use super::common::Output;
 use super::failure::{Failure, input};
+use super::formula_files;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_report::format::count;
@@ -33,6 +41,9 @@ pub(super) struct Simulate {
     /// An error of camera or board, of its usual size or of SIZE; may be given several times. --help lists them.
     #[arg(long, value_name = "NAME[=SIZE]")]
     effect: Vec<String>,
+    /// Files of formulas of depth with a `value` of every parameter: further errors of the camera.
+    #[arg(long, value_delimiter = ',', value_name = "FILE.toml,…")]
+    with: Vec<PathBuf>,
     /// Seed of poses, times and noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -86,6 +97,15 @@ impl Simulate {
         let effects: Vec<Effect> =
             effects.collect::<Result<_, _>>().map_err(|e| Failure::Input(format!("--effect: {e}")))?;
         let simulation = Simulation::new(camera, kind, &effects, self.seed);
+        let mut given = Vec::new();
+        for path in &self.with {
+            for effect in formula_files::read(path)? {
+                given.push(
+                    given_effect(&effect).map_err(|e| Failure::Input(format!("--with {}: {e}", path.display())))?,
+                );
+            }
+        }
+        let simulation = simulation.given(given);
         let simulation = match self.frames {
             Some(frames) => simulation.frames(frames),
             None => simulation,
@@ -108,6 +128,59 @@ impl Simulate {
         }
         Ok(truth.frames.len())
     }
+}
+
+/// A formula as an effect of the simulation.
+fn given_effect(effect: &FormulaEffect) -> Result<GivenEffect, String> {
+    let name = effect.name();
+    let form = match (effect.hook(), effect.adds_to()) {
+        (HookKind::Depth, AddsTo::Depth) => Form::Depth,
+        (HookKind::Depth, AddsTo::InverseDepth) => Form::InverseDepth,
+        (HookKind::Depth, _) => Form::Factor,
+        (hook, _) => {
+            return Err(format!(
+                "effect '{name}' acts on the {}; formulas are simulated at hook 'depth' only",
+                hook.name()
+            ));
+        }
+    };
+    let Some(theta) = effect.values() else {
+        let remedy = "parameters = { a = { unit = \"mm\", value = 2 } }";
+        return Err(format!("effect '{name}' has no value of every parameter: write {remedy}"));
+    };
+    if effect.covariates().contains(&FormulaCovariate::Surroundings) {
+        return Err(format!("effect '{name}' depends on 'surroundings', which the simulator does not have"));
+    }
+    let function = effect.function();
+    let of = |o: &Observation, covariate: FormulaCovariate| {
+        use FormulaCovariate as C;
+        let [x, y] = o.ray;
+        match covariate {
+            C::X => x,
+            C::Y => y,
+            C::R => x.hypot(y),
+            C::U => o.pixel[0],
+            C::V => o.pixel[1],
+            C::Z => o.depth_mm,
+            C::Rho => 1.0 / o.depth_mm,
+            C::Range => o.depth_mm * (1.0 + x * x + y * y).sqrt(),
+            C::Incidence => 1.0 / o.cosine - 1.0,
+            // Simulated images have 8 bits; a pixel without light has no logarithm.
+            C::Amplitude => (255.0 * o.amplitude).max(1e-3),
+            C::Time => o.time_s,
+            C::Temperature => o.temperature_c,
+            C::Surroundings | C::BoardX | C::BoardY => f64::NAN,
+        }
+    };
+    Ok(GivenEffect {
+        name: name.to_owned(),
+        place: if effect.definition().of == Of::Measured { Place::Measured } else { Place::True },
+        form,
+        function: Arc::new(move |observation| {
+            let covariates: Vec<f64> = function.covariates().iter().map(|c| of(observation, *c)).collect();
+            function.values(&theta, &covariates)[0]
+        }),
+    })
 }
 
 /// Refuses a folder that is not empty, so that nothing of the user's is overwritten or mixed with the dataset.

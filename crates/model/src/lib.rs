@@ -46,7 +46,8 @@ pub use frame_covariates::{FrameCovariates, Modulation, StrayLight};
 pub use inverse::PixelGrid;
 pub use needed_light::needed_light;
 pub use piece::{
-    AnyPiece, BoardSide, Constant, Context, Covariate, Of, On, Options, Parameter, Piece, Placement,
+    AddsTo, AnyPiece, BoardSide, Constant, ConstantTable, Context, Covariate, FormulaConstant, FormulaDefinition,
+    FormulaParameter, FormulaSearch, FormulaText, Of, On, Options, Parameter, ParameterTable, Piece, Placement,
     REFERENCE_DEPTH_MM, Role, SURROUND_PX, Scan, ScanKind, erase,
 };
 pub use register::{Register, RegisterError};

@@ -123,6 +123,18 @@ impl Register {
         self.entries.push((M::NAME, HookKind::Depth, make));
     }
 
+    /// Adds pieces of that name whose hook and parameters are known at run time only, such as formulas; `make` is given the
+    /// constants that a file or the command line sets. A piece of the same name is replaced.
+    pub fn add_any(
+        &mut self,
+        name: &'static str,
+        hook: HookKind,
+        make: impl Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync + 'static,
+    ) {
+        self.entries.retain(|(n, ..)| *n != name);
+        self.entries.push((name, hook, Arc::new(make)));
+    }
+
     /// The register without the piece of that name, for instance to see what a search finds when it lacks an effect.
     pub fn without(mut self, name: &str) -> Self {
         self.entries.retain(|(n, ..)| *n != name);

@@ -30,6 +30,7 @@ mod diagnosis;
 mod figures;
 mod finding;
 pub mod format;
+mod formula_plot;
 mod frame_noise;
 mod headline;
 mod html;
@@ -50,6 +51,7 @@ mod uncertainty;
 
 pub use comparison::render_comparison;
 pub use diagnosis::{diagnosis_text, verdict_sentence};
+pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};
 pub use render::render;
 

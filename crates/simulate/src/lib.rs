@@ -40,7 +40,10 @@ pub use board::{Board, Pattern};
 pub use camera::CameraTruth;
 pub use conditions::Conditions;
 pub use defects::{DefectiveFrames, Defects};
-pub use effects::{Effect, EffectInfo, EffectTruth, Form, Parameters, Place, catalogue, of_whole_frames, uncatalogued};
+pub use effects::{
+    Effect, EffectInfo, EffectTruth, Form, GivenEffect, Observation, Parameters, Place, catalogue, of_whole_frames,
+    uncatalogued,
+};
 pub use error::SimulateError;
 pub use kind::Kind;
 pub use light::Exposure;

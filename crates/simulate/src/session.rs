@@ -1,7 +1,7 @@
 //! A simulation prepared for observation: the camera with its effects, the frames with their poses.
 
 use crate::defects::{Frame, Shot};
-use crate::effects;
+use crate::effects::{self, EffectTruth};
 use crate::error::SimulateError;
 use crate::instrument::{Instrument, Reading};
 use crate::light::Light;
@@ -33,7 +33,11 @@ impl<'a> Session<'a> {
     pub fn new(simulation: &'a Simulation) -> Result<Self, SimulateError> {
         simulation.check()?;
         let Simulation { camera, board, kind, seed, unit, noise, defects, .. } = *simulation;
-        let (instrument, effects) = effects::install(&camera, &board, &simulation.effects, unit, seed)?;
+        let (mut instrument, mut effects) = effects::install(&camera, &board, &simulation.effects, unit, seed)?;
+        for given in &simulation.given {
+            instrument.add(Box::new(given.clone()));
+            effects.push(EffectTruth::of_given(given));
+        }
         let poses = match &simulation.poses {
             Some(poses) => poses.clone(),
             None => pose::choose(&camera, &board, kind, simulation.frames, seed)?,

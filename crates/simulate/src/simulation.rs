@@ -3,7 +3,7 @@
 use crate::board::Board;
 use crate::camera::CameraTruth;
 use crate::defects::Defects;
-use crate::effects::Effect;
+use crate::effects::{Effect, GivenEffect};
 use crate::error::SimulateError;
 use crate::kind::Kind;
 use crate::light::Exposure;
@@ -28,6 +28,7 @@ pub struct Simulation {
     pub(crate) camera: CameraTruth,
     pub(crate) kind: Kind,
     pub(crate) effects: Vec<Effect>,
+    pub(crate) given: Vec<GivenEffect>,
     pub(crate) seed: u64,
     pub(crate) unit: u64,
     pub(crate) frames: usize,
@@ -47,6 +48,7 @@ impl Simulation {
             camera,
             kind,
             effects: effects.to_vec(),
+            given: Vec::new(),
             seed,
             unit: 0,
             frames: kind.frames(),
@@ -70,6 +72,12 @@ impl Simulation {
     pub fn poses(mut self, poses: Vec<Pose>) -> Self {
         self.frames = poses.len();
         self.poses = Some(poses);
+        self
+    }
+
+    /// Adds depth effects that are given as functions, after those by name.
+    pub fn given(mut self, effects: impl IntoIterator<Item = GivenEffect>) -> Self {
+        self.given.extend(effects);
         self
     }
 

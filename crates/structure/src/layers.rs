@@ -19,7 +19,7 @@ const fn layer(package: &'static str, folder: &'static str) -> Layer {
 }
 
 /// From top to bottom: a crate may depend on those below it only.
-pub const LAYERS: [Layer; 12] = [
+pub const LAYERS: [Layer; 13] = [
     layer("depthcal", ""),
     layer("depthcal-cli", "crates/cli"),
     layer("depthcal-report", "crates/report"),
@@ -29,6 +29,7 @@ pub const LAYERS: [Layer; 12] = [
     layer("depthcal-detect", "crates/detect"),
     layer("depthcal-io", "crates/io"),
     layer("depthcal-solver", "crates/solver"),
+    layer("depthcal-formula", "crates/formula"),
     layer("depthcal-model", "crates/model"),
     layer("depthcal-statistics", "crates/statistics"),
     layer("depthcal-structure", "crates/structure"),
@@ -36,8 +37,10 @@ pub const LAYERS: [Layer; 12] = [
 
 /// Pairs that the order allows and the architecture does not: the solver knows no cameras, the simulator shares no code with
 /// what is fitted.
-const APART: [(&str, &str); 6] = [
+const APART: [(&str, &str); 8] = [
     ("depthcal-solver", "depthcal-model"),
+    ("depthcal-solver", "depthcal-formula"),
+    ("depthcal-simulate", "depthcal-formula"),
     ("depthcal-simulate", "depthcal-detect"),
     ("depthcal-simulate", "depthcal-io"),
     ("depthcal-simulate", "depthcal-solver"),

@@ -45,13 +45,15 @@ pub enum FileError {
     },
     /// A version of the format that this program does not know.
     #[error(
-        "{path}: field `version` is {found}, this program reads version {expected}: use a program of the file's \
-         version, or write the file anew"
+        "{path}: field `version` is {found}, this program reads {}: use a program of the file's version, or write the file anew",
+        versions(*oldest, *expected)
     )]
     Version {
         /// The file.
         path: PathBuf,
-        /// Version that this program reads.
+        /// Oldest version that this program reads.
+        oldest: u32,
+        /// Newest version that this program reads.
         expected: u32,
         /// Version of the file.
         found: u64,
@@ -74,4 +76,8 @@ pub enum FileError {
         /// The fault, and what is expected.
         problem: String,
     },
+}
+
+fn versions(oldest: u32, newest: u32) -> String {
+    if oldest == newest { format!("version {newest}") } else { format!("versions {oldest} to {newest}") }
 }

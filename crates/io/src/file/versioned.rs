@@ -32,6 +32,8 @@ impl Fault {
 pub(crate) trait Versioned: Serialize + DeserializeOwned {
     const FORMAT: &'static str;
     const VERSION: u32;
+    /// The oldest version that is still read.
+    const OLDEST: u32 = Self::VERSION;
 
     /// Checks what the types do not express: sizes, ranges, uniqueness of names.
     fn check(&self) -> Result<(), Fault>;
@@ -64,8 +66,11 @@ pub(crate) fn parse_versioned<T: Versioned>(path: &Path, text: &[u8]) -> Result<
         return Err(FileError::Format { path: path.to_owned(), expected: T::FORMAT, found });
     }
     match header.version {
-        Some(version) if version == u64::from(T::VERSION) => {}
-        Some(found) => return Err(FileError::Version { path: path.to_owned(), expected: T::VERSION, found }),
+        Some(version) if (u64::from(T::OLDEST)..=u64::from(T::VERSION)).contains(&version) => {}
+        Some(found) => {
+            let (oldest, expected) = (T::OLDEST, T::VERSION);
+            return Err(FileError::Version { path: path.to_owned(), oldest, expected, found });
+        }
         None => return Err(Fault::new("version", "is missing").in_file(path)),
     }
     let body: T = parse_json(path, text)?;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use depthcal_model::hook::HookKind;
-use depthcal_model::{Of, On, Target};
+use depthcal_model::{FormulaDefinition, Of, On, Target};
 use serde::{Deserialize, Serialize};
 
 use super::reference::FileReference;
@@ -13,7 +13,8 @@ use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
 ///
-/// The file carries `"format": "depthcal-calibration"` and `"version": 1` in addition to these fields.
+/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields. Files of version 1 have no formulas
+/// and are read as well.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// The camera.
@@ -68,6 +69,9 @@ pub struct PieceRecord {
     /// Settings that are not estimated, such as the number of cells of a grid.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub options: BTreeMap<String, f64>,
+    /// The definition of a piece that is given as a formula, so that the file needs no other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub formula: Option<FormulaDefinition>,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -303,7 +307,8 @@ impl CameraRecord {
 
 impl Versioned for Calibration {
     const FORMAT: &'static str = "depthcal-calibration";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
+    const OLDEST: u32 = 1;
 
     fn check(&self) -> Result<(), Fault> {
         self.camera.check()?;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::constant::{Constant, Options, Scan};
 use super::context::Context;
 use super::covariate::Covariate;
+use super::formula::FormulaDefinition;
 use super::parameter::Parameter;
 use super::placement::{On, Placement};
 use super::role::Role;
@@ -62,6 +63,10 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     /// [`Piece::FORM`](super::Piece::FORM): the form of its equation, wherever it is placed.
     fn form(&self) -> On {
         On::Depth
+    }
+    /// Its definition, for a piece that is given as a formula; files carry it whole.
+    fn formula(&self) -> Option<&FormulaDefinition> {
+        None
     }
     /// Where it acts on depth, and how.
     fn placement(&self) -> Placement {

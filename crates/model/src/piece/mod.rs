@@ -10,6 +10,7 @@ mod context;
 mod covariate;
 mod definition;
 mod erased;
+mod formula;
 mod parameter;
 mod placed;
 mod placement;
@@ -24,6 +25,10 @@ pub use covariate::Covariate;
 pub use definition::Piece;
 pub(crate) use erased::Erased;
 pub use erased::erase;
+pub use formula::{
+    AddsTo, ConstantTable, FormulaConstant, FormulaDefinition, FormulaParameter, FormulaSearch, FormulaText,
+    ParameterTable,
+};
 pub use parameter::Parameter;
 pub(crate) use placed::placed;
 pub use placement::{Of, On, Placement, REFERENCE_DEPTH_MM};

@@ -8,6 +8,7 @@ use super::constant::{Constant, Options};
 use super::context::Context;
 use super::covariate::Covariate;
 use super::erased::identity;
+use super::formula::FormulaDefinition;
 use super::parameter::Parameter;
 use super::placement::{On, Placement};
 use super::role::Role;
@@ -79,6 +80,9 @@ impl AnyPiece for Placed {
     }
     fn form(&self) -> On {
         self.piece.form()
+    }
+    fn formula(&self) -> Option<&FormulaDefinition> {
+        self.piece.formula()
     }
     fn placement(&self) -> Placement {
         self.placement

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::effect::{Effect, bad_size};
+use super::given::GivenEffect;
 use super::info::Parameters;
 use super::place::{Form, Place, Placed};
 use super::sizing::Context;
@@ -25,6 +26,19 @@ pub struct EffectTruth {
     pub place: Option<(Place, Form)>,
     /// Parameters of its form, by name; the names end with their units.
     pub parameters: Parameters,
+}
+
+impl EffectTruth {
+    /// That of an effect that was given as a function, which alone knows its size.
+    pub(crate) fn of_given(given: &GivenEffect) -> Self {
+        Self {
+            name: given.name.clone(),
+            size: 1.0,
+            unit: "as given".to_owned(),
+            place: Some((given.place, given.form)),
+            parameters: Parameters::default(),
+        }
+    }
 }
 
 /// The form that an effect has by itself.

@@ -10,6 +10,7 @@ mod beyond;
 mod board;
 mod drift;
 mod effect;
+mod given;
 mod info;
 mod install;
 mod lens;
@@ -26,6 +27,7 @@ mod table;
 mod triangulation;
 
 pub use effect::Effect;
+pub use given::{GivenEffect, Observation};
 pub use info::{EffectInfo, Parameters};
 pub use install::EffectTruth;
 pub(crate) use install::install;

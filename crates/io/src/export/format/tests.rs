@@ -19,7 +19,7 @@ fn piece(hook: HookKind, name: &str, parameters: &[(&str, f64)]) -> PieceRecord 
             fixed: false,
         })
         .collect();
-    PieceRecord { hook, name: name.into(), parameters, of: Of::True, on: None, options: BTreeMap::new() }
+    PieceRecord { hook, name: name.into(), parameters, of: Of::True, on: None, options: BTreeMap::new(), formula: None }
 }
 
 /// A camera that every format can hold.

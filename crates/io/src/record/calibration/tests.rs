@@ -20,6 +20,7 @@ pub(crate) fn example() -> Calibration {
         of: Of::True,
         on: None,
         options: BTreeMap::new(),
+        formula: None,
     };
     let spline = PieceRecord {
         hook: HookKind::Depth,
@@ -28,6 +29,7 @@ pub(crate) fn example() -> Calibration {
         of: Of::Measured,
         on: Some(On::Factor),
         options: BTreeMap::from([("columns".into(), 6.0)]),
+        formula: None,
     };
     Calibration {
         camera: CameraRecord { width: 640, height: 480, pieces: vec![pinhole, spline] },
@@ -97,7 +99,7 @@ fn the_file_has_the_fields_of_the_contract() {
     example().write(&path).unwrap();
     let json: serde_json::Value = crate::file::read_json(&path).unwrap();
     assert_eq!(json["format"], "depthcal-calibration");
-    assert_eq!(json["version"], 1);
+    assert_eq!(json["version"], 2);
     assert_eq!(json["camera"]["pieces"][0]["hook"], "pixel");
     assert_eq!(json["camera"]["pieces"][0]["parameters"][0]["std_dev"], 0.1);
     assert_eq!(json["camera"]["pieces"][1]["options"]["columns"], 6.0);
@@ -148,8 +150,8 @@ fn parse(text: &str) -> Result<Calibration, FileError> {
 fn another_format_or_version_is_refused() {
     let message = parse("{\"datasets\": []}").unwrap_err().to_string();
     assert!(message.contains("c.json") && message.contains("missing"), "{message}");
-    let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 2}").unwrap_err().to_string();
-    assert!(message.contains("version") && message.contains('2'), "{message}");
+    let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 3}").unwrap_err().to_string();
+    assert!(message.contains("version") && message.contains("versions 1 to 2"), "{message}");
     let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 1}").unwrap_err().to_string();
     assert!(message.contains("camera"), "{message}");
 }

@@ -1,0 +1,228 @@
+//! The covariates that formulas may use: their units, where they are known, and how they follow from the state of the chain.
+
+use depthcal_model::hook::HookKind;
+use depthcal_model::{Context, Covariate};
+
+/// A covariate of formulas.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum FormulaCovariate {
+    /// Direction of the ray, X / Z.
+    X,
+    /// Direction of the ray, Y / Z.
+    Y,
+    /// Distance from the axis, √(x² + y²).
+    R,
+    /// Column of the depth image, px.
+    U,
+    /// Row of the depth image, px.
+    V,
+    /// Depth, mm.
+    Z,
+    /// Inverse depth, 1/mm.
+    Rho,
+    /// Distance from the camera's centre, mm.
+    Range,
+    /// 1 / cos θ − 1 of the angle of incidence θ.
+    Incidence,
+    /// Infrared amplitude of the pixel, in steps of the image.
+    Amplitude,
+    /// Mean infrared amplitude around the pixel, in steps of the image.
+    Surroundings,
+    /// Time since the first frame, s.
+    Time,
+    /// Temperature, °C.
+    Temperature,
+    /// Coordinate along a row of the board, mm.
+    BoardX,
+    /// Coordinate along a column of the board, mm.
+    BoardY,
+}
+
+impl FormulaCovariate {
+    /// All of them.
+    pub const ALL: [Self; 15] = [
+        Self::X,
+        Self::Y,
+        Self::R,
+        Self::U,
+        Self::V,
+        Self::Z,
+        Self::Rho,
+        Self::Range,
+        Self::Incidence,
+        Self::Amplitude,
+        Self::Surroundings,
+        Self::Time,
+        Self::Temperature,
+        Self::BoardX,
+        Self::BoardY,
+    ];
+
+    /// Its name in formulas.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Y => "y",
+            Self::R => "r",
+            Self::U => "u",
+            Self::V => "v",
+            Self::Z => "z",
+            Self::Rho => "rho",
+            Self::Range => "range",
+            Self::Incidence => "incidence",
+            Self::Amplitude => "amplitude",
+            Self::Surroundings => "surroundings",
+            Self::Time => "timestamp_s",
+            Self::Temperature => "temperature_c",
+            Self::BoardX => "board_x",
+            Self::BoardY => "board_y",
+        }
+    }
+
+    /// The covariate of that name.
+    pub fn of(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|covariate| covariate.name() == name)
+    }
+
+    /// Its name in sentences, with its unit.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::X => "direction x of the ray",
+            Self::Y => "direction y of the ray",
+            Self::R => "distance r from the optical axis",
+            Self::U => "column u (px)",
+            Self::V => "row v (px)",
+            Self::Z => "depth (mm)",
+            Self::Rho => "inverse depth (1/mm)",
+            Self::Range => "distance from the camera (mm)",
+            Self::Incidence => "1/cos − 1 of the angle of incidence",
+            Self::Amplitude => "infrared amplitude (steps)",
+            Self::Surroundings => "infrared amplitude around the pixel (steps)",
+            Self::Time => "time (s)",
+            Self::Temperature => "temperature (°C)",
+            Self::BoardX => "x on the board (mm)",
+            Self::BoardY => "y on the board (mm)",
+        }
+    }
+
+    /// Its unit.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::X | Self::Y | Self::R | Self::Incidence | Self::Amplitude | Self::Surroundings => "1",
+            Self::U | Self::V => "px",
+            Self::Z | Self::Range | Self::BoardX | Self::BoardY => "mm",
+            Self::Rho => "1/mm",
+            Self::Time => "s",
+            Self::Temperature => "°C",
+        }
+    }
+
+    /// Its symbol in print, as a character with an optional index.
+    pub(crate) const fn symbol(self) -> (&'static str, &'static str) {
+        match self {
+            Self::X => ("x", ""),
+            Self::Y => ("y", ""),
+            Self::R => ("r", ""),
+            Self::U => ("u", ""),
+            Self::V => ("v", ""),
+            Self::Z => ("z", ""),
+            Self::Rho => ("ρ", ""),
+            Self::Range => ("ℓ", ""),
+            Self::Incidence => ("κ", ""),
+            Self::Amplitude => ("A", ""),
+            Self::Surroundings => ("Ā", ""),
+            Self::Time => ("t", ""),
+            Self::Temperature => ("T", ""),
+            Self::BoardX => ("X", "b"),
+            Self::BoardY => ("Y", "b"),
+        }
+    }
+
+    /// The covariates that a piece at a hook knows.
+    pub fn at(hook: HookKind) -> &'static [Self] {
+        match hook {
+            HookKind::Depth => &[
+                Self::X,
+                Self::Y,
+                Self::R,
+                Self::U,
+                Self::V,
+                Self::Z,
+                Self::Rho,
+                Self::Range,
+                Self::Incidence,
+                Self::Amplitude,
+                Self::Surroundings,
+                Self::Time,
+                Self::Temperature,
+            ],
+            HookKind::Lens => {
+                &[Self::X, Self::Y, Self::R, Self::Z, Self::Rho, Self::Range, Self::Time, Self::Temperature]
+            }
+            HookKind::Pixel => &[Self::U, Self::V, Self::Time, Self::Temperature],
+            HookKind::Board => &[Self::BoardX, Self::BoardY],
+            HookKind::Pose => &[],
+        }
+    }
+
+    /// Its usual range: images of 640×480, a field of view of 65°, depths of 0.4 m to 4 m, boards of 0.4 m.
+    pub const fn typical_range(self) -> [f64; 2] {
+        match self {
+            Self::X => [-0.64, 0.64],
+            Self::Y => [-0.48, 0.48],
+            Self::R => [0.0, 0.8],
+            Self::U => [0.0, 639.0],
+            Self::V => [0.0, 479.0],
+            Self::Z | Self::Range => [400.0, 4000.0],
+            Self::Rho => [0.00025, 0.0025],
+            Self::Incidence => [0.0, 1.0],
+            Self::Amplitude | Self::Surroundings => [50.0, 5000.0],
+            Self::Time => [0.0, 2000.0],
+            Self::Temperature => [15.0, 45.0],
+            Self::BoardX => [0.0, 400.0],
+            Self::BoardY => [0.0, 300.0],
+        }
+    }
+
+    /// The covariate of effects that has to be recorded or has to vary for this one to be known.
+    pub const fn needs(self) -> Option<Covariate> {
+        match self {
+            Self::Incidence => Some(Covariate::Incidence),
+            Self::Amplitude => Some(Covariate::Amplitude),
+            Self::Surroundings => Some(Covariate::Surroundings),
+            Self::Time => Some(Covariate::Time),
+            Self::Temperature => Some(Covariate::Temperature),
+            _ => None,
+        }
+    }
+
+    /// The covariate of effects over which a constant of this one is searched.
+    pub(crate) const fn searched(self) -> Option<Covariate> {
+        match self {
+            Self::Z | Self::Range => Some(Covariate::Depth),
+            Self::Rho => Some(Covariate::InverseDepth),
+            other => other.needs(),
+        }
+    }
+
+    /// Whether an observation may lack it.
+    pub(crate) const fn may_be_unknown(self) -> bool {
+        matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature)
+    }
+
+    /// Its value where it is part of the context; NaN where it is unknown. A pixel without signal has an amplitude of 0, which
+    /// says nothing.
+    #[inline]
+    pub(crate) fn of_context(self, context: &Context) -> f64 {
+        let signal = |amplitude: f64| if amplitude > 0.0 { amplitude } else { f64::NAN };
+        match self {
+            Self::U => context.pixel[0],
+            Self::V => context.pixel[1],
+            Self::Amplitude => signal(context.amplitude),
+            Self::Surroundings => signal(context.surround),
+            Self::Time => context.time_s,
+            Self::Temperature => context.temperature_c,
+            _ => f64::NAN,
+        }
+    }
+}
