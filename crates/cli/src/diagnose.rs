@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_formula::file_text;
+use depthcal_io::write_atomically;
 use depthcal_model::Register;
 
 use serde_json::{Value, json};
@@ -20,7 +22,7 @@ use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, 
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{Loaded, declared_camera};
 use depthcal_report::format::count;
-use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text};
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, formula_plot};
 
 /// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
 /// them, fits again, and reports held-out errors before and after.
@@ -53,6 +55,9 @@ pub(super) struct Diagnose {
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
+    /// Does not search formulas for what the known effects leave unexplained.
+    #[arg(long)]
+    no_discovery: bool,
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
@@ -95,7 +100,8 @@ impl Diagnose {
         options.camera =
             declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
         let folds = usize::from(self.folds);
-        let options = DiagnoseOptions { calibrate: options, folds, ..DiagnoseOptions::default() };
+        let formulas = !self.no_discovery;
+        let options = DiagnoseOptions { calibrate: options, folds, formulas, ..DiagnoseOptions::default() };
         let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
         let told = Told {
             title: loaded.capture.name.clone(),
@@ -170,8 +176,24 @@ pub(super) fn tell(
     };
     let report = write_report(&report, session, out)?;
     say!("written: {} and {}", file.display(), report.display());
+    let mut written = vec![file, calibration, report];
+    for formula in &d.formulas {
+        let folder = out.join("effects");
+        let name = formula.effect.name();
+        let files = [
+            (format!("{name}.toml"), file_text(std::slice::from_ref(&formula.effect))),
+            (format!("{name}.rs"), formula.effect.rust()),
+            (format!("{name}.svg"), formula_plot(&formula.effect)),
+        ];
+        for (file, text) in files {
+            let path = folder.join(file);
+            write_atomically(&path, |file| file.write_all(text.as_bytes())).map_err(input)?;
+            written.push(path);
+        }
+        say!("written: {} with .rs and .svg", folder.join(format!("{name}.toml")).display());
+    }
     let capture = &d.last.capture;
     let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
     frames["left_out"] = value_of(&record.bad_frames)?;
-    Ok(json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": [file, calibration, report] }))
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": written }))
 }

@@ -352,6 +352,25 @@ impl Adjustment {
         Some(FrameRows { residuals: DVector::from_vec(residuals), weights, pose, depth })
     }
 
+    /// Weighted derivatives and residuals of a frame's markers and of its depth samples, over its pose and some of the camera's
+    /// parameters; `columns` count from the pose's on, and of the image those that it depends on are there. `None` where the frame cannot
+    /// be evaluated or lacks one of the two.
+    pub(crate) fn weighted_parts(&self, frame: usize, columns: &[usize]) -> Option<[(DMatrix<f64>, DVector<f64>); 2]> {
+        let pose = self.poses.get(frame)?.id();
+        let part = |id: BatchId| {
+            let batch = self.graph.batch(id)?;
+            let mut own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose));
+            let group = own.next()?;
+            // Pixels that are sorted into the cells of a fine field are not in the frame's order.
+            if own.next().is_some() {
+                return None;
+            }
+            let rows = self.weighted_rows(batch, group, columns)?;
+            Some((rows.jacobian, rows.residuals))
+        };
+        Some([part(self.image)?, part(self.depth?)?])
+    }
+
     /// Joint covariance of all camera parameters, in the order of [`Camera::theta`]; rows and columns of held
     /// parameters are zero.
     pub fn camera_covariance(&self, covariance: &Covariance) -> DMatrix<f64> {

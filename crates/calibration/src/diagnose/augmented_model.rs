@@ -3,11 +3,12 @@
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use depthcal_model::{Covariate, Modulation, PieceSpec, Placement};
+use depthcal_model::{Covariate, Modulation, PieceSpec, Placement, Register};
 use depthcal_statistics::mean_to_standard_error;
 use nalgebra::{DMatrix, DVector};
 use tracing::info;
 
+use super::discovery::Discovery;
 use super::evidence::Evidence;
 use super::examination::test_effect;
 use super::held_out::{Gain, HeldOut, gain};
@@ -60,6 +61,8 @@ pub(super) struct AugmentedModel<'a> {
     pub options: &'a DiagnoseOptions,
     /// The added effects, in order.
     pub added: Vec<AddedEffect>,
+    /// The formulas that were found, whether they are still among the effects or not.
+    pub formulas: Vec<Discovery>,
     /// The round of the loop, from 1; 0 before the loop.
     pub round: usize,
     job: Box<dyn Job>,
@@ -107,7 +110,16 @@ impl<'a> AugmentedModel<'a> {
     /// The declared model, with nothing added.
     pub fn new(capture: Capture, verify: Option<&'a Capture>, options: &'a DiagnoseOptions) -> Self {
         let job = options.calibrate.progress.open_ended("diagnosing");
-        Self { capture, verify, options, added: Vec::new(), round: 0, job, basis: RefCell::default() }
+        Self {
+            capture,
+            verify,
+            options,
+            added: Vec::new(),
+            formulas: Vec::new(),
+            round: 0,
+            job,
+            basis: RefCell::default(),
+        }
     }
 
     /// Options of the declared model.
@@ -131,9 +143,21 @@ impl<'a> AugmentedModel<'a> {
         }
     }
 
+    /// The declared register with the formulas that were found.
+    fn register(&self) -> Register {
+        let mut register = self.declared().register.clone();
+        for formula in &self.formulas {
+            // Their names are free: the search chose them so.
+            if let Err(error) = formula.effect.register(&mut register) {
+                info!("{error}");
+            }
+        }
+        register
+    }
+
     /// Options of the declared model with effects added.
     fn with_effects(&self, added: &[AddedEffect]) -> CalibrateOptions {
-        let mut options = self.declared().clone();
+        let mut options = CalibrateOptions { register: self.register(), ..self.declared().clone() };
         options.effects.extend(added.iter().map(|a| a.evidence.spec.clone()));
         options
     }
@@ -261,6 +285,48 @@ impl<'a> AugmentedModel<'a> {
             Err(_) => self.added = before,
         }
         fitted
+    }
+
+    /// Adds a formula, where the held-out errors fall for certain with it.
+    pub fn add_formula(&mut self, discovery: Discovery, present: &Fitted) -> Result<Option<Fitted>, CalibrateError> {
+        let (name, spec) = (discovery.effect.name().to_owned(), discovery.effect.spec());
+        let p_value = discovery.p_value;
+        self.formulas.push(discovery);
+        let register = self.register();
+        let tested = test_effect(&present.fit, &register, &spec).zip(register.make(&spec, None).ok());
+        let Some((test, block)) = tested else {
+            self.formulas.pop();
+            return Ok(None);
+        };
+        let evidence = Evidence {
+            name: name.clone(),
+            spec,
+            value: None,
+            reduced: None,
+            along: None,
+            score: test.score,
+            p_value,
+            gains: test.gains,
+            expected_size_mm: f64::NAN,
+            minimal_detectable_mm: f64::NAN,
+            block,
+            index: 0,
+        };
+        let effect = AddedEffect {
+            evidence,
+            effects: vec![name],
+            indistinguishable: Vec::new(),
+            placements_not_told_apart: Vec::new(),
+            p_value,
+            after: present.held_out.clone(),
+        };
+        match self.add(vec![effect], present, &[]) {
+            Ok(Addition::Added(fitted)) => return Ok(Some(*fitted)),
+            Ok(Addition::Rejected(_)) => {}
+            Err(error) => info!("a formula cannot be fitted: {error}"),
+        }
+        self.formulas.pop();
+        Ok(None)
     }
 
     fn fit_with_constants(&mut self) -> Result<Fitted, CalibrateError> {
@@ -393,7 +459,7 @@ impl<'a> AugmentedModel<'a> {
         tests: usize,
     ) -> Result<Option<Fitted>, CalibrateError> {
         let fit = self.fit(model)?;
-        let test = test_effect(&fit, &self.declared().register, &effect.evidence.spec);
+        let test = test_effect(&fit, &self.register(), &effect.evidence.spec);
         let thresholds = self.thresholds();
         let counts = test.as_ref().is_none_or(|t| significant(t.score.p_value, tests, &t.gains, thresholds));
         let is_plain = test.as_ref().is_some_and(|t| {

@@ -1,6 +1,9 @@
 //! Candidates as held blocks of a fitted camera's chain, and the linearisation that score tests are made from.
 
-use depthcal_model::{Block, Camera, PieceSpec, Register};
+use std::sync::Arc;
+
+use depthcal_model::hook::HookKind;
+use depthcal_model::{AnyPiece, Block, Camera, Context, Of, Options, Parameter, PieceSpec, Placement, Register};
 use depthcal_solver::score::{Linearization, ScoreError};
 use nalgebra::DMatrix;
 
@@ -72,6 +75,66 @@ fn with_candidates<'a>(camera: &Camera, candidates: impl Iterator<Item = &'a Blo
     let (camera, mut places) = Camera::assemble(camera.width, camera.height, pinhole, pieces);
     places.truncate(count);
     (camera, places)
+}
+
+/// A camera with two held pieces that add their parameter to inverse depth, before the depth model and behind it, and their places among
+/// its blocks.
+pub(super) fn with_probes(camera: &Camera) -> (Camera, [usize; 2]) {
+    let blocks = Of::ALL.map(|of| Block::new(Arc::new(Probe::new(of)) as Arc<dyn AnyPiece>));
+    let (camera, places) = with_candidates(camera, blocks.iter());
+    (camera, [places[0], places[1]])
+}
+
+/// ρ + e: shows how residuals change with inverse depth in a place.
+#[derive(Debug)]
+struct Probe {
+    of: Of,
+    parameters: [Parameter; 1],
+}
+
+impl Probe {
+    fn new(of: Of) -> Self {
+        Self { of, parameters: [Parameter::new("e", "1/mm", 0.0, 1e-6)] }
+    }
+}
+
+impl AnyPiece for Probe {
+    fn name(&self) -> &'static str {
+        "probe"
+    }
+    fn source(&self) -> &'static str {
+        "a constant"
+    }
+    fn hook(&self) -> HookKind {
+        HookKind::Depth
+    }
+    fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+    fn options(&self) -> Options {
+        Options::new()
+    }
+    fn placement(&self) -> Placement {
+        Placement { of: self.of, on: None }
+    }
+    fn evaluate(&self, theta: &[f64], states: &[f64], _: &[Context], out: &mut [f64]) {
+        states.chunks_exact(4).zip(out).for_each(|(state, out)| *out = state[2] + theta[0]);
+    }
+    fn linearize(
+        &self,
+        theta: &[f64],
+        states: &[f64],
+        contexts: &[Context],
+        out: &mut [f64],
+        d_state: &mut [f64],
+        d_theta: Option<&mut [f64]>,
+    ) {
+        self.evaluate(theta, states, contexts, out);
+        d_state.chunks_exact_mut(4).for_each(|d| d.copy_from_slice(&[0.0, 0.0, 1.0, 0.0]));
+        if let Some(d_theta) = d_theta {
+            d_theta.fill(1.0);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,12 +3,15 @@
 use std::collections::BTreeSet;
 
 use depthcal_io::Verdict;
+use depthcal_model::PieceSpec;
+use tracing::info;
 
 use super::augmented_model::{AddedEffect, Addition, AugmentedModel, Fitted};
 use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
+use super::discovery::{self, Discovery, Search};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::examination::{Examination, examine};
@@ -75,6 +78,8 @@ pub fn diagnose(
     let mut rejected: Vec<String> = Vec::new();
     // Those that were tried together.
     let mut tried: Vec<BTreeSet<String>> = Vec::new();
+    // Why no formula was found for what is left.
+    let mut formula_refused: Option<String> = None;
     // Where nothing was added the fit is the same, and so is what it leaves.
     let mut unchanged: Option<Examination> = None;
     let examination = loop {
@@ -107,6 +112,19 @@ pub fn diagnose(
                     rejected.extend(effects.iter().map(|spec| spec.name.clone()));
                     conclude(&mut rounds, RoundOutcome::TakenOut { effects });
                     continue;
+                }
+                if options.formulas && rounds.len() < thresholds.most_rounds && model.formulas.len() < MOST_FORMULAS {
+                    model.report("searching a formula", &model.present());
+                    match find_formula(&mut model, &examination, &present, thresholds)? {
+                        Ok((spec, fitted)) => {
+                            present = fitted;
+                            rejected.clear();
+                            tried.clear();
+                            conclude(&mut rounds, RoundOutcome::Added { effects: vec![spec], removed: Vec::new() });
+                            continue;
+                        }
+                        Err(reason) => formula_refused = Some(reason),
+                    }
                 }
                 left_over.extend(LeftOver::free_function(found, *explained));
                 if found.along.is_some_and(Along::is_of_the_pixel) {
@@ -194,7 +212,10 @@ pub fn diagnose(
     let pure_error = pure_error(&fit, thresholds);
     let shared = pure_error.as_ref().and_then(|p| LeftOver::shared(p, &left_over, thresholds));
     left_over.extend(shared);
-    let verdict = match (left_over.is_empty(), steps.is_empty()) {
+    let formulas: Vec<Discovery> =
+        model.formulas.iter().filter(|f| steps.iter().any(|s| s.spec.name == f.effect.name())).cloned().collect();
+    let is_candidate = formulas.iter().any(|formula| !formula.confirmed);
+    let verdict = match (left_over.is_empty() && !is_candidate, steps.is_empty()) {
         (false, _) => Verdict::Unexplained,
         (true, false) => Verdict::Effect,
         (true, true) => Verdict::Adequate,
@@ -210,6 +231,8 @@ pub fn diagnose(
         bad_frames,
         declarations,
         left_over,
+        formulas,
+        formula_refused,
         capture_next,
         first: first.fit,
         last: fit,
@@ -219,6 +242,31 @@ pub fn diagnose(
         examination,
     })
 }
+
+/// Searches a formula for what the present model leaves and adds it; else the reason why there is none.
+fn find_formula(
+    model: &mut AugmentedModel<'_>,
+    examination: &Examination,
+    present: &Fitted,
+    thresholds: &Thresholds,
+) -> Result<Result<(PieceSpec, Fitted), String>, DiagnoseError> {
+    let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
+    let discovery = match discovery::search(&present.fit, examination, &taken, thresholds) {
+        Search::Found(discovery) => discovery,
+        Search::Nothing(reason) => {
+            info!("no formula: {reason}");
+            return Ok(Err(reason));
+        }
+    };
+    let (spec, text) = (discovery.effect.spec(), discovery.effect.text());
+    Ok(match model.add_formula(*discovery, present)? {
+        Some(fitted) => Ok((spec, fitted)),
+        None => Err(format!("{text} does not lower the error on left-out frames for certain")),
+    })
+}
+
+/// Most formulas of a diagnosis.
+const MOST_FORMULAS: usize = 2;
 
 /// Decides on an examination; effects of one covariate are refuted where a free function of it explains much more, and those of the lens
 /// where something remains unexplained and images alone do not show them. The decision is made without them.

@@ -4,6 +4,7 @@ use depthcal_io::Verdict;
 
 use super::bad_frames::BadFrame;
 use super::declarations::ImplausibleScale;
+use super::discovery::Discovery;
 use super::examination::Examination;
 use super::experiment_design::CaptureProposal;
 use super::frame_planes::FramePlane;
@@ -34,6 +35,10 @@ pub struct Diagnosis {
     pub declarations: Vec<ImplausibleScale>,
     /// Structure in the residuals that no effect explains.
     pub left_over: Vec<LeftOver>,
+    /// The formulas among the steps.
+    pub formulas: Vec<Discovery>,
+    /// Why no formula was found for what is left; `None` where none was searched.
+    pub formula_refused: Option<String>,
     /// Captures that would answer open questions.
     pub capture_next: Vec<CaptureProposal>,
     /// The declared model, fitted to all frames that were not excluded.

@@ -45,7 +45,7 @@ pub struct FreeFunction {
 const RIDGE: f64 = 1e-2;
 
 /// Precision matrix of second differences along every axis, and a weak ridge.
-fn smoothness_precision(axes: &[Axis]) -> DMatrix<f64> {
+pub(super) fn smoothness_precision(axes: &[Axis]) -> DMatrix<f64> {
     let counts: Vec<usize> = axes.iter().map(|a| a.count).chain(std::iter::once(1)).take(2).collect();
     let (nu, nv) = (counts[0], counts[1]);
     let n = nu * nv;

@@ -18,6 +18,7 @@
 //! | what frames share, and pure error | [`pure_error`] |
 //! | captures that would answer open questions | [`experiment_design`] |
 //! | effects that these captures can distinguish | [`separability`] |
+//! | formulas for what no effect explains | [`discovery`] |
 //! | the record for files | [`record`] |
 //!
 //! Every threshold of the rules is in [`Thresholds`]. Findings are data; `depthcal-report` words them.
@@ -31,6 +32,7 @@ mod closed_loop;
 pub mod decision;
 pub mod declarations;
 mod diagnosis;
+pub mod discovery;
 mod error;
 pub mod evidence;
 pub mod examination;

@@ -11,6 +11,8 @@ pub struct DiagnoseOptions {
     pub calibrate: CalibrateOptions,
     /// Number of cross-validation folds where no other dataset is given for verification.
     pub folds: usize,
+    /// Whether formulas are searched for what the effects of the register leave unexplained.
+    pub formulas: bool,
     /// Thresholds of the rules.
     pub thresholds: Thresholds,
 }
@@ -18,6 +20,6 @@ pub struct DiagnoseOptions {
 impl Default for DiagnoseOptions {
     fn default() -> Self {
         let calibrate = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
-        Self { calibrate, folds: 5, thresholds: Thresholds::default() }
+        Self { calibrate, folds: 5, formulas: true, thresholds: Thresholds::default() }
     }
 }

@@ -2,10 +2,11 @@
 
 use depthcal_io::{
     DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
-    DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
-    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
+    DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause,
+    DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
     DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
-    DiagnosisRound, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
+    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep,
+    DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
@@ -13,6 +14,7 @@ use super::bad_frames::{BadFrame, BadFrameReason};
 use super::decision::{Competitor, Decision};
 use super::declarations::ImplausibleScale;
 use super::diagnosis::Diagnosis;
+use super::discovery::RunnerUp;
 use super::evidence::Evidence;
 use super::experiment_design::{CaptureProposal, ProposedFrame};
 use super::frame_planes::FramePlane;
@@ -36,7 +38,7 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         dataset,
         model: model.to_owned(),
         verdict: diagnosis.verdict,
-        steps: diagnosis.steps.iter().map(step).collect(),
+        steps: diagnosis.steps.iter().map(|s| DiagnosisStep { formula: formula(diagnosis, s), ..step(s) }).collect(),
         possible: diagnosis.possible.iter().map(possible).collect(),
         pure_error: diagnosis.pure_error.as_ref().map(pure_error),
         candidates: first_candidates(rounds.first()),
@@ -44,6 +46,7 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         bad_frames: diagnosis.bad_frames.iter().map(bad_frame).collect(),
         declarations: diagnosis.declarations.iter().map(declaration).collect(),
         left_over: diagnosis.left_over.iter().map(left_over).collect(),
+        formula_refused: diagnosis.formula_refused.clone(),
         capture_next: diagnosis.capture_next.iter().map(capture).collect(),
         frame_planes: diagnosis.planes.iter().filter(|p| p.p_value.is_finite()).map(frame_plane).collect(),
         separability: None,
@@ -113,7 +116,32 @@ fn step(step: &Step) -> DiagnosisStep {
         after: step.after,
         depth_rms_after_mm: step.depth_rms_after_mm,
         depth_gain_percent: step.gain_percent,
+        formula: None,
     }
+}
+
+/// What speaks for a step that is a formula.
+fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
+    let found = diagnosis.formulas.iter().find(|formula| formula.effect.name() == step.spec.name)?;
+    let definition = found.effect.definition();
+    let runner_up = |r: &RunnerUp| DiagnosisRunnerUp {
+        expression: r.expression.clone(),
+        covariates: r.covariates.clone(),
+        gain_share: r.gain_share,
+    };
+    Some(DiagnosisFormula {
+        expression: definition.formula.texts().join("; "),
+        covariates: found.covariates.clone(),
+        place: found.place,
+        stability: found.stability,
+        confirmed: found.confirmed,
+        resembles: found.resembles.clone(),
+        replication: found.replication.map(|[size, standard_error]| DiagnosisReplication { size, standard_error }),
+        share_of_free_function: found.share_of_free_function,
+        terms: found.terms,
+        runners_up: found.runners_up.iter().map(runner_up).collect(),
+        definition: definition.clone(),
+    })
 }
 
 fn specs(pieces: &[PieceSpec]) -> Vec<String> {

@@ -45,7 +45,7 @@ pub(super) struct Axis {
 impl Axis {
     /// Number of the first basis function that is not zero at `x`, and the values of it and of the next ones. Beyond the ends
     /// of the axis the functions are constant.
-    fn basis(&self, x: f64) -> (usize, [f64; 4]) {
+    pub(super) fn basis(&self, x: f64) -> (usize, [f64; 4]) {
         let spans = self.count - self.degree;
         let t = ((x - self.low) / (self.high - self.low)).clamp(0.0, 1.0) * spans as f64;
         let span = (t as usize).min(spans - 1);

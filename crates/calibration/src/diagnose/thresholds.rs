@@ -138,6 +138,15 @@ pub struct Thresholds {
     /// Least range of temperature, °C, in which a temperature drift can show (0.5). Guards against the conclusion that there is
     /// no drift where the temperature was constant.
     pub informative_temperature_span_c: f64,
+
+    /// Frames that a search for formulas needs (9): a third of them is set aside to confirm what is found.
+    pub least_frames_for_formulas: usize,
+    /// Share of resamples of the frames in which the best of all terms has the covariates of a formula (0.8). Guards against formulas that a
+    /// few frames decide.
+    pub least_stability: f64,
+    /// Share that a formula explains of what the best free function of its covariates explains (0.75). Guards against formulas that only resemble
+    /// a part of what is there.
+    pub least_share_of_free_function: f64,
 }
 
 impl Default for Thresholds {
@@ -186,6 +195,9 @@ impl Default for Thresholds {
             least_temperature_span_c: 0.05,
             distinguishing_noncentrality: 11.7,
             informative_temperature_span_c: 0.5,
+            least_frames_for_formulas: 9,
+            least_stability: 0.8,
+            least_share_of_free_function: 0.75,
         }
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AddsTo, FormulaSearch};
 
-use super::equation;
+use super::equation::equation;
 use crate::content::Content;
 use crate::covariate::FormulaCovariate;
 use crate::syntax::{Expression, Function, Node, Operator};

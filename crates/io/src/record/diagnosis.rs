@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use depthcal_model::{Of, On};
+use depthcal_model::{FormulaDefinition, Of, On};
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
@@ -90,6 +90,57 @@ pub struct DiagnosisStep {
     pub depth_rms_after_mm: Option<Interval>,
     /// Decrease of the held-out root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
+    /// What speaks for it, where it is a formula that was found in the residuals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub formula: Option<DiagnosisFormula>,
+}
+
+/// A formula that was found in the residuals: a description of what is left, not its cause.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisFormula {
+    /// The formula, in terms of its covariates, parameters and constants.
+    pub expression: String,
+    /// Names of its covariates, sorted.
+    pub covariates: Vec<String>,
+    /// Place and form.
+    pub place: DiagnosisPlace,
+    /// Share of resamples of the frames in which the best of all terms has these covariates.
+    pub stability: f64,
+    /// Whether frames that the search did not see confirm sign and size; else it is a candidate.
+    pub confirmed: bool,
+    /// Effects of the catalogue that explain nearly as much.
+    pub resembles: Vec<String>,
+    /// Size in the frames that were set aside over that in the others; absent where it cannot be estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub replication: Option<DiagnosisReplication>,
+    /// Share that it explains of what the best free function of its covariates explains, on left-out frames.
+    pub share_of_free_function: f64,
+    /// Number of terms that were scored.
+    pub terms: usize,
+    /// The best formulas of other covariates.
+    pub runners_up: Vec<DiagnosisRunnerUp>,
+    /// The effect whole, as `--with` takes it in a file.
+    pub definition: FormulaDefinition,
+}
+
+/// The size of an effect in frames that were set aside, over that in the others.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisReplication {
+    /// 1 where both have the same size.
+    pub size: f64,
+    /// Its standard error, over frames.
+    pub standard_error: f64,
+}
+
+/// A formula that lost.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DiagnosisRunnerUp {
+    /// The formula.
+    pub expression: String,
+    /// Names of its covariates, sorted.
+    pub covariates: Vec<String>,
+    /// What it explains on left-out frames, over what the winner does.
+    pub gain_share: f64,
 }
 
 /// Place and form of an effect of depth.
@@ -233,6 +284,9 @@ pub struct DiagnosisFile {
     /// Structure left in the residuals that no effect explains.
     #[serde(default)]
     pub left_over: Vec<DiagnosisLeftOver>,
+    /// Why no formula was found for what is left; absent where none was searched.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub formula_refused: Option<String>,
     /// Captures that would help.
     #[serde(default)]
     pub capture_next: Vec<DiagnosisCapture>,

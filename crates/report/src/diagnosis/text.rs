@@ -157,6 +157,7 @@ mod tests {
             after: errors(Some(5.512)),
             depth_rms_after_mm: None,
             depth_gain_percent: Some(GainInterval { value: 16.53, low: 13.49, high: 20.1 }),
+            formula: None,
         };
         let candidate = DiagnosisCandidate {
             effect: "board_bow".to_owned(),
@@ -177,6 +178,7 @@ mod tests {
             bad_frames: Vec::new(),
             declarations: Vec::new(),
             left_over: Vec::new(),
+            formula_refused: None,
             capture_next: vec![depthcal_io::DiagnosisCapture::Record {
                 covariate: depthcal_io::DiagnosisCovariate::Time,
                 effects: vec!["temporal_drift".to_owned()],

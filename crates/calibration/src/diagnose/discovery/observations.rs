@@ -1,0 +1,261 @@
+//! The depth observations of a fit as rows of a linear problem from which poses have been eliminated: what a column added to them would
+//! explain, frame by frame.
+
+use depthcal_formula::FormulaCovariate as C;
+use depthcal_model::chain::POSE;
+use depthcal_model::{Context, Of, On};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::library::Span;
+use super::term::Term;
+use crate::adjust::adjustment::Adjustment;
+use crate::calibrate::Calibrated;
+use crate::diagnose::candidate_blocks::with_probes;
+use crate::diagnose::observed_states::Range;
+use crate::observe::board_plane::BoardPlane;
+
+/// Depth samples that take part, about: more make the search slower and its answers no better.
+const MOST_SAMPLES: usize = 12_000;
+
+/// Least length of a covariate's range, over its largest value.
+const LEAST_SPAN: f64 = 0.02;
+
+/// A depth sample: what terms depend on, and how its residual changes where inverse depth is changed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    /// Ray (x, y), true inverse depth and cosine of the angle of incidence.
+    pub state: [f64; 4],
+    /// Inverse depth that the model says the camera measures.
+    pub measured_rho: f64,
+    pub context: Context,
+    /// ∂residual/∂ρ before the depth model, and behind it.
+    pub slopes: [f64; 2],
+}
+
+/// The rows of a frame.
+#[derive(Debug, Clone)]
+pub(super) struct FrameRows {
+    pub samples: Vec<Sample>,
+    /// One row per sample: the pose's columns, orthonormal in the metric of the frame's whole information; the shared columns without
+    /// what the pose takes up; the residuals without it.
+    matrix: DMatrix<f64>,
+    /// Normal matrix and gradient of the shared columns, the pose eliminated.
+    hessian: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
+/// The rows of all frames.
+#[derive(Debug, Clone)]
+pub(super) struct Observations {
+    pub frames: Vec<FrameRows>,
+    pub shared: usize,
+}
+
+/// Normal equations of a frame over the shared columns followed by those of a term.
+#[derive(Debug, Clone)]
+pub(super) struct Normal {
+    pub hessian: DMatrix<f64>,
+    pub gradient: DVector<f64>,
+}
+
+impl Sample {
+    /// Inverse depth in a place.
+    fn rho(&self, of: Of) -> f64 {
+        if of == Of::True { self.state[2] } else { self.measured_rho }
+    }
+
+    /// The value of a covariate in a place; NaN where it is unknown.
+    #[inline]
+    pub fn value(&self, covariate: C, of: Of) -> f64 {
+        let ([x, y, ..], context) = (self.state, &self.context);
+        let signal = |amplitude: f64| if amplitude > 0.0 { amplitude } else { f64::NAN };
+        match covariate {
+            C::X => x,
+            C::Y => y,
+            C::R => x.hypot(y),
+            C::U => context.pixel[0],
+            C::V => context.pixel[1],
+            C::Z => 1.0 / self.rho(of),
+            C::Rho => self.rho(of),
+            C::Range => x.hypot(y).hypot(1.0) / self.rho(of),
+            C::Incidence => 1.0 / self.state[3] - 1.0,
+            C::Amplitude => signal(context.amplitude),
+            C::Surroundings => signal(context.surround),
+            C::Time => context.time_s,
+            C::Temperature => context.temperature_c,
+            C::BoardX | C::BoardY => f64::NAN,
+        }
+    }
+
+    /// Change of the residual by a value of 1 in a place and a form.
+    #[inline]
+    pub fn slope(&self, of: Of, on: On) -> f64 {
+        let rho = self.rho(of);
+        let slope = self.slopes[usize::from(of == Of::Measured)];
+        slope
+            * match on {
+                On::Depth => -rho * rho,
+                On::InverseDepth => 1.0,
+                On::Factor => -rho,
+            }
+    }
+}
+
+impl Observations {
+    /// The rows of a fit; `None` where its frames cannot be evaluated.
+    pub fn of(fit: &Calibrated) -> Option<Self> {
+        let (camera, probes) = with_probes(&fit.camera);
+        let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
+        let starts: Vec<usize> = camera.parameter_ranges().map(|range| range.start).collect();
+        let free = camera.free_parameters();
+        let columns: Vec<usize> =
+            free.iter().copied().chain(probes.map(|block| starts[block])).map(|column| POSE + column).collect();
+        let shared = free.len();
+        let total: usize = fit.capture.frames.iter().map(|frame| frame.samples.len()).sum();
+        let step = total.div_ceil(MOST_SAMPLES).max(1);
+        let frames: Vec<FrameRows> = (0..fit.capture.frames.len())
+            .into_par_iter()
+            .filter_map(|index| {
+                let frame = &fit.capture.frames[index];
+                let [image, depth] = adjustment.weighted_parts(index, &columns)?;
+                let size = POSE + shared;
+                let mut normal = DMatrix::zeros(size, size);
+                let mut gradient = DVector::zeros(size);
+                let (jacobian, residuals) = image;
+                let n = jacobian.ncols();
+                normal.view_mut((0, 0), (n, n)).gemm_tr(1.0, &jacobian, &jacobian, 1.0);
+                gradient.rows_mut(0, n).gemm_tr(1.0, &jacobian, &residuals, 1.0);
+                let (jacobian, residuals) = depth;
+                let rows: Vec<usize> = (0..residuals.len()).step_by(step).collect();
+                let jacobian = jacobian.select_rows(&rows);
+                let residuals = residuals.select_rows(&rows);
+                let own = jacobian.columns(0, size).into_owned();
+                normal.gemm_tr(1.0, &own, &own, 1.0);
+                gradient.gemm_tr(1.0, &own, &residuals, 1.0);
+
+                let plane = BoardPlane::new(&frame.camera_from_board);
+                let samples: Option<Vec<Sample>> = rows
+                    .iter()
+                    .enumerate()
+                    .map(|(row, sample)| {
+                        let sample = &frame.samples[*sample];
+                        let ray = fit.camera.ray(sample.context.pixel, 1.0 / sample.depth_mm).ok()?;
+                        let state = plane.depth_state(ray)?;
+                        let measured_rho = fit.camera.measured_inverse_depth(&sample.context, ray, state[3], state[2]);
+                        let slopes = [0, 1].map(|probe| jacobian[(row, size + probe)]);
+                        Some(Sample { state, measured_rho, context: sample.context, slopes })
+                    })
+                    .collect();
+                FrameRows::new(samples?, &own, &residuals, &normal, &gradient)
+            })
+            .collect();
+        (frames.len() > 2).then_some(Self { frames, shared })
+    }
+
+    /// The same of some frames only.
+    pub fn subset(&self, keep: impl Fn(usize) -> bool) -> Self {
+        let frames = self.frames.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, frame)| frame.clone());
+        Self { frames: frames.collect(), shared: self.shared }
+    }
+
+    /// The range of a covariate; `None` where it is unknown in a tenth of the samples or hardly varies.
+    pub fn span(&self, covariate: C, of: Of) -> Option<Span> {
+        let samples = self.frames.iter().flat_map(|frame| &frame.samples);
+        let values: Vec<f64> = samples.map(|sample| sample.value(covariate, of)).collect();
+        let known = values.iter().filter(|v| v.is_finite()).count();
+        let range = Range::of(values.iter().copied()).filter(|_| known * 10 >= values.len() * 9)?;
+        let varies = range.span() > LEAST_SPAN * range.high.abs().max(range.low.abs());
+        varies.then_some(Span { low: range.low, middle: range.middle, high: range.high })
+    }
+
+    /// Sum of the frames' normal matrices of the shared columns.
+    pub fn shared_hessian(&self) -> DMatrix<f64> {
+        self.frames.iter().fold(DMatrix::zeros(self.shared, self.shared), |sum, frame| sum + &frame.hessian)
+    }
+
+    /// The frames' normal equations over the shared columns and those of a term.
+    pub fn normals(&self, term: &Term) -> Vec<Normal> {
+        self.normals_of(|frame| frame.columns(term))
+    }
+
+    /// The same over any columns, given by frame.
+    pub fn normals_of(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync) -> Vec<Normal> {
+        self.frames.par_iter().map(|frame| frame.normal(&columns(frame))).collect()
+    }
+}
+
+impl FrameRows {
+    fn new(
+        samples: Vec<Sample>,
+        own: &DMatrix<f64>,
+        residuals: &DVector<f64>,
+        normal: &DMatrix<f64>,
+        gradient: &DVector<f64>,
+    ) -> Option<Self> {
+        let shared = normal.nrows() - POSE;
+        let of_pose = normal.view((0, 0), (POSE, POSE)).into_owned().cholesky()?;
+        let cross = normal.view((0, POSE), (POSE, shared)).into_owned();
+        let carried = of_pose.solve(&cross);
+        let pose_gradient = gradient.rows(0, POSE).into_owned();
+        let pose_step = of_pose.solve(&pose_gradient);
+        let poses = own.columns(0, POSE);
+        let rows = residuals.len();
+        let mut matrix = DMatrix::zeros(rows, POSE + shared + 1);
+        // Z = J_p L⁻ᵀ, so that ZᵀZ is what the pose takes up of a column.
+        let z = of_pose.l().solve_lower_triangular(&poses.transpose())?.transpose();
+        matrix.columns_mut(0, POSE).copy_from(&z);
+        matrix.columns_mut(POSE, shared).copy_from(&(own.columns(POSE, shared) - poses * &carried));
+        matrix.column_mut(POSE + shared).copy_from(&(residuals - poses * pose_step));
+        let hessian = normal.view((POSE, POSE), (shared, shared)) - cross.tr_mul(&carried);
+        let gradient = gradient.rows(POSE, shared) - carried.tr_mul(&pose_gradient);
+        Some(Self { samples, matrix, hessian, gradient })
+    }
+
+    /// The rows that columns are multiplied with: pose, shared, residual.
+    pub fn matrix(&self) -> &DMatrix<f64> {
+        &self.matrix
+    }
+
+    /// Gradient of the shared columns, the pose eliminated.
+    pub fn gradient(&self) -> &DVector<f64> {
+        &self.gradient
+    }
+
+    /// The columns of a term: what its parameters change the residuals by.
+    pub fn columns(&self, term: &Term) -> DMatrix<f64> {
+        let mut columns = DMatrix::zeros(self.samples.len(), term.columns());
+        for (row, sample) in self.samples.iter().enumerate() {
+            let slope = sample.slope(term.of, term.on);
+            let mut next = 0;
+            for product in &term.products {
+                let factor = product.factor.map_or(1.0, |f| f.values(sample.value(f.covariate, term.of))[0]);
+                let values = product.function.values(sample.value(product.function.covariate, term.of));
+                for value in &values[..product.columns()] {
+                    let entry = slope * factor * value;
+                    columns[(row, next)] = if entry.is_finite() { entry } else { 0.0 };
+                    next += 1;
+                }
+            }
+        }
+        columns
+    }
+
+    /// Normal equations over the shared columns and others.
+    fn normal(&self, columns: &DMatrix<f64>) -> Normal {
+        let (shared, more) = (self.hessian.nrows(), columns.ncols());
+        let products = self.matrix.tr_mul(columns);
+        let of_pose = products.rows(0, POSE);
+        let mut hessian = DMatrix::zeros(shared + more, shared + more);
+        hessian.view_mut((0, 0), (shared, shared)).copy_from(&self.hessian);
+        let cross = products.rows(POSE, shared);
+        hessian.view_mut((0, shared), (shared, more)).copy_from(&cross);
+        hessian.view_mut((shared, 0), (more, shared)).copy_from(&cross.transpose());
+        let own = columns.tr_mul(columns) - of_pose.tr_mul(&of_pose);
+        hessian.view_mut((shared, shared), (more, more)).copy_from(&own);
+        let mut gradient = DVector::zeros(shared + more);
+        gradient.rows_mut(0, shared).copy_from(&self.gradient);
+        gradient.rows_mut(shared, more).copy_from(&products.row(POSE + shared).transpose());
+        Normal { hessian, gradient }
+    }
+}

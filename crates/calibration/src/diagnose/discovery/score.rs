@@ -1,0 +1,143 @@
+//! What columns explain, from the frames' normal equations: in all frames, and in frames that were left out.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::observations::Normal;
+
+/// The sum of normal equations.
+pub(super) fn sum<'a>(normals: impl IntoIterator<Item = &'a Normal>) -> Option<Normal> {
+    let mut normals = normals.into_iter();
+    let first = normals.next()?.clone();
+    Some(normals.fold(first, |mut sum, normal| {
+        sum.hessian += &normal.hessian;
+        sum.gradient += &normal.gradient;
+        sum
+    }))
+}
+
+/// The step that minimises a quadratic cost, and the fall of the cost; undetermined combinations stay as they are.
+fn step(normal: &Normal) -> DVector<f64> {
+    let n = normal.gradient.len();
+    // Columns have units of their own: scaled to equal curvature, so that a common bound tells what is undetermined.
+    let scale: Vec<f64> =
+        normal.hessian.diagonal().iter().map(|d| if *d > 0.0 { d.sqrt().recip() } else { 0.0 }).collect();
+    let scaled = DMatrix::from_fn(n, n, |i, k| {
+        let ridge = if i == k { RIDGE } else { 0.0 };
+        normal.hessian[(i, k)] * scale[i] * scale[k] + ridge
+    });
+    let gradient = DVector::from_fn(n, |i, _| -normal.gradient[i] * scale[i]);
+    match scaled.cholesky() {
+        Some(factor) => DVector::from_fn(n, |i, _| scale[i]).component_mul(&factor.solve(&gradient)),
+        None => DVector::zeros(n),
+    }
+}
+
+/// Ridge on columns scaled to equal curvature: far below what noise determines, far above rounding.
+const RIDGE: f64 = 1e-9;
+
+/// The change of a cost by a step.
+fn change(normal: &Normal, step: &DVector<f64>) -> f64 {
+    normal.gradient.dot(step) + 0.5 * step.dot(&(&normal.hessian * step))
+}
+
+/// The first `shared` columns alone.
+fn of_shared(normal: &Normal, shared: usize) -> Normal {
+    Normal {
+        hessian: normal.hessian.view((0, 0), (shared, shared)).into_owned(),
+        gradient: normal.gradient.rows(0, shared).into_owned(),
+    }
+}
+
+/// Estimates of the columns after the first `shared`, jointly with these, from all frames.
+pub(super) fn estimate(normals: &[Normal], shared: usize) -> Option<DVector<f64>> {
+    let step = step(&sum(normals)?);
+    Some(step.rows(shared, step.len() - shared).into_owned())
+}
+
+/// Fall of the cost ½ Σ r² of every frame when the columns after the first `shared` are estimated from all other frames, over that with
+/// the shared columns alone. `prior` is added to the columns' normal matrix.
+pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&DMatrix<f64>>) -> Vec<f64> {
+    let Some(mut whole) = sum(normals) else { return Vec::new() };
+    let more = whole.gradient.len() - shared;
+    if let Some(prior) = prior {
+        let mut block = whole.hessian.view_mut((shared, shared), (more, more));
+        block += prior;
+    }
+    let gain = |own: &Normal| {
+        let others = Normal { hessian: &whole.hessian - &own.hessian, gradient: &whole.gradient - &own.gradient };
+        let without = change(&of_shared(own, shared), &step(&of_shared(&others, shared)));
+        without - change(own, &step(&others))
+    };
+    normals.iter().map(gain).collect()
+}
+
+/// The largest total gain over some strengths of a prior, relative to the columns' own information.
+pub(super) fn smooth_gain(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> f64 {
+    const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+    let Some(whole) = sum(normals) else { return 0.0 };
+    let information: f64 = (shared..whole.gradient.len()).map(|i| whole.hessian[(i, i)]).sum();
+    let scale = information / prior.trace().max(f64::MIN_POSITIVE);
+    let total =
+        |strength: f64| -> f64 { held_out_gains(normals, shared, Some(&(prior * (strength * scale)))).iter().sum() };
+    STRENGTHS.into_iter().map(total).fold(0.0, f64::max)
+}
+
+/// The score of columns against the shared ones: its parts by frame, and its information.
+#[derive(Debug, Clone)]
+pub(super) struct Score {
+    /// One row per frame.
+    pub parts: Vec<DVector<f64>>,
+    pub information: DMatrix<f64>,
+}
+
+impl Score {
+    /// The score of the columns after the first `shared`.
+    pub fn of(normals: &[Normal], shared: usize) -> Option<Self> {
+        let whole = sum(normals)?;
+        let more = whole.gradient.len() - shared;
+        let of_shared = whole.hessian.view((0, 0), (shared, shared)).into_owned();
+        let cross = whole.hessian.view((0, shared), (shared, more)).into_owned();
+        let carried = of_shared.cholesky()?.solve(&cross);
+        let information = whole.hessian.view((shared, shared), (more, more)) - cross.tr_mul(&carried);
+        let part = |normal: &Normal| {
+            normal.gradient.rows(shared, more) - carried.tr_mul(&normal.gradient.rows(0, shared).into_owned())
+        };
+        Some(Self { parts: normals.iter().map(part).collect(), information })
+    }
+
+    /// Uᵀ V⁻¹ U of the weighted sum of its parts.
+    pub fn statistic(&self, weight: impl Fn(usize) -> f64) -> f64 {
+        let n = self.information.nrows();
+        let total = self.parts.iter().enumerate().fold(DVector::zeros(n), |sum, (i, part)| sum + part * weight(i));
+        self.information.clone().cholesky().map_or(0.0, |factor| total.dot(&factor.solve(&total)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn normals() -> Vec<Normal> {
+        // Three frames of y = 2 x₁ + 3 x₂ with one shared column x₁.
+        let rows = [[1.0, 0.2], [0.5, 1.0], [0.3, -0.7], [1.2, 0.4], [-0.2, 0.9], [0.8, 0.1]];
+        rows.chunks(2)
+            .map(|rows| {
+                let j = DMatrix::from_fn(2, 2, |i, k| rows[i][k]);
+                let r = DVector::from_fn(2, |i, _| -(2.0 * rows[i][0] + 3.0 * rows[i][1]));
+                Normal { hessian: j.tr_mul(&j), gradient: j.tr_mul(&r) }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn without_noise_estimates_are_exact_and_left_out_frames_are_predicted() {
+        let normals = normals();
+        assert!((estimate(&normals, 1).unwrap()[0] - 3.0).abs() < 1e-6);
+        let gains = held_out_gains(&normals, 1, None);
+        assert!(gains.iter().all(|gain| *gain > 0.0), "{gains:?}");
+        let score = Score::of(&normals, 1).unwrap();
+        // All of the cost that the shared column leaves: U²/V = V θ².
+        let expected = score.information[(0, 0)] * 9.0;
+        assert!((score.statistic(|_| 1.0) - expected).abs() < 1e-6 * expected);
+    }
+}

@@ -1,0 +1,227 @@
+//! The term that is chosen: constants refined, compared on left-out frames, the simpler of equals, extended and reduced.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use depthcal_formula::FormulaCovariate as C;
+use depthcal_statistics::mean_to_standard_error;
+use rayon::prelude::*;
+
+use super::library::Kind;
+use super::observations::Observations;
+use super::score::{Score, held_out_gains};
+use super::screening::Screened;
+use super::term::Term;
+
+/// Terms of one set of covariates that are compared on left-out frames.
+const OF_ONE_SET: usize = 6;
+/// Sets of covariates that are compared.
+const SETS: usize = 14;
+/// Steps of the search for a constant, each of which shortens its interval by the golden ratio.
+const GOLDEN_STEPS: usize = 12;
+/// Parameters of a formula.
+const MOST_COLUMNS: usize = 3;
+/// Share of its gain by which a further product must raise it …
+const LEAST_RISE: f64 = 0.04;
+/// … and how certain the rise has to be, in standard errors over frames.
+const LEAST_RISE_T: f64 = 2.0;
+/// A simpler term wins where it is worse by less than this many standard errors over frames, or than this share.
+const TIE_T: f64 = 1.0;
+const TIE_SHARE: f64 = 0.02;
+
+/// A term with its gain on every frame when it is estimated from all others.
+#[derive(Debug, Clone)]
+pub(super) struct Judged {
+    pub term: Term,
+    pub gains: Vec<f64>,
+}
+
+impl Judged {
+    fn new(observations: &Observations, term: Term) -> Self {
+        let gains = held_out_gains(&observations.normals(&term), observations.shared, None);
+        Self { term, gains }
+    }
+
+    /// Sum of the gains.
+    pub fn gain(&self) -> f64 {
+        self.gains.iter().sum()
+    }
+
+    /// Whether it is as good as another one.
+    fn is_as_good_as(&self, other: &Self) -> bool {
+        let lost: Vec<f64> = other.gains.iter().zip(&self.gains).map(|(o, s)| o - s).collect();
+        self.gain() >= (1.0 - TIE_SHARE) * other.gain() || mean_to_standard_error(&lost) < TIE_T
+    }
+}
+
+/// The chosen term and those that it was compared with, the best of each set of covariates first.
+pub(super) fn select(observations: &Observations, screened: &[Screened]) -> Option<(Judged, Vec<Judged>)> {
+    let mut order: Vec<(f64, &Screened)> = screened.par_iter().map(|s| (s.merit(|_| 1.0), s)).collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // The best of each kind for every set of families, in the order of their merit.
+    let mut sets: BTreeMap<BTreeSet<C>, Vec<&Screened>> = BTreeMap::new();
+    let mut first: Vec<BTreeSet<C>> = Vec::new();
+    for (_, candidate) in &order {
+        let families = candidate.term.families();
+        if !first.contains(&families) {
+            if first.len() == SETS {
+                continue;
+            }
+            first.push(families.clone());
+        }
+        let members = sets.entry(families).or_default();
+        let alike = |other: &&Screened| key(&other.term) == key(&candidate.term);
+        if members.len() < OF_ONE_SET && !members.iter().any(alike) {
+            members.push(candidate);
+        }
+    }
+    let terms: Vec<Term> = sets.into_values().flatten().map(|s| s.term.clone()).collect();
+    let mut judged: Vec<Judged> =
+        terms.into_par_iter().map(|term| Judged::new(observations, refined(observations, term))).collect();
+    judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+    let chosen = simplest(&judged)?.clone();
+    let extended = extended(observations, chosen, &order);
+    judged.retain(|other| other.term != extended.term);
+    Some((extended, judged))
+}
+
+/// Terms with equal keys differ in their constants only.
+fn key(term: &Term) -> (depthcal_model::Of, depthcal_model::On, Option<(C, Kind)>, C, Kind) {
+    let product = &term.products[0];
+    let factor = product.factor.map(|f| (f.covariate, f.kind));
+    (term.of, term.on, factor, product.function.covariate, product.function.kind)
+}
+
+/// Of all that are as good as the best, the one of the fewest covariates, then the simplest, then the best.
+fn simplest(judged: &[Judged]) -> Option<&Judged> {
+    let best = judged.first().filter(|best| best.gain() > 0.0)?;
+    let near = judged.iter().filter(|other| other.gain() > 0.0 && other.is_as_good_as(best));
+    near.min_by(|a, b| {
+        let effort = |j: &Judged| (j.term.families().len(), j.term.complexity());
+        effort(a).cmp(&effort(b)).then(b.gain().total_cmp(&a.gain()))
+    })
+}
+
+/// The same term with the constant of its last product that fits best, within the neighbours of its grid.
+fn refined(observations: &Observations, term: Term) -> Term {
+    let last = term.products.len() - 1;
+    let function = term.products[last].function;
+    if !function.kind.is_searched() {
+        return term;
+    }
+    let Some(span) = observations.span(function.covariate, term.of) else { return term };
+    let k = function.constant;
+    // Waves are tried at equal steps of frequency, lengths of decay at ratios, all others at equal steps.
+    let (low, high) = match function.kind {
+        Kind::Wave => {
+            let step = if term.products[last].factor.is_some() { 0.75 } else { 0.4 };
+            let cycles = span.length() / k;
+            ((cycles - step).max(0.2), cycles + step)
+        }
+        Kind::Decay | Kind::Settling | Kind::Log => ((k / 2.0).ln(), (2.0 * k).ln()),
+        _ => {
+            let step = span.length() / if term.products[last].factor.is_some() { 6.0 } else { 12.0 };
+            (k - step, k + step)
+        }
+    };
+    let of = |t: f64| match function.kind {
+        Kind::Wave => span.length() / t,
+        Kind::Decay | Kind::Settling | Kind::Log => t.exp(),
+        _ => t,
+    };
+    let merit = |t: f64| {
+        let term = term.with_constant(last, of(t));
+        Score::of(&observations.normals(&term), observations.shared).map_or(0.0, |score| score.statistic(|_| 1.0))
+    };
+    term.with_constant(last, of(golden(low, high, merit)))
+}
+
+/// Place of the maximum of a function with a single one in an interval (golden section; Kiefer 1953).
+fn golden(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
+    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut of_a, mut of_b) = (value(a), value(b));
+    for _ in 0..GOLDEN_STEPS {
+        if of_a > of_b {
+            (high, b, of_b) = (b, a, of_a);
+            a = high - ratio * (high - low);
+            of_a = value(a);
+        } else {
+            (low, a, of_a) = (a, b, of_b);
+            b = low + ratio * (high - low);
+            of_b = value(b);
+        }
+    }
+    if of_a > of_b { a } else { b }
+}
+
+/// Terms that are tried as a further product.
+const FURTHER: usize = 6;
+
+/// The term with further products of its own covariates, in its place and form, while they raise the gain for certain; then without
+/// those that became needless.
+fn extended(observations: &Observations, chosen: Judged, order: &[(f64, &Screened)]) -> Judged {
+    let families = chosen.term.families();
+    let mut present = chosen;
+    while present.term.columns() < MOST_COLUMNS {
+        let room = MOST_COLUMNS - present.term.columns();
+        let fits = |other: &Term| {
+            let has_constant = present.term.searched().is_some() && other.searched().is_some();
+            (other.of, other.on) == (present.term.of, present.term.on)
+                && other.columns() <= room
+                && !has_constant
+                && other.families().is_subset(&families)
+                && !present.term.products.contains(&other.products[0])
+        };
+        let alike: Vec<Term> = order.iter().map(|(_, s)| &s.term).filter(|t| fits(t)).cloned().collect();
+        // The best alone are not the best beside the present one: scored jointly.
+        let mut scored: Vec<(f64, Term)> = alike
+            .into_par_iter()
+            .take(MOST_SCORED)
+            .filter_map(|other| {
+                let mut term = present.term.clone();
+                term.products.extend(other.products);
+                let score = Score::of(&observations.normals(&term), observations.shared)?;
+                Some((score.statistic(|_| 1.0), term))
+            })
+            .collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        scored.truncate(FURTHER);
+        let judged = scored.into_par_iter().map(|(_, term)| Judged::new(observations, refined(observations, term)));
+        let best = judged.collect::<Vec<_>>().into_iter().max_by(|a, b| a.gain().total_cmp(&b.gain()));
+        let Some(best) = best else { break };
+        let rise: Vec<f64> = best.gains.iter().zip(&present.gains).map(|(a, b)| a - b).collect();
+        let certain = mean_to_standard_error(&rise) > LEAST_RISE_T;
+        if !(certain && best.gain() > (1.0 + LEAST_RISE) * present.gain()) {
+            break;
+        }
+        present = best;
+    }
+    while present.term.products.len() > 1 {
+        let without = |i: usize| {
+            let mut term = present.term.clone();
+            term.products.remove(i);
+            Judged::new(observations, term)
+        };
+        let all: Vec<Judged> = (0..present.term.products.len()).map(without).collect();
+        let Some(best) = all.into_iter().max_by(|a, b| a.gain().total_cmp(&b.gain())) else { break };
+        if best.gain() * (1.0 + LEAST_RISE) < present.gain() {
+            break;
+        }
+        present = best;
+    }
+    present
+}
+
+/// Terms that are scored jointly with the present one.
+const MOST_SCORED: usize = 300;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_golden_section_finds_a_maximum() {
+        let found = golden(-3.0, 5.0, |t| -(t - 1.234) * (t - 1.234));
+        assert!((found - 1.234).abs() < 0.02, "{found}");
+    }
+}

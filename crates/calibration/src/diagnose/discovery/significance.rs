@@ -1,0 +1,54 @@
+//! Whether the best of all terms is more than the best of so many would be by chance, and whether other frames would have shown the
+//! same covariates.
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use rayon::prelude::*;
+
+use super::screening::Screened;
+
+/// Signs of frames that are drawn.
+const DRAWS: usize = 399;
+/// Resamples of the frames.
+const RESAMPLES: usize = 100;
+/// Share of the best term's merit with which a simpler one wins.
+const TIE: f64 = 0.97;
+
+/// p-value of the best of all terms: how often it is as good where the signs of the frames' scores are drawn at random. What frames do not
+/// share changes sign with them and stays; what they share cancels (wild cluster bootstrap; Cameron, Gelbach, Miller 2008).
+pub(super) fn p_value(screened: &[Screened]) -> f64 {
+    let groups = screened.first().map_or(0, |s| s.parts.len());
+    let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
+    let draws: Vec<Vec<f64>> = {
+        let mut random = StdRng::seed_from_u64(17);
+        (0..DRAWS).map(|_| (0..groups).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()).collect()
+    };
+    let as_good = draws.par_iter().filter(|signs| screened.iter().any(|s| s.merit(|i| signs[i]) >= best)).count();
+    (as_good + 1) as f64 / (DRAWS + 1) as f64
+}
+
+/// The best term for weights of the frames; of terms that are nearly as good the one with the fewest covariates, then the simplest.
+fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
+    let merits: Vec<f64> = screened.iter().map(|s| s.merit(|i| weights[i])).collect();
+    let most = merits.iter().copied().fold(f64::MIN, f64::max);
+    let near = (0..screened.len()).filter(|i| merits[*i] >= TIE * most);
+    near.min_by_key(|i| (screened[*i].term.families().len(), screened[*i].term.complexity()))
+}
+
+/// Share of resamples of the frames in which the best term has the same families of covariates.
+pub(super) fn stability(screened: &[Screened], found: &super::term::Term) -> f64 {
+    let groups = screened.first().map_or(0, |s| s.parts.len());
+    let mut random = StdRng::seed_from_u64(23);
+    let weights: Vec<Vec<f64>> = (0..RESAMPLES)
+        .map(|_| {
+            let mut weights = vec![0.0; groups];
+            (0..groups).for_each(|_| weights[random.random_range(0..groups)] += 1.0);
+            weights
+        })
+        .collect();
+    let families = found.families();
+    let same = weights
+        .par_iter()
+        .filter(|weights| best(screened, weights).is_some_and(|i| screened[i].term.families() == families));
+    same.count() as f64 / RESAMPLES as f64
+}
