@@ -102,7 +102,10 @@ fn what_is_wrong_with_a_file_of_formulas_is_said_with_its_place() {
         folder.write("wrong.toml", content);
         fails(["formula", &file], parts);
     };
-    refused(&ROW_GAIN.replace("log(rho / rho0)", "log(rho)"), &["line 7, column 24", "'rho' is in 1/mm", "^^^"]);
+    refused(
+        &ROW_GAIN.replace("log(rho / rho0)", "log(rho) * rho / rho0"),
+        &["line 7, column 24", "'rho' is in 1/mm", "^^^"],
+    );
     refused(&ROW_GAIN.replace("log(rho / rho0)", "lg(rho / rho0)"), &["line 7, column 20", "no function 'lg'"]);
     refused(&ROW_GAIN.replace("formula =", "formla ="), &["unknown field `formla`", "line 7"]);
     refused("", &["has no effect"]);

@@ -7,7 +7,7 @@
 //! | option | |
 //! |---|---|
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
-//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables; on request also `faultless`, `nature`, `fine`, `coverage` and `sensitivity` |
+//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables; on request also `faultless`, `nature`, `fine`, `formulas`, `rediscovered`, `coverage` and `sensitivity` |
 //! | `--effects a,b` | these effects only |
 //! | `--thresholds a,b` | these thresholds only, in `sensitivity` |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
@@ -20,6 +20,7 @@ mod beyond;
 mod coverage;
 mod drawn;
 mod fine;
+mod formulas;
 mod nature;
 mod nothing;
 mod pairs;
@@ -137,11 +138,13 @@ fn main() {
             "faultless" => study.faultless(),
             "nature" => study.nature(),
             "fine" => study.fine(),
+            "formulas" => study.formulas(),
+            "rediscovered" => study.rediscovered(),
             "coverage" => study.coverage(),
             "sensitivity" => study.sensitivity(),
             other => eprintln!(
                 "there is no table '{other}': single, placed, clean, heavy, bad, beyond, absent, pairs, faultless, nature, fine, \
-                 coverage, sensitivity"
+                 formulas, rediscovered, coverage, sensitivity"
             ),
         }
     }

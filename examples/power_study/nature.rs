@@ -33,7 +33,7 @@ impl Study {
             .filter_map(|seed| self.natural(seed).inspect_err(|e| eprintln!("nature {seed}: {e}")).ok())
             .collect();
         let n = runs.len();
-        let nameless = runs.iter().filter(|r| r.0.iter().all(|n| n == FREE_MAP)).count();
+        let nameless = runs.iter().filter(|r| r.0.is_empty()).count();
         let large: Vec<&Run> = runs.iter().filter(|r| r.2 > MUCH).collect();
         let seen = large.iter().filter(|r| r.1 != Verdict::Adequate).count();
         println!("functions in no catalogue: no name in {} of {n}", percent(nameless, n));
@@ -56,7 +56,10 @@ impl Study {
         let folds = DiagnoseOptions::default().folds;
         let pure = errors(&cross_validate_thinned(&without, folds, Parts::Interleaved, JUDGED_PIXELS, &options)?);
         let ratio = depth_rms_mm(&d.before) / pure.depth_rms_mm.unwrap_or(f64::NAN);
-        let (verdict, names) = (d.verdict, names(&d));
+        // The free map and formulas describe and name nothing.
+        let is_description = |name: &String| name == FREE_MAP || d.formulas.iter().any(|f| f.effect.name() == name);
+        let (verdict, mut names) = (d.verdict, names(&d));
+        names.retain(|name| !is_description(name));
         eprintln!("nature {seed}: {size:.2} mm {verdict:?} {names:?} error over pure {ratio:.3} {function:?}");
         Ok((names, verdict, ratio))
     }

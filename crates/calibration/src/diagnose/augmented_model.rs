@@ -63,6 +63,8 @@ pub(super) struct AugmentedModel<'a> {
     pub added: Vec<AddedEffect>,
     /// The formulas that were found, whether they are still among the effects or not.
     pub formulas: Vec<Discovery>,
+    /// Whether a formula has been compared with the added effects.
+    pub compared_with_formula: bool,
     /// The round of the loop, from 1; 0 before the loop.
     pub round: usize,
     job: Box<dyn Job>,
@@ -116,6 +118,7 @@ impl<'a> AugmentedModel<'a> {
             options,
             added: Vec::new(),
             formulas: Vec::new(),
+            compared_with_formula: false,
             round: 0,
             job,
             basis: RefCell::default(),
@@ -327,6 +330,30 @@ impl<'a> AugmentedModel<'a> {
         }
         self.formulas.pop();
         Ok(None)
+    }
+
+    /// Puts a formula in the place of all added effects, where the held-out errors with it alone are lower for certain.
+    pub fn replace_by_formula(
+        &mut self,
+        discovery: Discovery,
+        first: &Fitted,
+        present: &Fitted,
+    ) -> Result<Option<Fitted>, CalibrateError> {
+        let before = std::mem::take(&mut self.added);
+        let Some(fitted) = self.add_formula(discovery, first)? else {
+            self.added = before;
+            return Ok(None);
+        };
+        let is_better = matches!(self.gain(present, &fitted, &self.added), Gain::Certain);
+        if !is_better {
+            self.formulas.pop();
+            self.added = before;
+            return Ok(None);
+        }
+        if let Some(formula) = self.formulas.last_mut() {
+            formula.replaced = before.into_iter().map(|effect| effect.evidence.spec).collect();
+        }
+        Ok(Some(fitted))
     }
 
     fn fit_with_constants(&mut self) -> Result<Fitted, CalibrateError> {

@@ -76,6 +76,8 @@ pub fn diagnose(
     let mut possible: Vec<Possible> = Vec::new();
     // Effects that did not reduce the held-out errors of the present model.
     let mut rejected: Vec<String> = Vec::new();
+    // Lens effects that images do not show: they are not added again.
+    let mut hidden: Vec<String> = Vec::new();
     // Those that were tried together.
     let mut tried: Vec<BTreeSet<String>> = Vec::new();
     // Why no formula was found for what is left.
@@ -83,112 +85,153 @@ pub fn diagnose(
     // Where nothing was added the fit is the same, and so is what it leaves.
     let mut unchanged: Option<Examination> = None;
     let examination = loop {
-        model.round += 1;
-        let examination = match unchanged.take() {
-            Some(examination) => examination,
-            None => {
-                model.report("examining what is left", &model.present());
-                examine(&present.fit, register, thresholds)?
-            }
-        };
-        let least_share = thresholds.least_relative_gain * explained;
-        let (decision, refuted) = decide_without_refuted(&present.fit, &examination, least_share, &rejected, options)?;
-        rounds.push(Round::new(&examination, decision.clone(), refuted));
-        match &decision {
-            Decision::Nothing => break examination,
-            Decision::Unexplained { free, explained, .. } => {
-                let found = &examination.evidence[*free];
-                let share_of_cost = merit(found) / examination.cost();
-                let least_share = thresholds.least_unexplained_share;
-                if merit(found) < least_share * examination.cost() {
-                    conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
-                    break examination;
+        let examination = loop {
+            model.round += 1;
+            let examination = match unchanged.take() {
+                Some(examination) => examination,
+                None => {
+                    model.report("examining what is left", &model.present());
+                    examine(&present.fit, register, thresholds)?
                 }
-                let effects = match rounds.len() < thresholds.most_rounds {
-                    true => model.remove_hidden_lens_effects(&mut present)?,
-                    false => Vec::new(),
-                };
-                if !effects.is_empty() {
-                    rejected.extend(effects.iter().map(|spec| spec.name.clone()));
-                    conclude(&mut rounds, RoundOutcome::TakenOut { effects });
-                    continue;
-                }
-                if options.formulas && rounds.len() < thresholds.most_rounds && model.formulas.len() < MOST_FORMULAS {
-                    model.report("searching a formula", &model.present());
-                    match find_formula(&mut model, &examination, &present, thresholds)? {
-                        Ok((spec, fitted)) => {
-                            present = fitted;
-                            rejected.clear();
-                            tried.clear();
-                            conclude(&mut rounds, RoundOutcome::Added { effects: vec![spec], removed: Vec::new() });
-                            continue;
-                        }
-                        Err(reason) => formula_refused = Some(reason),
+            };
+            let least_share = thresholds.least_relative_gain * explained;
+            let (decision, refuted) =
+                decide_without_refuted(&present.fit, &examination, least_share, [&rejected, &hidden], options)?;
+            rounds.push(Round::new(&examination, decision.clone(), refuted));
+            match &decision {
+                Decision::Nothing => match formula_instead(&mut model, &first, &present, thresholds)? {
+                    Some(fitted) => {
+                        present = fitted;
+                        rejected.clear();
+                        tried.clear();
                     }
-                }
-                left_over.extend(LeftOver::free_function(found, *explained));
-                if found.along.is_some_and(Along::is_of_the_pixel) {
-                    let tested = examination.free_functions().count() as f64;
-                    model.add_free_map(found, &mut present, (found.p_value * tested).min(1.0));
-                }
-                let map = model.added.last().filter(|added| added.evidence.name == FREE_MAP);
-                let outcome =
-                    map.map_or(RoundOutcome::Reported, |m| RoundOutcome::FreeMapAdded { map: m.evidence.spec.clone() });
-                conclude(&mut rounds, outcome);
-                break examination;
-            }
-            Decision::Add { effect, jointly_with, indistinguishable, .. } => {
-                let found = &examination.evidence[*effect];
-                if rounds.len() >= thresholds.most_rounds {
-                    let outcome = RoundOutcome::RoundLimit { rounds: rounds.len() };
+                    None => break examination,
+                },
+                Decision::Unexplained { free, explained, .. } => {
+                    let found = &examination.evidence[*free];
+                    let share_of_cost = merit(found) / examination.cost();
+                    let least_share = thresholds.least_unexplained_share;
+                    if merit(found) < least_share * examination.cost() {
+                        conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
+                        break examination;
+                    }
+                    let effects = match rounds.len() < thresholds.most_rounds {
+                        true => model.remove_hidden_lens_effects(&mut present)?,
+                        false => Vec::new(),
+                    };
+                    if !effects.is_empty() {
+                        hidden.extend(effects.iter().map(|spec| spec.name.clone()));
+                        conclude(&mut rounds, RoundOutcome::TakenOut { effects });
+                        continue;
+                    }
+                    if let Some(fitted) = formula_instead(&mut model, &first, &present, thresholds)? {
+                        present = fitted;
+                        rejected.clear();
+                        tried.clear();
+                        continue;
+                    }
+                    if options.formulas && rounds.len() < thresholds.most_rounds && model.formulas.len() < MOST_FORMULAS
+                    {
+                        model.report("searching a formula", &model.present());
+                        match find_formula(&mut model, &examination, &present, thresholds)? {
+                            Ok((spec, fitted)) => {
+                                present = fitted;
+                                rejected.clear();
+                                tried.clear();
+                                conclude(&mut rounds, RoundOutcome::Added { effects: vec![spec], removed: Vec::new() });
+                                continue;
+                            }
+                            Err(reason) => formula_refused = Some(reason),
+                        }
+                    }
+                    left_over.extend(LeftOver::free_function(found, *explained));
+                    if found.along.is_some_and(Along::is_of_the_pixel) {
+                        let tested = examination.free_functions().count() as f64;
+                        model.add_free_map(found, &mut present, (found.p_value * tested).min(1.0));
+                    }
+                    let map = model.added.last().filter(|added| added.evidence.name == FREE_MAP);
+                    let outcome = map.map_or(RoundOutcome::Reported, |m| RoundOutcome::FreeMapAdded {
+                        map: m.evidence.spec.clone(),
+                    });
                     conclude(&mut rounds, outcome);
                     break examination;
                 }
-                if rejected.len() >= thresholds.most_rejected {
-                    conclude(&mut rounds, RoundOutcome::RejectionLimit { rejected: rejected.len() });
-                    break examination;
-                }
-                let members = std::iter::once(effect).chain(jointly_with);
-                let gain: f64 = members.map(|i| examination.evidence[*i].gain()).sum();
-                let (share_of_cost, least_share) = (gain / examination.cost(), least_share_worth_a_trial(thresholds));
-                if share_of_cost < least_share {
-                    conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
-                    break examination;
-                }
-                let before = model.added.len();
-                let effects = effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
-                let names: Vec<String> = effects.iter().map(|e| e.evidence.name.clone()).collect();
-                match model.add(effects, &present, &tried) {
-                    Ok(Addition::Added(fitted)) => present = *fitted,
-                    Ok(Addition::Rejected(found_possible)) => {
-                        possible.retain(|p| p.spec.name != found.name);
-                        possible.extend(found_possible);
-                        conclude(&mut rounds, RoundOutcome::NoHeldOutGain);
-                        rejected.push(found.name.clone());
-                        tried.extend((1..=names.len()).map(|n| names[..n].iter().cloned().collect()));
-                        unchanged = Some(examination);
-                        continue;
+                Decision::Add { effect, jointly_with, indistinguishable, .. } => {
+                    let found = &examination.evidence[*effect];
+                    if rounds.len() >= thresholds.most_rounds {
+                        let outcome = RoundOutcome::RoundLimit { rounds: rounds.len() };
+                        conclude(&mut rounds, outcome);
+                        break examination;
                     }
-                    Err(error) => {
-                        conclude(&mut rounds, RoundOutcome::NotFitted { error: error.to_string() });
-                        rejected.push(found.name.clone());
-                        tried.extend((1..=names.len()).map(|n| names[..n].iter().cloned().collect()));
-                        unchanged = Some(examination);
-                        continue;
+                    if rejected.len() >= thresholds.most_rejected {
+                        conclude(&mut rounds, RoundOutcome::RejectionLimit { rejected: rejected.len() });
+                        break examination;
+                    }
+                    let members = std::iter::once(effect).chain(jointly_with);
+                    let gain: f64 = members.map(|i| examination.evidence[*i].gain()).sum();
+                    let (share_of_cost, least_share) =
+                        (gain / examination.cost(), least_share_worth_a_trial(thresholds));
+                    if share_of_cost < least_share {
+                        conclude(&mut rounds, RoundOutcome::Negligible { share_of_cost, least_share });
+                        break examination;
+                    }
+                    let before = model.added.len();
+                    let effects =
+                        effects_to_add(&examination, *effect, jointly_with, indistinguishable, &present.held_out);
+                    let names: Vec<String> = effects.iter().map(|e| e.evidence.name.clone()).collect();
+                    match model.add(effects, &present, &tried) {
+                        Ok(Addition::Added(fitted)) => present = *fitted,
+                        Ok(Addition::Rejected(found_possible)) => {
+                            possible.retain(|p| p.spec.name != found.name);
+                            possible.extend(found_possible);
+                            conclude(&mut rounds, RoundOutcome::NoHeldOutGain);
+                            rejected.push(found.name.clone());
+                            tried.extend((1..=names.len()).map(|n| names[..n].iter().cloned().collect()));
+                            unchanged = Some(examination);
+                            continue;
+                        }
+                        Err(error) => {
+                            conclude(&mut rounds, RoundOutcome::NotFitted { error: error.to_string() });
+                            rejected.push(found.name.clone());
+                            tried.extend((1..=names.len()).map(|n| names[..n].iter().cloned().collect()));
+                            unchanged = Some(examination);
+                            continue;
+                        }
+                    }
+                    explained = explained.max(merit(found) / examination.cost());
+                    rejected.clear();
+                    tried.clear();
+                    let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
+                    let removed = model.remove_unnecessary(&mut present, before, examination.tests)?;
+                    conclude(&mut rounds, RoundOutcome::Added { effects, removed });
+                    if model.exclude_bad_frames(&mut present.fit, &mut bad_frames, 0.0)? {
+                        // Errors before and after have to be about the same frames.
+                        first = model.fitted(model.declared())?;
+                        present.held_out = model.held_out(&present.fit, &model.present())?;
+                        model.update_errors(0, &present.held_out)?;
                     }
                 }
-                explained = explained.max(merit(found) / examination.cost());
+            }
+        };
+        // Functions of two covariates together show in no free function of one.
+        let searched = !left_over.is_empty() || formula_refused.is_some();
+        if !options.formulas
+            || searched
+            || model.formulas.len() >= MOST_FORMULAS
+            || rounds.len() >= thresholds.most_rounds
+        {
+            break examination;
+        }
+        model.report("searching a formula", &model.present());
+        match find_formula(&mut model, &examination, &present, thresholds)? {
+            Ok((_, fitted)) => {
+                present = fitted;
                 rejected.clear();
                 tried.clear();
-                let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
-                let removed = model.remove_unnecessary(&mut present, before, examination.tests)?;
-                conclude(&mut rounds, RoundOutcome::Added { effects, removed });
-                if model.exclude_bad_frames(&mut present.fit, &mut bad_frames, 0.0)? {
-                    // Errors before and after have to be about the same frames.
-                    first = model.fitted(model.declared())?;
-                    present.held_out = model.held_out(&present.fit, &model.present())?;
-                    model.update_errors(0, &present.held_out)?;
-                }
+            }
+            Err(reason) => {
+                formula_refused = Some(reason);
+                break examination;
             }
         }
     };
@@ -265,6 +308,31 @@ fn find_formula(
     })
 }
 
+/// A formula instead of all effects that were added, where it alone is certainly better on left-out frames: effects of the catalogue can
+/// imitate an error that the catalogue lacks. `None` where there is none, and where formulas are among the effects already.
+fn formula_instead(
+    model: &mut AugmentedModel<'_>,
+    first: &Fitted,
+    present: &Fitted,
+    thresholds: &Thresholds,
+) -> Result<Option<Fitted>, DiagnoseError> {
+    if !model.options.formulas || model.added.is_empty() || model.compared_with_formula {
+        return Ok(None);
+    }
+    model.compared_with_formula = true;
+    model.report("searching a formula instead", model.declared());
+    let Fitted { fit, .. } = first;
+    let examination = examine(fit, &model.declared().register, thresholds)?;
+    let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
+    match discovery::search(fit, &examination, &taken, thresholds) {
+        Search::Found(discovery) => Ok(model.replace_by_formula(*discovery, first, present)?),
+        Search::Nothing(reason) => {
+            info!("no formula instead: {reason}");
+            Ok(None)
+        }
+    }
+}
+
 /// Most formulas of a diagnosis.
 const MOST_FORMULAS: usize = 2;
 
@@ -274,12 +342,16 @@ fn decide_without_refuted(
     fit: &Calibrated,
     examination: &Examination,
     least_share: f64,
-    rejected: &[String],
+    [rejected, hidden]: [&[String]; 2],
     options: &DiagnoseOptions,
 ) -> Result<(Decision, Vec<Refuted>), DiagnoseError> {
     let (register, thresholds) = (&options.calibrate.register, &options.thresholds);
     let planes = frame_planes(fit);
-    let mut refuted: Vec<Refuted> = Vec::new();
+    let is_hidden = |i: &usize| hidden.contains(&examination.evidence[*i].name);
+    let mut refuted: Vec<Refuted> = (0..examination.evidence.len())
+        .filter(is_hidden)
+        .map(|effect| Refuted { effect, because: Refutation::NotInImages })
+        .collect();
     loop {
         let places: Vec<usize> = refuted.iter().map(|r| r.effect).collect();
         let decision = decide(examination, &planes, least_share, rejected, &places, thresholds);

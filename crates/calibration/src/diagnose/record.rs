@@ -139,6 +139,7 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
         replication: found.replication.map(|[size, standard_error]| DiagnosisReplication { size, standard_error }),
         share_of_free_function: found.share_of_free_function,
         terms: found.terms,
+        replaced: found.replaced.iter().map(ToString::to_string).collect(),
         runners_up: found.runners_up.iter().map(runner_up).collect(),
         definition: definition.clone(),
     })

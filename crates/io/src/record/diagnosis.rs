@@ -117,6 +117,9 @@ pub struct DiagnosisFormula {
     pub share_of_free_function: f64,
     /// Number of terms that were scored.
     pub terms: usize,
+    /// Effects of the catalogue that it took the place of, because it predicts left-out frames better than they do together.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub replaced: Vec<String>,
     /// The best formulas of other covariates.
     pub runners_up: Vec<DiagnosisRunnerUp>,
     /// The effect whole, as `--with` takes it in a file.

@@ -5,6 +5,7 @@
 //! made the record.
 
 mod answers;
+mod formula;
 mod sections;
 pub(crate) mod sentences;
 mod text;

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 
 use super::answers::{arrow, gain};
+use super::formula::formulas;
 use super::sentences::{capture, decision, declaration, frame_cause, place, refuted};
 use crate::format::{count, join, measured, number, p_value, percent, pieces};
 use crate::html::escape;
@@ -35,6 +36,7 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
              out</th><th scope=\"col\">plane error, mean</th><th scope=\"col\">dot error, mean</th><th scope=\"col\">reprojection error, rms</th></tr>\
              </thead><tbody>{rows}</tbody></table></div>"
         );
+        html += &formulas(d.record);
         html += &parameters(d);
     }
     html += &rounds(d);

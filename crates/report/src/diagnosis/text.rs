@@ -5,6 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{DiagnosisCandidate, DiagnosisFile, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
 
 use super::answers::arrow;
+use super::formula::{FormulaText, formula_sentences};
 use super::sentences::{capture, declaration, frame_cause, left_over, place, possible, pure_error};
 use crate::format::{interval, join, measured, number, p_equals, p_value, percent, pieces, quantity};
 use crate::left_out::share;
@@ -41,6 +42,9 @@ pub fn diagnosis_text(d: &DiagnosisFile) -> String {
     for found in &d.possible {
         let _ = writeln!(t, "possible, not added: {}", possible(found));
     }
+    if let Some(refused) = &d.formula_refused {
+        let _ = writeln!(t, "no formula: {refused}");
+    }
     for left in &d.left_over {
         let _ = writeln!(t, "left: {}", left_over(left));
     }
@@ -72,6 +76,9 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep) -> String {
     }
     if !s.indistinguishable.is_empty() {
         let _ = writeln!(t, "   these captures cannot distinguish it from: {}", s.indistinguishable.join(", "));
+    }
+    if let Some(formula) = &s.formula {
+        let _ = writeln!(t, "   {}", formula_sentences(formula, &FormulaText::Plain).join("\n   "));
     }
     if s.effects.len() > 1 {
         let _ = writeln!(t, "   found together with: {}", s.effects[1..].join(", "));

@@ -19,7 +19,7 @@ mod term;
 
 use depthcal_formula::FormulaEffect;
 use depthcal_io::DiagnosisPlace;
-use depthcal_model::Options;
+use depthcal_model::{Options, PieceSpec};
 use tracing::info;
 
 use self::confirmation::{is_set_aside, replicate};
@@ -59,6 +59,8 @@ pub struct Discovery {
     pub runners_up: Vec<RunnerUp>,
     /// Number of terms that were scored.
     pub terms: usize,
+    /// Effects that it took the place of: they imitated it.
+    pub replaced: Vec<PieceSpec>,
 }
 
 /// A formula that lost.
@@ -157,6 +159,7 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
         resembles: resembling.map(|effect| effect.name.clone()).collect(),
         runners_up,
         terms: screened.len(),
+        replaced: Vec::new(),
         effect,
     }))
 }

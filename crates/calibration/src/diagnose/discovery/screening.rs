@@ -40,6 +40,18 @@ impl Screened {
         aa * a * a + 2.0 * ab * a * b + bb * b * b
     }
 
+    /// What every frame, or group of frames, contributes to the statistic of their weighted sum.
+    pub fn contributions(&self, weights: &[f64]) -> Vec<f64> {
+        let [mut a, mut b] = [0.0; 2];
+        for (part, w) in self.parts.iter().zip(weights) {
+            a += w * part[0];
+            b += w * part[1];
+        }
+        let [aa, ab, bb] = self.inverse;
+        let (by_a, by_b) = (aa * a + ab * b, ab * a + bb * b);
+        self.parts.iter().zip(weights).map(|(part, w)| w * (part[0] * by_a + part[1] * by_b)).collect()
+    }
+
     /// The statistic less what its second column is expected to explain of noise, so that terms compare.
     pub fn merit(&self, weight: impl Fn(usize) -> f64) -> f64 {
         self.statistic(weight) - PENALTY * (self.term.columns() as f64 - 1.0)

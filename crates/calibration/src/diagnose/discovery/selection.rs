@@ -21,9 +21,9 @@ const GOLDEN_STEPS: usize = 12;
 /// Parameters of a formula.
 const MOST_COLUMNS: usize = 3;
 /// Share of its gain by which a further product must raise it …
-const LEAST_RISE: f64 = 0.04;
+const LEAST_RISE: f64 = 0.08;
 /// … and how certain the rise has to be, in standard errors over frames.
-const LEAST_RISE_T: f64 = 2.0;
+const LEAST_RISE_T: f64 = 3.0;
 /// A simpler term wins where it is worse by less than this many standard errors over frames, or than this share.
 const TIE_T: f64 = 1.0;
 const TIE_SHARE: f64 = 0.02;
@@ -77,11 +77,51 @@ pub(super) fn select(observations: &Observations, screened: &[Screened]) -> Opti
     let terms: Vec<Term> = sets.into_values().flatten().map(|s| s.term.clone()).collect();
     let mut judged: Vec<Judged> =
         terms.into_par_iter().map(|term| Judged::new(observations, refined(observations, term))).collect();
+    judged.extend(sums(observations, &order));
     judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
     let chosen = simplest(&judged)?.clone();
     let extended = extended(observations, chosen, &order);
     judged.retain(|other| other.term != extended.term);
     Some((extended, judged))
+}
+
+/// Plain functions that are summed in pairs.
+const SUMMED: usize = 16;
+/// Sums that are compared on left-out frames.
+const SUMS: usize = 4;
+
+/// The best sums of two functions without searched constants, of different covariates, in one place and form: neither may explain much
+/// without the other.
+fn sums(observations: &Observations, order: &[(f64, &Screened)]) -> Vec<Judged> {
+    let mut plain: Vec<&Term> = Vec::new();
+    let mut count: BTreeMap<String, usize> = BTreeMap::new();
+    for (_, candidate) in order {
+        let (term, product) = (&candidate.term, &candidate.term.products[0]);
+        let is_plain = product.factor.is_none() && !product.function.kind.is_searched();
+        let of_place = count.entry(format!("{:?} {:?}", term.of, term.on)).or_default();
+        if is_plain && *of_place < SUMMED {
+            *of_place += 1;
+            plain.push(term);
+        }
+    }
+    let mut pairs: Vec<Term> = Vec::new();
+    for (i, first) in plain.iter().enumerate() {
+        for second in &plain[i + 1..] {
+            if (first.of, first.on) == (second.of, second.on) && first.families() != second.families() {
+                pairs.push(Term { products: [&first.products[..], &second.products].concat(), ..(*first).clone() });
+            }
+        }
+    }
+    let mut scored: Vec<(f64, Term)> = pairs
+        .into_par_iter()
+        .filter_map(|term| {
+            let score = Score::of(&observations.normals(&term), observations.shared)?;
+            Some((score.statistic(|_| 1.0), term))
+        })
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    scored.truncate(SUMS);
+    scored.into_par_iter().map(|(_, term)| Judged::new(observations, term)).collect()
 }
 
 /// Terms with equal keys differ in their constants only.

@@ -1,6 +1,7 @@
 //! Whether the best of all terms is more than the best of so many would be by chance, and whether other frames would have shown the
 //! same covariates.
 
+use depthcal_statistics::mean_to_standard_error;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
@@ -11,8 +12,10 @@ use super::screening::Screened;
 const DRAWS: usize = 399;
 /// Resamples of the frames.
 const RESAMPLES: usize = 100;
-/// Share of the best term's merit with which a simpler one wins.
-const TIE: f64 = 0.97;
+/// A simpler term wins where it is worse than the best by less than this many standard errors over frames …
+const TIE_T: f64 = 1.0;
+/// … and not by more than this share.
+const LEAST_SHARE: f64 = 0.7;
 
 /// p-value of the best of all terms: how often it is as good where the signs of the frames' scores are drawn at random. What frames do not
 /// share changes sign with them and stays; what they share cancels (wild cluster bootstrap; Cameron, Gelbach, Miller 2008).
@@ -31,8 +34,18 @@ pub(super) fn p_value(screened: &[Screened]) -> f64 {
 fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
     let merits: Vec<f64> = screened.iter().map(|s| s.merit(|i| weights[i])).collect();
     let most = merits.iter().copied().fold(f64::MIN, f64::max);
-    let near = (0..screened.len()).filter(|i| merits[*i] >= TIE * most);
-    near.min_by_key(|i| (screened[*i].term.families().len(), screened[*i].term.complexity()))
+    let first = merits.iter().position(|merit| *merit == most)?;
+    let effort = |i: usize| (screened[i].term.families().len(), screened[i].term.complexity());
+    let of_best = screened[first].contributions(weights);
+    let is_as_good = |i: &usize| {
+        let lost: Vec<f64> =
+            of_best.iter().zip(screened[*i].contributions(weights)).map(|(best, own)| best - own).collect();
+        mean_to_standard_error(&lost) < TIE_T
+    };
+    let near = (0..screened.len()).filter(|i| merits[*i] >= LEAST_SHARE * most && effort(*i) < effort(first));
+    let simpler =
+        near.filter(is_as_good).min_by(|a, b| effort(*a).cmp(&effort(*b)).then(merits[*b].total_cmp(&merits[*a])));
+    Some(simpler.unwrap_or(first))
 }
 
 /// Share of resamples of the frames in which the best term has the same families of covariates.
@@ -47,8 +60,11 @@ pub(super) fn stability(screened: &[Screened], found: &super::term::Term) -> f64
         })
         .collect();
     let families = found.families();
-    let same = weights
-        .par_iter()
-        .filter(|weights| best(screened, weights).is_some_and(|i| screened[i].term.families() == families));
+    let has_the_same = |i: usize| match found.products.len() {
+        1 => screened[i].term.families() == families,
+        // A sum is not among the terms that are screened; the best of its parts is.
+        _ => screened[i].term.families().is_subset(&families),
+    };
+    let same = weights.par_iter().filter(|weights| best(screened, weights).is_some_and(has_the_same));
     same.count() as f64 / RESAMPLES as f64
 }

@@ -1,0 +1,88 @@
+//! A formula that was found, in words and typeset.
+
+use std::fmt::Write;
+
+use depthcal_formula::FormulaEffect;
+use depthcal_io::{DiagnosisFile, DiagnosisFormula};
+
+use crate::format::{join, number, percent};
+use crate::formula_plot;
+use crate::html::escape;
+
+/// The form of expressions in sentences.
+pub(crate) enum FormulaText {
+    /// As in files.
+    Plain,
+    /// As elements of HTML.
+    Html,
+}
+
+/// What speaks for a formula and against others, in sentences.
+pub(crate) fn formula_sentences(f: &DiagnosisFormula, form: &FormulaText) -> Vec<String> {
+    let expression = |text: &str| match form {
+        FormulaText::Plain => text.to_owned(),
+        FormulaText::Html => format!("<code>{}</code>", escape(text)),
+    };
+    let state = match (f.confirmed, &f.replication) {
+        (true, Some(r)) => format!(
+            "confirmed: in frames that the search did not see the effect is {} ± {} times as large as in the others",
+            number(r.size),
+            number(r.standard_error)
+        ),
+        (false, Some(r)) => format!(
+            "a candidate only: in frames that the search did not see the effect is {} ± {} times as large as in the others",
+            number(r.size),
+            number(r.standard_error)
+        ),
+        (_, None) => "a candidate only: frames that the search did not see are too few to confirm it".to_owned(),
+    };
+    let mut sentences = vec![
+        format!("{}: a formula that describes what was left; a description, not a cause", expression(&f.expression)),
+        state,
+        format!(
+            "the best of {} terms has the same covariates ({}) in {} of resampled captures; it explains {} of what the best free \
+             function of them explains",
+            f.terms,
+            join(&f.covariates),
+            percent(100.0 * f.stability),
+            percent(100.0 * f.share_of_free_function)
+        ),
+    ];
+    if !f.replaced.is_empty() {
+        sentences.push(format!(
+            "it took the place of {}, which explain left-out frames less well together",
+            join(&f.replaced)
+        ));
+    }
+    if !f.resembles.is_empty() {
+        sentences.push(format!("nearly as much is explained by {}", join(&f.resembles)));
+    }
+    for other in &f.runners_up {
+        sentences.push(format!(
+            "lost: {}, which explains {} of it on left-out frames",
+            expression(&other.expression),
+            percent(100.0 * other.gain_share)
+        ));
+    }
+    sentences.push(format!("to refute it: capture frames over a wider range of {}", join(&f.covariates)));
+    sentences
+}
+
+/// The formulas among the steps: typeset, drawn, with what speaks for them. Empty where there are none.
+pub(super) fn formulas(d: &DiagnosisFile) -> String {
+    let mut html = String::new();
+    for step in &d.steps {
+        let Some(formula) = &step.formula else { continue };
+        let Ok(effect) = FormulaEffect::new(formula.definition.clone()) else { continue };
+        let items: String =
+            formula_sentences(formula, &FormulaText::Html).iter().map(|s| format!("<li>{s}</li>")).collect();
+        let _ = writeln!(
+            html,
+            "<h3>{}</h3>\n<p class=\"formula\">{}</p>\n<ul>{items}</ul>\n<div class=\"scroll\" tabindex=\"0\">{}</div>",
+            escape(effect.name()),
+            effect.mathml(),
+            formula_plot(&effect)
+        );
+    }
+    html
+}

@@ -1,0 +1,280 @@
+//! Formulas that are found: for effects of the catalogue that are taken out of it, for functions that are in no library, and for nothing.
+
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use depthcal::Register;
+use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
+use depthcal::calibration::judge::parts::Parts;
+use depthcal::io::DiagnosisPlace;
+use depthcal::model::{Of, On};
+use depthcal_simulate::{Effect, Form, GivenEffect, Observation, Place, Simulation};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::drawn::drawn;
+use super::single::detectable;
+use super::{Failure, Study, depth_rms_mm, median, percent, simulation};
+
+/// Effects of the catalogue with the covariates of their equations; those of light of whole frames are left out.
+const CATALOGUE: [(&str, &[&str]); 10] = [
+    ("cyclic_depth", &["z"]),
+    ("disparity_ripple", &["z"]),
+    ("quadratic_depth", &["z"]),
+    ("reflectivity_bias", &["amplitude"]),
+    ("incidence_bias", &["incidence"]),
+    ("radial_range", &["r"]),
+    ("range_offset", &["r"]),
+    ("temperature_drift", &["temperature_c"]),
+    ("temporal_drift", &["timestamp_s"]),
+    ("projector_distortion", &["x", "y"]),
+];
+
+/// Covariates of random functions.
+const COVARIATES: [&str; 8] = ["x", "y", "r", "z", "incidence", "amplitude", "timestamp_s", "temperature_c"];
+/// Smallest and largest random function, mm root mean square; between them evenly in the logarithm.
+const SIZES_MM: [f64; 2] = [1.0, 6.0];
+/// Board pixels of a frame, about, on which errors without the function are judged.
+const JUDGED_PIXELS: usize = 16_000;
+
+/// What became of one capture.
+struct Run {
+    /// Covariates of the formula, families merged; `None` where no formula was found.
+    found: Option<BTreeSet<&'static str>>,
+    confirmed: bool,
+    place: bool,
+    right: bool,
+    /// Names of the catalogue among the steps.
+    named: usize,
+    /// Held-out error after over that of the same capture without the function.
+    ratio: f64,
+}
+
+/// Covariates that captures hardly tell apart, as one.
+fn family(covariate: &str) -> &'static str {
+    match covariate {
+        "x" | "u" => "x",
+        "y" | "v" => "y",
+        "r" => "r",
+        "z" | "rho" | "range" => "z",
+        "amplitude" | "surroundings" => "amplitude",
+        "incidence" => "incidence",
+        "timestamp_s" => "timestamp_s",
+        _ => "temperature_c",
+    }
+}
+
+impl Run {
+    fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
+        let formula = d.formulas.first();
+        let found = formula.map(|f| f.covariates.iter().map(|c| family(c)).collect::<BTreeSet<_>>());
+        let truth: BTreeSet<&str> = truth.iter().map(|c| family(c)).collect();
+        Self {
+            right: found.as_ref().is_some_and(|found| found.iter().copied().eq(truth.iter().copied())),
+            place: formula.zip(place).is_some_and(|(f, place)| f.place == place),
+            confirmed: d.formulas.iter().all(|f| f.confirmed),
+            named: d.steps.len() - d.formulas.len(),
+            found,
+            ratio,
+        }
+    }
+}
+
+fn table(title: &str, runs: &[Run]) {
+    let n = runs.len();
+    let count = |is: &dyn Fn(&Run) -> bool| percent(runs.iter().filter(|r| is(r)).count(), n);
+    println!(
+        "| {title} | {n} | {} | {} | {} | {} | {} | {} | {:.3} |",
+        count(&|r| r.right),
+        count(&|r| r.place),
+        count(&|r| r.found.is_some() && !r.right),
+        count(&|r| r.found.is_some() && r.confirmed),
+        count(&|r| r.named > 0),
+        count(&|r| r.ratio <= 1.1),
+        median(runs.iter().map(|r| r.ratio).collect()),
+    );
+}
+
+fn header() {
+    println!(
+        "| captures with | captures | right covariates | right place and form | other covariates | confirmed | a name of the catalogue | \
+         error within 10 % of that without the function | median |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+}
+
+impl Study {
+    /// Every effect of the catalogue that acts on depth, taken out of it.
+    pub fn rediscovered(&self) {
+        header();
+        let mut all = Vec::new();
+        for (name, covariates) in CATALOGUE.iter().filter(|(name, _)| self.wants(name)) {
+            for factor in &self.factors {
+                let runs: Vec<Run> = self
+                    .numbers()
+                    .into_par_iter()
+                    .filter_map(|seed| {
+                        let run = self.rediscover(name, covariates, *factor, seed);
+                        run.inspect_err(|e| eprintln!("{name} {seed}: {e}")).ok()
+                    })
+                    .collect();
+                table(&format!("`{name}` {factor} ×"), &runs);
+                all.extend(runs);
+            }
+        }
+        table("all", &all);
+    }
+
+    fn rediscover(&self, name: &str, covariates: &[&str], factor: f64, seed: u64) -> Result<Run, Failure> {
+        let size = factor * detectable(name, None, seed)?;
+        let simulation = simulation(&[Effect::new(name, size)?], seed)?;
+        let d = self.diagnose_without(name, &simulation)?;
+        let pure = self.error_without(&super::simulation(&[], seed)?)?;
+        let run = Run::new(&d, covariates, None, depth_rms_mm(&d.after) / pure);
+        log(&format!("{name} {factor} × {seed}"), &d, &run);
+        Ok(run)
+    }
+
+    fn diagnose_without(&self, name: &str, simulation: &Simulation) -> Result<Diagnosis, Failure> {
+        let calibrate = CalibrateOptions { register: Register::builtin().without(name), ..CalibrateOptions::default() };
+        Ok(diagnose(&self.capture(simulation)?, None, &DiagnoseOptions { calibrate, ..DiagnoseOptions::default() })?)
+    }
+
+    /// Held-out error of a capture under the declared model, mm.
+    fn error_without(&self, simulation: &Simulation) -> Result<f64, Failure> {
+        let options = CalibrateOptions::default();
+        let fit = calibrate(&self.capture(simulation)?, &options)?;
+        let folds = DiagnoseOptions::default().folds;
+        let evaluated = cross_validate_thinned(&fit, folds, Parts::Interleaved, JUDGED_PIXELS, &options)?;
+        Ok(errors(&evaluated).depth_rms_mm.unwrap_or(f64::NAN))
+    }
+
+    /// Random functions of one and of two covariates.
+    pub fn formulas(&self) {
+        let runs: Vec<Run> = self
+            .numbers()
+            .into_par_iter()
+            .filter_map(|seed| self.random(seed).inspect_err(|e| eprintln!("formula {seed}: {e}")).ok())
+            .collect();
+        header();
+        table("random functions", &runs);
+    }
+
+    fn random(&self, seed: u64) -> Result<Run, Failure> {
+        let mut rng = ChaCha8Rng::seed_from_u64(31_000 + seed);
+        let (given, covariates, words) = random_function(&mut rng);
+        let on = match given.form {
+            Form::Depth => On::Depth,
+            Form::Factor => On::Factor,
+            Form::InverseDepth => On::InverseDepth,
+        };
+        let place = DiagnosisPlace { of: if given.place == Place::True { Of::True } else { Of::Measured }, on };
+        let d = self.diagnose(&drawn(&[], seed)?.simulation.given([given]))?;
+        let pure = self.error_without(&drawn(&[], seed)?.simulation)?;
+        let run = Run::new(&d, &covariates, Some(place), depth_rms_mm(&d.after) / pure);
+        log(&format!("formula {seed}: {words} {place:?}"), &d, &run);
+        Ok(run)
+    }
+}
+
+fn log(what: &str, d: &Diagnosis, run: &Run) {
+    let formulas: Vec<String> = d
+        .formulas
+        .iter()
+        .map(|f| format!("{} {:?} {:.2} {}", f.effect.text(), f.place, f.stability, f.confirmed))
+        .collect();
+    eprintln!(
+        "{what}: {:?} {:?} right {} place {} error {:.3} → {:.3}, over that without {:.3}; {:?} refused {:?}",
+        d.verdict,
+        formulas,
+        run.right,
+        run.place,
+        depth_rms_mm(&d.before),
+        depth_rms_mm(&d.after),
+        run.ratio,
+        super::names(d),
+        d.formula_refused
+    );
+}
+
+type Shape = Box<dyn Fn(f64) -> f64 + Send + Sync>;
+
+/// A function on −1 … 1 that is not in the library of the search: bumps, sigmoids, roots, triangles, saturation, waves with a phase.
+fn shape(rng: &mut ChaCha8Rng) -> (Shape, String) {
+    let middle = rng.random_range(-0.5..0.5);
+    let width = rng.random_range(0.15..0.5);
+    match rng.random_range(0..6) {
+        0 => (Box::new(move |t| (-((t - middle) / width).powi(2)).exp()), format!("bump {middle:.2} {width:.2}")),
+        1 => (Box::new(move |t| ((t - middle) / width).tanh()), format!("sigmoid {middle:.2} {width:.2}")),
+        2 => (Box::new(|t| (t + 1.0_f64).max(0.0).powf(1.5)), "power 1.5".to_owned()),
+        3 => (Box::new(move |t| (t - middle).abs()), format!("triangle {middle:.2}")),
+        4 => (Box::new(|t| (t + 1.0) / (t + 1.5)), "saturation".to_owned()),
+        _ => {
+            let (cycles, phase) = (rng.random_range(1.0..5.0), rng.random_range(0.0..TAU));
+            (Box::new(move |t| (0.5 * TAU * cycles * t + phase).sin()), format!("wave {cycles:.2} {phase:.2}"))
+        }
+    }
+}
+
+/// A covariate of an observation over its usual range, mapped to −1 … 1.
+fn scaled(covariate: &str, o: &Observation) -> f64 {
+    let [x, y] = o.ray;
+    let (value, low, high) = match covariate {
+        "x" => (x, -0.5, 0.5),
+        "y" => (y, -0.4, 0.4),
+        "r" => (x.hypot(y), 0.0, 0.55),
+        "z" => (o.depth_mm, 400.0, 1300.0),
+        "incidence" => (1.0 / o.cosine - 1.0, 0.0, 0.6),
+        "amplitude" => (o.amplitude.max(0.02).ln(), 0.05_f64.ln(), 0.9_f64.ln()),
+        "timestamp_s" => (o.time_s, 0.0, 180.0),
+        _ => (o.temperature_c, 26.0, 36.0),
+    };
+    (2.0 * (value - low) / (high - low) - 1.0).clamp(-1.3, 1.3)
+}
+
+/// A function of one covariate, or the product of functions of two, in a random place and form, with its covariates and in words.
+fn random_function(rng: &mut ChaCha8Rng) -> (GivenEffect, Vec<&'static str>, String) {
+    let first = COVARIATES[rng.random_range(0..COVARIATES.len())];
+    let second = COVARIATES[rng.random_range(0..COVARIATES.len())];
+    let covariates =
+        if rng.random_bool(0.5) || family(first) == family(second) { vec![first] } else { vec![first, second] };
+    let shapes: Vec<(Shape, String)> = covariates.iter().map(|_| shape(rng)).collect();
+    let words: Vec<String> = covariates.iter().zip(&shapes).map(|(c, (_, words))| format!("{c}: {words}")).collect();
+    let place = Place::ALL[rng.random_range(0..2)];
+    let form = Form::ALL[rng.random_range(0..3)];
+    let size = SIZES_MM[0] * (SIZES_MM[1] / SIZES_MM[0]).powf(rng.random());
+    let of = covariates.clone();
+    let function =
+        move |o: &Observation| -> f64 { of.iter().zip(&shapes).map(|(c, (f, _))| f(scaled(c, o))).product() };
+    // Scaled to its size over the usual ranges, without its mean, which D takes up in part.
+    let mut samples = Vec::new();
+    for _ in 0..4000 {
+        let depth_mm = rng.random_range(400.0..1300.0);
+        let o = Observation {
+            pixel: [0.0; 2],
+            ray: [rng.random_range(-0.5..0.5), rng.random_range(-0.4..0.4)],
+            depth_mm,
+            cosine: rng.random_range(0.65..1.0),
+            amplitude: rng.random_range(0.05..0.9),
+            time_s: rng.random_range(0.0..180.0),
+            temperature_c: rng.random_range(26.0..36.0),
+        };
+        samples.push(function(&o));
+    }
+    let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+    let rms = (samples.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / samples.len() as f64).sqrt();
+    // Equal millimetres at a metre in all forms.
+    let scale = size / rms
+        * match form {
+            Form::Depth => 1.0,
+            Form::Factor => 1e-3,
+            Form::InverseDepth => -1e-6,
+        };
+    let function = Arc::new(move |o: &Observation| scale * function(o));
+    let words = format!("{size:.2} mm of {}", words.join(" times "));
+    (GivenEffect { name: "random".to_owned(), place, form, function }, covariates, words)
+}
