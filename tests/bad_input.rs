@@ -133,7 +133,10 @@ fn calibration_files() {
         ("not json".into(), &["calibration.json"]),
         (CALIBRATION[..CALIBRATION.len() / 2].into(), &["calibration.json", "line"]),
         ("{\"datasets\": []}".into(), &["calibration.json", "`format` is missing", "depthcal-calibration"]),
-        (CALIBRATION.replace("\"version\": 1", "\"version\": 7"), &["calibration.json", "`version` is 7", "version 1"]),
+        (
+            CALIBRATION.replace("\"version\": 1", "\"version\": 7"),
+            &["calibration.json", "`version` is 7", "versions 1 to 2"],
+        ),
         (CALIBRATION.replace("\"width\": 64, ", ""), &["calibration.json", "camera", "width"]),
         (CALIBRATION.replace("1.02", "\"much\""), &["calibration.json", "camera.pieces[1].parameters[3].value"]),
         (calibration_with(flat), &["calibration.json", "'flatness'", "projective"]),

@@ -157,9 +157,16 @@ fn an_effect_that_the_catalogue_lacks_is_unexplained() {
         options.calibrate.register = Register::builtin().without(name);
         // A ripple in disparity is a wave in depth, as far as a short range of distances goes.
         options.calibrate.register = options.calibrate.register.without("disparity_ripple");
-        let d = diagnose(&simulated::capture(&observed), None, &options).unwrap();
+        let capture = simulated::capture(&observed);
+        let without = DiagnoseOptions { formulas: false, ..options.clone() };
+        let d = diagnose(&capture, None, &without).unwrap();
         assert_eq!(d.verdict, Verdict::Unexplained, "{name}: {:?}", decisions(&d));
         assert!(names(&d).iter().all(|n| *n == "free_map"), "{name}: {:?}", names(&d));
+        // A formula that describes it is no name: whatever is among the steps is a description.
+        let d = diagnose(&capture, None, &options).unwrap();
+        assert_ne!(d.verdict, Verdict::Adequate, "{name}: {:?}", decisions(&d));
+        let is_description = |n: &&str| *n == "free_map" || d.formulas.iter().any(|f| f.effect.name() == *n);
+        assert!(names(&d).iter().all(is_description), "{name}: {:?}", names(&d));
     }
 }
 

@@ -147,10 +147,14 @@ pub(super) fn tell(
     session: &Session,
     out: &Path,
 ) -> Result<Value, Failure> {
+    let mut register = session.register.clone();
+    for formula in &d.formulas {
+        formula.effect.register(&mut register).map_err(input)?;
+    }
     let mut record = to_file(d, loaded.reference.clone(), told.model);
     // The matrix is optional in the record; the diagnosis itself has linearised the same model.
     let stage = session.progress.stage("separability");
-    record.separability = separability(d, &session.register).ok();
+    record.separability = separability(d, &register).ok();
     drop(stage);
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
@@ -171,7 +175,7 @@ pub(super) fn tell(
         stages: session.progress.stage_times(),
         calibrated: Some(&d.last),
         evaluations: &shown,
-        diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated, register: &session.register }),
+        diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated, register: &register }),
         story: &told.story,
     };
     let report = write_report(&report, session, out)?;

@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 
 use depthcal_formula::{FormulaCovariate as C, FormulaEffect, FormulaError};
 use depthcal_model::hook::HookKind;
-use depthcal_model::{AddsTo, ConstantTable, FormulaConstant, FormulaDefinition, FormulaParameter, FormulaText, On};
+use depthcal_model::{
+    AddsTo, ConstantTable, FormulaConstant, FormulaDefinition, FormulaParameter, FormulaText, On, ParameterTable,
+};
 
-use super::library::{Function, Kind};
+use super::library::{Function, Kind, three_digits};
 use super::term::{Product, Term};
 
 /// Names of parameters in the order of the columns.
@@ -121,8 +123,9 @@ fn product_text(product: &Product, parameters: &[&str], constants: &mut Constant
     }
 }
 
-/// The formula of a term under a name.
-pub(super) fn effect_of(term: &Term, name: &str) -> Result<FormulaEffect, FormulaError> {
+/// The formula of a term under a name. `sizes` are typical deviations of its parameters from zero, where they are known: the captured
+/// range may lie beyond the usual one.
+pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<FormulaEffect, FormulaError> {
     let mut constants = Constants::default();
     let mut parameters = BTreeMap::new();
     let (adds_to, target) = match term.on {
@@ -141,7 +144,19 @@ pub(super) fn effect_of(term: &Term, name: &str) -> Result<FormulaEffect, Formul
             unit.iter_mut().zip(own).for_each(|(unit, own)| *unit -= own);
         }
         for name in names {
-            parameters.insert((*name).to_owned(), FormulaParameter::Unit(unit_text(unit)));
+            let size = sizes.get(parameters.len()).map(|size| three_digits(size.abs())).filter(|size| *size > 0.0);
+            let unit = unit_text(unit);
+            let parameter = match size {
+                None => FormulaParameter::Unit(unit),
+                Some(_) => FormulaParameter::Table(ParameterTable {
+                    unit,
+                    nominal: 0.0,
+                    scale: size,
+                    value: None,
+                    meaning: String::new(),
+                }),
+            };
+            parameters.insert((*name).to_owned(), parameter);
         }
         texts.push(product_text(product, names, &mut constants));
     }
@@ -198,7 +213,7 @@ mod tests {
                         let factors = covariates().filter(|other| *other != c).flat_map(|o| factors(o, span(o)));
                         for factor in std::iter::once(None).chain(factors.map(Some)) {
                             let term = Term::new(of, on, Product { factor, function });
-                            let effect = effect_of(&term, &name_of(&term));
+                            let effect = effect_of(&term, &name_of(&term), &[]);
                             let effect = effect.unwrap_or_else(|e| panic!("{term:?}: {e}"));
                             assert_eq!(effect.scales().len(), term.columns());
                             count += 1;

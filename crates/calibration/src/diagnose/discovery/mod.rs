@@ -26,6 +26,7 @@ use self::confirmation::{is_set_aside, replicate};
 use self::definition::{effect_of, name_of};
 use self::free::gain_of_free_function;
 use self::observations::Observations;
+use self::score::Score;
 use self::screening::screen;
 use self::selection::select;
 use self::significance::{p_value, stability};
@@ -113,11 +114,15 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
     while taken.contains(&name) {
         name.push_str("_more");
     }
-    let effect = match effect_of(term, &name) {
+    let Some(theta) = score::estimate(&all.normals(term), all.shared) else {
+        return nothing("the best formula is not determined by the frames");
+    };
+    let effect = match effect_of(term, &name, theta.as_slice()) {
         Ok(effect) => effect,
         Err(error) => return Search::Nothing(error.to_string()),
     };
-    let stability = stability(&screened, term);
+    let of_sum = (term.products.len() > 1).then(|| Score::of(&searched.normals(term), searched.shared)).flatten();
+    let stability = stability(&screened, term, of_sum.as_ref());
     info!("formulas: {} ({}), stability {stability:.2}", effect.text(), term.of.words());
     if stability < thresholds.least_stability {
         return Search::Nothing(format!("{} has its covariates in {stability:.2} of resamples only", effect.text()));
@@ -130,11 +135,11 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
             effect.text()
         ));
     }
-    if !is_monotone(&all, &effect, term) {
+    if !is_monotone(&all, &effect, theta.as_slice()) {
         return Search::Nothing(format!("{} makes depth fold", effect.text()));
     }
     let replication = replicate(&all, term);
-    let expression = |term: &Term| effect_of(term, "runner_up").map(|e| e.definition().formula.texts().join("; "));
+    let expression = |term: &Term| effect_of(term, "runner_up", &[]).map(|e| e.definition().formula.texts().join("; "));
     let mut told = vec![term.families()];
     let mut runners_up = Vec::new();
     for other in &others {
@@ -171,15 +176,14 @@ fn names(term: &Term) -> Vec<String> {
 }
 
 /// Whether measured depth grows with true depth under the formula, over the captured range and somewhat beyond.
-fn is_monotone(all: &Observations, effect: &FormulaEffect, term: &Term) -> bool {
-    let Some(theta) = score::estimate(&all.normals(term), all.shared) else { return false };
+fn is_monotone(all: &Observations, effect: &FormulaEffect, theta: &[f64]) -> bool {
     let piece = effect.piece(&Options::new());
     let samples = || all.frames.iter().flat_map(|frame| frame.samples.iter().step_by(7));
     let (low, high) =
         samples().fold((f64::INFINITY, 0.0_f64), |(low, high), s| (low.min(s.state[2]), high.max(s.state[2])));
     let rises = |state: [f64; 4], sample: &observations::Sample| {
         let (mut out, mut d) = ([0.0], [0.0; 4]);
-        piece.linearize(theta.as_slice(), &state, &[sample.context], &mut out, &mut d, None);
+        piece.linearize(theta, &state, &[sample.context], &mut out, &mut d, None);
         d[2] > 0.0
     };
     samples().all(|sample| {

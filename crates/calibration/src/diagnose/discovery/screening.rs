@@ -59,7 +59,7 @@ impl Screened {
 }
 
 /// Statistic that a further column has to explain. Its expectation under noise is 1, and that of the best of many phases about 2.
-const PENALTY: f64 = 2.0;
+pub(super) const PENALTY: f64 = 2.0;
 
 /// The functions whose products are screened together: all functions of other covariates, times one factor, in one place and form.
 struct Job {

@@ -6,7 +6,9 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 
-use super::screening::Screened;
+use super::score::Score;
+use super::screening::{PENALTY, Screened};
+use super::term::Term;
 
 /// Signs of frames that are drawn.
 const DRAWS: usize = 399;
@@ -48,8 +50,9 @@ fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
     Some(simpler.unwrap_or(first))
 }
 
-/// Share of resamples of the frames in which the best term has the same families of covariates.
-pub(super) fn stability(screened: &[Screened], found: &super::term::Term) -> f64 {
+/// Share of resamples of the frames in which the best term has the same families of covariates. For a sum of products `of_sum` is its
+/// score, and those resamples count in which it is better than any term.
+pub(super) fn stability(screened: &[Screened], found: &Term, of_sum: Option<&Score>) -> f64 {
     let groups = screened.first().map_or(0, |s| s.parts.len());
     let mut random = StdRng::seed_from_u64(23);
     let weights: Vec<Vec<f64>> = (0..RESAMPLES)
@@ -60,11 +63,15 @@ pub(super) fn stability(screened: &[Screened], found: &super::term::Term) -> f64
         })
         .collect();
     let families = found.families();
-    let has_the_same = |i: usize| match found.products.len() {
-        1 => screened[i].term.families() == families,
-        // A sum is not among the terms that are screened; the best of its parts is.
-        _ => screened[i].term.families().is_subset(&families),
+    let has_the_same = |weights: &Vec<f64>| {
+        let Some(i) = best(screened, weights) else { return false };
+        // A sum is not among the terms that are screened.
+        let merit_of_sum = of_sum.map_or(f64::MIN, |score| {
+            let frames = score.parts.len();
+            score.statistic(|frame| weights[frame * groups / frames]) - PENALTY * (found.columns() as f64 - 1.0)
+        });
+        screened[i].term.families() == families || merit_of_sum >= screened[i].merit(|group| weights[group])
     };
-    let same = weights.par_iter().filter(|weights| best(screened, weights).is_some_and(has_the_same));
+    let same = weights.par_iter().filter(|weights| has_the_same(weights));
     same.count() as f64 / RESAMPLES as f64
 }

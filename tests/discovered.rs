@@ -1,0 +1,69 @@
+//! Formulas that `diagnose` finds for errors that the catalogue lacks.
+
+use std::sync::Arc;
+
+use depthcal::calibration::diagnose::record::to_file;
+use depthcal::calibration::simulated;
+use depthcal::io::{FileReference, Verdict};
+use depthcal::model::{Of, On};
+use depthcal::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal_simulate::{CameraTruth, Form, GivenEffect, Kind, Observation, Place, PointOptions, Simulation};
+
+/// The diagnosis of a capture with an error that is given as a function.
+fn diagnosis_of(
+    seed: u64,
+    (place, form): (Place, Form),
+    error: impl Fn(&Observation) -> f64 + Send + Sync + 'static,
+    options: &DiagnoseOptions,
+) -> Diagnosis {
+    let given = GivenEffect { name: "given".to_owned(), place, form, function: Arc::new(error) };
+    let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], seed).frames(27);
+    let points = simulation.given([given]).observe_points(&PointOptions::default()).unwrap();
+    diagnose(&simulated::capture(&points), None, options).unwrap()
+}
+
+/// Noise of the last model is that of the camera, so nothing but the formula was missing.
+#[test]
+fn a_product_of_two_covariates_is_found_with_its_place_and_form() {
+    let error = |o: &Observation| 10.0 * (1.0 / o.cosine - 1.0) * o.ray[1];
+    let d = diagnosis_of(19, (Place::True, Form::Depth), error, &DiagnoseOptions::default());
+    assert_eq!(d.verdict, Verdict::Effect, "{:?}", d.formula_refused);
+    let [formula] = &d.formulas[..] else { panic!("{} formulas", d.formulas.len()) };
+    assert_eq!(formula.covariates, ["incidence", "y"]);
+    assert_eq!(formula.effect.definition().formula.texts(), ["a * y * incidence"]);
+    assert_eq!((formula.place.of, formula.place.on), (Of::True, On::Depth));
+    assert!(formula.confirmed && formula.stability >= 0.8, "{formula:?}");
+    // The parameter is that of the simulation, 10 mm, within four standard deviations.
+    let parameter = &d.steps[0].parameters[0];
+    let deviation = (parameter.value - 10.0) / parameter.std.unwrap();
+    assert!(deviation.abs() < 4.0, "{parameter:?}");
+
+    let record = to_file(&d, FileReference { path: "captures".to_owned(), digest: "00".to_owned() }, "projective");
+    let written = record.steps[0].formula.as_ref().unwrap();
+    assert_eq!((written.expression.as_str(), written.confirmed), ("a * y * incidence", true));
+    assert_eq!(record.steps[0].effects[0], "found_y_incidence");
+}
+
+/// Effects of the catalogue imitate an error in x and y that the catalogue lacks; the formula that it is takes their place.
+#[test]
+fn a_formula_takes_the_place_of_effects_that_imitate_it() {
+    let error = |o: &Observation| 4.0 * o.ray[0] + 2.0 * o.ray[1];
+    let place = (Place::True, Form::Depth);
+    let d = diagnosis_of(17, place, error, &DiagnoseOptions::default());
+    let names: Vec<&str> = d.steps.iter().map(|s| s.effects[0].as_str()).collect();
+    assert_eq!(names, ["found_x_y"], "{:?}", d.formula_refused);
+    assert!(!d.formulas[0].replaced.is_empty());
+
+    let without = DiagnoseOptions { formulas: false, ..DiagnoseOptions::default() };
+    let d = diagnosis_of(17, place, error, &without);
+    assert!(d.formulas.is_empty() && d.formula_refused.is_none());
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is_missing() {
+    for seed in [3, 4] {
+        let d = diagnosis_of(seed, (Place::True, Form::Depth), |_| 0.0, &DiagnoseOptions::default());
+        assert_eq!((d.verdict, d.formulas.len()), (Verdict::Adequate, 0), "{seed}");
+        assert!(d.formula_refused.is_some(), "it was searched");
+    }
+}
