@@ -104,7 +104,7 @@ fn draw(
         .light_line_style(TRANSPARENT)
         .x_desc(over)
         .y_desc(unit(effect))
-        .x_label_formatter(&|x| number(*x))
+        .x_label_formatter(&|x| number(if x.abs() < 1e-9 * (to - from) { 0.0 } else { *x }))
         .y_label_formatter(&|y| number(*y))
         .draw()?;
     let lines = curves.iter().map(|line| line.number + 1).max().unwrap_or(1);
