@@ -210,6 +210,22 @@ impl FormulaCovariate {
         matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature)
     }
 
+    /// Its value for a state of the depth hook (x, y, inverse depth, cosine of the angle of incidence) or of the board hook (x, y);
+    /// NaN where it is unknown.
+    #[inline]
+    pub fn value(self, state: &[f64], context: &Context) -> f64 {
+        match self {
+            Self::X | Self::BoardX => state[0],
+            Self::Y | Self::BoardY => state[1],
+            Self::R => state[0].hypot(state[1]),
+            Self::Rho => state[2],
+            Self::Z => 1.0 / state[2],
+            Self::Range => state[0].hypot(state[1]).hypot(1.0) / state[2],
+            Self::Incidence => 1.0 / state[3] - 1.0,
+            other => other.of_context(context),
+        }
+    }
+
     /// Its value where it is part of the context; NaN where it is unknown. A pixel without signal has an amplitude of 0, which
     /// says nothing.
     #[inline]

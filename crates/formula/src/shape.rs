@@ -98,19 +98,7 @@ impl<'a> Shape<'a> {
     /// The covariates of an observation in words.
     fn words(&self, observations: &Observations, i: usize) -> String {
         let state = &observations.states[i * observations.inputs..];
-        let value = |covariate: FormulaCovariate| {
-            use FormulaCovariate as C;
-            match covariate {
-                C::X | C::BoardX => state[0],
-                C::Y | C::BoardY => state[1],
-                C::R => state[0].hypot(state[1]),
-                C::Rho => state[2],
-                C::Z => 1.0 / state[2],
-                C::Range => state[0].hypot(state[1]).hypot(1.0) / state[2],
-                C::Incidence => 1.0 / state[3] - 1.0,
-                other => other.of_context(&observations.contexts[i]),
-            }
-        };
+        let value = |covariate: FormulaCovariate| covariate.value(state, &observations.contexts[i]);
         let words: Vec<String> = self
             .content
             .covariates

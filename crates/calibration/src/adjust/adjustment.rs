@@ -336,12 +336,7 @@ impl Adjustment {
         let (mut residuals, mut weights, mut columns, mut depth) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for id in [Some(self.image), self.depth].into_iter().flatten() {
             let batch = self.graph.batch(id)?;
-            let mut own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose));
-            let Some(group) = own.next() else { continue };
-            // Pixels that are sorted into the cells of a fine field are not in the frame's order.
-            if own.next().is_some() {
-                return None;
-            }
+            let Some(group) = only_group(batch, pose)? else { continue };
             let rows = self.weighted_rows(batch, group, &[])?;
             residuals.extend(rows.residuals.iter());
             columns.extend(rows.jacobian.transpose().iter());
@@ -359,13 +354,7 @@ impl Adjustment {
         let pose = self.poses.get(frame)?.id();
         let part = |id: BatchId| {
             let batch = self.graph.batch(id)?;
-            let mut own = (0..batch.group_count()).filter(|g| batch.variables(*g).first() == Some(&pose));
-            let group = own.next()?;
-            // Pixels that are sorted into the cells of a fine field are not in the frame's order.
-            if own.next().is_some() {
-                return None;
-            }
-            let rows = self.weighted_rows(batch, group, columns)?;
+            let rows = self.weighted_rows(batch, only_group(batch, pose)??, columns)?;
             Some((rows.jacobian, rows.residuals))
         };
         Some([part(self.image)?, part(self.depth?)?])
@@ -412,6 +401,14 @@ impl Adjustment {
         };
         (image, depth)
     }
+}
+
+/// The group of a pose in a batch, if there is one. `None` where there are several: pixels that are sorted into the cells of a fine field
+/// are not in the frame's order.
+fn only_group(batch: &dyn FactorBatch, pose: VariableId) -> Option<Option<usize>> {
+    let mut own = (0..batch.group_count()).filter(|group| batch.variables(*group).first() == Some(&pose));
+    let group = own.next();
+    own.next().is_none().then_some(group)
 }
 
 fn image_group(target: &Target, frame: &DetectedFrame, pose: Key<Isometry3<f64>>, noise: &NoiseModel) -> ImageGroup {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::node::{Binary, Graph, Id, Input, Operation, Unary};
 
 impl Graph {
-    /// ∂`id`/∂`input`. Where a function has no derivative (a step, the corner of an absolute value) it is that beside the place.
+    /// ∂`id`/∂`input`. At a point without a derivative (a step, the corner of an absolute value) it is 0.
     pub fn derivative(&mut self, id: Id, input: Input) -> Id {
         self.derivative_known(id, input, &mut HashMap::new())
     }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::observations::Observations;
-use super::score::{estimate, sum};
+use super::score::estimate;
 use super::term::Term;
 
 /// Blocks of consecutive frames; every third is set aside.
@@ -58,7 +58,6 @@ pub(super) fn replicate(all: &Observations, term: &Term) -> Option<Replication> 
             (hessian, gradient)
         })
         .collect();
-    sum(&normals)?;
     let whole = combined.iter().fold(DMatrix::zeros(size, size), |sum, (h, _)| sum + h);
     let gradient = combined.iter().fold(DVector::zeros(size), |sum, (_, g)| sum + g);
     let inverse = whole.try_inverse()?;

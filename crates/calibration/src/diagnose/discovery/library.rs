@@ -172,7 +172,7 @@ pub(super) fn without_constants(covariate: C, span: Span) -> Vec<Function> {
         _ => &[],
     };
     let constant = match covariate {
-        // A round temperature reads better, and where the effect is zero is not determined beside D.
+        // A round temperature reads better; D takes up a constant offset, so the data do not tell where the effect is zero.
         C::Temperature => span.middle.round(),
         _ => span.middle,
     };

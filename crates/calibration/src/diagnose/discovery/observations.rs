@@ -68,24 +68,8 @@ impl Sample {
     /// The value of a covariate in a place; NaN where it is unknown.
     #[inline]
     pub fn value(&self, covariate: C, of: Of) -> f64 {
-        let ([x, y, ..], context) = (self.state, &self.context);
-        let signal = |amplitude: f64| if amplitude > 0.0 { amplitude } else { f64::NAN };
-        match covariate {
-            C::X => x,
-            C::Y => y,
-            C::R => x.hypot(y),
-            C::U => context.pixel[0],
-            C::V => context.pixel[1],
-            C::Z => 1.0 / self.rho(of),
-            C::Rho => self.rho(of),
-            C::Range => x.hypot(y).hypot(1.0) / self.rho(of),
-            C::Incidence => 1.0 / self.state[3] - 1.0,
-            C::Amplitude => signal(context.amplitude),
-            C::Surroundings => signal(context.surround),
-            C::Time => context.time_s,
-            C::Temperature => context.temperature_c,
-            C::BoardX | C::BoardY => f64::NAN,
-        }
+        let [x, y, _, cosine] = self.state;
+        covariate.value(&[x, y, self.rho(of), cosine], &self.context)
     }
 
     /// Change of the residual by a value of 1 in a place and a form.

@@ -16,7 +16,7 @@ const COVARIATES: [C; 12] =
 /// Those that others are multiplied with.
 const FACTORS: [C; 7] = [C::X, C::Y, C::R, C::Incidence, C::Amplitude, C::Time, C::Temperature];
 
-/// A term with what it explains beside the shared columns.
+/// A term with its score when camera and poses are estimated together with it.
 #[derive(Debug, Clone)]
 pub(super) struct Screened {
     pub term: Term,

@@ -213,7 +213,7 @@ fn extended(observations: &Observations, chosen: Judged, order: &[(f64, &Screene
                 && !present.term.products.contains(&other.products[0])
         };
         let alike: Vec<Term> = order.iter().map(|(_, s)| &s.term).filter(|t| fits(t)).cloned().collect();
-        // The best alone are not the best beside the present one: scored jointly.
+        // Terms that explain most alone may add little to the present one, so each is scored together with it.
         let mut scored: Vec<(f64, Term)> = alike
             .into_par_iter()
             .take(MOST_SCORED)
