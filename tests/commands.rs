@@ -118,19 +118,21 @@ fn exports() {
         ("ros", "distortion_model: plumb_bob", "projection_matrix"),
         ("kalibr", "camera_model: pinhole", "radtan"),
         ("mrcal", "LENSMODEL_OPENCV5", "imagersize"),
+        ("colmap", "1 OPENCV ", "0.0"),
     ];
     for (format, first, second) in cases {
         let out = folder.arg(&format!("new/{format}"));
         let output = succeeds(["export", &folder.arg("calibration.json"), "--format", format, "--out", &out]);
         let text = std::fs::read_to_string(&out).unwrap();
-        for part in [first, second, "62", "24.5"] {
+        let centre = if format == "colmap" { "25.0" } else { "24.5" };
+        for part in [first, second, "62", centre] {
             assert!(text.contains(part), "{format}: {part} is missing in {text}");
         }
         // Only OpenCV's format takes pieces of any kind.
         let warned = stderr(&output).contains("warning: ") && stderr(&output).contains("projective");
         assert_eq!(warned, format != "opencv", "{}", stderr(&output));
     }
-    assert_eq!(folder.names("new"), ["kalibr", "mrcal", "opencv", "ros"]);
+    assert_eq!(folder.names("new"), ["colmap", "kalibr", "mrcal", "opencv", "ros"]);
 }
 
 /// dx x + dy y + dz at a pixel, 1/mm: what `CALIBRATION` adds to inverse depth there.

@@ -2,6 +2,8 @@
 
 #![cfg(feature = "detect")]
 
+#[path = "support/schemas.rs"]
+mod schemas;
 mod support;
 
 use serde_json::Value;
@@ -86,4 +88,20 @@ fn calibrate_evaluate_diagnose_and_compare() {
     ]);
     assert_eq!(value["comparison"]["models"].as_array().unwrap().len(), 2);
     assert_eq!(value["frames"].as_array().unwrap().len(), 2);
+
+    // What was written follows the schemas.
+    for (file, name) in [
+        ("captures/dataset.toml", "dataset"),
+        ("result/observations.json", "observations"),
+        ("result/calibration.json", "calibration"),
+        ("result/evaluation.json", "evaluation"),
+        ("check/evaluation.json", "evaluation"),
+        ("diagnosed/diagnosis.json", "diagnosis"),
+        ("diagnosed/calibration.json", "calibration"),
+        ("compared/comparison.json", "comparison"),
+    ] {
+        schemas::follows(folder.path(file), name);
+    }
+    let (value, _) = json(&["schema", "calibration"]);
+    assert_eq!(value["schema"]["properties"]["format"]["const"], "depthcal-calibration");
 }

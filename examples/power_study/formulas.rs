@@ -1,24 +1,27 @@
 //! Formulas that are found: for effects of the catalogue that are taken out of it, for functions that are in no library, and for nothing.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use depthcal::Register;
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Thresholds, diagnose};
 use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
+use depthcal::calibration::judge::evaluate::evaluate;
 use depthcal::calibration::judge::parts::Parts;
+use depthcal::calibration::simulated;
 use depthcal::io::DiagnosisPlace;
 use depthcal::model::{Of, On};
-use depthcal_simulate::{Effect, Form, GivenEffect, Observation, Place, Simulation};
+use depthcal_simulate::{Effect, Form, GivenEffect, Observation, Place, PointOptions, Simulation, catalogue};
+use depthcal_statistics::noncentrality;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::drawn::drawn;
 use super::single::detectable;
-use super::{Failure, Study, depth_rms_mm, median, percent, simulation};
+use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
 
 /// Effects of the catalogue with the covariates of their equations; those of light of whole frames are left out.
 const CATALOGUE: [(&str, &[&str]); 10] = [
@@ -36,16 +39,23 @@ const CATALOGUE: [(&str, &[&str]); 10] = [
 
 /// Covariates of random functions.
 const COVARIATES: [&str; 8] = ["x", "y", "r", "z", "incidence", "amplitude", "timestamp_s", "temperature_c"];
-/// Smallest and largest random function, mm root mean square; between them evenly in the logarithm.
-const SIZES_MM: [f64; 2] = [1.0, 6.0];
+/// Size at which random functions are first tried, mm root mean square over the usual ranges.
+const FIRST_SIZE_MM: f64 = 3.0;
+/// Number of parameters with which a function is thought to be described, for the size that a capture can show.
+const RANK: usize = 2;
+/// Squared deviation that is smaller, in squares of the noise, shows that the other parameters take a function up whole.
+const LEAST_SEEN: f64 = 1e-3;
 /// Board pixels of a frame, about, on which errors without the function are judged.
 const JUDGED_PIXELS: usize = 16_000;
 
 /// What became of one capture.
 struct Run {
-    /// Covariates of the formula, families merged; `None` where no formula was found.
+    /// Covariates of the formula and of the effects that were named, families merged; `None` where there is neither.
     found: Option<BTreeSet<&'static str>>,
+    /// Whether there is a formula.
+    formula: bool,
     confirmed: bool,
+    /// Whether place and form are right, or listed as not told apart.
     place: bool,
     right: bool,
     /// Names of the catalogue among the steps.
@@ -64,18 +74,33 @@ fn family(covariate: &str) -> &'static str {
         "amplitude" | "surroundings" => "amplitude",
         "incidence" => "incidence",
         "timestamp_s" => "timestamp_s",
-        _ => "temperature_c",
+        "temperature_c" => "temperature_c",
+        _ => "none",
     }
+}
+
+/// Covariates of an effect of the catalogue; those of the image and of the board have places of their own.
+fn covariates_of(name: &str) -> &'static [&'static str] {
+    CATALOGUE.iter().find(|(known, _)| *known == name).map_or(&["none"], |(_, covariates)| covariates)
 }
 
 impl Run {
     fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
-        let formula = d.formulas.first();
-        let found = formula.map(|f| f.covariates.iter().map(|c| family(c)).collect::<BTreeSet<_>>());
+        let of_formulas = d.formulas.iter().flat_map(|f| f.covariates.iter().map(|c| family(c)));
+        let is_formula = |name: &String| d.formulas.iter().any(|f| f.effect.name() == name);
+        let of_names = names(d)
+            .into_iter()
+            .filter(|name| !is_formula(name))
+            .flat_map(|name| covariates_of(&name))
+            .map(|c| family(c));
+        let found = (!d.steps.is_empty()).then(|| of_formulas.chain(of_names).collect::<BTreeSet<_>>());
         let truth: BTreeSet<&str> = truth.iter().map(|c| family(c)).collect();
         Self {
             right: found.as_ref().is_some_and(|found| found.iter().copied().eq(truth.iter().copied())),
-            place: formula.zip(place).is_some_and(|(f, place)| f.place == place),
+            place: place.is_some_and(|place| {
+                d.steps.iter().any(|s| s.place == Some(place) || s.places_not_told_apart.contains(&place))
+            }),
+            formula: !d.formulas.is_empty(),
             confirmed: d.formulas.iter().all(|f| f.confirmed),
             named: d.steps.len() - d.formulas.len(),
             found,
@@ -88,11 +113,12 @@ fn table(title: &str, runs: &[Run]) {
     let n = runs.len();
     let count = |is: &dyn Fn(&Run) -> bool| percent(runs.iter().filter(|r| is(r)).count(), n);
     println!(
-        "| {title} | {n} | {} | {} | {} | {} | {} | {} | {:.3} |",
+        "| {title} | {n} | {} | {} | {} | {} | {} | {} | {} | {:.3} |",
         count(&|r| r.right),
         count(&|r| r.place),
         count(&|r| r.found.is_some() && !r.right),
-        count(&|r| r.found.is_some() && r.confirmed),
+        count(&|r| r.formula),
+        count(&|r| r.formula && r.confirmed),
         count(&|r| r.named > 0),
         count(&|r| r.ratio <= 1.1),
         median(runs.iter().map(|r| r.ratio).collect()),
@@ -101,10 +127,10 @@ fn table(title: &str, runs: &[Run]) {
 
 fn header() {
     println!(
-        "| captures with | captures | right covariates | right place and form | other covariates | confirmed | a name of the catalogue | \
+        "| captures with | captures | right covariates | right place and form, or listed | other covariates | a formula | it is confirmed | a name of the catalogue | \
          error within 10 % of that without the function | median |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
 }
 
 impl Study {
@@ -155,18 +181,24 @@ impl Study {
 
     /// Random functions of one and of two covariates.
     pub fn formulas(&self) {
-        let runs: Vec<Run> = self
-            .numbers()
-            .into_par_iter()
-            .filter_map(|seed| self.random(seed).inspect_err(|e| eprintln!("formula {seed}: {e}")).ok())
-            .collect();
         header();
-        table("random functions", &runs);
+        for factor in &self.factors {
+            let runs: Vec<Run> = self
+                .numbers()
+                .into_par_iter()
+                .filter_map(|seed| self.random(*factor, seed).inspect_err(|e| eprintln!("formula {seed}: {e}")).ok())
+                .collect();
+            table(&format!("random functions {factor} ×"), &runs);
+        }
     }
 
-    fn random(&self, seed: u64) -> Result<Run, Failure> {
-        let mut rng = ChaCha8Rng::seed_from_u64(31_000 + seed);
-        let (given, covariates, words) = random_function(&mut rng);
+    fn random(&self, factor: f64, seed: u64) -> Result<Run, Failure> {
+        let with = |size_mm: f64| random_function(&mut ChaCha8Rng::seed_from_u64(31_000 + seed), size_mm);
+        let mut size_mm = FIRST_SIZE_MM;
+        for _ in 0..2 {
+            size_mm *= factor * detectable_share(with(size_mm).0, seed)?;
+        }
+        let (given, covariates, words) = with(size_mm);
         let on = match given.form {
             Form::Depth => On::Depth,
             Form::Factor => On::Factor,
@@ -196,9 +228,40 @@ fn log(what: &str, d: &Diagnosis, run: &Run) {
         depth_rms_mm(&d.before),
         depth_rms_mm(&d.after),
         run.ratio,
-        super::names(d),
+        names(d),
         d.formula_refused
     );
+}
+
+/// The size that a capture can just show over that of a function, by what camera and poses leave of it when they are fitted: the same
+/// capture with and without the function, noise included.
+fn detectable_share(given: GivenEffect, seed: u64) -> Result<f64, Failure> {
+    // Planes of whole frames would take up part of the effect.
+    let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
+    let fit = |simulation: &Simulation| -> Result<_, Failure> {
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default())?);
+        let fit = calibrate(&capture, &options)?;
+        let evaluated = evaluate(&fit.camera, &capture);
+        Ok((fit, evaluated))
+    };
+    let (without, errors_without) = fit(&drawn(&[], seed)?.simulation)?;
+    let (_, errors_with) = fit(&drawn(&[], seed)?.simulation.given([given]))?;
+    let mut of_noise = 0.0;
+    for (frame, other) in errors_without.frames.iter().zip(&errors_with.frames) {
+        let known: BTreeMap<_, f64> =
+            other.pixels.iter().map(|p| (p.context.pixel.map(f64::to_bits), p.after_mm)).collect();
+        for pixel in &frame.pixels {
+            let Some(with) = known.get(&pixel.context.pixel.map(f64::to_bits)) else { continue };
+            let rho = 1.0 / pixel.board_depth_mm;
+            of_noise += ((with - pixel.after_mm) * rho * rho / without.noise.depth.sigma(rho)).powi(2);
+        }
+    }
+    if of_noise < LEAST_SEEN {
+        return Err("camera and poses take up the function".into());
+    }
+    let thresholds = Thresholds::default();
+    let level = thresholds.level / catalogue().len() as f64;
+    Ok((noncentrality(RANK, level, thresholds.power) / of_noise).sqrt())
 }
 
 type Shape = Box<dyn Fn(f64) -> f64 + Send + Sync>;
@@ -237,7 +300,8 @@ fn scaled(covariate: &str, o: &Observation) -> f64 {
 }
 
 /// A function of one covariate, or the product of functions of two, in a random place and form, with its covariates and in words.
-fn random_function(rng: &mut ChaCha8Rng) -> (GivenEffect, Vec<&'static str>, String) {
+/// `size_mm` is its root mean square over the usual ranges.
+fn random_function(rng: &mut ChaCha8Rng, size_mm: f64) -> (GivenEffect, Vec<&'static str>, String) {
     let first = COVARIATES[rng.random_range(0..COVARIATES.len())];
     let second = COVARIATES[rng.random_range(0..COVARIATES.len())];
     let covariates =
@@ -246,7 +310,6 @@ fn random_function(rng: &mut ChaCha8Rng) -> (GivenEffect, Vec<&'static str>, Str
     let words: Vec<String> = covariates.iter().zip(&shapes).map(|(c, (_, words))| format!("{c}: {words}")).collect();
     let place = Place::ALL[rng.random_range(0..2)];
     let form = Form::ALL[rng.random_range(0..3)];
-    let size = SIZES_MM[0] * (SIZES_MM[1] / SIZES_MM[0]).powf(rng.random());
     let of = covariates.clone();
     let function =
         move |o: &Observation| -> f64 { of.iter().zip(&shapes).map(|(c, (f, _))| f(scaled(c, o))).product() };
@@ -268,13 +331,13 @@ fn random_function(rng: &mut ChaCha8Rng) -> (GivenEffect, Vec<&'static str>, Str
     let mean = samples.iter().sum::<f64>() / samples.len() as f64;
     let rms = (samples.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / samples.len() as f64).sqrt();
     // Equal millimetres at a metre in all forms.
-    let scale = size / rms
+    let scale = size_mm / rms
         * match form {
             Form::Depth => 1.0,
             Form::Factor => 1e-3,
             Form::InverseDepth => -1e-6,
         };
     let function = Arc::new(move |o: &Observation| scale * function(o));
-    let words = format!("{size:.2} mm of {}", words.join(" times "));
+    let words = format!("{size_mm:.2} mm of {}", words.join(" times "));
     (GivenEffect { name: "random".to_owned(), place, form, function }, covariates, words)
 }

@@ -14,7 +14,7 @@
 //! | `--seeds N` | captures per row, every one with its own camera, poses and noise |
 //! | `--first K` | number of the first of them (0): a study in parts, or one capture again |
 //!
-//! Every run is also a line on standard error, so that rows can be looked into.
+//! Every run is also a line on standard error, so that rows can be looked into; with `RUST_LOG=info` the loop's own messages too.
 
 mod beyond;
 mod coverage;
@@ -110,6 +110,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 fn main() {
+    let filter = tracing_subscriber::EnvFilter::from_default_env();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
     let arguments: Vec<String> = std::env::args().collect();
     let value = |key: &str, default: &str| -> String {
         let at = arguments.iter().position(|a| a == key);

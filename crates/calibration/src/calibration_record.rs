@@ -117,6 +117,7 @@ pub fn calibration_record(
         fit: FitRecord {
             estimator: result.estimator.name().to_owned(),
             model: result.model.to_string(),
+            lens_comparison: result.lens_comparison.clone(),
             reprojection_rms_px: result.reprojection_rms_px,
             depth_rms_mm: result.depth_rms_mm,
             frames_used: result.capture.frames.len(),

@@ -1,7 +1,7 @@
 //! Simulated observations as captures: for tests, power studies and the demo. The simulator shares no code with the
 //! model; this is the only place where they meet.
 
-use depthcal_io::{DepthImage, ImageError};
+use depthcal_io::{DepthFrame, DepthValues, ImageError};
 use depthcal_model::{Context, Pattern, Target};
 use depthcal_simulate as simulate;
 use thiserror::Error;
@@ -109,13 +109,15 @@ pub fn planted(
             unit: 0,
             seed: 1,
         };
-        let mut data = depth.data.clone();
+        // Effects are planted in whole steps, which is what the datasets of these studies hold.
+        let DepthValues::Steps(measured) = &depth.values else { continue };
+        let mut data = measured.clone();
         simulate::plant(effect, &mut data, &view)?;
-        for (a, b) in depth.data.iter().zip(&data).filter(|(a, b)| **a > 0 && **b > 0) {
+        for (a, b) in measured.iter().zip(&data).filter(|(a, b)| **a > 0 && **b > 0) {
             sum += (unit_mm * (f64::from(*a) - f64::from(*b))).powi(2);
             count += 1;
         }
-        let depth = DepthImage { data, ..(*depth).clone() };
+        let depth = DepthFrame { values: DepthValues::Steps(data), ..*depth };
         frame.depth_digest = depth_digest(&depth);
         frame.depth = MeasuredDepth::Image(depth.into());
     }

@@ -5,6 +5,7 @@ use depthcal_model::Register;
 use serde_json::Value;
 
 use super::apply::Apply;
+use super::board::Board;
 use super::calibrate::Calibrate;
 use super::compare::Compare;
 use super::completions::Completions;
@@ -16,6 +17,7 @@ use super::export::Export;
 use super::failure::Failure;
 use super::formula::Formula;
 use super::man::ManPage;
+use super::schema::Schema;
 use super::session::Session;
 use super::simulate::Simulate;
 
@@ -69,6 +71,10 @@ pub(super) enum Command {
     Compare(Compare),
     Apply(Apply),
     Export(Export),
+    Board(Board),
+    #[cfg(feature = "import")]
+    Import(super::import::Import),
+    Schema(Schema),
     Simulate(Simulate),
     Formula(Formula),
     Demo(Demo),
@@ -87,6 +93,10 @@ impl Command {
             Command::Compare(_) => "compare",
             Command::Apply(_) => "apply",
             Command::Export(_) => "export",
+            Command::Board(_) => "board",
+            #[cfg(feature = "import")]
+            Command::Import(_) => "import",
+            Command::Schema(_) => "schema",
             Command::Simulate(_) => "simulate",
             Command::Formula(_) => "formula",
             Command::Demo(_) => "demo",
@@ -115,7 +125,11 @@ impl Command {
             Command::Evaluate(command) => command.run(session),
             Command::Compare(command) => command.run(session),
             Command::Apply(command) => command.run(session),
-            Command::Export(command) => command.run(),
+            Command::Export(command) => command.run(session),
+            Command::Board(command) => command.run(),
+            #[cfg(feature = "import")]
+            Command::Import(command) => command.run(session),
+            Command::Schema(command) => command.run(),
             Command::Simulate(command) => command.run(),
             Command::Formula(command) => command.run(),
             Command::Demo(command) => command.run(session),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use depthcal_io::Calibration;
+use depthcal_io::{Calibration, LensComparison};
 use depthcal_model::{Block, ModelSpec, Parameter, Register};
 
 use serde_json::{Value, json};
@@ -14,7 +14,7 @@ use super::common::{
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::recording::Recording;
-use super::session::{LENSES, Session};
+use super::session::{LENSES, Session, lens_of};
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::adjust::smoothness_prior::indices;
@@ -73,10 +73,11 @@ pub(super) struct Calibrate {
     /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model. Terms of brown-conrady that the markers do not determine over the whole image are chosen on left-out frames;
-    /// brown-conrady:full and the others fit what they say.
-    #[arg(long, default_value = "brown-conrady", value_parser = LENSES)]
-    lens: String,
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
+    /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
+    /// frames.
+    #[arg(long, value_parser = LENSES)]
+    lens: Option<String>,
     /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
     estimator: EstimatorName,
@@ -113,7 +114,6 @@ impl Calibrate {
             model: session.model("--model", &self.model)?,
             effects,
             held,
-            lens: self.lens.clone(),
             estimator: match self.estimator {
                 EstimatorName::Joint => Estimator::Joint,
                 EstimatorName::Linear => Estimator::Linear,
@@ -132,7 +132,9 @@ impl Calibrate {
             None => (loaded.capture.clone(), None),
         };
         let (width, height) = (loaded.capture.width, loaded.capture.height);
-        options.camera = declared_camera(&loaded.dataset, width, height, &options.register);
+        options.lens = lens_of(self.lens.as_deref(), &loaded.dataset);
+        options.camera =
+            declared_camera(&loaded.dataset, width, height, self.lens.as_deref(), &options.register).map_err(input)?;
         if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
             say!("no depth images: only camera and lens are fitted");
             options.model = ModelSpec::none();
@@ -140,6 +142,11 @@ impl Calibrate {
         let busy = Progress::busy("fitting");
         let result = calibrate(&fitted, &options)?;
         drop(busy);
+        if let Some(comparison) = &result.lens_comparison {
+            print_lenses(comparison);
+            // Parts of a cross-validation are fitted with the lens of the whole.
+            options.lens.clone_from(&comparison.chosen);
+        }
         print_parameters(&result);
         let fitted = session.evaluate(&result.camera, &result.capture);
         let mut datasets = vec![fitted.record()];
@@ -186,6 +193,23 @@ impl Calibrate {
             "written": std::iter::once(written).chain([report]).chain(recording).collect::<Vec<_>>(),
         }))
     }
+}
+
+/// The comparison of lenses, as a table.
+fn print_lenses(comparison: &LensComparison) {
+    say!("lens             parameters  left-out frames   worse than the best");
+    for lens in &comparison.lenses {
+        let error = lens.held_out_px.map_or("not fitted".to_owned(), |px| quantity(px, "px"));
+        let worse = match (&lens.failed, lens.worse_by_standard_errors) {
+            (Some(reason), _) => reason.clone(),
+            (None, Some(worse)) if worse > 0.0 => format!("{} standard errors", number(worse)),
+            _ => "–".to_owned(),
+        };
+        let fold = if lens.one_to_one || lens.failed.is_some() { "" } else { ", not one-to-one over the image" };
+        let mark = if lens.lens == comparison.chosen { "*" } else { " " };
+        say!("{mark} {:<16} {:>8}  {error:>15}   {worse}{fold}", lens.lens, lens.parameters);
+    }
+    say!("* is the simplest within one standard error of the best and is fitted");
 }
 
 /// Blocks of more parameters than this are printed by their fields.

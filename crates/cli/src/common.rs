@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{Calibration, DatasetEvaluation, Evaluation, FileReference, write_atomically};
+use depthcal_io::{Calibration, Dataset, DatasetEvaluation, Evaluation, FileReference, Pairing, write_atomically};
 use depthcal_model::{Camera, Register};
 
 use crate::progress::Progress;
@@ -30,6 +30,13 @@ pub(super) fn frames_of(name: &str, used: usize, dropped: &[DroppedFrame]) -> Va
 pub(super) fn print_not_evaluated(evaluated: &Evaluated, known: &[DroppedFrame]) {
     for frame in evaluated.dropped.iter().filter(|f| known.iter().all(|k| k.name != f.name)) {
         say!("  not evaluated: {} ({})", frame.name, frame.reason);
+    }
+}
+
+/// Prints how images and depth were paired, where it is not by equal names.
+pub(super) fn print_pairing(dataset: &Dataset) {
+    if dataset.pairing != Pairing::Stem {
+        say!("  {}", dataset.pairing);
     }
 }
 
@@ -84,9 +91,11 @@ impl Reading {
         let busy = Progress::busy("reading");
         let loaded = load(path, &self.options(session)).map_err(input)?;
         drop(busy);
-        let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len());
+        let strays = loaded.dataset.strays.len();
+        let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len() - strays);
         let cached = if loaded.from_cache { " (cached)" } else { "" };
         say!("{}: the board was found in {found} of {}{cached}", loaded.dataset.name, count(found + dropped, "frame"));
+        print_pairing(&loaded.dataset);
         for frame in &loaded.capture.dropped {
             say!("  not used: {} ({})", frame.name, frame.reason);
         }

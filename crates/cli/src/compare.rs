@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::common::{Output, Reading, command_line, frames_of, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
-use super::session::{LENSES, Session};
+use super::session::{LENSES, Session, lens_of};
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
@@ -48,10 +48,11 @@ pub(super) struct Compare {
     /// Further effects that are part of every model; fixed:PIECE.PARAMETER holds a parameter instead of fitting it.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model. Terms of brown-conrady that the markers do not determine over the whole image are chosen on left-out frames;
-    /// brown-conrady:full and the others fit what they say.
-    #[arg(long, default_value = "brown-conrady", value_parser = LENSES)]
-    lens: String,
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
+    /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
+    /// frames.
+    #[arg(long, value_parser = LENSES)]
+    lens: Option<String>,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
@@ -79,7 +80,7 @@ impl Compare {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let (effects, held) = session.effects(&self.with)?;
-        let mut base = CalibrateOptions { effects, held, lens: self.lens.clone(), ..session.calibrate_options() };
+        let mut base = CalibrateOptions { effects, held, ..session.calibrate_options() };
         let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
         let train = self.reading.load(&self.train, session)?;
         let verify = self.verify.iter().map(|path| self.reading.load(path, session)).collect::<Result<Vec<_>, _>>()?;
@@ -97,7 +98,9 @@ impl Compare {
             )));
         }
         let (width, height) = (train.capture.width, train.capture.height);
-        base.camera = declared_camera(&train.dataset, width, height, &base.register);
+        base.lens = lens_of(self.lens.as_deref(), &train.dataset);
+        base.camera =
+            declared_camera(&train.dataset, width, height, self.lens.as_deref(), &base.register).map_err(input)?;
         let options = CompareOptions {
             models,
             calibrate: base,

@@ -13,7 +13,7 @@ use super::common::{Output, Reading, command_line, frames_of, value_of, write_ca
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::recording::Recording;
-use super::session::{LENSES, Session};
+use super::session::{LENSES, Session, lens_of};
 use super::voice::say;
 use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::diagnose::record::to_file;
@@ -48,10 +48,11 @@ pub(super) struct Diagnose {
     /// fixed:brown_conrady.k3.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model. Terms of brown-conrady that the markers do not determine over the whole image are chosen on left-out frames;
-    /// brown-conrady:full and the others fit what they say.
-    #[arg(long, default_value = "brown-conrady", value_parser = LENSES)]
-    lens: String,
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
+    /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
+    /// frames.
+    #[arg(long, value_parser = LENSES)]
+    lens: Option<String>,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
@@ -91,14 +92,15 @@ impl Diagnose {
             model: session.model("--model", &self.model)?,
             effects,
             held,
-            lens: self.lens.clone(),
             ..session.calibrate_options()
         };
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
+        let (width, height) = (loaded.capture.width, loaded.capture.height);
+        options.lens = lens_of(self.lens.as_deref(), &loaded.dataset);
         options.camera =
-            declared_camera(&loaded.dataset, loaded.capture.width, loaded.capture.height, &options.register);
+            declared_camera(&loaded.dataset, width, height, self.lens.as_deref(), &options.register).map_err(input)?;
         let folds = usize::from(self.folds);
         let formulas = !self.no_discovery;
         let options = DiagnoseOptions { calibrate: options, folds, formulas, ..DiagnoseOptions::default() };

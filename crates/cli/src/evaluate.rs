@@ -8,11 +8,10 @@ use depthcal_model::{Camera, Register};
 
 use serde_json::{Value, json};
 
-use super::common::{
-    Output, Reading, command_line, frames_of, print_not_evaluated, read_calibration, value_of, write_report,
-};
+use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_report};
 use super::failure::{Failure, input};
 use super::formula_files;
+use super::given_camera::GivenCamera;
 use super::recording::Recording;
 use super::session::Session;
 use super::voice::say;
@@ -29,9 +28,10 @@ use depthcal_report::{ReportDataset, ReportInput, Role};
 #[command(after_help = "Examples:
   depthcal evaluate result/calibration.json other-captures/ --out check/
   depthcal evaluate result/calibration.json monday/ tuesday/ --out check/
+  depthcal evaluate factory.yml captures/ --out check/              another program's camera
   depthcal evaluate result/calibration.json other/ --json --out check/ | jq '.datasets[].depth_rms_mm'")]
 pub(super) struct Evaluate {
-    /// A calibration.json.
+    /// A calibration.json; or a camera file of OpenCV, ROS, Kalibr, mrcal or COLMAP, which corrects no depth.
     calibration: PathBuf,
     /// Folders with a dataset.toml each.
     #[arg(required = true)]
@@ -76,13 +76,21 @@ impl Evaluate {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
-        let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
-        let camera = self.with_effects(camera, &session.register)?;
+        let given = GivenCamera::read(&self.calibration, &session.register)?;
+        let known =
+            given.size().map(|size| self.with_effects(given.camera(size, &session.register)?, &session.register));
+        let mut known: Option<Camera> = known.transpose()?;
         let (mut datasets, mut all) = (Vec::new(), Vec::new());
         let (mut fitted, mut frames) = (None, Vec::new());
         for path in &self.datasets {
             let loaded = self.reading.load(path, session)?;
             let size = (loaded.capture.width, loaded.capture.height);
+            // A camera file may have no size: that of the first images then holds for all.
+            let camera = match known.take() {
+                Some(camera) => camera,
+                None => self.with_effects(given.camera([size.0, size.1], &session.register)?, &session.register)?,
+            };
+            let camera = &*known.insert(camera);
             if size != (camera.width, camera.height) {
                 return Err(Failure::Input(format!(
                     "{}: its images are {} × {} px, but the calibration is for {} × {} px",
@@ -93,14 +101,14 @@ impl Evaluate {
                     camera.height
                 )));
             }
-            let role = if loaded.reference.digest == calibration.dataset.digest {
+            let role = if given.fitted_digest() == Some(loaded.reference.digest.as_str()) {
                 fitted = Some(loaded.capture.name.clone());
                 Role::Fitted
             } else {
                 Role::Other
             };
             let busy = Progress::busy("measuring");
-            let evaluated = session.evaluate(&camera, &loaded.capture);
+            let evaluated = session.evaluate(camera, &loaded.capture);
             drop(busy);
             print_not_evaluated(&evaluated, &loaded.capture.dropped);
             frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
@@ -132,7 +140,7 @@ impl Evaluate {
         let report = write_report(&report, session, &self.output.out)?;
         say!("written: {} and {}", path.display(), report.display());
         let recorded: Vec<_> = all.iter().map(|(evaluated, _, capture)| (capture, evaluated)).collect();
-        let recording = self.recording.write(&camera, &recorded)?;
+        let recording = known.as_ref().map(|camera| self.recording.write(camera, &recorded)).transpose()?.flatten();
         let written: Vec<_> = [path, report].into_iter().chain(recording).collect();
         Ok(json!({ "frames": frames, "datasets": values, "written": written }))
     }

@@ -3,16 +3,19 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_io::{Calibration, ExportCamera, ExportFormat, write_atomically};
+use depthcal_io::{CameraFormat, ExportCamera, write_atomically};
 
 use serde_json::{Value, json};
 
+use super::common::read_calibration;
 use super::failure::{Failure, input};
+use super::session::Session;
 use super::voice::{complaint, say};
 
 /// Writes a calibration in the format of another program.
 ///
-/// Warns on standard error of everything that the format cannot represent.
+/// Where a format cannot hold the lens, the nearest that it can is written. Warns on standard error of everything that the format
+/// cannot represent, with the largest error in pixels.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal export result/calibration.json --format opencv --out camera.yml
@@ -20,8 +23,8 @@ use super::voice::{complaint, say};
 pub(super) struct Export {
     /// A calibration.json.
     calibration: PathBuf,
-    /// OpenCV YAML, ROS camera_info, Kalibr camchain, or mrcal .cameramodel.
-    #[arg(long, value_parser = ["opencv", "ros", "kalibr", "mrcal"])]
+    /// OpenCV YAML, ROS camera_info, Kalibr camchain, mrcal .cameramodel, or COLMAP cameras.txt.
+    #[arg(long, value_parser = CameraFormat::ALL.map(CameraFormat::name))]
     format: String,
     /// File to write.
     #[arg(long, value_name = "FILE")]
@@ -29,11 +32,11 @@ pub(super) struct Export {
 }
 
 impl Export {
-    pub(super) fn run(&self) -> Result<Value, Failure> {
-        let format: ExportFormat = self.format.parse().map_err(input)?;
-        let calibration = Calibration::read(&self.calibration).map_err(input)?;
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let format: CameraFormat = self.format.parse().map_err(input)?;
+        let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
         let of_file = |error| Failure::Input(format!("{}: {error}", self.calibration.display()));
-        let export = ExportCamera::from_calibration(&calibration).and_then(|c| c.export(format)).map_err(of_file)?;
+        let export = ExportCamera::new(&camera, &calibration).export(format).map_err(of_file)?;
         for warning in &export.warnings {
             complaint("warning", 0, warning);
         }

@@ -18,6 +18,7 @@
 
 mod apply;
 mod arguments;
+mod board;
 mod calibrate;
 mod common;
 mod compare;
@@ -30,10 +31,14 @@ mod export;
 mod failure;
 mod formula;
 mod formula_files;
+mod given_camera;
+#[cfg(feature = "import")]
+mod import;
 mod man;
 mod progress;
 mod recording;
 mod run;
+mod schema;
 mod session;
 mod simulate;
 mod stage_table;

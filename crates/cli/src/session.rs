@@ -6,14 +6,33 @@ use depthcal_calibration::calibrate::{CalibrateOptions, HeldError, HeldParameter
 use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
 use depthcal_calibration::observe::{Capture, EvaluableFrame};
 use depthcal_calibration::progress::ProgressHandle;
+use depthcal_io::Dataset;
 use depthcal_model::{Camera, ModelSpec, PieceSpec, Register};
 
 use super::failure::Failure;
 use crate::progress::Bars;
 
 /// Values of `--lens`.
-pub(super) const LENSES: [&str; 6] =
-    ["brown-conrady", "brown-conrady:full", "brown-conrady:k1k2p1p2", "brown-conrady:k1k2", "brown-conrady:k1", "none"];
+pub(super) const LENSES: [&str; 12] = [
+    "brown-conrady",
+    "brown-conrady:full",
+    "brown-conrady:k1k2p1p2",
+    "brown-conrady:k1k2",
+    "brown-conrady:k1",
+    "opencv8",
+    "opencv12",
+    "opencv14",
+    "kannala-brandt",
+    "division",
+    "none",
+    "auto",
+];
+
+/// The lens model of a fit: that of the command line, else of the dataset, else Brown–Conrady.
+pub(super) fn lens_of(asked: Option<&str>, dataset: &Dataset) -> String {
+    let declared = dataset.camera.as_ref().and_then(|camera| camera.lens.as_deref());
+    asked.or(declared).unwrap_or("brown-conrady").to_owned()
+}
 
 /// The known pieces, and where progress is shown.
 #[derive(Debug)]

@@ -31,9 +31,9 @@ use depthcal_report::format::count;
 #[derive(Debug, Args)]
 #[command(after_long_help = effects_help())]
 pub(super) struct Simulate {
-    /// Camera of Sjöholm 2017: 1, 2, 3 or 4.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    camera: usize,
+    /// Camera of Sjöholm 2017: 1, 2, 3 or 4; or fisheye, of 150°.
+    #[arg(long, value_name = "N", default_value = "1")]
+    camera: String,
     /// Poses of the board: general1 (any generalN is another such capture), centered1, longplywood1, longplywood2,
     /// plywood1, sameheight1, sameheight2 or vertical1.
     #[arg(long, default_value = "general1")]
@@ -63,6 +63,17 @@ const STAGING: &str = ".depthcal-simulate.tmp";
 const PARTS: [&str; 4] = ["image", "depth", "frames.csv", "dataset.toml"];
 
 impl Simulate {
+    /// The camera that is asked for.
+    fn camera(&self) -> Result<CameraTruth, Failure> {
+        if self.camera == "fisheye" {
+            return Ok(CameraTruth::fisheye_150());
+        }
+        let number = self.camera.parse::<usize>();
+        let number =
+            number.map_err(|_| Failure::Input(format!("--camera {}: write 1, 2, 3, 4 or fisheye", self.camera)))?;
+        CameraTruth::published(number).map_err(|e| Failure::Input(format!("--camera: {e}")))
+    }
+
     pub(super) fn run(&self) -> Result<Value, Failure> {
         let simulation = self.simulation()?;
         let out = &self.output.out;
@@ -91,7 +102,7 @@ impl Simulate {
     }
 
     fn simulation(&self) -> Result<Simulation, Failure> {
-        let camera = CameraTruth::published(self.camera).map_err(|e| Failure::Input(format!("--camera: {e}")))?;
+        let camera = self.camera()?;
         let kind: Kind = self.kind.parse().map_err(|e| Failure::Input(format!("--kind: {e}")))?;
         let effects = self.effect.iter().filter_map(|text| Effect::parse(text).transpose());
         let effects: Vec<Effect> =
@@ -234,6 +245,7 @@ fn resolved(path: &Path) -> PathBuf {
 fn effects_help() -> String {
     let mut text = "Examples:
   depthcal simulate --camera 1 --kind general1 --out captures/
+  depthcal simulate --camera fisheye --out wide/        150°, for the lens kannala-brandt
   depthcal simulate --effect cyclic_depth=4 --effect thin_prism --truth truth.json --out captures/
 
 "

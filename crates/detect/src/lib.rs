@@ -37,6 +37,8 @@ pub use batch::{FrameError, detect_all};
 pub use detect::detect;
 pub use detection::{DetectOptions, Detection, Marker, Polarity};
 pub use error::DetectError;
+#[cfg(feature = "opencv")]
+pub use fiducial::tag_cells;
 pub use geometry::{BoardMap, Homography};
 pub use refine::{
     CircleDiameter, RefineOptions, RefinedMarker, homography_mapping, measure_circle_diameter, refine_circles,

@@ -15,6 +15,27 @@ pub struct Cloud {
     pub color: Option<Vec<[u8; 3]>>,
 }
 
+impl Cloud {
+    /// Checks that every point is finite and has its intensity and colour; `path` is for the error.
+    pub(crate) fn check(&self, path: &Path) -> Result<(), FileError> {
+        let points = &self.points;
+        let invalid = |field: String, problem: String| FileError::Invalid { path: path.to_owned(), field, problem };
+        let intensity = self.intensity.as_deref();
+        if let Some(values) = intensity.filter(|values| values.len() != points.len()) {
+            let problem = format!("has {} values for {} points", values.len(), points.len());
+            return Err(invalid("intensity".into(), problem));
+        }
+        let color = self.color.as_deref();
+        if let Some(values) = color.filter(|values| values.len() != points.len()) {
+            return Err(invalid("color".into(), format!("has {} values for {} points", values.len(), points.len())));
+        }
+        if let Some(i) = points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
+            return Err(invalid(format!("points[{i}]"), "is not finite: leave pixels without depth out".into()));
+        }
+        Ok(())
+    }
+}
+
 /// Encoding of the numbers of a PLY file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlyFormat {
@@ -32,20 +53,8 @@ pub enum PlyFormat {
 /// finite (pixels without depth must be left out of the cloud); [`FileError::Write`].
 pub fn write_ply(path: impl AsRef<Path>, cloud: &Cloud, format: PlyFormat) -> Result<(), FileError> {
     let path = path.as_ref();
-    let points = &cloud.points;
-    let invalid = |field: String, problem: String| FileError::Invalid { path: path.to_owned(), field, problem };
-    let intensity = cloud.intensity.as_deref();
-    if let Some(values) = intensity.filter(|values| values.len() != points.len()) {
-        let problem = format!("has {} values for {} points", values.len(), points.len());
-        return Err(invalid("intensity".into(), problem));
-    }
-    let color = cloud.color.as_deref();
-    if let Some(values) = color.filter(|values| values.len() != points.len()) {
-        return Err(invalid("color".into(), format!("has {} values for {} points", values.len(), points.len())));
-    }
-    if let Some(i) = points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
-        return Err(invalid(format!("points[{i}]"), "is not finite: leave pixels without depth out".into()));
-    }
+    cloud.check(path)?;
+    let (points, intensity, color) = (&cloud.points, cloud.intensity.as_deref(), cloud.color.as_deref());
 
     let encoding = match format {
         PlyFormat::Binary => "binary_little_endian",

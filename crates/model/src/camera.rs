@@ -54,8 +54,8 @@ pub struct Camera {
     lens_limit: f64,
 }
 
-/// Largest normalised radius that is ever considered: 72° off axis.
-const WIDEST_RADIUS: f64 = 3.0;
+/// Largest normalised radius that is ever considered: 85° off axis.
+const WIDEST_RADIUS: f64 = 11.43;
 
 impl Camera {
     /// A camera from its pinhole (fx, fy, cx, cy, skew, px) and pieces, which are put into the chain's order.
@@ -78,11 +78,12 @@ impl Camera {
             pieces.into_iter().map(|block| block.over(&domain)).chain([pinhole]).enumerate().collect();
         let rank = |b: &Block| match (b.hook(), b.piece().is_some()) {
             (HookKind::Board | HookKind::Pose, _) => 0,
-            (HookKind::Lens, _) => 1,
-            (HookKind::Pixel, false) => 2,
-            (HookKind::Pixel, true) => 3,
-            (HookKind::Depth, _) if b.placement().of == Of::True => 4,
-            (HookKind::Depth, _) => 5,
+            (HookKind::Lens, _) if b.piece().is_some_and(|p| p.acts_first()) => 1,
+            (HookKind::Lens, _) => 2,
+            (HookKind::Pixel, false) => 3,
+            (HookKind::Pixel, true) => 4,
+            (HookKind::Depth, _) if b.placement().of == Of::True => 5,
+            (HookKind::Depth, _) => 6,
         };
         blocks.sort_by_key(|(_, block)| rank(block));
         let mut places = vec![0; count];
@@ -211,6 +212,8 @@ impl Camera {
     fn monotone_radius(&self) -> f64 {
         const DIRECTIONS: usize = 16;
         const STEP: f64 = 0.02;
+        /// Beyond this radius steps grow with it.
+        const EVEN: f64 = 3.0;
         if self.of(HookKind::Lens).next().is_none() {
             return WIDEST_RADIUS;
         }
@@ -221,8 +224,16 @@ impl Camera {
                 let along = c * (d[0] * c + d[1] * s) + s * (d[2] * c + d[3] * s);
                 !(along > 0.0 && d[0] * d[3] - d[1] * d[2] > 0.0)
             };
-            let radii = (1..).map(|i| f64::from(i) * STEP).take_while(|r| *r <= WIDEST_RADIUS);
-            radii.into_iter().find(folds).map_or(WIDEST_RADIUS, |r| r - STEP)
+            let next = |r: &f64| Some(r + STEP * (r / EVEN).max(1.0)).filter(|r| *r < WIDEST_RADIUS);
+            let radii = std::iter::successors(Some(0.0), next).chain([WIDEST_RADIUS]);
+            let mut last = 0.0;
+            for r in radii {
+                if folds(&r) {
+                    return last;
+                }
+                last = r;
+            }
+            last
         });
         limit.fold(WIDEST_RADIUS, f64::min)
     }
@@ -291,7 +302,8 @@ impl Camera {
             if !(x.is_finite() && y.is_finite()) {
                 return Err(outside());
             }
-            if step[0].abs().max(step[1].abs()) < 1e-13 {
+            // Far from the axis rounding is larger than near it.
+            if step[0].abs().max(step[1].abs()) < 1e-13 * (1.0 + x * x + y * y) {
                 break;
             }
         }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::scalar::Scalar;
 
 /// Where in the chain a piece acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum HookKind {
     /// Shape of the board, in its own frame.

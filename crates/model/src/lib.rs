@@ -28,6 +28,7 @@ pub mod field;
 pub mod frame_covariates;
 mod grid;
 pub mod hook;
+mod imitation;
 mod inverse;
 pub mod lens;
 mod needed_light;

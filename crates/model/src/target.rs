@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The pattern printed on the board. Lengths in mm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Pattern {
     /// Dots whose odd rows are shifted by one spacing: dot (row i, column j) at ((2 j + i mod 2) s, i s).
@@ -44,7 +44,7 @@ fn is_unknown(length_mm: &f64) -> bool {
 }
 
 /// A calibration board: the pattern and its size.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Target {
     /// The pattern.
     #[serde(flatten)]

@@ -78,6 +78,113 @@ fn lenses_are_monotone_up_to_the_documented_radius() {
     // x sin τy + cos τy = 0: the horizon of the tilted sensor.
     near(limit("tilted_sensor", &[0.0, 0.5]), 1.0 / 0.5_f64.tan());
     // 1 + b ρ > 0 at all radii, at a metre.
-    assert_eq!(limit("focus_breathing", &[-500.0]), 3.0);
-    assert_eq!(limit("brown_conrady", &[0.1, 0.0, 0.0, 0.0, 0.0]), 3.0);
+    let widest = 85.0_f64.to_radians().tan();
+    let everywhere = |found: f64| assert!((found - widest).abs() < 1e-3, "{found}, {widest}");
+    everywhere(limit("focus_breathing", &[-500.0]));
+    everywhere(limit("brown_conrady", &[0.1, 0.0, 0.0, 0.0, 0.0]));
+    // 1 + 3 k1 θ² = 0 and 1 + 9 k4 θ⁸ = 0, θ = atan r.
+    near(limit("kannala_brandt", &[-0.4, 0.0, 0.0, 0.0]), (1.0 / 1.2_f64).sqrt().tan());
+    near(limit("kannala_brandt", &[0.0, 0.0, 0.0, -0.1]), (1.0 / 0.9_f64).powf(1.0 / 8.0).tan());
+    everywhere(limit("kannala_brandt", &[0.1, 0.0, 0.0, 0.0]));
+    near(limit("division", &[0.1]), 2.5_f64.sqrt());
+    everywhere(limit("division", &[-0.3]));
+    everywhere(limit("unified", &[1.1, 0.0, 0.0, 0.0, 0.0]));
+    // m = r / (1 + ξ √(1 + r²)) at which 1 + 3 k1 m² = 0: m = 0.5, ξ = 1.
+    near(limit("unified", &[1.0, -4.0 / 3.0, 0.0, 0.0, 0.0]), 4.0 / 3.0);
+    // 1 + r0 + 3 r1 r² = 0
+    near(limit("cahvor", &[0.0, 0.0, 0.2, -0.4, 0.0]), 1.0);
+    let opencv = |k: &[f64]| limit("opencv_lens", &[k, &[0.0; 14]].concat()[..14]);
+    near(opencv(&[-0.2]), (1.0 / 0.6_f64).sqrt());
+    near(opencv(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.3]), (1.0 / 0.3_f64).sqrt());
+    near(opencv(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.25]), 2.0);
+}
+
+/// Wide cameras: rays up to 80° off axis go to pixels and come back, with every lens that describes such a camera.
+#[test]
+fn rays_of_wide_lenses_round_trip() {
+    let lenses: [(&str, &[f64]); 4] = [
+        ("unified", &[1.2, -0.1, 0.02, 1e-4, -2e-4]),
+        ("kannala_brandt", &[0.03, -0.01, 0.004, -0.001]),
+        ("division", &[-0.4]),
+        ("opencv_lens", &[1.2, 0.1, 1e-4, -2e-4, 0.001, 1.7, 0.4, 0.01, 1e-5, 0.0, -1e-5, 0.0, 0.01, -0.02]),
+    ];
+    for (name, theta) in lenses {
+        let mut lens = block(name);
+        lens.theta = theta.to_vec();
+        let camera = Camera::new(1280, 1024, [420.0, 421.0, 640.3, 511.2, 0.0], vec![lens]);
+        assert!(camera.lens_limit() > 5.6, "{name}: {}", camera.lens_limit());
+        for i in 0..400 {
+            let (angle, azimuth) = (80.0_f64.to_radians() * f64::from(i) / 399.0, 0.37 * f64::from(i));
+            let ray = [angle.tan() * azimuth.cos(), angle.tan() * azimuth.sin()];
+            let pixel = camera.project(&nalgebra::Vector3::new(900.0 * ray[0], 900.0 * ray[1], 900.0)).unwrap();
+            let back = camera.ray(pixel, 1e-3).unwrap();
+            let error = (back[0] - ray[0]).hypot(back[1] - ray[1]) * angle.cos().powi(2);
+            assert!(error < 1e-11, "{name} at {angle}: {error:e} rad");
+        }
+    }
+}
+
+/// Brown–Conrady with the effect `rational_distortion`, in whatever order they are given, is OpenCV's lens of eight coefficients;
+/// with `thin_prism` and `tilted_sensor` that of fourteen.
+#[test]
+fn effects_of_the_lens_add_up_to_opencvs_model() {
+    let theta = [-0.2, 0.05, 1e-2, -2e-2, 0.01, 0.1, -0.04, 0.02, 3e-3, -1e-3, 2e-3, 5e-4, 0.02, -0.03];
+    let with = |name: &str, range: std::ops::Range<usize>| {
+        let mut b = block(name);
+        b.theta.copy_from_slice(&theta[range]);
+        b
+    };
+    let whole = Camera::new(640, 480, PINHOLE, vec![with("opencv_lens", 0..14)]);
+    let [brown, rational, prism, tilt] = [
+        with("brown_conrady", 0..5),
+        with("rational_distortion", 5..8),
+        with("thin_prism", 8..12),
+        with("tilted_sensor", 12..14),
+    ];
+    let orders = [
+        vec![brown.clone(), rational.clone(), prism.clone(), tilt.clone()],
+        vec![rational.clone(), brown.clone(), prism.clone(), tilt.clone()],
+        vec![brown, prism, tilt, rational],
+    ];
+    for pieces in orders {
+        let camera = Camera::new(640, 480, PINHOLE, pieces);
+        for i in 0..100 {
+            let point = nalgebra::Vector3::new(7.0 * f64::from(i % 10) - 30.0, 5.0 * f64::from(i / 10) - 20.0, 80.0);
+            let (a, b) = (camera.project(&point).unwrap(), whole.project(&point).unwrap());
+            assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-10, "{a:?} {b:?}");
+        }
+    }
+}
+
+/// A camera fitted to the rays of one of its own kind is that camera; to those of another kind it comes near.
+#[test]
+fn lenses_imitate_each_other() {
+    let with = |name: &str, theta: &[f64]| {
+        let mut lens = block(name);
+        lens.theta[..theta.len()].copy_from_slice(theta);
+        Camera::new(1280, 1024, [420.0, 421.0, 640.3, 511.2, 0.0], vec![lens])
+    };
+    let fisheye = with("kannala_brandt", &[0.03, -0.01, 0.004, -0.001]);
+    let (rays, pixels) = fisheye.rays_over_image(21, 17);
+    assert!(rays.len() > 280, "the corners alone see more than 85°: {}", rays.len());
+    let largest = |camera: &Camera| {
+        let error = |(r, p): (&[f64; 2], &[f64; 2])| {
+            let found = camera.project(&nalgebra::Vector3::new(r[0], r[1], 1.0)).unwrap_or([f64::INFINITY; 2]);
+            (found[0] - p[0]).hypot(found[1] - p[1])
+        };
+        rays.iter().zip(&pixels).map(error).fold(0.0, f64::max)
+    };
+    let mut start = with("kannala_brandt", &[]);
+    assert!(largest(&start) > 10.0);
+    start = start.fitted_to_rays(&rays, &pixels);
+    assert!(largest(&start) < 1e-6, "{}", largest(&start));
+    for (name, free, most_px) in [("unified", 5, 0.5), ("opencv_lens", 8, 0.5)] {
+        let mut other = with(name, &[]);
+        other = other.map_blocks(|mut b| {
+            b.free.iter_mut().skip(free).for_each(|f| *f = false);
+            b
+        });
+        let found = largest(&other.fitted_to_rays(&rays, &pixels));
+        assert!(found < most_px, "{name}: {found}");
+    }
 }

@@ -195,7 +195,8 @@ fn nominal_pieces_do_nothing() {
     let register = Register::builtin();
     let pinhole = [500.0, 505.0, 320.0, 240.0, 0.0];
     let bare = Camera::new(640, 480, pinhole, Vec::new());
-    for name in register.names() {
+    // Without parameters a fisheye lens is the equidistant projection, not a pinhole.
+    for name in register.names().filter(|name| *name != "kannala_brandt") {
         let camera = bare.with_block(Block::new(register.piece(name, &Options::new()).unwrap()));
         for _ in 0..20 {
             let pose = random_pose(&mut rng);

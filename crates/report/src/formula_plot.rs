@@ -82,6 +82,13 @@ fn unit(effect: &FormulaEffect) -> &'static str {
     }
 }
 
+/// The colour of one of several lines: from blue to orange, which all eyes tell apart.
+pub(crate) fn line_colour(line: usize, lines: usize) -> RGBColor {
+    let share = if lines > 1 { line as f64 / (lines - 1) as f64 } else { 0.0 };
+    let mix = |a: f64, b: f64| (a + (b - a) * share) as u8;
+    RGBColor(mix(31.0, 230.0), mix(119.0, 120.0), mix(180.0, 20.0))
+}
+
 fn draw(
     svg: &mut String,
     effect: &FormulaEffect,
@@ -109,10 +116,7 @@ fn draw(
         .draw()?;
     let lines = curves.iter().map(|line| line.number + 1).max().unwrap_or(1);
     for Line { output, number: line, points } in curves {
-        // From blue to orange, which all eyes tell apart.
-        let share = if lines == 1 { 0.0 } else { *line as f64 / (lines - 1) as f64 };
-        let mix = |a: f64, b: f64| (a + (b - a) * share) as u8;
-        let colour = RGBColor(mix(31.0, 230.0), mix(119.0, 120.0), mix(180.0, 20.0));
+        let colour = line_colour(*line, lines);
         let points = points.iter().copied().filter(|(_, y)| y.is_finite());
         let drawn =
             chart.draw_series(LineSeries::new(points, colour.stroke_width(if *output == 0 { 2 } else { 1 })))?;

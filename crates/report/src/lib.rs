@@ -24,6 +24,7 @@
 mod binned;
 mod checks;
 mod comparison;
+mod component_plot;
 mod content;
 mod covariates;
 mod diagnosis;

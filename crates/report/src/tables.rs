@@ -251,6 +251,19 @@ pub(super) fn fit(c: &Calibrated) -> String {
     if let Some(choice) = &c.lens_choice {
         items.push(("Terms of the lens".into(), escape(&choice.to_string())));
     }
+    if let Some(comparison) = &c.lens_comparison {
+        let error = |lens: &depthcal_io::ComparedLens| match lens.held_out_px {
+            Some(px) => format!("{} {} px", lens.lens, significant(px, 3)),
+            None => format!("{} not fitted", lens.lens),
+        };
+        let errors: Vec<String> = comparison.lenses.iter().map(error).collect();
+        let words = format!(
+            "{} is the simplest within one standard error of the best; left-out frames: {}",
+            comparison.chosen,
+            errors.join(", ")
+        );
+        items.push(("Lens".into(), escape(&words)));
+    }
     if c.with_depth {
         let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
         let apart = c.correlation_length_px.map_or(String::new(), |n| format!(", at least {n} px apart"));

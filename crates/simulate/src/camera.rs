@@ -19,6 +19,10 @@ pub struct CameraTruth {
     pub centre_px: [f64; 2],
     /// Brown–Conrady coefficients [k1, k2, p1, p2, k3].
     pub lens: [f64; 5],
+    /// Coefficients k1 to k4 of a fisheye lens, whose image radius is f θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) at the angle θ to the axis;
+    /// the other lens is then not used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fisheye: Option<[f64; 4]>,
     /// Projective depth distortion [dx, dy, dz, dw]: ρ_m = dx x + dy y + dz + dw ρ; dx, dy, dz in 1/mm.
     pub depth: [f64; 4],
     /// Distance between projector and camera, along x, mm. Disparity is f · baseline · ρ, px.
@@ -70,8 +74,19 @@ impl CameraTruth {
             skew_px: 0.0,
             centre_px: [(width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0],
             lens: [0.0; 5],
+            fisheye: None,
             depth: [0.0, 0.0, 0.0, 1.0],
             baseline_mm: 50.0,
+        }
+    }
+
+    /// A fisheye camera of 150° from the left to the right border, 800×500 px, whose corners see 88° off axis.
+    pub fn fisheye_150() -> Self {
+        Self {
+            centre_px: [402.7, 247.1],
+            fisheye: Some([0.021, -0.009, 0.0024, -0.0003]),
+            depth: [2.0e-5, -6.0e-6, 4.0e-6, 1.008],
+            ..Self::ideal(800, 500, 299.5)
         }
     }
 
@@ -96,7 +111,7 @@ impl CameraTruth {
         positive("camera.baseline_mm", self.baseline_mm)?;
         positive("camera.depth[3]", self.depth[3])?;
         let rest = [self.skew_px, self.centre_px[0], self.centre_px[1]];
-        for value in rest.into_iter().chain(self.lens).chain(self.depth) {
+        for value in rest.into_iter().chain(self.lens).chain(self.fisheye.unwrap_or_default()).chain(self.depth) {
             if !value.is_finite() {
                 return Err(SimulateError::BadParameter { field: "camera", value, expected: "finite parameters" });
             }

@@ -10,6 +10,8 @@ pub(crate) struct Optics {
     pub focal: [f64; 2],
     pub skew: f64,
     pub centre: [f64; 2],
+    /// k1 to k4 of a fisheye lens, instead of all but tilt and breathing.
+    pub fisheye: Option<[f64; 4]>,
     /// k1 k2 k3 of the numerator.
     pub radial: [f64; 3],
     /// p1 p2.
@@ -34,6 +36,7 @@ impl Optics {
             focal: camera.focal_px,
             skew: camera.skew_px,
             centre: camera.centre_px,
+            fisheye: camera.fisheye,
             radial: [k1, k2, k3],
             tangential: [p1, p2],
             denominator: [0.0; 3],
@@ -91,6 +94,10 @@ impl Optics {
 
     /// Distortion by lens and sensor tilt, in normalised coordinates.
     pub fn distort(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        if let Some(k) = self.fisheye {
+            let distorted = fisheye_point(k, [x, y]);
+            return self.tilt.as_ref().map_or(distorted, |(tilt, _)| apply(tilt, distorted));
+        }
         let r2 = x * x + y * y;
         let series = |[a, b, c]: [f64; 3]| 1.0 + r2 * (a + r2 * (b + r2 * c));
         let radial = series(self.radial) / series(self.denominator);
@@ -110,6 +117,9 @@ impl Optics {
             Some((_, inverse)) => apply(inverse, target),
             None => target,
         };
+        if let Some(k) = self.fisheye {
+            return fisheye_ray(k, start);
+        }
         let (target, mut ray) = (Vector2::from(target), Vector2::from(start));
         for _ in 0..30 {
             let missing = target - Vector2::from(self.distort(ray.into()));
@@ -137,6 +147,9 @@ impl Optics {
     /// Whether the radial map is monotone from the centre out to this ray. The slope at the ray alone is not enough, as
     /// it is positive again beyond a second fold.
     fn is_monotone(&self, [x, y]: [f64; 2]) -> bool {
+        if let Some(k) = self.fisheye {
+            return fisheye_grows(k, x.hypot(y).atan());
+        }
         let r2 = x * x + y * y;
         if self.radial == [0.0; 3] && self.denominator == [0.0; 3] {
             return true;
@@ -150,6 +163,43 @@ impl Optics {
             bottom > 0.0 && top * bottom + slope(self.radial) * bottom - top * slope(self.denominator) > 0.0
         })
     }
+}
+
+/// Largest angle to the axis that a fisheye lens sees, radians.
+const WIDEST_ANGLE: f64 = 1.52;
+
+/// Image radius of a fisheye lens at an angle to its axis, and its derivative.
+fn fisheye_radius(k: [f64; 4], angle: f64) -> (f64, f64) {
+    let orders = [3, 5, 7, 9];
+    k.iter().zip(orders).fold((angle, 1.0), |(radius, slope), (k, order)| {
+        (radius + k * angle.powi(order), slope + k * f64::from(order) * angle.powi(order - 1))
+    })
+}
+
+fn fisheye_point(k: [f64; 4], [x, y]: [f64; 2]) -> [f64; 2] {
+    let azimuth = y.atan2(x);
+    let (radius, _) = fisheye_radius(k, x.hypot(y).atan());
+    [radius * azimuth.cos(), radius * azimuth.sin()]
+}
+
+/// Whether the image radius grows with the angle up to this one.
+fn fisheye_grows(k: [f64; 4], angle: f64) -> bool {
+    angle <= WIDEST_ANGLE && (1..=32).all(|i| fisheye_radius(k, angle * f64::from(i) / 32.0).1 > 0.0)
+}
+
+/// The ray to a point of a fisheye image, by bisection over the angle.
+fn fisheye_ray(k: [f64; 4], [x, y]: [f64; 2]) -> Option<[f64; 2]> {
+    let target = x.hypot(y);
+    let (mut low, mut high) = (0.0, WIDEST_ANGLE);
+    if fisheye_radius(k, high).0 < target {
+        return None;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if fisheye_radius(k, middle).0 < target { low = middle } else { high = middle }
+    }
+    let (angle, azimuth) = (0.5 * (low + high), y.atan2(x));
+    fisheye_grows(k, angle).then(|| [angle.tan() * azimuth.cos(), angle.tan() * azimuth.sin()])
 }
 
 fn apply(homography: &Matrix3<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
@@ -190,6 +240,22 @@ mod tests {
         let optics = Optics::new(&CameraTruth::ideal(640, 480, 500.0));
         assert_eq!(optics.project([100.0, -50.0, 1000.0]), Some([319.5 + 50.0, 239.5 - 25.0]));
         assert_eq!(optics.project([100.0, -50.0, -1.0]), None);
+    }
+
+    #[test]
+    fn a_fisheye_sees_150_degrees_and_is_inverted() {
+        let optics = Optics::new(&CameraTruth::fisheye_150());
+        let [left, right] = [0.0, 799.0].map(|u| optics.ray([u, 247.1], 0.001).unwrap()[0].atan().to_degrees());
+        assert!((right - left - 150.0).abs() < 1.5, "{left} {right}");
+        for v in (0..500).step_by(83) {
+            for u in (60..740).step_by(97) {
+                let pixel = [u as f64, v as f64];
+                let [x, y] = optics.ray(pixel, 0.001).unwrap();
+                let back = optics.project([x * 500.0, y * 500.0, 500.0]).unwrap();
+                assert!((back[0] - pixel[0]).hypot(back[1] - pixel[1]) < 1e-8, "{pixel:?}: {back:?}");
+            }
+        }
+        assert_eq!(optics.ray([-150.0, 247.1], 0.001), None);
     }
 
     #[test]

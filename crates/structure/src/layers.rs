@@ -19,13 +19,14 @@ const fn layer(package: &'static str, folder: &'static str) -> Layer {
 }
 
 /// From top to bottom: a crate may depend on those below it only.
-pub const LAYERS: [Layer; 13] = [
+pub const LAYERS: [Layer; 14] = [
     layer("depthcal", ""),
     layer("depthcal-cli", "crates/cli"),
     layer("depthcal-report", "crates/report"),
     layer("depthcal-correction", "crates/correction"),
     layer("depthcal-calibration", "crates/calibration"),
     layer("depthcal-simulate", "crates/simulate"),
+    layer("depthcal-import", "crates/import"),
     layer("depthcal-detect", "crates/detect"),
     layer("depthcal-io", "crates/io"),
     layer("depthcal-solver", "crates/solver"),

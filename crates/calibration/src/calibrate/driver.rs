@@ -45,7 +45,8 @@ pub fn calibrate_keeping_samples(
     let (capture, correlation) = sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
     let samples = capture.clone();
     let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
-    Ok((Calibrated { lens_choice: from_image.lens_choice, ..fit }, samples))
+    let (lens_choice, lens_comparison) = (from_image.lens_choice, from_image.lens_comparison);
+    Ok((Calibrated { lens_choice, lens_comparison, ..fit }, samples))
 }
 
 /// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
@@ -67,10 +68,10 @@ pub fn calibrate_depth(
     }
     match options.estimator {
         Estimator::Joint => {
-            let Calibrated { capture, camera, noise, lens_choice, .. } = from_image;
+            let Calibrated { capture, camera, noise, lens_choice, lens_comparison, .. } = from_image;
             let (capture, correlation) = sample(capture, &camera, light(&depth_blocks, options), options)?;
             let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
-            Ok(Calibrated { lens_choice, ..fit })
+            Ok(Calibrated { lens_choice, lens_comparison, ..fit })
         }
         other => {
             let _stage = options.progress.stage("estimating D from markers");

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use depthcal_io::LensComparison;
 use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
@@ -33,6 +34,8 @@ pub struct Calibrated<F = SampledFrame> {
     /// How the order of the lens was chosen; `None` where the markers determine it over the whole image, or where it was asked
     /// for.
     pub lens_choice: Option<LensChoice>,
+    /// The lens models that were compared, where the lens was to be chosen.
+    pub lens_comparison: Option<LensComparison>,
     /// Fields of the depth model: how rough they may be, what determines them.
     pub smoothness: Smoothness,
     /// Reprojection error: root mean square distance, px.
@@ -79,6 +82,7 @@ impl Calibrated<PosedFrame> {
             correlation_length_px: self.correlation_length_px,
             outliers: self.outliers,
             lens_choice: self.lens_choice,
+            lens_comparison: self.lens_comparison,
             smoothness: self.smoothness,
             reprojection_rms_px: self.reprojection_rms_px,
             depth_rms_mm: self.depth_rms_mm,

@@ -7,6 +7,7 @@ use super::fitted::Calibrated;
 use super::frame_checks::{markers_of, posed, repair, with_homographies};
 use super::held::{check, hold};
 use super::lens_choice::settle_with_chosen_lens;
+use super::lens_comparison::{AUTO, fit_best_lens};
 use super::lens_order::{BROWN_CONRADY, LensOrder, requested};
 use super::options::CalibrateOptions;
 use super::settle::{Freedom, ROUNDS, Rules, State, settle};
@@ -20,12 +21,23 @@ use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, start_camera};
 ///
 /// Frames whose markers do not determine a pose, and misdetected boards, are dropped with the reason. Where the markers do not
 /// determine the lens over the whole image, its order is chosen on left-out frames, unless the options ask for an order or
-/// give a camera.
+/// give a camera. With the lens `auto` the lens model itself is chosen on left-out frames.
 ///
 /// # Errors
 ///
 /// [`CalibrateError`], where the captures do not determine the camera.
 pub fn calibrate_image(
+    capture: &Capture,
+    options: &CalibrateOptions,
+) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    if options.lens == AUTO && options.camera.is_none() {
+        return fit_best_lens(capture, options, &calibrate_image_with_lens);
+    }
+    calibrate_image_with_lens(capture, options)
+}
+
+/// The same with the lens model that the options name.
+fn calibrate_image_with_lens(
     capture: &Capture,
     options: &CalibrateOptions,
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {

@@ -110,7 +110,7 @@ fn border(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
 }
 
 /// Whether every corner and edge of the image has a ray.
-fn one_to_one(camera: &Camera) -> bool {
+pub(super) fn one_to_one(camera: &Camera) -> bool {
     border(camera).all(|pixel| camera.ray(pixel, 1.0 / RAY_DEPTH_MM).is_ok())
 }
 

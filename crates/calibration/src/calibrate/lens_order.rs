@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use depthcal_model::{Block, Camera};
+use depthcal_model::{Block, Camera, Register, RegisterError};
+
+use crate::start::lens_block;
 
 /// Name of the lens model that has orders.
 pub(super) const BROWN_CONRADY: &str = "brown_conrady";
@@ -80,6 +82,20 @@ pub(super) fn requested(lens: &str) -> (String, Option<LensOrder>) {
         Some((piece, order)) => (piece, Some(order)),
         None => (lens, None),
     }
+}
+
+/// The block of a lens model as an option names it, with an order or without; `None` for `none`.
+///
+/// # Errors
+///
+/// [`RegisterError`] where the name is unknown.
+pub fn lens_named(lens: &str, register: &Register) -> Result<Option<Block>, RegisterError> {
+    let (piece, order) = requested(lens);
+    let block = lens_block(&piece, register)?;
+    Ok(block.map(|block| match order {
+        Some(order) => order.limit(block),
+        None => block,
+    }))
 }
 
 /// The choice of the order of a lens.

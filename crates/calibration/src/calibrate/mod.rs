@@ -17,13 +17,17 @@ mod image;
 mod joint;
 mod large_fields;
 mod lens_choice;
+mod lens_comparison;
 mod lens_order;
 mod marker_estimators;
 mod options;
 mod readjust;
 mod residuals;
+mod sampled;
 mod settle;
 mod undetermined;
+#[cfg(test)]
+mod wide_lens_tests;
 
 pub(crate) use driver::light_of_samples;
 pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples};
@@ -32,7 +36,9 @@ pub use fitted::Calibrated;
 pub use frame_scatter::with_frame_scatter;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;
-pub use lens_order::{LensCandidate, LensChoice, LensOrder};
+pub use lens_comparison::AUTO;
+pub use lens_order::{LensCandidate, LensChoice, LensOrder, lens_named};
 pub use options::{CalibrateOptions, Estimator};
 pub use readjust::{has_fields, readjust};
+pub use sampled::sampled_under;
 pub use undetermined::UndeterminedModel;

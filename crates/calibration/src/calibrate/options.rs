@@ -41,8 +41,9 @@ pub struct CalibrateOptions {
     pub effects: Vec<PieceSpec>,
     /// Parameters that are held at their nominal values.
     pub held: Vec<HeldParameter>,
-    /// Lens model: `brown-conrady`, whose order is chosen where the markers do not determine it over the whole image,
-    /// `brown-conrady:ORDER` with the name of a [`LensOrder`](super::LensOrder), or `none`.
+    /// Lens model: one of [`LENS_MODELS`](crate::start::LENS_MODELS); `auto`, which compares these; or `brown-conrady:ORDER` with the name
+    /// of a [`LensOrder`](super::LensOrder). The order of `brown-conrady` is chosen where the markers do not determine it over the
+    /// whole image.
     pub lens: String,
     /// How the depth model is estimated.
     pub estimator: Estimator,

@@ -36,6 +36,7 @@ pub fn readjust(
     let mut result = adjust_samples(capture, camera, start.noise, Some(&start.smoothness), options)?;
     result.correlation_length_px = start.correlation_length_px;
     result.lens_choice.clone_from(&start.lens_choice);
+    result.lens_comparison.clone_from(&start.lens_comparison);
     Ok(result)
 }
 

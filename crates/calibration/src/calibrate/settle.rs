@@ -194,6 +194,7 @@ pub(super) fn settle<F: AdjustableFrame>(
                 correlation_length_px: None,
                 outliers,
                 lens_choice: None,
+                lens_comparison: None,
                 smoothness: state.smoothness,
                 reprojection_rms_px: reprojection_rms(&state.capture, &adjusted, used.pixel_sigma),
                 depth_rms_mm: depth_mm.map(rms),

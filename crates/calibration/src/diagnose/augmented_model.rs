@@ -20,6 +20,7 @@ use super::thresholds::Thresholds;
 use super::variant_search::{Refined, refined_variant};
 use crate::calibrate::{
     CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, light_of_samples, readjust,
+    sampled_under,
 };
 use crate::judge::cross_validation::{cross_validate_thinned, errors, weighted_gain_percent};
 use crate::judge::evaluate::evaluate;
@@ -147,7 +148,7 @@ impl<'a> AugmentedModel<'a> {
     }
 
     /// The declared register with the formulas that were found.
-    fn register(&self) -> Register {
+    pub fn register(&self) -> Register {
         let mut register = self.declared().register.clone();
         for formula in &self.formulas {
             // Their names are free: the search chose them so.
@@ -330,6 +331,12 @@ impl<'a> AugmentedModel<'a> {
         }
         self.formulas.pop();
         Ok(None)
+    }
+
+    /// The frames that verify, sampled under the camera of a fit; `None` where there are none, or none that show depth.
+    pub fn verify_under(&self, fit: &Calibrated) -> Option<Calibrated> {
+        let sampled = sampled_under(fit, self.verify?, self.declared());
+        sampled.inspect_err(|error| info!("frames that verify cannot be sampled: {error}")).ok()
     }
 
     /// Puts a formula in the place of all added effects, where the held-out errors with it alone are lower for certain.

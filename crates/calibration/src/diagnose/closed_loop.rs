@@ -11,11 +11,11 @@ use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
-use super::discovery::{self, Discovery, Search};
+use super::discovery::{self, Discovery, Search, components};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::examination::{Examination, examine};
-use super::experiment_design::{distinguishing_frames, missing_covariates};
+use super::experiment_design::{distinguishing_frames, frames_against_rivals, missing_covariates};
 use super::frame_planes::{frame_planes, share_with_own_plane};
 use super::free_functions::Along;
 use super::free_map::FREE_MAP;
@@ -255,8 +255,11 @@ pub fn diagnose(
     let pure_error = pure_error(&fit, thresholds);
     let shared = pure_error.as_ref().and_then(|p| LeftOver::shared(p, &left_over, thresholds));
     left_over.extend(shared);
-    let formulas: Vec<Discovery> =
-        model.formulas.iter().filter(|f| steps.iter().any(|s| s.spec.name == f.effect.name())).cloned().collect();
+    let in_steps = |f: &&Discovery| steps.iter().any(|s| s.spec.name == f.effect.name());
+    let mut formulas: Vec<Discovery> = model.formulas.iter().filter(in_steps).cloned().collect();
+    for formula in &mut formulas {
+        formula.components = components(&fit, &formula.effect, formula.place.of);
+    }
     let is_candidate = formulas.iter().any(|formula| !formula.confirmed);
     let verdict = match (left_over.is_empty() && !is_candidate, steps.is_empty()) {
         (false, _) => Verdict::Unexplained,
@@ -264,6 +267,11 @@ pub fn diagnose(
         (true, true) => Verdict::Adequate,
     };
     let mut capture_next = distinguishing_frames(&fit, register, &steps, thresholds);
+    for (formula, step) in
+        formulas.iter().filter_map(|f| Some((f, steps.iter().find(|s| s.spec.name == f.effect.name())?)))
+    {
+        capture_next.extend(frames_against_rivals(&fit, model.register(), step, formula, thresholds));
+    }
     capture_next.extend(missing_covariates(&fit, register, thresholds));
     Ok(Diagnosis {
         verdict,
@@ -294,7 +302,8 @@ fn find_formula(
     thresholds: &Thresholds,
 ) -> Result<Result<(PieceSpec, Fitted), String>, DiagnoseError> {
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
-    let discovery = match discovery::search(&present.fit, examination, &taken, thresholds) {
+    let verify = model.verify_under(&present.fit);
+    let discovery = match discovery::search(&present.fit, verify.as_ref(), examination, &taken, thresholds) {
         Search::Found(discovery) => discovery,
         Search::Nothing(reason) => {
             info!("no formula: {reason}");
@@ -324,7 +333,8 @@ fn formula_instead(
     let Fitted { fit, .. } = first;
     let examination = examine(fit, &model.declared().register, thresholds)?;
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
-    match discovery::search(fit, &examination, &taken, thresholds) {
+    let verify = model.verify_under(fit);
+    match discovery::search(fit, verify.as_ref(), &examination, &taken, thresholds) {
         Search::Found(discovery) => Ok(model.replace_by_formula(*discovery, first, present)?),
         Search::Nothing(reason) => {
             info!("no formula instead: {reason}");

@@ -3,8 +3,10 @@
 
 use depthcal_model::{Context, Covariate, PieceSpec, Register, Role};
 use nalgebra::{DVector, Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use tracing::info;
 
 use super::candidate_blocks::{CandidateBlock, linearize};
+use super::discovery::{Discovery, RUNNER_UP};
 use super::observed_states::ObservedStates;
 use super::step::Step;
 use super::thresholds::Thresholds;
@@ -136,6 +138,40 @@ pub fn distinguishing_frames(
         }
     }
     proposals
+}
+
+/// For a formula: the frame that would distinguish it best from each effect of the catalogue that it resembles, and from the best formula of
+/// other covariates, which the proposal names by its text. `register` has the formula.
+pub fn frames_against_rivals(
+    fit: &Calibrated,
+    mut register: Register,
+    step: &Step,
+    formula: &Discovery,
+    thresholds: &Thresholds,
+) -> Vec<CaptureProposal> {
+    let of_catalogue = formula.resembles.iter().map(|name| (name.clone(), name.clone()));
+    let mut rivals: Vec<(String, String)> = of_catalogue.collect();
+    if let Some(lost) = formula.runners_up.first() {
+        match lost.effect.register(&mut register) {
+            Ok(()) => rivals.push((RUNNER_UP.to_owned(), lost.effect.text())),
+            Err(error) => info!("{error}"),
+        }
+    }
+    let proposal = |(name, told): (String, String)| match distinguish(fit, &register, step, &name, thresholds)? {
+        CaptureProposal::Distinguish { effect, frame, frames, noncentrality, noncentrality_with_frame, .. } => {
+            Some(CaptureProposal::Distinguish {
+                effect,
+                rival: told,
+                frame,
+                frames,
+                noncentrality,
+                noncentrality_with_frame,
+                sufficient_noncentrality: thresholds.distinguishing_noncentrality,
+            })
+        }
+        other @ CaptureProposal::Record { .. } => Some(other),
+    };
+    rivals.into_iter().filter_map(proposal).collect()
 }
 
 fn distinguish(

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use depthcal_io::{GainInterval, HeldOutErrors};
+use tracing::debug;
 
 use super::thresholds::Thresholds;
 use crate::judge::cross_validation::{
@@ -84,5 +85,6 @@ pub(super) fn gain(
         false => blocks.is_none() || in_blocks_or_depth(),
     };
     let certain = is_certain([singly, depth]) && certain_in_blocks;
+    debug!(?singly, ?depth, ?dots, ?in_blocks, ?over_blocks, certain, rises, loses, "gain on held-out frames");
     if certain && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
 }

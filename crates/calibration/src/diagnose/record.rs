@@ -1,12 +1,12 @@
 //! The record of a diagnosis: `diagnosis.json`.
 
 use depthcal_io::{
-    DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate,
-    DiagnosisDecision, DiagnosisDeclaration, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause,
-    DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
-    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep,
-    DiagnosisUnexplainedOutcome, FileReference,
+    DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
+    DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration,
+    DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut,
+    DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible, DiagnosisProposedFrame,
+    DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication,
+    DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
@@ -14,7 +14,7 @@ use super::bad_frames::{BadFrame, BadFrameReason};
 use super::decision::{Competitor, Decision};
 use super::declarations::ImplausibleScale;
 use super::diagnosis::Diagnosis;
-use super::discovery::RunnerUp;
+use super::discovery::{Component, ComponentBin, RunnerUp};
 use super::evidence::Evidence;
 use super::experiment_design::{CaptureProposal, ProposedFrame};
 use super::frame_planes::FramePlane;
@@ -125,7 +125,7 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
     let found = diagnosis.formulas.iter().find(|formula| formula.effect.name() == step.spec.name)?;
     let definition = found.effect.definition();
     let runner_up = |r: &RunnerUp| DiagnosisRunnerUp {
-        expression: r.expression.clone(),
+        expression: r.effect.definition().formula.texts().join("; "),
         covariates: r.covariates.clone(),
         gain_share: r.gain_share,
     };
@@ -141,8 +141,23 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
         terms: found.terms,
         replaced: found.replaced.iter().map(ToString::to_string).collect(),
         runners_up: found.runners_up.iter().map(runner_up).collect(),
+        components: found.components.iter().map(component).collect(),
         definition: definition.clone(),
     })
+}
+
+fn component(component: &Component) -> DiagnosisComponent {
+    let bin = |b: &ComponentBin| DiagnosisComponentBin {
+        at: b.at,
+        residual_mm: b.residual_mm,
+        standard_error_mm: finite(b.standard_error_mm),
+        formula_mm: b.formula_mm,
+    };
+    DiagnosisComponent {
+        over: component.over.clone(),
+        part_of: component.of.clone().map(|(covariate, range)| DiagnosisCovariatePart { covariate, range }),
+        bins: component.bins.iter().map(bin).collect(),
+    }
 }
 
 fn specs(pieces: &[PieceSpec]) -> Vec<String> {

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_io::{
-    Dataset, DepthImage, FileReference, FrameObservations, GrayImage, Observations, check_same_size, read_depth,
+    Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, read_depth_frame,
     read_gray,
 };
-use depthcal_model::{Block, Camera, Register};
+use depthcal_model::Register;
 use rayon::prelude::*;
 use tracing::{debug, info, warn};
 
@@ -160,6 +160,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
         return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len() });
     }
     info!("{}: the board was found in {} of {} frames", dataset.name, kept.len(), kept.len() + dropped.len());
+    let without_board = dropped.len();
+    dropped.extend(dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() }));
     let capture = Capture {
         name: dataset.name.clone(),
         target: dataset.target.clone(),
@@ -173,7 +175,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     if let (Some(path), false) = (cache, from_cache) {
         let mut observations = loaded.observations();
         // Frames without a board are part of the answer.
-        observations.frames.extend(loaded.capture.dropped.iter().map(|d| FrameObservations {
+        observations.frames.extend(loaded.capture.dropped[..without_board].iter().map(|d| FrameObservations {
             name: d.name.clone(),
             width,
             height,
@@ -227,10 +229,11 @@ fn read_frames(
             let path = frame.image.clone().unwrap_or_default();
             let image: GrayImage = read_gray(&path)?;
             let size = (image.width, image.height);
-            let depth: Option<DepthImage> = match &frame.depth {
+            let depth: Option<DepthFrame> = match &frame.depth {
                 Some(depth_path) => {
-                    let depth = read_depth(depth_path)?;
-                    check_same_size((&path, &image), (depth_path, &depth))?;
+                    let depth = read_depth_frame(depth_path)?;
+                    depth.check_unit(depth_path, dataset.depth_unit_mm.unwrap_or(1.0))?;
+                    check_same_size((&path, [image.width, image.height]), (depth_path, [depth.width, depth.height]))?;
                     Some(depth)
                 }
                 None => None,
@@ -270,18 +273,6 @@ fn read_frames(
         frame.time_s -= first;
     }
     Ok((frames, expected.unwrap_or_default()))
-}
-
-/// The camera that a dataset declares, to start from or to keep.
-pub fn declared_camera(dataset: &Dataset, width: usize, height: usize, register: &Register) -> Option<Camera> {
-    let hint = dataset.camera?;
-    let mut pinhole = Block::pinhole([hint.fx, hint.fy, hint.cx, hint.cy, hint.skew]);
-    let mut lens = register.block("brown_conrady", None).ok()?;
-    lens.theta.copy_from_slice(&hint.distortion);
-    if hint.fixed {
-        (pinhole, lens) = (pinhole.hold(), lens.hold());
-    }
-    Some(Camera::from_blocks(width, height, pinhole, vec![lens]))
 }
 
 #[cfg(not(feature = "detect"))]

@@ -12,9 +12,10 @@ use tracing::info;
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
-use crate::calibrate::{CalibrateOptions, calibrate_image};
-use crate::observe::{Capture, DetectedFrame, MarkerObservation, RawFrame};
+use crate::calibrate::{CalibrateOptions, Calibrated, calibrate_image};
+use crate::observe::{Capture, DetectedFrame, MarkerObservation, PosedFrame, RawFrame};
 use crate::progress::ProgressHandle;
+use crate::start::{FrameMarkers, is_wide};
 
 /// Rounds of calibration and refinement; the second moves centres by less than a hundredth of a pixel.
 const ROUNDS: usize = 2;
@@ -145,8 +146,7 @@ fn refine(
             .collect(),
         dropped: Vec::new(),
     };
-    let options = CalibrateOptions { register: register.clone(), ..CalibrateOptions::default() };
-    let Ok(calibrated) = calibrate_image(&capture, &options) else { return Ok(false) };
+    let Some(calibrated) = any_lens(&capture, register) else { return Ok(false) };
     let pose_of = |name: &str| {
         let frame = calibrated.capture.frames.iter().find(|f| f.name == name)?;
         Some(frame.camera_from_board)
@@ -188,6 +188,25 @@ fn refine(
         markers.iter_mut().flatten().for_each(|m| m.std_px /= median);
     }
     Ok(true)
+}
+
+/// The camera under which dots are fitted again: with the default lens; of wide images with that of two lenses for such that keeps more
+/// frames or leaves less.
+fn any_lens(capture: &Capture, register: &Register) -> Option<Calibrated<PosedFrame>> {
+    let with_lens = |lens: &str| {
+        let options =
+            CalibrateOptions { register: register.clone(), lens: lens.to_owned(), ..CalibrateOptions::default() };
+        calibrate_image(capture, &options).ok()
+    };
+    let markers: Vec<FrameMarkers<'_>> =
+        capture.frames.iter().map(|f| FrameMarkers { name: &f.name, markers: &f.markers }).collect();
+    if !is_wide(&capture.target, capture.width, capture.height, &markers, register) {
+        return with_lens(&CalibrateOptions::default().lens);
+    }
+    ["kannala-brandt", "opencv8"].into_iter().filter_map(with_lens).min_by(|a, b| {
+        let by_frames = b.capture.frames.len().cmp(&a.capture.frames.len());
+        by_frames.then(a.reprojection_rms_px.total_cmp(&b.reprojection_rms_px))
+    })
 }
 
 fn to_pixel(camera: &Camera, camera_from_board: &Isometry3<f64>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {

@@ -2,11 +2,13 @@
 
 mod circle_diameter;
 mod dataset;
+mod declared_camera;
 #[cfg(feature = "detect")]
 mod detection;
 mod error;
 mod found;
 
 pub use circle_diameter::MeasuredDiameter;
-pub use dataset::{LoadOptions, Loaded, declared_camera, default_cache, load};
+pub use dataset::{LoadOptions, Loaded, default_cache, load};
+pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;

@@ -1,6 +1,6 @@
 //! The depth pixels of a frame that lie on the board.
 
-use depthcal_io::DepthImage;
+use depthcal_io::DepthFrame;
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::Thinning;
 use nalgebra::{Isometry3, Point3};
@@ -48,7 +48,7 @@ pub fn board_pixels(
 
 fn image_pixels(
     frame: &OpenFrame<'_>,
-    depth: &DepthImage,
+    depth: &DepthFrame,
     unit_mm: f64,
     rays: &PixelRays<'_>,
     region: &BoardRegion,
@@ -66,11 +66,11 @@ fn image_pixels(
     let mut pixels = Vec::with_capacity(thinning.expected(within / 2));
     for v in low[1]..=high[1] {
         for u in low[0]..=high[0] {
-            let raw = depth.data[v * depth.width + u];
-            if !(DepthImage::is_measurement(raw) && thinning.keeps(key([u as f64, v as f64]))) {
+            let Some(raw) = depth.measurement(v * depth.width + u) else { continue };
+            if !thinning.keeps(key([u as f64, v as f64])) {
                 continue;
             }
-            let depth_mm = f64::from(raw) * unit_mm;
+            let depth_mm = raw * unit_mm;
             let mut context = frame.conditions([u as f64, v as f64]);
             if let Some(surroundings) = &surroundings {
                 (context.surround, context.slope) = surroundings.at(u, v);

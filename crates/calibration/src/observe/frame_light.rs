@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use depthcal_io::{DepthImage, ImageError};
+use depthcal_io::ImageError;
 use depthcal_model::{Context, FrameCovariates, Modulation, StrayLight};
 use rayon::prelude::*;
 
@@ -65,15 +65,14 @@ fn compute(
 ) -> Option<FrameCovariates> {
     let (image, depth) = (frame.image.as_deref()?, frame.depth.as_deref()?);
     let camera = rays.camera();
-    if (depth.width, depth.height) != (camera.width, camera.height) || depth.data.len() != image.data.len() {
+    if (depth.width, depth.height) != (camera.width, camera.height) || depth.len() != image.data.len() {
         return None;
     }
-    let range = |index: usize| match depth.data[index] {
-        raw if DepthImage::is_measurement(raw) => {
-            let depth_mm = f64::from(raw) * unit_mm;
+    let range = |index: usize| {
+        depth.measurement(index).map_or(0.0, |raw| {
+            let depth_mm = raw * unit_mm;
             (depth_mm * rays.slant(index, depth_mm)) as f32
-        }
-        _ => 0.0,
+        })
     };
     FrameCovariates::new(modulation, [depth.width, depth.height], &image.data, range)
 }

@@ -4,7 +4,7 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use depthcal_io::{DepthImage, FrameMetadata, GrayImage, ImageError};
+use depthcal_io::{DepthFrame, FrameMetadata, GrayImage, ImageError};
 use depthcal_model::Context;
 use nalgebra::Isometry3;
 
@@ -50,7 +50,7 @@ pub enum MeasuredDepth {
     #[default]
     None,
     /// A depth image on the pixel grid of the image.
-    Image(Stored<DepthImage>),
+    Image(Stored<DepthFrame>),
     /// Single pixels, for example of a simulation without images.
     Pixels(Vec<DepthPixel>),
 }
@@ -84,7 +84,7 @@ pub struct OpenFrame<'a> {
     /// The image, where there is one.
     pub image: Option<Arc<GrayImage>>,
     /// The depth image, where there is one.
-    pub depth: Option<Arc<DepthImage>>,
+    pub depth: Option<Arc<DepthFrame>>,
 }
 
 impl RawFrame {
@@ -100,7 +100,7 @@ impl RawFrame {
     }
 
     /// The depth image, where there is one.
-    pub fn depth_image(&self) -> Option<&Stored<DepthImage>> {
+    pub fn depth_image(&self) -> Option<&Stored<DepthFrame>> {
         match &self.depth {
             MeasuredDepth::Image(image) => Some(image),
             MeasuredDepth::None | MeasuredDepth::Pixels(_) => None,

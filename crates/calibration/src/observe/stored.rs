@@ -4,7 +4,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use depthcal_io::{DepthImage, GrayImage, ImageError, read_depth, read_gray};
+use depthcal_io::{DepthFrame, DepthValues, GrayImage, ImageError, read_depth_frame, read_gray};
 
 /// An image that can be read from a file.
 pub trait ImageFile: Sized {
@@ -28,13 +28,13 @@ impl ImageFile for GrayImage {
     }
 }
 
-impl ImageFile for DepthImage {
+impl ImageFile for DepthFrame {
     fn read(path: &Path) -> Result<Self, ImageError> {
-        read_depth(path)
+        read_depth_frame(path)
     }
 
     fn bytes(&self) -> usize {
-        size_of_val(&self.data[..])
+        DepthFrame::bytes(self)
     }
 }
 
@@ -69,10 +69,14 @@ impl<T> From<T> for Stored<T> {
 
 /// A number that is equal for equal depth images and different for others but by chance (1 in 2⁶⁴); `None` of an image without any
 /// measurement.
-pub fn depth_digest(depth: &DepthImage) -> Option<u64> {
-    depth.data.iter().any(|d| DepthImage::is_measurement(*d)).then(|| {
+pub fn depth_digest(depth: &DepthFrame) -> Option<u64> {
+    (0..depth.len()).any(|i| depth.measurement(i).is_some()).then(|| {
         let mut hasher = DefaultHasher::new();
-        (depth.width, depth.height, &depth.data).hash(&mut hasher);
+        (depth.width, depth.height).hash(&mut hasher);
+        match &depth.values {
+            DepthValues::Steps(values) => values.hash(&mut hasher),
+            DepthValues::Float(values) => values.iter().for_each(|value| value.to_bits().hash(&mut hasher)),
+        }
         hasher.finish()
     })
 }

@@ -5,17 +5,22 @@
 mod error;
 mod frame_markers;
 mod homography;
+mod lens_models;
 mod pose;
 mod pose_precision;
 mod start_values;
+mod wide_angle;
 mod zhang;
 
 pub use error::{FEWEST_FRAMES, FEWEST_MARKERS, PARALLEL_DEG, StartError};
 pub use frame_markers::FrameMarkers;
 pub use homography::{HomographyFit, fit_homography, homography};
+pub use lens_models::{LENS_MODELS, LensModel, lens_block};
 pub(crate) use pose::mirrored_pose;
 pub use pose::{PoseFit, estimate_pose, local_poses, refine_pose};
 pub(crate) use pose_precision::doubt_between;
 pub use pose_precision::{MOST_UNCERTAIN_DEPTH, PoseDoubt, pose_doubt};
+#[cfg(feature = "detect")]
+pub(crate) use start_values::is_wide;
 pub use start_values::{start_camera, start_values};
 pub use zhang::{check_tilts, pinhole_from_homographies};

@@ -48,7 +48,10 @@ pub fn local_poses(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -
         .filter_map(|m| camera.ray(m.pixel, 1e-3).ok().map(|ray| MarkerObservation { pixel: ray, ..*m }))
         .collect();
     let h = homography(target, &FrameMarkers { name: frame.name, markers: &undistorted })?;
-    let first = from_homography(&h).ok_or_else(no_pose)?;
+    let n = undistorted.len().max(1) as f64;
+    let middle =
+        undistorted.iter().map(|m| target.point(m.index)).fold([0.0; 2], |s, p| [s[0] + p[0] / n, s[1] + p[1] / n]);
+    let first = from_homography(&h, middle).ok_or_else(no_pose)?;
     let mirrored = mirror(&first, target);
     let starts = [Some(first), mirrored].into_iter().flatten();
     let fits = starts.filter_map(|pose| refine_pose(camera, target, frame.markers, &pose));
@@ -57,14 +60,16 @@ pub fn local_poses(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -
     if fits.is_empty() { Err(no_pose()) } else { Ok(fits) }
 }
 
-/// K⁻¹H = λ (r₁ r₂ t), with the nearest rotation to (r₁, r₂, r₁ × r₂).
-fn from_homography(h: &Matrix3<f64>) -> Option<Isometry3<f64>> {
+/// K⁻¹H = λ (r₁ r₂ t), with the nearest rotation to (r₁, r₂, r₁ × r₂). The board's point `middle` (mm) lies in front of the camera;
+/// in wide images the board's origin need not.
+fn from_homography(h: &Matrix3<f64>, middle: [f64; 2]) -> Option<Isometry3<f64>> {
     let scale = 2.0 / (h.column(0).norm() + h.column(1).norm());
-    let sign = if h.m33 < 0.0 { -scale } else { scale };
+    let depth = h.m31 * middle[0] + h.m32 * middle[1] + h.m33;
+    let sign = if depth < 0.0 { -scale } else { scale };
     let (r1, r2, t) = (h.column(0) * sign, h.column(1) * sign, h.column(2) * sign);
     let svd = Matrix3::from_columns(&[r1, r2, r1.cross(&r2)]).svd(true, true);
     let rotation = svd.u? * svd.v_t?;
-    if !(t.z > 0.0) || rotation.determinant() < 0.0 {
+    if !(depth.abs() > 0.0) || rotation.determinant() < 0.0 {
         return None;
     }
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));

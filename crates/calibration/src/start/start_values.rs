@@ -2,15 +2,24 @@
 
 use depthcal_model::{Block, Camera, Register, Target};
 use nalgebra::Isometry3;
+use tracing::warn;
 
 use super::error::{FEWEST_FRAMES, StartError};
 use super::frame_markers::FrameMarkers;
 use super::homography::fit_homography;
+use super::lens_models::{KANNALA_BRANDT, lens_block};
 use super::pose::estimate_pose;
+use super::wide_angle::{equidistant, error_px, imitating, widest};
 use super::zhang::{check_tilts, pinhole_from_homographies};
 
-/// A camera with the named lens model at its nominal parameters, that is without distortion (`none` for no lens model), and one
-/// pose per frame, from the markers alone. They are start values for an adjustment. `width` and `height` are the images' size,
+/// Reprojection error without lens, in image widths, from which a camera may be a wide one: 0.16 px at 640 px. Poses take up most of what a
+/// fisheye lens does to small boards.
+const BENT: f64 = 0.00025;
+/// Share of that error up to which an equidistant camera leaves of a wide lens. Of the barrel distortion of usual cameras it leaves about
+/// as much.
+const CLEARLY: f64 = 0.5;
+
+/// A camera with the named lens model at start values (`none` for no lens model), and one pose per frame, from the markers alone. They are start values for an adjustment. `width` and `height` are the images' size,
 /// px.
 ///
 /// # Errors
@@ -30,7 +39,8 @@ pub fn start_values(
     Ok((camera, poses))
 }
 
-/// The camera of [`start_values`] alone. Each frame counts as much as its markers determine its homography.
+/// The camera of [`start_values`] alone. Each frame counts as much as its markers determine its homography. Where straight lines are
+/// strongly bent, or the lens is a fisheye, it has a lens at start values of its own (`wide_angle`).
 ///
 /// # Errors
 ///
@@ -48,7 +58,52 @@ pub fn start_camera(
     }
     let homographies = frames.iter().map(|f| fit_homography(target, f)).collect::<Result<Vec<_>, _>>()?;
     check_tilts(&homographies, width, height)?;
-    let pinhole = pinhole_from_homographies(&homographies, width, height)?;
-    let lens = if lens == "none" { Vec::new() } else { vec![register.block(lens, None)?] };
-    Ok(Camera::from_blocks(width, height, Block::pinhole(pinhole), lens))
+    let pinhole = pinhole_from_homographies(&homographies, width, height);
+    let Some(block) = lens_block(lens, register)? else {
+        return Ok(Camera::from_blocks(width, height, Block::pinhole(pinhole?), Vec::new()));
+    };
+    let widest = widest(frames, width, height);
+    let narrow = pinhole.map(|pinhole| Camera::new(width, height, pinhole, Vec::new()));
+    let bent_px = narrow.as_ref().map_or(f64::INFINITY, |camera| error_px(camera, target, &widest));
+    let is_fisheye = block.name() == KANNALA_BRANDT;
+    if let Ok(camera) = &narrow
+        && !is_fisheye
+        && bent_px < BENT * width as f64
+    {
+        return Ok(camera.with_block(block));
+    }
+    let (wide, error) = equidistant(target, narrow.as_ref().ok(), [width, height], &widest, register)?;
+    let is_wide = error < CLEARLY * bent_px;
+    match narrow {
+        Err(reason) if !is_wide => Err(reason),
+        Ok(camera) if !is_wide && !is_fisheye => Ok(camera.with_block(block)),
+        Ok(camera) if bent_px <= error => Ok(imitating(block, &camera, frames)),
+        _ => {
+            if block.name() == "brown_conrady" {
+                warn!(
+                    "straight lines are strongly bent: an equidistant camera leaves {error:.1} px where one without lens leaves \
+                     {bent_px:.1} px; compare with the lens kannala-brandt, or auto"
+                );
+            }
+            Ok(imitating(block, &wide, frames))
+        }
+    }
+}
+
+/// Whether an equidistant camera explains the markers clearly better than one without lens, or homographies give no pinhole.
+#[cfg(feature = "detect")]
+pub(crate) fn is_wide(
+    target: &Target,
+    width: usize,
+    height: usize,
+    frames: &[FrameMarkers<'_>],
+    register: &Register,
+) -> bool {
+    let homographies: Vec<_> = frames.iter().filter_map(|f| fit_homography(target, f).ok()).collect();
+    let Ok(pinhole) = pinhole_from_homographies(&homographies, width, height) else { return true };
+    let camera = Camera::new(width, height, pinhole, Vec::new());
+    let widest = widest(frames, width, height);
+    let bent_px = error_px(&camera, target, &widest);
+    let wide = || equidistant(target, Some(&camera), [width, height], &widest, register);
+    bent_px >= BENT * width as f64 && wide().is_ok_and(|(_, error)| error < CLEARLY * bent_px)
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_correction::{CorrectionSummary, Corrector, FrameContext, PointsMut};
-use depthcal_io::{Cloud, DATASET_FILE, Dataset, GrayImage, PlyFormat, RgbImage, write_depth, write_ply};
+use depthcal_correction::{CorrectionSummary, Corrector, FrameContext};
+use depthcal_io::{Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, write_depth_frame};
 use depthcal_model::Camera;
 use depthcal_report::format::count;
 use rayon::prelude::*;
@@ -15,7 +15,8 @@ use super::images::{by_stem, images_in, read_color, stem};
 use super::job::Job;
 use super::resume::Resume;
 use super::stream::{StreamArgs, StreamContext};
-use crate::common::read_calibration;
+use super::written::{Written, points_of};
+use crate::common::{print_pairing, read_calibration};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
 use crate::session::Session;
@@ -34,7 +35,7 @@ use crate::voice::{complaint, is_json, say};
 pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
-    /// 16-bit grey PNGs, folders of them, or datasets: folders with a dataset.toml, from which depth unit, images, times and
+    /// Depth images (16-bit PNG, TIFF, NPY, NPZ or PGM, floating-point TIFF, NPY, NPZ or EXR), folders of them, or datasets: folders with a dataset.toml, from which depth unit, images, times and
     /// temperatures of the frames are then taken.
     /// `-` alone reads raw frames from standard input and writes them, corrected, to standard output.
     #[arg(required = true)]
@@ -44,11 +45,9 @@ pub(crate) struct Apply {
     out: Option<PathBuf>,
     #[command(flatten)]
     stream: StreamArgs,
-    /// Also writes a point cloud of every frame: binary PLY in mm, with the image's values as intensity where there is an
-    /// image.
-    #[arg(long)]
-    cloud: bool,
-    /// Millimetres per step of depth images outside datasets [default: as in the dataset that the calibration was fitted
+    #[command(flatten)]
+    written: Written,
+    /// Millimetres per step of depth images, or per unit of floating-point ones (1000 for metres), outside datasets [default: as in the dataset that the calibration was fitted
     /// to].
     #[arg(long, value_name = "X")]
     unit_mm: Option<f64>,
@@ -80,7 +79,7 @@ impl Apply {
             .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
         warn_of_missing(&corrector, &jobs);
 
-        let keys: Vec<String> = jobs.iter().map(|job| job.key(self.cloud)).collect();
+        let keys: Vec<String> = jobs.iter().map(|job| job.key(&self.written)).collect();
         let resume = Resume::open(self.folder(), &self.calibration, jobs.iter().map(|j| stem(&j.depth)).zip(keys))?;
         let all = jobs.len();
         let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
@@ -122,7 +121,7 @@ impl Apply {
         if is_json() {
             return Err(Failure::Input("--json and `-` both want standard output: leave --json out".into()));
         }
-        if self.depth.len() > 1 || self.out.is_some() || self.cloud || !self.image.is_empty() {
+        if self.depth.len() > 1 || self.out.is_some() || self.written.cloud.is_some() || !self.image.is_empty() {
             return Err(Failure::Input(
                 "`-` reads raw frames and writes raw frames to standard output: give it as the only DEPTH, without \
                  --out, --cloud and --image"
@@ -141,7 +140,7 @@ impl Apply {
     /// The files that a frame's results are written to.
     fn outputs(&self, job: &Job) -> Vec<PathBuf> {
         let image = self.target(&job.depth);
-        let cloud = self.cloud.then(|| image.with_extension("ply"));
+        let cloud = self.written.cloud.map(|cloud| image.with_extension(cloud.extension()));
         std::iter::once(image).chain(cloud).collect()
     }
 
@@ -153,18 +152,16 @@ impl Apply {
             temperature_c: job.temperature_c.unwrap_or(f64::NAN),
             amplitude: image.as_ref(),
         };
-        if self.cloud {
+        if let Some(format) = self.written.cloud {
             // Not from the corrected image, whose values are rounded to its unit.
-            let mut points = vec![[f32::NAN; 3]; depth.data.len()];
-            let out = PointsMut::Interleaved(points.as_flattened_mut());
-            corrector.correct_to_points(&depth, job.unit_mm, &context, out).map_err(of_job)?;
-            let path = self.target(&job.depth).with_extension("ply");
-            let color = job.color.as_ref().map(|path| read_color(path, &depth)).transpose()?;
-            write_ply(path, &cloud(&points, image.as_ref(), color.as_ref()), PlyFormat::Binary).map_err(input)?;
+            let points = points_of(&depth, job.unit_mm, corrector, &context).map_err(of_job)?;
+            let path = self.target(&job.depth).with_extension(format.extension());
+            let size = [depth.width, depth.height];
+            let color = job.color.as_ref().map(|path| read_color(path, size)).transpose()?;
+            format.write(&path, &cloud(&points, image.as_ref(), color.as_ref())).map_err(input)?;
         }
-        let mut corrected = depth.clone();
-        let summary = corrector.correct_u16(&depth, job.unit_mm, &context, &mut corrected).map_err(of_job)?;
-        write_depth(self.target(&job.depth), &corrected).map_err(input)?;
+        let (corrected, summary) = self.written.correct(&depth, job.unit_mm, corrector, &context).map_err(of_job)?;
+        write_depth_frame(self.target(&job.depth), &corrected).map_err(input)?;
         Ok(summary)
     }
 
@@ -184,7 +181,8 @@ impl Apply {
 
     /// The path of the corrected image of `depth`.
     fn target(&self, depth: &Path) -> PathBuf {
-        depth.file_name().map_or_else(|| self.folder().to_owned(), |name| self.folder().join(name))
+        let name = depth.file_name().map_or_else(|| self.folder().to_owned(), |name| self.folder().join(name));
+        name.with_extension(self.written.extension(depth))
     }
 
     fn jobs(&self, calibrated_unit: Option<f64>) -> Result<Vec<Job>, Failure> {
@@ -195,7 +193,7 @@ impl Apply {
                 jobs.extend(self.dataset_jobs(path)?);
                 continue;
             }
-            let found = if path.is_dir() { images_in(path, &["png"])? } else { vec![path.clone()] };
+            let found = if path.is_dir() { images_in(path, DEPTH_EXTENSIONS)? } else { vec![path.clone()] };
             if let Some(first) = found.first().filter(|p| !p.is_file()) {
                 return Err(Failure::Input(format!(
                     "{}: there is no such file or folder: check DEPTH",
@@ -250,6 +248,10 @@ impl Apply {
                 "{}: `depth.unit_mm` is {unit_mm}, but --unit-mm is {given}: leave --unit-mm out, or correct the file",
                 file.display()
             )));
+        }
+        print_pairing(&dataset);
+        for stray in &dataset.strays {
+            say!("  not corrected: {} ({})", stray.name, stray.reason);
         }
         // Times count from the first frame, as they did when the calibration was fitted.
         let first = dataset.frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);

@@ -4,21 +4,21 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{DepthImage, RgbImage, read_rgb};
+use depthcal_io::{IMAGE_EXTENSIONS, RgbImage, read_rgb};
 
 use crate::failure::{Failure, input};
 
 /// A colour image of the size of a depth image.
-pub(super) fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Failure> {
+pub(super) fn read_color(path: &Path, [width, height]: [usize; 2]) -> Result<RgbImage, Failure> {
     let image = read_rgb(path).map_err(input)?;
-    if (image.width, image.height) != (depth.width, depth.height) {
+    if [image.width, image.height] != [width, height] {
         return Err(Failure::Input(format!(
             "{}: the colour image has {}×{} px, the depth {}×{}: register the colour to the depth first",
             path.display(),
             image.width,
             image.height,
-            depth.width,
-            depth.height
+            width,
+            height
         )));
     }
     Ok(image)
@@ -28,7 +28,7 @@ pub(super) fn read_color(path: &Path, depth: &DepthImage) -> Result<RgbImage, Fa
 pub(super) fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Failure> {
     let mut images = BTreeMap::new();
     for path in paths {
-        let found = if path.is_dir() { images_in(path, &["png", "jpg", "jpeg", "pgm"])? } else { vec![path.clone()] };
+        let found = if path.is_dir() { images_in(path, IMAGE_EXTENSIONS)? } else { vec![path.clone()] };
         images.extend(found.into_iter().map(|path| (stem(&path), path)));
     }
     Ok(images)

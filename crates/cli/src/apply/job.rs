@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 
 use depthcal_correction::Corrector;
-use depthcal_io::{DepthImage, GrayImage, check_same_size, read_depth, read_gray};
+use depthcal_io::{DepthFrame, GrayImage, check_same_size, read_depth_frame, read_gray};
 
 use super::images::read_color;
+use super::written::Written;
 use crate::failure::{Failure, input};
 
 /// A depth image to be corrected, with the other images and the conditions of its frame.
@@ -20,14 +21,15 @@ pub(super) struct Job {
 
 impl Job {
     /// Everything that its results depend on, besides the calibration and the contents of its files.
-    pub(super) fn key(&self, cloud: bool) -> String {
+    pub(super) fn key(&self, written: &Written) -> String {
         let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {cloud}")
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {written:?}")
     }
 
     /// Reads the depth image and, where there is one, the infrared image; checks their sizes and the colour image.
-    pub(super) fn read(&self, corrector: &Corrector) -> Result<(DepthImage, Option<GrayImage>), Failure> {
-        let depth = read_depth(&self.depth).map_err(input)?;
+    pub(super) fn read(&self, corrector: &Corrector) -> Result<(DepthFrame, Option<GrayImage>), Failure> {
+        let depth = read_depth_frame(&self.depth).map_err(input)?;
+        depth.check_unit(&self.depth, self.unit_mm).map_err(input)?;
         if (depth.width, depth.height) != (corrector.width(), corrector.height()) {
             return Err(Failure::Input(format!(
                 "{}: the depth image has {}×{} px, but the calibration is for {}×{} px: give images of the calibrated \
@@ -40,11 +42,12 @@ impl Job {
             )));
         }
         if let Some(color) = &self.color {
-            read_color(color, &depth)?;
+            read_color(color, [depth.width, depth.height])?;
         }
         let Some(path) = &self.image else { return Ok((depth, None)) };
         let image = read_gray(path).map_err(input)?;
-        check_same_size((path, &image), (&self.depth, &depth)).map_err(input)?;
+        check_same_size((path, [image.width, image.height]), (&self.depth, [depth.width, depth.height]))
+            .map_err(input)?;
         Ok((depth, Some(image)))
     }
 }

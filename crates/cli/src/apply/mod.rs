@@ -5,5 +5,6 @@ mod images;
 mod job;
 mod resume;
 mod stream;
+mod written;
 
 pub(crate) use command::Apply;

@@ -75,7 +75,7 @@ impl Resume {
             let folder = self.file.parent().unwrap_or(Path::new("."));
             for (stem, key) in &before.frames {
                 if !same_run || self.now.frames.get(stem).is_some_and(|now| now != key) {
-                    for extension in ["png", "ply"] {
+                    for extension in ["png", "pgm", "tif", "tiff", "npy", "exr", "ply", "pcd"] {
                         // Fails where there is no such file, which is fine.
                         let _ = fs::remove_file(folder.join(format!("{stem}.{extension}")));
                     }

@@ -8,7 +8,7 @@ use depthcal_model::{Pattern, Target};
 use serde::Serialize;
 use toml::de::DeTable;
 
-use super::camera_hint::CameraHint;
+use super::camera_hint::{CameraHint, IntrinsicNumbers};
 use super::error::DatasetError;
 use super::section::{Field, Section, Source};
 use super::suggest::nearest;
@@ -32,24 +32,32 @@ pub struct DatasetFile {
     pub camera: Option<CameraHint>,
 }
 
-/// `[frames]`: globs relative to the dataset's folder. At least one of `image` and `depth` is given.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+/// `[frames]`: globs relative to the dataset's folder. At least one of `image`, `depth`, `associations` and `metadata` (a table with a
+/// column `image` or `depth`) is given.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FramesSection {
-    /// Glob of the images.
+    /// Glob of the images, or a list of them with times (`rgb.txt`).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub image: Option<String>,
-    /// Glob of the depth images, paired with the images by file stem.
+    /// Glob of the depth images, or a list of them with times; they are paired with the images by their names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<String>,
-    /// Name of a table with one row per frame (frame,timestamp_s,temperature_c,…).
+    /// Name of a table with one row per frame (frame,timestamp_s,temperature_c,…), and with the files of every frame where it has
+    /// columns image and depth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metadata: Option<String>,
+    /// Name of a list of pairs with lines `time image time depth`, as TUM's `associate.py` writes it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub associations: Option<String>,
+    /// Pairs images and depth by nearest time, at most this far apart, s; times are from lists or file names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within_s: Option<f64>,
 }
 
 /// `[depth]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DepthSection {
-    /// Millimetres per step of the 16-bit depth image.
+    /// Millimetres per step of the depth image, or per unit where it holds floating-point numbers: 1000 for metres.
     pub unit_mm: f64,
 }
 
@@ -57,9 +65,9 @@ const KINDS: &[&str] = &["asymmetric-circles", "symmetric-circles", "chessboard"
 
 const SECTIONS: &[&str] = &["board", "frames", "depth", "camera"];
 const BOARD_KEYS: &[&str] = &["kind", "columns", "rows", "spacing_mm", "circle_diameter_mm", "marker_mm", "dictionary"];
-const FRAMES_KEYS: &[&str] = &["image", "depth", "metadata"];
+const FRAMES_KEYS: &[&str] = &["image", "depth", "metadata", "associations", "within_s"];
 const DEPTH_KEYS: &[&str] = &["unit_mm"];
-const CAMERA_KEYS: &[&str] = &["fx", "fy", "cx", "cy", "skew", "distortion", "fixed"];
+const CAMERA_KEYS: &[&str] = &["fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
 
 const BOARD: Field =
     Field { name: "board", remedy: "declare the board in a section [board] with kind, columns, rows, spacing_mm" };
@@ -94,21 +102,39 @@ const FRAMES: Field =
 const IMAGE: Field = Field { name: "frames.image", remedy: "give a glob such as \"image/*.png\"" };
 const DEPTH_GLOB: Field = Field { name: "frames.depth", remedy: "give a glob such as \"depth/*.png\"" };
 const METADATA: Field = Field { name: "frames.metadata", remedy: "give the name of a table, such as \"frames.csv\"" };
+const ASSOCIATIONS: Field =
+    Field { name: "frames.associations", remedy: "give the name of a list of pairs, such as \"associations.txt\"" };
+const WITHIN: Field = Field {
+    name: "frames.within_s",
+    remedy: "give the largest difference in time of an image and its depth image in seconds, such as 0.02",
+};
 const DEPTH: Field = Field { name: "depth", remedy: "declare the depth unit in a section [depth]: unit_mm = 1.0" };
 const UNIT: Field = Field {
     name: "depth.unit_mm",
     remedy: "give the millimetres per step of the depth image in [depth], such as unit_mm = 1.0 for depth in mm; it is \
-             required where there is depth, never guessed",
+             required where there is depth, never guessed (1000.0 for floating-point depth in metres)",
 };
-const CAMERA: Field =
-    Field { name: "camera", remedy: "declare intrinsics in a section [camera]: fx, fy, cx, cy in px" };
+const CAMERA: Field = Field {
+    name: "camera",
+    remedy: "declare intrinsics in a section [camera]: fx, fy, cx, cy in px, or intrinsics = \"FILE\"",
+};
 const FX: Field = Field { name: "camera.fx", remedy: "give the focal length in x, in px" };
 const FY: Field = Field { name: "camera.fy", remedy: "give the focal length in y, in px" };
 const CX: Field = Field { name: "camera.cx", remedy: "give the column of the principal point, in px" };
 const CY: Field = Field { name: "camera.cy", remedy: "give the row of the principal point, in px" };
 const SKEW: Field = Field { name: "camera.skew", remedy: "give the skew in px, normally 0" };
-const DISTORTION: Field =
-    Field { name: "camera.distortion", remedy: "give Brown-Conrady coefficients [k1, k2, p1, p2, k3]" };
+const DISTORTION: Field = Field {
+    name: "camera.distortion",
+    remedy: "give OpenCV's coefficients [k1, k2, p1, p2, k3, …], 4, 5, 8, 12 or 14 of them; with lens = \"kannala-brandt\" [k1, k2, k3, k4]",
+};
+const INTRINSICS: Field = Field {
+    name: "camera.intrinsics",
+    remedy: "give a camera file of OpenCV, ROS, Kalibr, mrcal or COLMAP, relative to the dataset, and no numbers beside it",
+};
+const LENS: Field = Field {
+    name: "camera.lens",
+    remedy: "give a lens model as --lens takes it, such as \"brown-conrady\", \"opencv8\", \"kannala-brandt\" or \"auto\"",
+};
 const FIXED: Field =
     Field { name: "camera.fixed", remedy: "write true to hold these values, false to start from them" };
 
@@ -147,10 +173,18 @@ impl DatasetFile {
             depth: depth.map(|depth| depth_from(&depth)).transpose()?,
             camera: camera.map(|camera| camera_from(&camera)).transpose()?,
         };
-        if file.frames.depth.is_some() && file.depth.is_none() {
+        if (file.frames.depth.is_some() || file.frames.associations.is_some()) && file.depth.is_none() {
             return Err(source.missing(UNIT));
         }
         Ok(file)
+    }
+
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// The serialiser's message, where a value has no TOML.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string(self)
     }
 
     /// Writes the file atomically.
@@ -160,18 +194,47 @@ impl DatasetFile {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
         let path = path.as_ref();
         let invalid = |problem| FileError::Invalid { path: path.to_owned(), field: ".".into(), problem };
-        let text = toml::to_string(self).map_err(|error| invalid(error.to_string()))?;
+        let text = self.to_toml().map_err(|error| invalid(error.to_string()))?;
         // A file that could not be read back is not written.
         Self::parse(path, &text).map_err(|error| invalid(format!("would not be accepted on reading: {error}")))?;
         write_atomically(path, |writer| writer.write_all(text.as_bytes()))
     }
 }
 
+/// The error of a file at `path` whose frames have depth but no unit.
+pub(crate) fn unit_missing(path: &Path) -> DatasetError {
+    DatasetError::MissingField { path: path.to_owned(), field: UNIT.name, remedy: UNIT.remedy }
+}
+
+/// The error of a file at `path` that declares no frames: its table has no columns of files, and there is no glob.
+pub(crate) fn files_missing(path: &Path) -> DatasetError {
+    DatasetError::MissingField { path: path.to_owned(), field: IMAGE.name, remedy: IMAGE.remedy }
+}
+
 /// All fields with their sections, for suggestions across sections.
 fn all_fields() -> Vec<&'static str> {
     [
-        KIND, COLUMNS, ROWS, SPACING, CIRCLE, MARKER, DICTIONARY, IMAGE, METADATA, UNIT, FX, FY, CX, CY, SKEW,
-        DISTORTION, FIXED,
+        KIND,
+        COLUMNS,
+        ROWS,
+        SPACING,
+        CIRCLE,
+        MARKER,
+        DICTIONARY,
+        IMAGE,
+        METADATA,
+        ASSOCIATIONS,
+        WITHIN,
+        UNIT,
+        FX,
+        FY,
+        CX,
+        CY,
+        SKEW,
+        DISTORTION,
+        INTRINSICS,
+        LENS,
+        FIXED,
     ]
     .map(|field| field.name)
     .to_vec()
@@ -270,38 +333,67 @@ fn smallest(kind: &str) -> usize {
 
 fn frames_from(frames: &Section<'_>) -> Result<FramesSection, DatasetError> {
     let glob = |field| Ok::<_, DatasetError>(frames.string(field)?.map(str::to_owned));
-    let section = FramesSection { image: glob(IMAGE)?, depth: glob(DEPTH_GLOB)?, metadata: glob(METADATA)? };
-    if section.image.is_none() && section.depth.is_none() {
+    let section = FramesSection {
+        image: glob(IMAGE)?,
+        depth: glob(DEPTH_GLOB)?,
+        metadata: glob(METADATA)?,
+        associations: glob(ASSOCIATIONS)?,
+        // An hour: slower scenes than that have names.
+        within_s: frames.get(WITHIN).map(|_| frames.positive(WITHIN, 0.0..=3600.0)).transpose()?,
+    };
+    let FramesSection { image, depth, metadata, associations, .. } = &section;
+    if [image, depth, metadata, associations].iter().all(|field| field.is_none()) {
         return Err(frames.source.missing(IMAGE));
+    }
+    if associations.is_some() && (image.is_some() || depth.is_some() || section.within_s.is_some()) {
+        let problem = "names the files of every frame itself, which image, depth and within_s would contradict";
+        return Err(frames.source.field_error(frames.required(ASSOCIATIONS)?, ASSOCIATIONS, problem));
     }
     Ok(section)
 }
 
 fn depth_from(depth: &Section<'_>) -> Result<DepthSection, DatasetError> {
-    // The usual mistake is 0.001, metres per step instead of millimetres.
-    Ok(DepthSection { unit_mm: depth.positive(UNIT, 0.002..=50.0)? })
+    // The usual mistake is 0.001, metres per step instead of millimetres. 1000 is for floating-point metres; whole steps have a lower
+    // limit, see `DepthFrame::check_unit`.
+    Ok(DepthSection { unit_mm: depth.positive(UNIT, 0.002..=1000.0)? })
 }
 
 fn camera_from(camera: &Section<'_>) -> Result<CameraHint, DatasetError> {
+    let text = |field| Ok::<_, DatasetError>(camera.string(field)?.map(str::to_owned));
+    let (intrinsics, lens) = (text(INTRINSICS)?, text(LENS)?);
+    let given = [FX, FY, CX, CY, SKEW, DISTORTION].into_iter().find(|field| camera.get(*field).is_some());
+    if let (Some(_), Some(field)) = (&intrinsics, given) {
+        let problem = "stands beside `intrinsics`: one of them is too many";
+        return Err(camera.source.field_error(camera.required(field)?, INTRINSICS, problem));
+    }
+    // A section of a lens or a file alone has no numbers; one of neither lacks them.
+    let needs_numbers = given.is_some() || (intrinsics.is_none() && lens.is_none());
+    let numbers = needs_numbers.then(|| numbers_from(camera, lens.as_deref())).transpose()?;
+    Ok(CameraHint { numbers, intrinsics, lens, fixed: camera.boolean(FIXED)?.unwrap_or(false) })
+}
+
+fn numbers_from(camera: &Section<'_>, lens: Option<&str>) -> Result<IntrinsicNumbers, DatasetError> {
     const FAR: f64 = 100_000.0;
     let principal = |field| camera.bounded(field, FAR)?.ok_or_else(|| camera.source.missing(field));
-    let mut distortion = [0.0; 5];
-    if let Some(given) = camera.numbers(DISTORTION, 1000.0)? {
-        if given.len() != 4 && given.len() != 5 {
-            let problem = format!("has {} numbers, expected 4 or 5", given.len());
-            return Err(camera.source.field_error(camera.required(DISTORTION)?, DISTORTION, problem));
-        }
-        distortion[..given.len()].copy_from_slice(&given);
+    let distortion = camera.numbers(DISTORTION, 1000.0)?.unwrap_or_default();
+    let counts: &[usize] = if lens.is_some_and(is_fisheye) { &[0, 4] } else { &[0, 4, 5, 8, 12, 14] };
+    if !counts.contains(&distortion.len()) {
+        let expected = if counts.len() == 2 { "4" } else { "4, 5, 8, 12 or 14" };
+        let problem = format!("has {} numbers, expected {expected}", distortion.len());
+        return Err(camera.source.field_error(camera.required(DISTORTION)?, DISTORTION, problem));
     }
-    Ok(CameraHint {
+    Ok(IntrinsicNumbers {
         fx: camera.positive(FX, 1.0..=FAR)?,
         fy: camera.positive(FY, 1.0..=FAR)?,
         cx: principal(CX)?,
         cy: principal(CY)?,
         skew: camera.bounded(SKEW, FAR)?.unwrap_or(0.0),
         distortion,
-        fixed: camera.boolean(FIXED)?.unwrap_or(false),
     })
+}
+
+fn is_fisheye(lens: &str) -> bool {
+    lens.replace('-', "_") == "kannala_brandt"
 }
 
 #[cfg(test)]

@@ -135,10 +135,10 @@ pub enum DatasetError {
         /// The other file.
         second: PathBuf,
     },
-    /// Images without a depth image, or depth images without an image.
+    /// No image has a depth image.
     #[error(
-        "{path}: `frames.image` and `frames.depth` do not pair by file stem:{}{}: give both files of a frame the same \
-         stem, or remove what has no partner",
+        "{path}: no image pairs with any depth image:{}{}: give both files of a frame the same stem or number, name them in a table \
+         with columns image and depth, or set `frames.within_s` where the names are times",
         unpaired(.images_without_depth, "images without depth"),
         unpaired(.depth_without_image, "depth without image")
     )]
@@ -149,6 +149,17 @@ pub enum DatasetError {
         images_without_depth: Vec<String>,
         /// Stems of depth images that have no image.
         depth_without_image: Vec<String>,
+    },
+    /// A file without a time where frames are paired by time.
+    #[error(
+        "{path}: `frames.within_s` pairs by time, but {file} has none in its name: list files and times in a text file, such as image = \
+         \"rgb.txt\", or leave within_s out"
+    )]
+    NoTime {
+        /// The file `dataset.toml`.
+        path: PathBuf,
+        /// The file without a time.
+        file: PathBuf,
     },
     /// The table of frames is not valid CSV, or its header is wrong.
     #[error("{path}:{line}: {problem}")]
@@ -175,9 +186,9 @@ pub enum DatasetError {
         /// Text of the cell.
         value: String,
     },
-    /// The rows of the table and the frames do not correspond.
+    /// No row of the table belongs to a frame.
     #[error(
-        "{path}: the rows do not fit the frames:{}{}: write one row per frame, named by its file stem",
+        "{path}: no row belongs to a frame:{}{}: write one row per frame, named by its file stem",
         unpaired(.rows_without_frame, "rows without a frame"),
         unpaired(.frames_without_row, "frames without a row")
     )]

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::error::DatasetError;
 
 /// The row of a frame in the dataset's table.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FrameMetadata {
     /// Time of the capture, s, from an origin common to all frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -33,16 +33,27 @@ impl FrameMetadata {
 /// A row of the table.
 pub(crate) struct Row {
     pub frame: String,
+    /// Its image, where the table has a column of images and names one.
+    pub image: Option<String>,
+    /// Its depth image, likewise.
+    pub depth: Option<String>,
     pub metadata: FrameMetadata,
 }
 
-/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c` and any others.
-pub(crate) fn read(path: &Path) -> Result<Vec<Row>, DatasetError> {
+/// The rows of a table, and whether it has columns of images and of depth images.
+pub(crate) struct FrameTable {
+    pub rows: Vec<Row>,
+    pub has_images: bool,
+    pub has_depth: bool,
+}
+
+/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c`, `image`, `depth` and any others.
+pub(crate) fn read(path: &Path) -> Result<FrameTable, DatasetError> {
     let file = File::open(path).map_err(|error| DatasetError::Read { path: path.to_owned(), error })?;
     parse(path, io::BufReader::new(file))
 }
 
-fn parse(path: &Path, reader: impl io::Read) -> Result<Vec<Row>, DatasetError> {
+fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(reader);
     let head = reader.headers().map_err(|error| csv_error(path, error))?.clone();
     let fault = |problem: String| DatasetError::Table { path: path.to_owned(), line: 1, problem };
@@ -60,12 +71,14 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<Vec<Row>, DatasetError> {
     for record in reader.records() {
         let record = record.map_err(|error| csv_error(path, error))?;
         let line = record.position().map_or(0, csv::Position::line);
-        let mut row = Row { frame: String::new(), metadata: FrameMetadata::default() };
+        let mut row = Row { frame: String::new(), image: None, depth: None, metadata: FrameMetadata::default() };
         for (i, (column, cell)) in head.iter().zip(&record).enumerate() {
             let number = || finite(cell).ok_or_else(|| cell_error(path, line, column, cell));
             match column {
                 _ if i == frame_column => row.frame = cell.to_owned(),
                 _ if cell.is_empty() => {}
+                "image" => row.image = Some(cell.to_owned()),
+                "depth" => row.depth = Some(cell.to_owned()),
                 "timestamp_s" => row.metadata.timestamp_s = Some(number()?),
                 "temperature_c" => row.metadata.temperature_c = Some(number()?),
                 _ => drop(row.metadata.other.insert(column.to_owned(), cell.to_owned())),
@@ -81,7 +94,8 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<Vec<Row>, DatasetError> {
         };
         return Err(DatasetError::Table { path: path.to_owned(), line, problem });
     }
-    Ok(rows)
+    let has = |column: &str| head.iter().any(|name| name == column);
+    Ok(FrameTable { rows, has_images: has("image"), has_depth: has("depth") })
 }
 
 fn finite(cell: &str) -> Option<f64> {
@@ -116,7 +130,7 @@ mod tests {
     use super::*;
 
     fn table(text: &str) -> Result<Vec<Row>, DatasetError> {
-        parse(Path::new("set/frames.csv"), text.as_bytes())
+        parse(Path::new("set/frames.csv"), text.as_bytes()).map(|table| table.rows)
     }
 
     fn complaint(text: &str) -> String {

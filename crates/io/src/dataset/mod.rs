@@ -1,16 +1,22 @@
 //! Datasets: `dataset.toml`, the table of frames, and the files of every frame.
 
 mod camera_hint;
+mod candidate;
 mod declaration;
 mod error;
 mod folder;
 mod frame_table;
+mod frames;
 mod natural;
+mod pairing;
 mod section;
 mod suggest;
+mod time_list;
 
-pub use camera_hint::CameraHint;
+pub use camera_hint::{CameraHint, IntrinsicNumbers};
 pub use declaration::{DATASET_FILE, DatasetFile, DepthSection, FramesSection};
 pub use error::DatasetError;
-pub use folder::{Dataset, Frame};
+pub use folder::Dataset;
 pub use frame_table::FrameMetadata;
+pub use frames::Frame;
+pub use pairing::{Pairing, Stray};

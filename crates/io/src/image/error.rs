@@ -42,7 +42,10 @@ pub enum ImageError {
         problem: String,
     },
     /// An image that cannot hold depth.
-    #[error("{path}: a depth image must be a 16-bit grey PNG, but this is {found}: save the depth as 16-bit grey PNG")]
+    #[error(
+        "{path}: a depth image holds one channel of 16-bit or floating-point values, but this is {found}: save the depth as 16-bit grey PNG, \
+         or as TIFF, NPY, EXR or 16-bit PGM"
+    )]
     NotDepth {
         /// The file.
         path: PathBuf,

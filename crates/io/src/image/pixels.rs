@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::ImageError;
 
 /// Number of pixels above which a header counts as damaged, so that it cannot claim all memory.
-const MAX_PIXELS: usize = 1 << 28;
+pub(crate) const MAX_PIXELS: usize = 1 << 28;
 
 /// Number of pixels; an error when the size is 0 or implausible.
 pub(crate) fn pixels(path: &Path, width: usize, height: usize) -> Result<usize, ImageError> {
@@ -18,6 +18,22 @@ pub(crate) fn pixels(path: &Path, width: usize, height: usize) -> Result<usize, 
             ),
         }),
     }
+}
+
+/// Refuses a file of `length` bytes that claims `needed` bytes of pixels although its format compresses by `ratio` at most, before
+/// memory is allocated for them.
+pub(crate) fn fits(
+    path: &Path,
+    format: &'static str,
+    needed: usize,
+    ratio: usize,
+    length: usize,
+) -> Result<(), ImageError> {
+    if needed / ratio <= length {
+        return Ok(());
+    }
+    let message = format!("it is too short for the {needed} bytes of pixels that it claims");
+    Err(ImageError::Damaged { path: path.to_owned(), format, message })
 }
 
 /// Luma of a colour, by the weights of ITU-R BT.601.

@@ -7,6 +7,7 @@ use depthcal_model::hook::HookKind;
 use depthcal_model::{FormulaDefinition, Of, On, Target};
 use serde::{Deserialize, Serialize};
 
+use super::lens_comparison::LensComparison;
 use super::reference::FileReference;
 use crate::dataset::FrameMetadata;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
@@ -15,7 +16,7 @@ use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 ///
 /// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields. Files of version 1 have no formulas
 /// and are read as well.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Calibration {
     /// The camera.
     pub camera: CameraRecord,
@@ -41,7 +42,7 @@ pub struct Calibration {
 }
 
 /// The camera as a chain of pieces.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CameraRecord {
     /// Width of the image in px.
     pub width: usize,
@@ -52,7 +53,7 @@ pub struct CameraRecord {
 }
 
 /// One piece of the chain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct PieceRecord {
     /// The stage of the chain at which it acts.
     pub hook: HookKind,
@@ -79,7 +80,7 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 /// One parameter of a piece.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ParameterRecord {
     /// Name within the piece, such as `k1`.
     pub name: String,
@@ -95,7 +96,7 @@ pub struct ParameterRecord {
 }
 
 /// Covariance of the free parameters.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CovarianceRecord {
     /// Names of rows and columns, `piece.parameter`.
     pub parameters: Vec<String>,
@@ -107,7 +108,7 @@ pub struct CovarianceRecord {
 ///
 /// The noise of depth is a standard deviation in inverse depth, σ_ρ² = a² + (b ρ²)²: `a` is constant in inverse depth
 /// (structured light, stereo), `b` constant in depth (time of flight).
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct NoiseRecord {
     /// Standard deviation of a marker's coordinate, px.
     pub pixel_sigma: f64,
@@ -126,12 +127,15 @@ pub struct NoiseRecord {
 }
 
 /// Quality and course of the fit.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FitRecord {
     /// The estimator: `joint`, `linear`, `irls` or `nonlinear`.
     pub estimator: String,
     /// The depth model, as given to `--model`.
     pub model: String,
+    /// The lens models that were compared, where the lens was to be chosen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens_comparison: Option<LensComparison>,
     /// Root mean square, over all markers, of the length of the reprojection error, px.
     pub reprojection_rms_px: f64,
     /// Root mean square of the depth residuals, mm; absent without depth.
@@ -151,7 +155,7 @@ pub struct FitRecord {
 }
 
 /// A frame that was not fitted.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DroppedFrame {
     /// Name of the frame.
     pub name: String,
@@ -160,7 +164,7 @@ pub struct DroppedFrame {
 }
 
 /// A fitted frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FrameRecord {
     /// Name of the frame: the stem of its files.
     pub name: String,

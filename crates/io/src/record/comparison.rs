@@ -8,7 +8,7 @@ use super::evaluation::DatasetEvaluation;
 use crate::file::{FileError, read_json, write_json};
 
 /// Depth models compared on held-out data.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Comparison {
     /// The dataset that the models were fitted to.
     pub train: String,
@@ -32,7 +32,7 @@ pub struct Comparison {
 }
 
 /// The errors of one model.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ModelComparison {
     /// Its name, as given to `--models`.
     pub model: String,
@@ -80,7 +80,7 @@ impl ModelComparison {
 }
 
 /// The three errors of depth.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Errors<T> {
     /// Mean dot error, mm.
     pub dot_error_mm: T,
@@ -91,7 +91,7 @@ pub struct Errors<T> {
 }
 
 /// A value with its 95 % confidence interval.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Interval {
     /// The value.
     pub mean: f64,
@@ -102,7 +102,7 @@ pub struct Interval {
 }
 
 /// Errors of a model fitted to subsets of the frames.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct LearningPoint {
     /// The model.
     pub model: String,
@@ -120,7 +120,7 @@ pub struct LearningPoint {
 }
 
 /// D refitted to every dataset, with K and lens from the training dataset.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct StabilityRecord {
     /// The estimates, dataset by dataset, estimator by estimator.
     pub estimates: Vec<StabilityEstimate>,
@@ -135,7 +135,7 @@ pub struct StabilityRecord {
 }
 
 /// One estimate of D.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct StabilityEstimate {
     /// The dataset.
     pub dataset: String,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The covariate of a free function: the quantity on which a diagnosis lets the residuals depend.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DiagnosisCovariate {
     /// Pixel position, column and row jointly.

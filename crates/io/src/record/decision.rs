@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::covariate::DiagnosisCovariate;
 
 /// The decision that a round took from its score tests. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisDecision {
     /// Neither an effect nor a free function is significant.
@@ -50,7 +50,7 @@ pub enum DiagnosisDecision {
 }
 
 /// The reference that named effects are compared with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DiagnosisCompetitor {
     /// Named effects and the best free function fitted jointly, by their gain: the fall of ½ Σ r² on left-out frames.
@@ -60,7 +60,7 @@ pub enum DiagnosisCompetitor {
 }
 
 /// An effect that a decision disregards.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisRefuted {
     /// Name of the effect.
     pub effect: String,
@@ -69,7 +69,7 @@ pub struct DiagnosisRefuted {
 }
 
 /// Why a decision disregards an effect. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisRefutation {
     /// It explains too little of what a free function of its covariate explains in its place and form: it is not what depends on the
@@ -85,7 +85,7 @@ pub enum DiagnosisRefutation {
 }
 
 /// The fate of an effect that a round found missing: added, or not and why. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisAddOutcome {
     /// It was added to the model.
@@ -124,7 +124,7 @@ pub enum DiagnosisAddOutcome {
 }
 
 /// The consequence of a decision `unexplained`. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisUnexplainedOutcome {
     /// It is reported and nothing is added: a map over the image cannot describe it, or brings nothing on held-out

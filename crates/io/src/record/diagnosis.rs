@@ -6,6 +6,7 @@ use depthcal_model::{FormulaDefinition, Of, On};
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
+use super::component::DiagnosisComponent;
 use super::decision::{DiagnosisDecision, DiagnosisRefuted};
 use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
@@ -14,7 +15,7 @@ use super::reference::FileReference;
 use crate::file::{FileError, read_json, write_json};
 
 /// The outcome of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     /// The data show nothing that the model lacks.
@@ -26,7 +27,7 @@ pub enum Verdict {
 }
 
 /// Errors of one model on held-out frames. Errors of depth are absent when there is no depth.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct HeldOutErrors {
     /// Mean dot error, mm; see [`DatasetEvaluation`](super::evaluation::DatasetEvaluation).
     pub dot_error_mm: Option<f64>,
@@ -42,7 +43,7 @@ pub struct HeldOutErrors {
 }
 
 /// A difference with its 95 % confidence interval from resampled frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct GainInterval {
     /// Estimate.
     pub value: f64,
@@ -60,7 +61,7 @@ impl GainInterval {
 }
 
 /// An effect that was accepted and added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisStep {
     /// Names of effects that explain the residuals jointly, in descending order of gain; the first is the one added.
     pub effects: Vec<String>,
@@ -96,7 +97,7 @@ pub struct DiagnosisStep {
 }
 
 /// A formula that was found in the residuals: a description of what is left, not its cause.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisFormula {
     /// The formula, in terms of its covariates, parameters and constants.
     pub expression: String,
@@ -122,12 +123,15 @@ pub struct DiagnosisFormula {
     pub replaced: Vec<String>,
     /// The best formulas of other covariates.
     pub runners_up: Vec<DiagnosisRunnerUp>,
+    /// What it describes of the residuals; absent in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub components: Vec<DiagnosisComponent>,
     /// The effect whole, as `--with` takes it in a file.
     pub definition: FormulaDefinition,
 }
 
 /// The size of an effect in frames that were set aside, over that in the others.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisReplication {
     /// 1 where both have the same size.
     pub size: f64,
@@ -136,7 +140,7 @@ pub struct DiagnosisReplication {
 }
 
 /// A formula that lost.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisRunnerUp {
     /// The formula.
     pub expression: String,
@@ -147,7 +151,7 @@ pub struct DiagnosisRunnerUp {
 }
 
 /// Place and form of an effect of depth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisPlace {
     /// The state from which it takes its covariates.
     pub of: Of,
@@ -156,7 +160,7 @@ pub struct DiagnosisPlace {
 }
 
 /// A fitted parameter of an added effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisParameter {
     /// Name.
     pub name: String,
@@ -170,7 +174,7 @@ pub struct DiagnosisParameter {
 }
 
 /// An effect that seems to be missing, but that these captures do not prove: it is not added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisPossible {
     /// Its name.
     pub effect: String,
@@ -185,7 +189,7 @@ pub struct DiagnosisPossible {
 }
 
 /// The score test of an effect or free function that a round's model does not have.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisCandidate {
     /// Its name.
     pub effect: String,
@@ -201,7 +205,7 @@ pub struct DiagnosisCandidate {
 }
 
 /// One round of a diagnosis: the tests of everything that its model lacks, and the decision.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisRound {
     /// Effects, in descending order of gain.
     pub effects: Vec<DiagnosisCandidate>,
@@ -215,7 +219,7 @@ pub struct DiagnosisRound {
 }
 
 /// A frame that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisFrame {
     /// Its name.
     pub name: String,
@@ -224,7 +228,7 @@ pub struct DiagnosisFrame {
 }
 
 /// The plane by which a frame's depth, corrected by the last model, deviates from the pose that its image gives.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisFramePlane {
     /// Name of the frame.
     pub name: String,
@@ -237,7 +241,7 @@ pub struct DiagnosisFramePlane {
 }
 
 /// How similar effects are to each other on these captures, given the declared model.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Separability {
     /// Names of the effects; those that were added come first.
     pub effects: Vec<String>,
@@ -248,7 +252,7 @@ pub struct Separability {
 }
 
 /// Held-out errors of the first and the last model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisHeldOut {
     /// The declared model.
     pub before: HeldOutErrors,
@@ -257,7 +261,7 @@ pub struct DiagnosisHeldOut {
 }
 
 /// Result of `depthcal diagnose`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisFile {
     /// The dataset.
     pub dataset: FileReference,

@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 use crate::file::{FileError, read_json, write_json};
 
 /// Errors of one calibration on several datasets.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Evaluation {
     /// One entry per dataset, in the order in which they were given.
     pub datasets: Vec<DatasetEvaluation>,
 }
 
 /// Errors on one dataset. Those of depth are absent when the dataset has no depth.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DatasetEvaluation {
     /// Name of the dataset's folder.
     pub name: String,
@@ -42,7 +42,7 @@ pub struct DatasetEvaluation {
 }
 
 /// Errors of one frame, with the meaning of [`DatasetEvaluation`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FrameEvaluation {
     /// Name of the frame.
     pub name: String,
@@ -71,7 +71,7 @@ pub struct FrameEvaluation {
 
 /// Board pixels that were left out: more than 20 robust standard deviations and 5 % of the distance off their frame's own
 /// plane.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Outliers {
     /// Their number.
     pub count: usize,
@@ -82,7 +82,7 @@ pub struct Outliers {
 }
 
 /// A quantity computed from the depth as measured and from the corrected depth.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct BeforeAfter<T> {
     /// From the depth as measured.
     pub before: T,
@@ -91,7 +91,7 @@ pub struct BeforeAfter<T> {
 }
 
 /// Mean and standard deviation.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct MeanStd {
     /// Mean.
     pub mean: f64,
@@ -100,7 +100,7 @@ pub struct MeanStd {
 }
 
 /// Root mean square.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Rms {
     /// Root mean square.
     pub rms: f64,

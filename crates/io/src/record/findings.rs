@@ -7,7 +7,7 @@ use super::covariate::DiagnosisCovariate;
 use super::pure_error::DiagnosisShared;
 
 /// Something left in the residuals of the last model that no effect explains. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisLeftOver {
     /// A free function of a covariate explains more than named effects do.
@@ -34,7 +34,7 @@ pub enum DiagnosisLeftOver {
 }
 
 /// A declared value, and the value with which the depth would agree.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DeclaredValue {
     /// The value that `dataset.toml` declares.
     pub declared: f64,
@@ -43,7 +43,7 @@ pub struct DeclaredValue {
 }
 
 /// A declaration that is implausible. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisDeclaration {
     /// Measured depth is a multiple of the depth at which the images see the board; the board's spacing or the depth
@@ -59,7 +59,7 @@ pub enum DiagnosisDeclaration {
 }
 
 /// An image of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum DiagnosisImage {
     /// The image that shows the markers.
@@ -69,7 +69,7 @@ pub enum DiagnosisImage {
 }
 
 /// Why a frame was left out. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisFrameCause {
     /// One of its images equals that of an earlier frame.
@@ -95,7 +95,7 @@ pub enum DiagnosisFrameCause {
 }
 
 /// A frame that could be captured: where the board would be.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisProposedFrame {
     /// Depth of the board's middle, mm.
     pub distance_mm: f64,
@@ -109,7 +109,7 @@ pub struct DiagnosisProposedFrame {
 }
 
 /// A capture that would answer a question these captures leave open. In JSON an object with the field `kind`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisCapture {
     /// Frames that would distinguish an added effect from another that explains the residuals about as well.

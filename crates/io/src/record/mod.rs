@@ -2,11 +2,13 @@
 
 mod calibration;
 mod comparison;
+mod component;
 mod covariate;
 mod decision;
 mod diagnosis;
 mod evaluation;
 mod findings;
+mod lens_comparison;
 mod observations;
 mod pure_error;
 mod reference;
@@ -20,6 +22,7 @@ pub use calibration::{
 pub use comparison::{
     Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
 };
+pub use component::{DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariatePart};
 pub use covariate::DiagnosisCovariate;
 pub use decision::{
     DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisRefutation, DiagnosisRefuted,
@@ -35,6 +38,7 @@ pub use findings::{
     DeclaredValue, DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
     DiagnosisProposedFrame,
 };
+pub use lens_comparison::{ComparedLens, LensComparison};
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;

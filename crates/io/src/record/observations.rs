@@ -14,7 +14,7 @@ use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 ///
 /// The file carries `"format": "depthcal-observations"` and `"version": 1` in addition to these fields, and no white
 /// space.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Observations {
     /// The dataset, with the digest that tells whether this file is still valid.
     pub dataset: FileReference,
@@ -28,7 +28,7 @@ pub struct Observations {
 }
 
 /// The measurements in one frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FrameObservations {
     /// Name of the frame: the stem of its files.
     pub name: String,
@@ -48,7 +48,7 @@ pub struct FrameObservations {
 }
 
 /// A marker in the image.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct MarkerObservation {
     /// Index of the marker on the board, see [`Target::point`].
     pub index: usize,
@@ -59,7 +59,7 @@ pub struct MarkerObservation {
 }
 
 /// A depth pixel on the board.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DepthSample {
     /// Position [u, v] in px.
     pub pixel: [f64; 2],

@@ -6,7 +6,7 @@ use super::covariate::DiagnosisCovariate;
 
 /// The residuals of the last model beside the pure error: that part which different frames do not share at the same values of
 /// any covariate, and which no function of the covariates could take away.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisPureError {
     /// Root mean square of the depth residuals over the board pixels, mm.
     pub residual_rms_mm: f64,
@@ -22,7 +22,7 @@ pub struct DiagnosisPureError {
 }
 
 /// The noise of depth that the pure error has: what frames share is in neither number.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisPureNoise {
     /// a of σ_ρ² = a² + (b ρ²)², 1/mm.
     pub a_per_mm: f64,
@@ -36,7 +36,7 @@ pub struct DiagnosisPureNoise {
 }
 
 /// Standard deviation of a pixel's depth at a depth.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisNoiseAtDepth {
     /// Depth, mm.
     pub depth_mm: f64,
@@ -45,7 +45,7 @@ pub struct DiagnosisNoiseAtDepth {
 }
 
 /// Residuals that different frames share at the same value of a covariate, or of two together.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisShared {
     /// The covariates.
     pub along: Vec<DiagnosisCovariate>,

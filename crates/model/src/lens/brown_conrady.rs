@@ -29,10 +29,11 @@ impl Piece<Lens, 5> for BrownConrady {
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: LensState<T>, [k1, k2, p1, p2, k3]: [T; 5], _: &Context) -> [T; 2] {
-        let (x, y) = (s.x, s.y);
+        let (x, y) = (s.x_true, s.y_true);
         let (xx, yy, xy) = (x * x, y * y, x * y * 2.0);
         let r2 = xx + yy;
         let radial = ((k3 * r2 + k2) * r2 + k1) * r2 + 1.0;
-        [x * radial + p1 * xy + p2 * (r2 + xx * 2.0), y * radial + p1 * (r2 + yy * 2.0) + p2 * xy]
+        // A denominator that acted before is in s.x and s.y; it divides the radial part alone.
+        [s.x * radial + p1 * xy + p2 * (r2 + xx * 2.0), s.y * radial + p1 * (r2 + yy * 2.0) + p2 * xy]
     }
 }

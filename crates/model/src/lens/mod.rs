@@ -5,6 +5,11 @@
 
 crate::register::pieces! {
     brown_conrady: BrownConrady => add(|_| BrownConrady),
+    opencv_lens: OpencvLens => add(|_| OpencvLens),
+    kannala_brandt: KannalaBrandt => add(|_| KannalaBrandt),
+    division: Division => add(|_| Division),
+    unified: Unified => add(|_| Unified),
+    cahvor: Cahvor => add(|_| Cahvor),
     thin_prism: ThinPrism => add(|_| ThinPrism),
     rational_distortion: RationalDistortion => add(|_| RationalDistortion),
     tilted_sensor: TiltedSensor => add(|_| TiltedSensor),

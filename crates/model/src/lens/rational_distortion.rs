@@ -1,7 +1,8 @@
 use crate::hook::{Lens, LensState};
 use crate::piece::{Context, Parameter, Piece, Scalar};
 
-/// A denominator to the radial polynomial of Brown–Conrady, in the radius r of the undistorted ray.
+/// A denominator to the radial polynomial of Brown–Conrady, in the radius r of the undistorted ray. It acts before the other
+/// lens pieces, so that decentring, which follows from the undistorted ray, is not divided, as in OpenCV.
 ///
 /// Domain: alone it is monotone up to the smallest r at which 1 − k4 r² − 3 k5 r⁴ − 5 k6 r⁶ or the denominator is 0,
 /// everywhere where there is none.
@@ -13,6 +14,7 @@ impl Piece<Lens, 3> for RationalDistortion {
     const SUMMARY: &'static str = "the lens distorts more than Brown–Conrady describes";
     const EQUATION: &'static str = "(x, y) / (1 + k4 r² + k5 r⁴ + k6 r⁶), r of the undistorted ray";
     const SOURCE: &'static str = "Claus, Fitzgibbon 2005, A rational function lens distortion model; OpenCV's k4 k5 k6";
+    const ACTS_FIRST: bool = true;
     const PARAMETERS: [Parameter; 3] = [
         Parameter::new("k4", "1", 0.0, 0.1).meaning("Radial distortion of wide lenses, in the denominator."),
         Parameter::new("k5", "1", 0.0, 0.1).meaning("The same, of fourth order."),

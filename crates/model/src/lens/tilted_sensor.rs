@@ -21,11 +21,17 @@ impl Piece<Lens, 2> for TiltedSensor {
 
     #[inline(always)]
     fn map<T: Scalar>(&self, s: LensState<T>, [tau_x, tau_y]: [T; 2], _: &Context) -> [T; 2] {
-        let ((sx, cx), (sy, cy)) = (tau_x.sin_cos(), tau_y.sin_cos());
-        // R = Ry Rx; then the projection onto the tilted plane, [R33 0 −R13; 0 R33 −R23; 0 0 1] R (x, y, 1).
-        let turned = [s.x * cy + s.y * (sy * sx) - sy * cx, s.y * cx + sx, s.x * sy - s.y * (cy * sx) + cy * cx];
-        let (r13, r23, r33) = (-(sy * cx), sx, cy * cx);
-        let scale = turned[2].recip();
-        [(r33 * turned[0] - r13 * turned[2]) * scale, (r33 * turned[1] - r23 * turned[2]) * scale]
+        onto_tilted_sensor([s.x, s.y], tau_x, tau_y)
     }
+}
+
+/// A point of the image plane, projected from the centre of the lens onto a sensor turned by τx, τy.
+#[inline(always)]
+pub(super) fn onto_tilted_sensor<T: Scalar>([x, y]: [T; 2], tau_x: T, tau_y: T) -> [T; 2] {
+    let ((sx, cx), (sy, cy)) = (tau_x.sin_cos(), tau_y.sin_cos());
+    // R = Ry Rx; then the projection onto the tilted plane, [R33 0 −R13; 0 R33 −R23; 0 0 1] R (x, y, 1).
+    let turned = [x * cy + y * (sy * sx) - sy * cx, y * cx + sx, x * sy - y * (cy * sx) + cy * cx];
+    let (r13, r23, r33) = (-(sy * cx), sx, cy * cx);
+    let scale = turned[2].recip();
+    [(r33 * turned[0] - r13 * turned[2]) * scale, (r33 * turned[1] - r23 * turned[2]) * scale]
 }

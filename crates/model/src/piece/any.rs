@@ -60,6 +60,10 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn is_offset_map(&self) -> bool {
         false
     }
+    /// [`Piece::ACTS_FIRST`](super::Piece::ACTS_FIRST).
+    fn acts_first(&self) -> bool {
+        false
+    }
     /// [`Piece::FORM`](super::Piece::FORM): the form of its equation, wherever it is placed.
     fn form(&self) -> On {
         On::Depth

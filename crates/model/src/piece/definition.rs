@@ -60,6 +60,8 @@ pub trait Piece<H: Hook, const P: usize>: fmt::Debug + Send + Sync + 'static {
     /// Whether it only adds to ρ an offset map over the image and cannot scale ρ. A depth model of such a map alone is given
     /// a free scale and offset (see [`Register::depth_model`](crate::Register::depth_model)).
     const OFFSET_MAP: bool = false;
+    /// Whether a lens piece acts before those that do not, in whatever order a camera is given them.
+    const ACTS_FIRST: bool = false;
     /// The equation, true towards measured.
     fn map<T: Scalar>(&self, state: H::State<T>, theta: [T; P], context: &Context) -> H::Output<T>;
     /// Values of its constants, by their names in files.

@@ -126,6 +126,10 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> AnyPiece for Erased<H, P, M> {
         M::OFFSET_MAP
     }
 
+    fn acts_first(&self) -> bool {
+        M::ACTS_FIRST
+    }
+
     fn evaluate(&self, theta: &[f64], states: &[f64], contexts: &[Context], out: &mut [f64]) {
         let theta = Self::parameters_of(theta);
         let rows = states.chunks_exact(H::IN).zip(contexts).zip(out.chunks_exact_mut(H::OUT));

@@ -8,7 +8,7 @@ use super::placement::Of;
 use crate::hook::HookKind;
 
 /// An effect given as a formula instead of Rust: an entry `[[effect]]` of a file of formulas, and of a piece in `calibration.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaDefinition {
     /// Name of the piece: small letters, digits and underscores.
@@ -37,7 +37,7 @@ pub struct FormulaDefinition {
 }
 
 /// One formula, or one for each of two coordinates.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum FormulaText {
     /// A single formula.
@@ -57,7 +57,7 @@ impl FormulaText {
 }
 
 /// The quantity that a formula's value is added to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum AddsTo {
     /// Depth, mm: z + e.
@@ -83,7 +83,7 @@ pub enum AddsTo {
 }
 
 /// A fitted parameter of a formula: its unit, or a table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum FormulaParameter {
     /// The unit; the nominal value is 0.
@@ -93,7 +93,7 @@ pub enum FormulaParameter {
 }
 
 /// A fitted parameter of a formula with all that can be said of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterTable {
     /// Unit, such as `mm`, `1/mm` or `mm/°C`; `1` for none.
@@ -125,7 +125,7 @@ impl FormulaParameter {
 }
 
 /// A number of a formula that is not fitted: its value, or a table.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(untagged)]
 pub enum FormulaConstant {
     /// The value, in the unit that the formula asks for.
@@ -135,7 +135,7 @@ pub enum FormulaConstant {
 }
 
 /// A number of a formula that is not fitted, with all that can be said of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConstantTable {
     /// The value.
@@ -149,7 +149,7 @@ pub struct ConstantTable {
 }
 
 /// The role of a searched constant ([`ScanKind`](super::ScanKind)).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FormulaSearch {
     /// Period of a wave.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub const REFERENCE_DEPTH_MM: f64 = 1000.0;
 
 /// The state from which an effect of depth takes its covariates.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Of {
     /// The true depth: the effect acts where the chain of pieces has it, before the depth model.
@@ -20,7 +20,7 @@ pub enum Of {
 }
 
 /// What the shape of an effect of depth is added to.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum On {
     /// Depth: z + e.

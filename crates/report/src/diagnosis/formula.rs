@@ -5,6 +5,7 @@ use std::fmt::Write;
 use depthcal_formula::FormulaEffect;
 use depthcal_io::{DiagnosisFile, DiagnosisFormula};
 
+use crate::component_plot::component_plot;
 use crate::format::{join, number, percent};
 use crate::formula_plot;
 use crate::html::escape;
@@ -64,7 +65,6 @@ pub(crate) fn formula_sentences(f: &DiagnosisFormula, form: &FormulaText) -> Vec
             percent(100.0 * other.gain_share)
         ));
     }
-    sentences.push(format!("to refute it: capture frames over a wider range of {}", join(&f.covariates)));
     sentences
 }
 
@@ -81,7 +81,7 @@ pub(super) fn formulas(d: &DiagnosisFile) -> String {
             "<h3>{}</h3>\n<p class=\"formula\">{}</p>\n<ul>{items}</ul>\n<div class=\"scroll\" tabindex=\"0\">{}</div>",
             escape(effect.name()),
             effect.mathml(),
-            formula_plot(&effect)
+            component_plot(&formula.components).unwrap_or_else(|| formula_plot(&effect))
         );
     }
     html

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use depthcal_io::{DepthImage as MeasuredDepth, GrayImage};
+use depthcal_io::{DepthFrame as MeasuredDepth, DepthValues, GrayImage};
 use depthcal_model::Camera;
 use nalgebra::{Isometry3, Point3};
 use re_chunk::Chunk;
@@ -146,6 +146,14 @@ fn gray(image: &GrayImage) -> Image {
 }
 
 fn depth(image: &MeasuredDepth, unit_mm: f64) -> DepthImage {
-    let bytes: Vec<u8> = image.data.iter().flat_map(|v| v.to_le_bytes()).collect();
+    // Floating-point depth is shown in whole millimetres.
+    let (steps, unit_mm) = match &image.values {
+        DepthValues::Steps(values) => (values.clone(), unit_mm),
+        DepthValues::Float(values) => {
+            let step = |i| image.measurement(i).map_or(0, |raw| (raw * unit_mm).round().min(65534.0) as u16);
+            ((0..values.len()).map(step).collect(), 1.0)
+        }
+    };
+    let bytes: Vec<u8> = steps.iter().flat_map(|v| v.to_le_bytes()).collect();
     DepthImage::from_gray16(bytes, [image.width as u32, image.height as u32]).with_meter((1000.0 / unit_mm) as f32)
 }

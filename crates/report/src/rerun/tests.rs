@@ -6,7 +6,8 @@ use std::io::BufReader;
 use std::path::Path;
 use std::sync::Arc;
 
-use depthcal_io::{DepthImage, GrayImage};
+use depthcal_calibration::observe::MeasuredDepth;
+use depthcal_io::{DepthFrame, DepthImage, GrayImage};
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 use re_chunk::Chunk;
 use re_log_encoding::DecoderApp;
@@ -54,7 +55,7 @@ fn a_recording_holds_what_was_measured_and_corrected() {
     let (width, height) = (capture.width, capture.height);
     let ramp: Vec<u16> = (0..width * height).map(|i| (i % 1000) as u16).collect();
     capture.frames[2].image = Some(GrayImage { width, height, data: ramp.clone(), bits: 16 }.into());
-    capture.frames[2].depth = Some(Arc::new(DepthImage { width, height, data: ramp }));
+    capture.frames[2].depth = MeasuredDepth::Image(DepthFrame::from(DepthImage { width, height, data: ramp }).into());
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("made/on the way/capture.rrd");

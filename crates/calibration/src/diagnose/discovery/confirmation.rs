@@ -6,17 +6,10 @@ use super::observations::Observations;
 use super::score::estimate;
 use super::term::Term;
 
-/// Blocks of consecutive frames; every third is set aside.
-const BLOCKS: usize = 9;
 /// Standard errors by which the size has to differ from zero.
 const LEAST_T: f64 = 3.0;
 /// Bounds of the size in the frames set aside over that in the others.
 const SIZES: [f64; 2] = [0.5, 2.0];
-
-/// Whether a frame is set aside.
-pub(super) fn is_set_aside(frame: usize, frames: usize) -> bool {
-    (frame * BLOCKS / frames.max(1)) % 3 == 1
-}
 
 /// Size of a term in the frames set aside, over that which the other frames give, with its standard error over frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,20 +25,21 @@ impl Replication {
     }
 }
 
-/// The replication of a term that was found in the frames that are not set aside; `None` where it cannot be estimated.
+/// The replication of a term that was found in the frames that are not set aside; `None` where it cannot be estimated, as without frames
+/// that are.
 pub(super) fn replicate(all: &Observations, term: &Term) -> Option<Replication> {
-    let count = all.frames.len();
-    let (searched, shared) = (all.subset(|i| !is_set_aside(i, count)), all.shared);
+    let (searched, shared) = (all.searched(), all.shared);
+    all.frames.iter().any(|frame| frame.is_set_aside).then_some(())?;
     let theta = estimate(&searched.normals(term), shared)?;
     // The effect as found, once for the frames of the search and once for those set aside, estimated jointly with all else.
     let normals = all.normals(term);
     let size = shared + 2;
     let combined: Vec<(DMatrix<f64>, DVector<f64>)> = normals
         .iter()
-        .enumerate()
-        .map(|(i, normal)| {
+        .zip(&all.frames)
+        .map(|(normal, frame)| {
             let more = theta.len();
-            let own = shared + usize::from(is_set_aside(i, count));
+            let own = shared + usize::from(frame.is_set_aside);
             let mut hessian = DMatrix::zeros(size, size);
             let mut gradient = DVector::zeros(size);
             hessian.view_mut((0, 0), (shared, shared)).copy_from(&normal.hessian.view((0, 0), (shared, shared)));
@@ -71,6 +65,6 @@ pub(super) fn replicate(all: &Observations, term: &Term) -> Option<Replication> 
             (last * left)[0].powi(2)
         })
         .sum();
-    let frames = count as f64;
+    let frames = all.frames.len() as f64;
     Some(Replication { size: step[size - 1], standard_error: (meat * frames / (frames - 1.0)).sqrt() })
 }

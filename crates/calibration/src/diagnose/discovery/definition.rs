@@ -32,7 +32,7 @@ fn unit_of(covariate: C) -> Exponents {
 fn unit_of_value(function: &Function) -> Exponents {
     let power = match function.kind {
         Kind::Power(n) | Kind::Centred(n) => n,
-        Kind::HingeUp | Kind::HingeDown => 1,
+        Kind::HingeUp | Kind::HingeDown | Kind::Distance => 1,
         _ => 0,
     };
     unit_of(function.covariate).map(|exponent| exponent * power)
@@ -100,6 +100,8 @@ fn text_of(function: &Function, constants: &mut Constants) -> String {
         Kind::Decay => format!("exp(-{v} / {})", k()),
         Kind::Settling => format!("(1 - exp(-{v} / {}))", k()),
         Kind::Wave => format!("(2 * pi * {v} / {})", k()),
+        Kind::Ratio => format!("{v} / ({v} + {})", k()),
+        Kind::Distance => format!("abs({v} - {})", k()),
         Kind::Step => format!("step({v} - {})", k()),
         Kind::HingeUp => format!("hinge({v} - {})", k()),
         Kind::HingeDown => format!("hinge({} - {v})", k()),

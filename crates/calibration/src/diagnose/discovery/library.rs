@@ -27,6 +27,10 @@ pub(super) enum Kind {
     Decay,
     /// 1 − exp(−v / k)
     Settling,
+    /// v / (v + k)
+    Ratio,
+    /// |v − k|
+    Distance,
     /// sin(2πv / k) and cos(2πv / k): two columns
     Wave,
     /// 1 above k, else 0
@@ -57,8 +61,8 @@ impl Kind {
             Self::Power(1) | Self::Centred(1) => 1,
             Self::Power(_) | Self::Centred(_) | Self::InverseRoot => 2,
             Self::Log => 2,
-            Self::Decay | Self::Settling | Self::Step => 3,
-            Self::HingeUp | Self::HingeDown => 3,
+            Self::Decay | Self::Settling | Self::Ratio | Self::Step => 3,
+            Self::HingeUp | Self::HingeDown | Self::Distance => 3,
             Self::Wave => 4,
         }
     }
@@ -76,6 +80,8 @@ impl Function {
             Kind::InverseRoot => [(k / v).sqrt(), 0.0],
             Kind::Decay => [(-v / k).exp(), 0.0],
             Kind::Settling => [1.0 - (-v / k).exp(), 0.0],
+            Kind::Ratio => [v / (v + k), 0.0],
+            Kind::Distance => [(v - k).abs(), 0.0],
             Kind::Wave => {
                 let (sin, cos) = (std::f64::consts::TAU * v / k).sin_cos();
                 [sin, cos]
@@ -142,6 +148,7 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
         add(Kind::HingeUp, k);
         if fine {
             add(Kind::HingeDown, k);
+            add(Kind::Distance, k);
         }
     }
     if is_positive(covariate) {
@@ -154,6 +161,9 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
             C::Time => add(Kind::Settling, share * length),
             C::X | C::Y => {}
             _ => add(Kind::Decay, share * length),
+        }
+        if fine && matches!(covariate, C::Z | C::R | C::Incidence | C::Amplitude | C::Time) {
+            add(Kind::Ratio, share * length);
         }
     }
     list

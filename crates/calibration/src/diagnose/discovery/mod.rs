@@ -4,8 +4,9 @@
 //! eliminated (`observations`, `screening`); the best are refined and compared on left-out frames, and the simpler of equals wins
 //! (`selection`). What is found has to be better than the best of so many terms would be by chance, and to have the same covariates in other
 //! frames (`significance`); it has to explain nearly what any function of its covariates does (`free`). Frames that the search has not
-//! seen confirm its sign and size, or do not (`confirmation`).
+//! seen confirm its sign and size, or do not (`confirmation`). Drawn is what the formula describes of the residuals (`component`).
 
+mod component;
 mod confirmation;
 mod definition;
 mod free;
@@ -20,9 +21,10 @@ mod term;
 use depthcal_formula::FormulaEffect;
 use depthcal_io::DiagnosisPlace;
 use depthcal_model::{Options, PieceSpec};
-use tracing::info;
+use tracing::{debug, info};
 
-use self::confirmation::{is_set_aside, replicate};
+pub use self::component::{Component, ComponentBin, components};
+use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
 use self::free::gain_of_free_function;
 use self::observations::Observations;
@@ -62,13 +64,15 @@ pub struct Discovery {
     pub terms: usize,
     /// Effects that it took the place of: they imitated it.
     pub replaced: Vec<PieceSpec>,
+    /// What it describes of the residuals of the last model.
+    pub components: Vec<Component>,
 }
 
 /// A formula that lost.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct RunnerUp {
-    /// Its text.
-    pub expression: String,
+    /// The formula as an effect.
+    pub effect: FormulaEffect,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
     /// What it explains on left-out frames, over what the winner does.
@@ -86,20 +90,31 @@ pub enum Search {
 
 /// Share of a formula's gain that an effect has to explain to be said to resemble it.
 const RESEMBLES: f64 = 0.9;
+/// Formulas whose gains are logged.
+const TOLD: usize = 12;
 /// Formulas that lost and are told.
 const RUNNERS_UP: usize = 3;
+/// The name of a formula that lost.
+pub(super) const RUNNER_UP: &str = "runner_up";
 /// Share by which the range of inverse depth is extended when it is checked that depth stays monotone.
 const EXTENDED: f64 = 1.3;
 
-/// Searches a formula for what a fit leaves unexplained.
-pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thresholds: &Thresholds) -> Search {
+/// Searches a formula for what a fit leaves unexplained. Frames of another capture, sampled under the same camera, confirm it; without
+/// them a third of the frames is set aside.
+pub fn search(
+    fit: &Calibrated,
+    verify: Option<&Calibrated>,
+    examination: &Examination,
+    taken: &[String],
+    thresholds: &Thresholds,
+) -> Search {
     let nothing = |reason: &str| Search::Nothing(reason.to_owned());
-    let Some(all) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
-    let count = all.frames.len();
-    if count < thresholds.least_frames_for_formulas {
+    let Some(own) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
+    if own.frames.len() < thresholds.least_frames_for_formulas {
         return nothing("there are too few frames");
     }
-    let searched = all.subset(|i| !is_set_aside(i, count));
+    let all = own.with_set_aside(verify.and_then(Observations::of));
+    let searched = all.searched();
     let screened = screen(&searched);
     let p = p_value(&screened);
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
@@ -109,6 +124,11 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
     let Some((chosen, others)) = select(&searched, &screened) else {
         return nothing("no term predicts frames that were left out");
     };
+    for judged in std::iter::once(&chosen).chain(&others).take(TOLD) {
+        if let Ok(effect) = effect_of(&judged.term, "compared", &[]) {
+            debug!("formulas: {:.1} by {} ({})", judged.gain(), effect.text(), judged.term.of.words());
+        }
+    }
     let term = &chosen.term;
     let mut name = name_of(term);
     while taken.contains(&name) {
@@ -121,8 +141,9 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
         Ok(effect) => effect,
         Err(error) => return Search::Nothing(error.to_string()),
     };
-    let of_sum = (term.products.len() > 1).then(|| Score::of(&searched.normals(term), searched.shared)).flatten();
-    let stability = stability(&screened, term, of_sum.as_ref());
+    // Resamples are of all frames: whether other frames would show the same is no matter of those that were searched.
+    let of_sum = (term.products.len() > 1).then(|| Score::of(&all.normals(term), all.shared)).flatten();
+    let stability = stability(&screen(&all), term, of_sum.as_ref());
     info!("formulas: {} ({}), stability {stability:.2}", effect.text(), term.of.words());
     if stability < thresholds.least_stability {
         return Search::Nothing(format!("{} has its covariates in {stability:.2} of resamples only", effect.text()));
@@ -139,15 +160,15 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
         return Search::Nothing(format!("{} makes depth fold", effect.text()));
     }
     let replication = replicate(&all, term);
-    let expression = |term: &Term| effect_of(term, "runner_up", &[]).map(|e| e.definition().formula.texts().join("; "));
+    let effect_that_lost = |term: &Term| effect_of(term, RUNNER_UP, &[]);
     let mut told = vec![term.families()];
     let mut runners_up = Vec::new();
     for other in &others {
         if runners_up.len() < RUNNERS_UP && !told.contains(&other.term.families()) {
             told.push(other.term.families());
-            if let Ok(expression) = expression(&other.term) {
+            if let Ok(effect) = effect_that_lost(&other.term) {
                 let (covariates, gain_share) = (names(&other.term), other.gain() / gain);
-                runners_up.push(RunnerUp { expression, covariates, gain_share });
+                runners_up.push(RunnerUp { effect, covariates, gain_share });
             }
         }
     }
@@ -165,6 +186,7 @@ pub fn search(fit: &Calibrated, examination: &Examination, taken: &[String], thr
         runners_up,
         terms: screened.len(),
         replaced: Vec::new(),
+        components: Vec::new(),
         effect,
     }))
 }

@@ -18,6 +18,9 @@ use crate::observe::board_plane::BoardPlane;
 /// Depth samples that take part, about: more make the search slower and its answers no better.
 const MOST_SAMPLES: usize = 12_000;
 
+/// Blocks of consecutive frames; every third is set aside.
+const BLOCKS: usize = 9;
+
 /// Least length of a covariate's range, over its largest value.
 const LEAST_SPAN: f64 = 0.02;
 
@@ -29,6 +32,8 @@ pub(super) struct Sample {
     /// Inverse depth that the model says the camera measures.
     pub measured_rho: f64,
     pub context: Context,
+    /// The residual, in standard deviations.
+    pub residual: f64,
     /// ∂residual/∂ρ before the depth model, and behind it.
     pub slopes: [f64; 2],
 }
@@ -43,6 +48,8 @@ pub(super) struct FrameRows {
     /// Normal matrix and gradient of the shared columns, the pose eliminated.
     hessian: DMatrix<f64>,
     gradient: DVector<f64>,
+    /// Whether the frame is set aside: searches do not see it, so that it can confirm what they find.
+    pub is_set_aside: bool,
 }
 
 /// The rows of all frames.
@@ -57,6 +64,11 @@ pub(super) struct Observations {
 pub(super) struct Normal {
     pub hessian: DMatrix<f64>,
     pub gradient: DVector<f64>,
+}
+
+/// Whether a frame is in a block that is set aside.
+fn is_in_block_set_aside(frame: usize, frames: usize) -> bool {
+    (frame * BLOCKS / frames.max(1)) % 3 == 1
 }
 
 impl Sample {
@@ -128,7 +140,7 @@ impl Observations {
                         let state = plane.depth_state(ray)?;
                         let measured_rho = fit.camera.measured_inverse_depth(&sample.context, ray, state[3], state[2]);
                         let slopes = [0, 1].map(|probe| jacobian[(row, size + probe)]);
-                        Some(Sample { state, measured_rho, context: sample.context, slopes })
+                        Some(Sample { state, measured_rho, context: sample.context, residual: residuals[row], slopes })
                     })
                     .collect();
                 FrameRows::new(samples?, &own, &residuals, &normal, &gradient)
@@ -137,9 +149,27 @@ impl Observations {
         (frames.len() > 2).then_some(Self { frames, shared })
     }
 
-    /// The same of some frames only.
-    pub fn subset(&self, keep: impl Fn(usize) -> bool) -> Self {
-        let frames = self.frames.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, frame)| frame.clone());
+    /// The same with frames that are set aside: those of another capture under the same camera where there is one, else blocks of its
+    /// own.
+    pub fn with_set_aside(mut self, other: Option<Self>) -> Self {
+        let count = self.frames.len();
+        match other {
+            Some(other) => {
+                let aside = other.frames.into_iter().map(|frame| FrameRows { is_set_aside: true, ..frame });
+                self.frames.extend(aside);
+            }
+            None => {
+                for (i, frame) in self.frames.iter_mut().enumerate() {
+                    frame.is_set_aside = is_in_block_set_aside(i, count);
+                }
+            }
+        }
+        self
+    }
+
+    /// Those that are not set aside.
+    pub fn searched(&self) -> Self {
+        let frames = self.frames.iter().filter(|frame| !frame.is_set_aside).cloned();
         Self { frames: frames.collect(), shared: self.shared }
     }
 
@@ -193,7 +223,7 @@ impl FrameRows {
         matrix.column_mut(POSE + shared).copy_from(&(residuals - poses * pose_step));
         let hessian = normal.view((POSE, POSE), (shared, shared)) - cross.tr_mul(&carried);
         let gradient = gradient.rows(POSE, shared) - carried.tr_mul(&pose_gradient);
-        Some(Self { samples, matrix, hessian, gradient })
+        Some(Self { samples, matrix, hessian, gradient, is_set_aside: false })
     }
 
     /// The rows that columns are multiplied with: pose, shared, residual.

@@ -157,7 +157,7 @@ fn refined(observations: &Observations, term: Term) -> Term {
             let cycles = span.length() / k;
             ((cycles - step).max(0.2), cycles + step)
         }
-        Kind::Decay | Kind::Settling | Kind::Log => ((k / 2.0).ln(), (2.0 * k).ln()),
+        Kind::Decay | Kind::Settling | Kind::Ratio | Kind::Log => ((k / 2.0).ln(), (2.0 * k).ln()),
         _ => {
             let step = span.length() / if term.products[last].factor.is_some() { 6.0 } else { 12.0 };
             (k - step, k + step)
@@ -165,7 +165,7 @@ fn refined(observations: &Observations, term: Term) -> Term {
     };
     let of = |t: f64| match function.kind {
         Kind::Wave => span.length() / t,
-        Kind::Decay | Kind::Settling | Kind::Log => t.exp(),
+        Kind::Decay | Kind::Settling | Kind::Ratio | Kind::Log => t.exp(),
         _ => t,
     };
     let merit = |t: f64| {

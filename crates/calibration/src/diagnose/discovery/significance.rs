@@ -1,10 +1,14 @@
 //! Whether the best of all terms is more than the best of so many would be by chance, and whether other frames would have shown the
 //! same covariates.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use depthcal_formula::FormulaCovariate as C;
 use depthcal_statistics::mean_to_standard_error;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
+use tracing::debug;
 
 use super::score::Score;
 use super::screening::{PENALTY, Screened};
@@ -17,7 +21,7 @@ const RESAMPLES: usize = 100;
 /// A simpler term wins where it is worse than the best by less than this many standard errors over frames …
 const TIE_T: f64 = 1.0;
 /// … and not by more than this share.
-const LEAST_SHARE: f64 = 0.7;
+const LEAST_SHARE: f64 = 0.8;
 
 /// p-value of the best of all terms: how often it is as good where the signs of the frames' scores are drawn at random. What frames do not
 /// share changes sign with them and stays; what they share cancels (wild cluster bootstrap; Cameron, Gelbach, Miller 2008).
@@ -63,15 +67,19 @@ pub(super) fn stability(screened: &[Screened], found: &Term, of_sum: Option<&Sco
         })
         .collect();
     let families = found.families();
-    let has_the_same = |weights: &Vec<f64>| {
-        let Some(i) = best(screened, weights) else { return false };
+    let families_of = |weights: &Vec<f64>| {
+        let i = best(screened, weights)?;
         // A sum is not among the terms that are screened.
         let merit_of_sum = of_sum.map_or(f64::MIN, |score| {
             let frames = score.parts.len();
             score.statistic(|frame| weights[frame * groups / frames]) - PENALTY * (found.columns() as f64 - 1.0)
         });
-        screened[i].term.families() == families || merit_of_sum >= screened[i].merit(|group| weights[group])
+        let sum_is_better = merit_of_sum >= screened[i].merit(|group| weights[group]);
+        Some(if sum_is_better { families.clone() } else { screened[i].term.families() })
     };
-    let same = weights.par_iter().filter(|weights| has_the_same(weights));
-    same.count() as f64 / RESAMPLES as f64
+    let best: Vec<BTreeSet<C>> = weights.par_iter().filter_map(families_of).collect();
+    let mut counts: BTreeMap<&BTreeSet<C>, usize> = BTreeMap::new();
+    best.iter().for_each(|set| *counts.entry(set).or_default() += 1);
+    debug!("formulas: best of resamples {counts:?}");
+    counts.get(&families).copied().unwrap_or(0) as f64 / RESAMPLES as f64
 }

@@ -44,12 +44,22 @@ fn every_kind_of_board() {
 #[test]
 fn camera_is_optional_and_has_defaults() {
     let text = format!("{CHESSBOARD}{FRAMES}[camera]\nfx = 500\nfy = 501.5\ncx = 320\ncy = 240\n");
-    let expected =
-        CameraHint { fx: 500.0, fy: 501.5, cx: 320.0, cy: 240.0, skew: 0.0, distortion: [0.0; 5], fixed: false };
+    let numbers = IntrinsicNumbers { fx: 500.0, fy: 501.5, cx: 320.0, cy: 240.0, skew: 0.0, distortion: Vec::new() };
+    let expected = CameraHint { numbers: Some(numbers), ..CameraHint::default() };
     assert_eq!(parse(&text).unwrap().camera, Some(expected));
     let text = format!("{text}distortion = [-0.1, 0.2, 0, 0]\nfixed = true\n");
-    assert_eq!(parse(&text).unwrap().camera.unwrap().distortion, [-0.1, 0.2, 0.0, 0.0, 0.0]);
+    let camera = parse(&text).unwrap().camera.unwrap();
+    assert!(camera.fixed);
+    assert_eq!(camera.numbers.unwrap().distortion, [-0.1, 0.2, 0.0, 0.0]);
     complains(&format!("{text}skew = \"no\""), &["camera.skew", "not a number", ":15"]);
+    complains(&text.replace("0.2, 0, 0]", "0.2, 0]"), &["camera.distortion", "3 numbers", "4, 5, 8, 12 or 14"]);
+    complains(&format!("{text}intrinsics = \"a.yml\""), &["camera.intrinsics", "one of them is too many"]);
+    let file = format!("{CHESSBOARD}{FRAMES}[camera]\nintrinsics = \"factory.yml\"\nlens = \"opencv8\"\n");
+    let camera = parse(&file).unwrap().camera.unwrap();
+    assert_eq!((camera.intrinsics.as_deref(), camera.lens.as_deref()), (Some("factory.yml"), Some("opencv8")));
+    let lens = parse(&format!("{CHESSBOARD}{FRAMES}[camera]\nlens = \"auto\"\n")).unwrap().camera.unwrap();
+    assert_eq!((lens.numbers, lens.lens.as_deref()), (None, Some("auto")));
+    complains(&format!("{CHESSBOARD}{FRAMES}[camera]\nfixed = true\n"), &["camera.fx"]);
 }
 
 #[test]
@@ -96,7 +106,7 @@ fn depth_needs_its_unit() {
     let depth = format!("{CHESSBOARD}{FRAMES}depth = \"depth/*.png\"\n");
     complains(&depth, &["depth.unit_mm", "never guessed"]);
     complains(&format!("{depth}[depth]\n"), &["depth.unit_mm", "never guessed"]);
-    for unit in ["0", "-1", "nan", "inf", "0.001", "1000", "\"mm\""] {
+    for unit in ["0", "-1", "nan", "inf", "0.001", "1001", "\"mm\""] {
         complains(&format!("{depth}[depth]\nunit_mm = {unit}\n"), &["depth.unit_mm", ":10", unit]);
     }
     assert_eq!(parse(&format!("{depth}[depth]\nunit_mm = 0.1\n")).unwrap().depth.unwrap().unit_mm, 0.1);
@@ -131,16 +141,21 @@ fn what_is_written_reads_back() {
             image: Some("ir/*.png".into()),
             depth: Some("depth/*.png".into()),
             metadata: Some("frames.csv".into()),
+            associations: None,
+            within_s: Some(0.02),
         },
         depth: Some(DepthSection { unit_mm: 0.1 }),
         camera: Some(CameraHint {
-            fx: 476.9,
-            fy: 476.9,
-            cx: 312.97,
-            cy: 242.49,
-            skew: 0.0,
-            distortion: [-0.1468, 0.0463, 0.0012, -0.0007, -0.0756],
+            numbers: Some(IntrinsicNumbers {
+                fx: 476.9,
+                fy: 476.9,
+                cx: 312.97,
+                cy: 242.49,
+                skew: 0.0,
+                distortion: vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756],
+            }),
             fixed: true,
+            ..CameraHint::default()
         }),
     };
     file.write(&path).unwrap();

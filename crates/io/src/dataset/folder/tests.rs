@@ -56,12 +56,117 @@ fn a_folder_without_description_is_named() {
     assert!(message.contains("nowhere") && message.contains("[board]"), "{message}");
 }
 
+fn strays(dataset: &Dataset) -> Vec<(&str, &str)> {
+    dataset.strays.iter().map(|stray| (stray.name.as_str(), stray.reason.as_str())).collect()
+}
+
 #[test]
-fn unpaired_frames_are_listed() {
+fn strays_are_listed() {
     let folder = make(PAIRED, &["ir/a.png", "ir/b.png", "depth/b.png", "depth/c.png"]);
-    let message = complaint(&folder);
-    assert!(message.contains("1 images without depth (\"a\")"), "{message}");
-    assert!(message.contains("1 depth without image (\"c\")"), "{message}");
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.frames.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(), ["b"]);
+    assert_eq!(
+        strays(&dataset),
+        [("depth/c.png", "no image pairs with it"), ("ir/a.png", "no depth image pairs with it")]
+    );
+    assert_eq!(dataset.pairing, Pairing::Stem);
+}
+
+#[test]
+fn files_that_do_not_pair_at_all_are_an_error() {
+    let message = complaint(&make(PAIRED, &["ir/a.png", "depth/c.png"]));
+    assert!(message.contains("1 images without depth (\"a.png\")"), "{message}");
+    assert!(message.contains("1 depth without image (\"c.png\")") && message.contains("within_s"), "{message}");
+}
+
+#[test]
+fn prefixes_pair() {
+    let folder = make(PAIRED, &["ir/rgb_1.png", "ir/rgb_2.png", "depth/depth_1.png", "depth/depth_2.png"]);
+    let dataset = Dataset::open(folder.path()).unwrap();
+    let names: Vec<_> = dataset.frames.iter().map(|f| f.name.as_str()).collect();
+    assert_eq!((names, dataset.pairing), (vec!["1", "2"], Pairing::Rest));
+    assert!(dataset.frames[1].depth.as_ref().unwrap().ends_with("depth/depth_2.png"));
+}
+
+#[test]
+fn nearest_times_pair() {
+    let times = PAIRED.replace("[depth]", "within_s = 0.02\n[depth]");
+    let folder = make(&times, &["ir/10.000.png", "ir/10.100.png", "depth/10.015.png", "depth/10.300.png"]);
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.frames.len(), 1);
+    assert_eq!(dataset.frames[0].metadata.timestamp_s, Some(10.0));
+    assert_eq!((dataset.strays.len(), dataset.pairing), (2, Pairing::Time { within_s: 0.02 }));
+    let message = complaint(&make(&times, &["ir/a.png", "depth/10.015.png"]));
+    assert!(message.contains("within_s") && message.contains("ir/a.png"), "{message}");
+}
+
+#[test]
+fn lists_of_tum() {
+    let sections = "[frames]\nimage = \"rgb.txt\"\ndepth = \"depth.txt\"\n[depth]\nunit_mm = 0.2\n";
+    let folder = make(sections, &["rgb/1.0.png", "rgb/2.0.png", "depth/1.01.png", "depth/2.5.png"]);
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("rgb.txt", "# timestamp filename\n1.0 rgb/1.0.png\n2.0 rgb/2.0.png\n3.0 rgb/3.0.png\n");
+    write("depth.txt", "1.01 depth/1.01.png\n2.5 depth/2.5.png\n");
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!((dataset.frames.len(), dataset.frames[0].metadata.timestamp_s), (1, Some(1.0)));
+    assert_eq!(
+        strays(&dataset).iter().map(|s| s.0).collect::<Vec<_>>(),
+        ["depth/2.5.png", "rgb/2.0.png", "rgb/3.0.png"]
+    );
+    let before = dataset.digest().unwrap();
+    write("rgb.txt", "1.001 rgb/1.0.png\n");
+    assert_ne!(Dataset::open(folder.path()).unwrap().digest().unwrap(), before);
+
+    let pairs = "[frames]\nassociations = \"associations.txt\"\n[depth]\nunit_mm = 0.2\n";
+    fs::write(folder.path().join("dataset.toml"), format!("{BOARD}{pairs}")).unwrap();
+    write("associations.txt", "2.0 rgb/2.0.png 2.5 depth/2.5.png\n3.0 rgb/3.0.png 3.1 depth/3.1.png\n");
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!((dataset.frames.len(), dataset.pairing), (1, Pairing::Table));
+    assert_eq!(dataset.strays[0].name, "rgb/3.0.png");
+    fs::write(folder.path().join("dataset.toml"), format!("{BOARD}{}", pairs.replace("0.2", "0.2\n[camera]\n")))
+        .unwrap();
+    assert!(complaint(&folder).contains("camera.fx"));
+    fs::write(
+        folder.path().join("dataset.toml"),
+        format!("{BOARD}{pairs}").replace("[depth]", "image = \"rgb/*.png\"\n[depth]"),
+    )
+    .unwrap();
+    assert!(complaint(&folder).contains("frames.associations"));
+    fs::write(folder.path().join("dataset.toml"), format!("{BOARD}[frames]\nassociations = \"associations.txt\"\n"))
+        .unwrap();
+    assert!(complaint(&folder).contains("depth.unit_mm"));
+}
+
+#[test]
+fn tables_name_files() {
+    let sections = "[frames]\nmetadata = \"frames.csv\"\n[depth]\nunit_mm = 1.0\n";
+    let folder = make(sections, &["colour/a.png", "colour/b.png", "z/1.png", "z/2.png", "z/3.png"]);
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write(
+        "frames.csv",
+        "frame,image,depth,timestamp_s\none,colour/a.png,z/1.png,0.5\ntwo,colour/b.png,z/9.png,\nthree,,z/3.png,\n",
+    );
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.frames.len(), 1);
+    assert_eq!((dataset.frames[0].name.as_str(), dataset.frames[0].metadata.timestamp_s), ("one", Some(0.5)));
+    assert!(dataset.frames[0].metadata.other.is_empty());
+    assert_eq!(strays(&dataset), [("row three", "it names no image"), ("row two", "there is no file z/9.png")]);
+    // With globs beside it, what the table does not name is a stray.
+    fs::write(
+        folder.path().join("dataset.toml"),
+        format!("{BOARD}{}", sections.replace("[depth]", "depth = \"z/*.png\"\n[depth]")),
+    )
+    .unwrap();
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.strays.iter().filter(|s| s.reason.contains("no row")).count(), 2);
+    // Depth without a unit.
+    fs::write(folder.path().join("dataset.toml"), format!("{BOARD}[frames]\nmetadata = \"frames.csv\"\n")).unwrap();
+    assert!(complaint(&folder).contains("depth.unit_mm"));
+    // A table without columns of files, and no glob.
+    write("frames.csv", "frame,timestamp_s\none,1\n");
+    assert!(complaint(&folder).contains("frames.image"));
+    write("frames.csv", "frame,image\none,nowhere.png\n");
+    assert!(complaint(&folder).contains("nowhere.png"));
 }
 
 #[test]
@@ -91,9 +196,14 @@ fn metadata_belongs_to_frames() {
     assert_eq!(dataset.frames[0].metadata.timestamp_s, Some(0.5));
     assert_eq!(dataset.frames[1].metadata.number("gain"), Some(4.0));
     table("frame,timestamp_s\n2,1.5\n3,2.5\n");
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!((dataset.frames.len(), dataset.frames[0].name.as_str()), (1, "2"));
+    let expected = [("1", "frames.csv has no row of it"), ("row 3", "frames.csv has it, but there is no such frame")];
+    assert_eq!(strays(&dataset), expected);
+    table("frame,timestamp_s\n4,1.5\n");
     let message = complaint(&folder);
-    assert!(message.contains("rows without a frame (\"3\")"), "{message}");
-    assert!(message.contains("frames without a row (\"1\")"), "{message}");
+    assert!(message.contains("rows without a frame (\"4\")"), "{message}");
+    assert!(message.contains("frames without a row (\"1\", \"2\")"), "{message}");
 }
 
 #[test]

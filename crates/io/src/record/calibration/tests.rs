@@ -46,6 +46,7 @@ pub(crate) fn example() -> Calibration {
         },
         fit: FitRecord {
             estimator: "joint".into(),
+            lens_comparison: None,
             model: "projective".into(),
             reprojection_rms_px: 0.1,
             depth_rms_mm: Some(6.4),

@@ -1,0 +1,26 @@
+//! Frames of another capture under the camera of a fit.
+
+use depthcal_model::{Block, needed_light};
+
+use super::error::CalibrateError;
+use super::fitted::Calibrated;
+use super::frame_checks::posed;
+use super::joint::sample;
+use super::options::CalibrateOptions;
+use crate::observe::Capture;
+
+/// A fit with the frames of another capture instead of its own: their poses are those of their markers, their depth is sampled as `options`
+/// say. Nothing is adjusted; covariance and noise are those of the fit.
+///
+/// # Errors
+///
+/// [`CalibrateError`] where no frame shows depth on the board, or an image has become unreadable.
+pub fn sampled_under(
+    fit: &Calibrated,
+    capture: &Capture,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let light = needed_light(fit.camera.blocks().iter().filter_map(Block::piece).map(|piece| &**piece));
+    let (capture, _) = sample(posed(capture, &fit.camera), &fit.camera, light, options)?;
+    Ok(Calibrated { capture, ..fit.clone() })
+}

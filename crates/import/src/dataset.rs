@@ -1,0 +1,139 @@
+//! The description of an imported dataset.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use depthcal_io::{
+    CameraHint, DATASET_FILE, DatasetFile, DepthSection, FramesSection, IntrinsicNumbers, write_atomically,
+};
+use depthcal_model::Target;
+
+use crate::camera_info::CameraInfo;
+use crate::error::ImportError;
+use crate::guess::Chosen;
+use crate::pick::Picked;
+use crate::recording::{Recording, StreamInfo};
+
+/// What was imported.
+#[derive(Debug, Clone)]
+pub struct Imported {
+    /// Frames that were written.
+    pub frames: usize,
+    /// Images in the recording's stream.
+    pub of_images: usize,
+    /// Images that were searched for the board, and those that show it; `None` where there was no search.
+    pub searched: Option<(usize, usize)>,
+    /// The stream of the images.
+    pub image: StreamInfo,
+    /// The stream of the depth; `None` where there is none on the image's pixel grid.
+    pub depth: Option<StreamInfo>,
+    /// All streams of images, with their width and height, px.
+    pub streams: Vec<(StreamInfo, [usize; 2])>,
+    /// Intrinsics that the recording carries.
+    pub camera: Option<CameraInfo>,
+    /// Picked images that have no depth near in time, and were not written.
+    pub without_depth: usize,
+    /// Files that were written, without those of the frames.
+    pub written: Vec<PathBuf>,
+}
+
+/// The frames that were written: names and times.
+#[derive(Debug)]
+pub(crate) struct Written {
+    pub frames: Vec<(String, u64)>,
+    pub image_extension: &'static str,
+    pub depth_extension: &'static str,
+}
+
+/// Writes `frames.csv`, `dataset.toml`, and the cameras' calibrations.
+pub(crate) fn describe(
+    recording: &Recording,
+    chosen: &Chosen,
+    picked: &Picked,
+    of_frames: Written,
+    board: Option<&Target>,
+    out: &Path,
+) -> Result<Imported, ImportError> {
+    let Written { frames, image_extension, depth_extension } = of_frames;
+    let mut written = Vec::new();
+    let mut file = |name: &str, text: &[u8]| -> Result<(), ImportError> {
+        let path = out.join(name);
+        write_atomically(&path, |file| file.write_all(text))?;
+        written.push(path);
+        Ok(())
+    };
+    // Times count from the first frame: seconds since 1970 leave a float no microseconds.
+    let first = frames.iter().map(|f| f.1).min().unwrap_or(0);
+    let mut table = String::from("frame,timestamp_s\n");
+    for (name, time_ns) in &frames {
+        // Writing to a string cannot fail.
+        let _ = writeln!(table, "{name},{:.6}", (time_ns - first) as f64 / 1e9);
+    }
+    file("frames.csv", table.as_bytes())?;
+    if let Some(info) = &chosen.info {
+        file("camera_info.yaml", info.yaml(&chosen.image.stream.name).as_bytes())?;
+    }
+    if let Some(factory) = &chosen.factory {
+        file("factory_calibration.json", factory)?;
+    }
+
+    let is_metres = chosen.depth.as_ref().is_some_and(|depth| depth.is_metres);
+    let camera = chosen.info.as_ref().map(|info| {
+        let [fx, fy, cx, cy] = info.pinhole;
+        match info.brown_conrady() {
+            Some(distortion) => {
+                let distortion = distortion.to_vec();
+                let numbers = Some(IntrinsicNumbers { fx, fy, cx, cy, skew: 0.0, distortion });
+                CameraHint { numbers, ..CameraHint::default() }
+            }
+            // Lenses of other models are in the file alone.
+            None => CameraHint { intrinsics: Some("camera_info.yaml".to_owned()), ..CameraHint::default() },
+        }
+    });
+    let placeholder = Target { pattern: depthcal_model::Pattern::Chessboard, columns: 2, rows: 2, spacing_mm: 1.0 };
+    let description = DatasetFile {
+        board: board.cloned().unwrap_or(placeholder),
+        frames: FramesSection {
+            image: Some(format!("image/*.{image_extension}")),
+            depth: chosen.depth.as_ref().map(|_| format!("depth/*.{depth_extension}")),
+            metadata: Some("frames.csv".into()),
+            ..FramesSection::default()
+        },
+        // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
+        depth: chosen.depth.as_ref().map(|_| DepthSection { unit_mm: if is_metres { 1000.0 } else { 1.0 } }),
+        camera,
+    };
+    let invalid = |error: &dyn std::fmt::Display| ImportError::Message {
+        path: recording.path.clone(),
+        stream: chosen.image.stream.name.clone(),
+        problem: format!("dataset.toml cannot be written: {error}"),
+    };
+    let text = description.to_toml().map_err(|error| invalid(&error))?;
+    let text = match board {
+        Some(_) => {
+            // A file that could not be read back is not written.
+            DatasetFile::parse(&out.join(DATASET_FILE), &text).map_err(|error| invalid(&error))?;
+            text
+        }
+        None => {
+            let start = text.find("[frames]").unwrap_or(0);
+            format!(
+                "# The board is not known: describe it here, for example\n# [board]\n# kind = \"charuco\"\n# columns = 9\n# rows = 6\n# \
+                 spacing_mm = 24.0\n# marker_mm = 18.0\n# dictionary = \"DICT_5X5_100\"\n\n{}",
+                &text[start..]
+            )
+        }
+    };
+    file(DATASET_FILE, text.as_bytes())?;
+    Ok(Imported {
+        frames: frames.len(),
+        of_images: picked.of,
+        searched: picked.searched,
+        image: chosen.image.stream.clone(),
+        depth: chosen.depth.as_ref().map(|depth| depth.stream.clone()),
+        streams: chosen.candidates.iter().map(|c| (c.stream.clone(), c.size)).collect(),
+        camera: chosen.info.clone(),
+        without_depth: picked.images.len() - frames.len(),
+        written,
+    })
+}

@@ -1,0 +1,70 @@
+//! Messages that hold images and intrinsics.
+
+use std::path::Path;
+
+use crate::camera_info::CameraInfo;
+use crate::error::ImportError;
+use crate::fields::Fields;
+use crate::picture::{Encoding, Picture};
+use crate::recording::{Layout, Packet, StreamInfo};
+
+/// What a message says.
+pub(crate) enum Content<'a> {
+    /// An image, and its time of capture in ns.
+    Picture(u64, Picture<'a>),
+    /// Intrinsics.
+    Info(CameraInfo),
+}
+
+/// Whether messages of this stream are images.
+pub(crate) fn has_images(stream: &StreamInfo) -> bool {
+    ["sensor_msgs/Image", "sensor_msgs/CompressedImage", "b16g", "MJPG", "V_MJPEG"].contains(&stream.kind.as_str())
+}
+
+/// Whether messages of this stream are intrinsics.
+pub(crate) fn has_info(stream: &StreamInfo) -> bool {
+    stream.kind == "sensor_msgs/CameraInfo"
+}
+
+/// Reads a message of a stream of images or intrinsics.
+pub(crate) fn content<'a>(path: &Path, packet: &'a Packet<'_>) -> Result<Content<'a>, ImportError> {
+    let problem =
+        |problem: String| ImportError::Message { path: path.to_owned(), stream: packet.stream.name.clone(), problem };
+    let cut = || problem("a message is cut off or not of its type".into());
+    if let Layout::Track(size) = packet.layout {
+        let encoding = if packet.stream.kind == "b16g" { Encoding::Mono16Big } else { Encoding::File };
+        let [width, height] = size;
+        return Ok(Content::Picture(
+            packet.time_ns,
+            Picture { width, height, step: 2 * width, encoding, data: &packet.data },
+        ));
+    }
+    let mut fields = Fields::new(packet.layout, &packet.data).ok_or_else(cut)?;
+    if has_info(packet.stream) {
+        return CameraInfo::read(fields).map(Content::Info).ok_or_else(cut);
+    }
+    let stamp = fields.header().ok_or_else(cut)?;
+    // Drivers without a clock stamp nothing.
+    let time_ns = if stamp == 0 { packet.time_ns } else { stamp };
+    if packet.stream.kind == "sensor_msgs/CompressedImage" {
+        let format = fields.string().ok_or_else(cut)?;
+        let data = fields.blob().ok_or_else(cut)?;
+        let (encoding, data) = Encoding::compressed(&format, data).map_err(problem)?;
+        return Ok(Content::Picture(time_ns, Picture { width: 0, height: 0, step: 0, encoding, data }));
+    }
+    let mut image = || {
+        let (height, width) = (fields.u32()? as usize, fields.u32()? as usize);
+        let (encoding, is_big) = (fields.string()?, fields.u8()? != 0);
+        let step = fields.u32()? as usize;
+        Some((width, height, encoding, is_big, step, fields.blob()?))
+    };
+    let (width, height, name, is_big, step, data) = image().ok_or_else(cut)?;
+    let encoding = Encoding::of(&name, is_big).map_err(problem)?;
+    let needed = height
+        .checked_sub(1)
+        .and_then(|rows| rows.checked_mul(step)?.checked_add(width.checked_mul(encoding.bytes())?));
+    if width == 0 || needed.is_none_or(|needed| needed > data.len()) || step < width * encoding.bytes() {
+        return Err(problem(format!("an image of {width}×{height} px has {} bytes in rows of {step}", data.len())));
+    }
+    Ok(Content::Picture(time_ns, Picture { width, height, step, encoding, data }))
+}

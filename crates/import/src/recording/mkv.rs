@@ -1,0 +1,53 @@
+//! Matroska of the Azure Kinect's and the Femto's recorders: frames by the `matroska-demuxer` crate, attachments by `matroska`.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use matroska_demuxer::{Frame, MatroskaFile};
+
+use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged};
+use crate::error::ImportError;
+
+pub(super) fn visit(
+    path: &Path,
+    wanted: &dyn Fn(&StreamInfo) -> bool,
+    visitor: &mut Visitor<'_>,
+) -> Result<(), ImportError> {
+    let file = File::open(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?;
+    let fault = |error: matroska_demuxer::DemuxError| damaged(path, "Matroska file", error);
+    let mut file = MatroskaFile::open(BufReader::new(file)).map_err(fault)?;
+    let scale = file.info().timestamp_scale().get();
+    let mut streams: BTreeMap<u64, (StreamInfo, [usize; 2])> = BTreeMap::new();
+    for track in file.tracks() {
+        let Some(video) = track.video() else { continue };
+        let number = track.track_number().get();
+        let name = track.name().map_or_else(|| format!("track {number}"), str::to_owned);
+        // A BITMAPINFOHEADER, whose biCompression at byte 16 is the code of the pixels' format.
+        let code = track.codec_private().filter(|_| track.codec_id() == "V_MS/VFW/FOURCC").and_then(|p| p.get(16..20));
+        let kind = code.map_or_else(|| track.codec_id().to_owned(), |code| String::from_utf8_lossy(code).into_owned());
+        let stream = StreamInfo { name, kind };
+        if wanted(&stream) {
+            let size = [video.pixel_width().get(), video.pixel_height().get()].map(|side| side as usize);
+            streams.insert(number, (stream, size));
+        }
+    }
+    let mut frame = Frame::default();
+    while file.next_frame(&mut frame).map_err(fault)? {
+        let Some((stream, size)) = streams.get(&frame.track) else { continue };
+        let time_ns = frame.timestamp.saturating_mul(scale);
+        let packet = Packet { stream, layout: Layout::Track(*size), time_ns, data: Cow::Borrowed(&frame.data) };
+        if visitor(packet)?.is_break() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// The contents of the attachment `name`; `None` where there is none.
+pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>, ImportError> {
+    let file = matroska::open(path).map_err(|error| damaged(path, "Matroska file", error))?;
+    Ok(file.attachments.into_iter().find(|attachment| attachment.name == name).map(|attachment| attachment.data))
+}

@@ -1,0 +1,13 @@
+//! Containers: what a recording holds, message by message in the order of the file.
+
+mod bag;
+mod db3;
+mod file;
+mod mcap_file;
+mod mkv;
+mod packet;
+
+pub(crate) use file::Recording;
+pub(crate) use mkv::attachment;
+pub use packet::StreamInfo;
+pub(crate) use packet::{Layout, Packet};

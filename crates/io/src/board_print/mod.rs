@@ -1,0 +1,13 @@
+//! Boards to print: a page with the board to scale and a ruler, as SVG or PDF.
+
+mod error;
+mod page;
+mod paper;
+mod pdf;
+mod svg;
+
+pub use error::BoardPrintError;
+pub use page::{BoardPage, TagCells};
+pub use paper::Paper;
+pub use pdf::board_pdf;
+pub use svg::board_svg;

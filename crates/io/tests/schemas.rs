@@ -1,0 +1,80 @@
+//! The schemas in `docs/schemas` are those of the program, and that of `dataset.toml` accepts and refuses what the parser does.
+
+use std::path::Path;
+
+use depthcal_io::{DatasetFile, SchemaName};
+use serde_json::{Value, json};
+
+/// `UPDATE_DOCS=1 cargo test -p depthcal-io --test schemas` writes them.
+#[test]
+fn documented_schemas_are_current() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/schemas");
+    for schema in SchemaName::ALL {
+        let path = folder.join(format!("{}.json", schema.name()));
+        let text = serde_json::to_string_pretty(&schema.schema()).unwrap() + "\n";
+        if std::env::var_os("UPDATE_DOCS").is_some() {
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(&path, &text).unwrap();
+        }
+        let written = std::fs::read_to_string(&path).unwrap_or_default();
+        assert!(written == text, "{} is not current: run with UPDATE_DOCS=1", path.display());
+    }
+}
+
+const BOARD: &str = "[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 25\n";
+const FRAMES: &str = "[frames]\nimage = \"image/*.png\"\n";
+
+/// Whether the parser and the schema accept a text.
+fn accepted(validator: &jsonschema::Validator, text: &str) -> (bool, bool) {
+    let parsed = DatasetFile::parse(Path::new("dataset.toml"), text).is_ok();
+    let value: toml::Value = toml::from_str(text).unwrap();
+    let instance: Value = serde_json::to_value(value).unwrap();
+    (parsed, validator.is_valid(&instance))
+}
+
+#[test]
+fn the_schema_of_dataset_toml_agrees_with_its_parser() {
+    let validator = jsonschema::validator_for(&SchemaName::Dataset.schema()).unwrap();
+    let charuco = "[board]\nkind = \"charuco\"\ncolumns = 9\nrows = 6\nspacing_mm = 25\nmarker_mm = 18\ndictionary = \"DICT_5X5_100\"\n";
+    let good = [
+        format!("{BOARD}{FRAMES}"),
+        format!("{BOARD}{FRAMES}depth = \"d/*.exr\"\nwithin_s = 0.02\n[depth]\nunit_mm = 1000.0\n"),
+        format!("{BOARD}[frames]\nassociations = \"a.txt\"\n[depth]\nunit_mm = 0.2\n"),
+        format!("{BOARD}[frames]\nmetadata = \"frames.csv\"\n"),
+        format!("{charuco}{FRAMES}"),
+        format!("{}{FRAMES}", BOARD.replace("chessboard", "symmetric-circles")),
+        format!("{}{FRAMES}", BOARD.replace("chessboard", "aprilgrid").replace("rows = 6", "rows = 1\nmarker_mm = 18")),
+        format!(
+            "{BOARD}{FRAMES}[camera]\nfx = 500\nfy = 500.5\ncx = 320\ncy = 240\ndistortion = [0.1, 0, 0, 0]\nfixed = true\n"
+        ),
+    ];
+    for text in &good {
+        assert_eq!(accepted(&validator, text), (true, true), "{text}");
+    }
+    let bad = [
+        FRAMES.to_owned(),
+        BOARD.to_owned(),
+        format!("{}{FRAMES}", BOARD.replace("columns", "colums")),
+        format!("{}{FRAMES}", BOARD.replace("chessboard", "chess")),
+        format!("{}{FRAMES}", BOARD.replace("rows = 6", "rows = 1")),
+        format!("{}{FRAMES}", BOARD.replace("25", "0")),
+        format!("{}{FRAMES}", charuco.replace("marker_mm = 18\n", "")),
+        format!("{BOARD}[frames]\n"),
+        format!("{BOARD}{FRAMES}[depth]\nunit_mm = 0.001\n"),
+        format!("{BOARD}{FRAMES}[camera]\nfx = 500\n"),
+        format!("{BOARD}{FRAMES}[camera]\nfx = 500\nfy = 500.5\ncx = 320\ncy = 240\ndistortion = [0.1]\n"),
+        format!("{BOARD}{FRAMES}[lens]\nname = \"x\"\n"),
+    ];
+    for text in &bad {
+        assert_eq!(accepted(&validator, text), (false, false), "{text}");
+    }
+}
+
+#[test]
+fn versioned_files_require_their_format() {
+    let schema = SchemaName::Calibration.schema();
+    assert_eq!(schema["properties"]["format"]["const"], json!("depthcal-calibration"));
+    assert!(schema["required"].as_array().unwrap().contains(&json!("version")));
+    let validator = jsonschema::validator_for(&schema).unwrap();
+    assert!(!validator.is_valid(&json!({ "format": "depthcal-calibration", "version": 2 })));
+}

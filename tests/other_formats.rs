@@ -1,0 +1,116 @@
+//! The commands on datasets and depth of other formats than PNG.
+
+mod support;
+
+use depthcal::io::{DepthFrame, DepthValues, read_depth_frame, write_depth_frame};
+use support::{BOARD, Folder, HEIGHT, WIDTH, calibration_with_unit, depth, fails, stdout, succeeds};
+
+/// Floating-point depth in metres, with pixels that are no measurement.
+fn metres() -> DepthFrame {
+    let mut values: Vec<f32> = (0..WIDTH * HEIGHT).map(|i| 0.7 + i as f32 / 3000.0).collect();
+    (values[0], values[1], values[2]) = (f32::NAN, 0.0, f32::INFINITY);
+    DepthFrame { width: WIDTH, height: HEIGHT, values: DepthValues::Float(values) }
+}
+
+fn floats(frame: &DepthFrame) -> &[f32] {
+    match &frame.values {
+        DepthValues::Float(values) => values,
+        DepthValues::Steps(_) => panic!("whole steps"),
+    }
+}
+
+#[test]
+fn apply_keeps_the_format_and_floats_are_not_rounded() {
+    let folder = Folder::new();
+    folder.write("calibration.json", calibration_with_unit(1000.0));
+    let calibration = folder.arg("calibration.json");
+    for extension in ["tiff", "npy", "exr"] {
+        write_depth_frame(folder.path(&format!("depth/{extension}1.{extension}")), &metres()).unwrap();
+    }
+    let output = succeeds(["apply", &calibration, &folder.arg("depth"), "--out", &folder.arg("out"), "--cloud=pcd"]);
+    assert!(stdout(&output).contains("3 frames"), "{}", stdout(&output));
+    let names = ["exr1.exr", "exr1.pcd", "npy1.npy", "npy1.pcd", "tiff1.pcd", "tiff1.tiff"];
+    assert_eq!(folder.names("out"), names);
+    let first = read_depth_frame(folder.path("out/exr1.exr")).unwrap();
+    let (corrected, measured) = (floats(&first), metres());
+    let measured = floats(&measured);
+    assert!(corrected[0].is_nan() && corrected[1] == 0.0 && corrected[2].is_infinite());
+    for name in ["npy1.npy", "tiff1.tiff"] {
+        let other = read_depth_frame(folder.path("out").join(name)).unwrap();
+        assert!(floats(&other).iter().zip(corrected).all(|(a, b)| a.to_bits() == b.to_bits()), "{name}");
+    }
+    // The inverse of the hand-written D: 1/z = (1/z_m − dx x − dy y − dz) / dw, with pixel centres at integers.
+    let [dx, dy, dz, dw] = support::D;
+    let [fx, fy, cx, cy] = support::PINHOLE;
+    for i in (3..WIDTH * HEIGHT).step_by(7) {
+        let (x, y) = (((i % WIDTH) as f64 - cx) / fx, ((i / WIDTH) as f64 - cy) / fy);
+        let rho = (1.0 / (1000.0 * f64::from(measured[i])) - dx * x - dy * y - dz) / dw;
+        let error_mm = 1000.0 * f64::from(corrected[i]) - 1.0 / rho;
+        assert!(error_mm.abs() < 0.002, "{i}: {error_mm} mm");
+    }
+
+    // Whole steps into other formats; --float keeps what rounding would lose.
+    folder.write("calibration.json", calibration_with_unit(1.0));
+    write_depth_frame(folder.path("steps/a.png"), &depth(1000).into()).unwrap();
+    let apply = |format: &[&str], out: &str| {
+        let arguments = ["apply", &calibration, &folder.arg("steps"), "--out", &folder.arg(out)].map(str::to_owned);
+        succeeds(arguments.into_iter().chain(format.iter().map(|f| (*f).to_owned())));
+    };
+    apply(&["--format", "npy"], "whole");
+    apply(&["--format", "tiff", "--float"], "float");
+    let whole = read_depth_frame(folder.path("whole/a.npy")).unwrap();
+    let exact = read_depth_frame(folder.path("float/a.tiff")).unwrap();
+    let DepthValues::Steps(whole) = &whole.values else { panic!("rounded") };
+    assert!(floats(&exact).iter().any(|z| z.fract() != 0.0));
+    assert!(floats(&exact).iter().zip(whole).all(|(z, step)| (z - f32::from(*step)).abs() <= 0.501));
+
+    fails(
+        ["apply", &calibration, &folder.arg("depth/npy1.npy"), "--format", "png", "--out", &folder.arg("png")],
+        &["PNG", "TIFF"],
+    );
+    fails(
+        ["apply", &calibration, &folder.arg("steps"), "--unit-mm", "1000", "--out", &folder.arg("m")],
+        &["1000 mm", "unit_mm"],
+    );
+}
+
+#[test]
+fn strays_of_a_dataset_are_listed() {
+    let folder = Folder::dataset(&[
+        BOARD,
+        "[frames]\ndepth = \"depth/*.png\"\nimage = \"image/*.png\"\n[depth]\nunit_mm = 1.0\n",
+    ]);
+    folder.write("calibration.json", calibration_with_unit(1.0));
+    std::fs::remove_file(folder.path("data/image/2.png")).unwrap();
+    let output = succeeds(["apply", &folder.arg("calibration.json"), &folder.arg("data"), "--out", &folder.arg("out")]);
+    assert!(stdout(&output).contains("not corrected: depth/2.png (no image pairs with it)"), "{}", stdout(&output));
+    assert_eq!(folder.names("out"), ["0.png", "1.png", "3.png"]);
+}
+
+#[test]
+fn boards_are_written_with_their_section() {
+    let folder = Folder::new();
+    for (kind, out) in [("asymmetric-circles", "dots.pdf"), ("chessboard", "chess.svg")] {
+        let output = succeeds(["board", "--kind", kind, "--out", &folder.arg(out)]);
+        assert!(stdout(&output).contains("print at 100 %"), "{}", stdout(&output));
+        let section = std::fs::read_to_string(folder.path(out).with_extension("toml")).unwrap();
+        assert!(section.starts_with("[board]\n") && section.contains(kind) && !section.contains("frames"), "{section}");
+    }
+    assert!(std::fs::read(folder.path("dots.pdf")).unwrap().starts_with(b"%PDF-"));
+    fails(["board", "--kind", "chessboard", "--out", &folder.arg("a.png")], &[".pdf or .svg"]);
+    fails(
+        ["board", "--kind", "chessboard", "--spacing-mm", "300", "--paper", "a4", "--out", &folder.arg("a.pdf")],
+        &["3000", "210"],
+    );
+    fails(["board", "--kind", "charuco", "--marker-mm", "40", "--out", &folder.arg("a.pdf")], &["marker_mm"]);
+}
+
+#[test]
+fn schemas_are_printed() {
+    for name in ["dataset", "calibration", "evaluation", "diagnosis", "comparison", "observations", "effects"] {
+        let text = stdout(&succeeds(["schema", name]));
+        let schema: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert!(schema["$schema"].as_str().unwrap().contains("2020-12"), "{name}");
+    }
+    assert_eq!(support::run(["schema", "nothing"]).status.code(), Some(1));
+}

@@ -1,0 +1,47 @@
+//! Other programs as oracles, by way of Python: the interpreter that `DEPTHCAL_PYTHON` names, else `python3`. A test whose modules are
+//! not there passes, but prints a line that begins with SKIPPED.
+#![allow(dead_code, reason = "not every test uses all of it")]
+
+#[path = "measured.rs"]
+mod measured;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+#[allow(unused_imports, reason = "not every test uses all of it")]
+pub use measured::{measured, skipped};
+
+/// An interpreter that has what a test needs.
+pub struct Python {
+    program: PathBuf,
+}
+
+/// The interpreter, where it has all `modules`; otherwise the test is reported as skipped.
+pub fn with_modules(modules: &[&str]) -> Option<Python> {
+    let program = std::env::var_os("DEPTHCAL_PYTHON").map_or_else(|| PathBuf::from("python3"), PathBuf::from);
+    let imports = format!("import {}", modules.join(", "));
+    match Command::new(&program).args(["-c", &imports]).output() {
+        Ok(output) if output.status.success() => Some(Python { program }),
+        _ => {
+            skipped(&format!("{} has not all of {}", program.display(), modules.join(", ")));
+            None
+        }
+    }
+}
+
+impl Python {
+    /// Runs a script with arguments; returns what it prints. Panics, with what it complains of, where it fails.
+    pub fn run(&self, code: &str, arguments: &[&Path]) -> String {
+        let output = Command::new(&self.program).arg("-c").arg(code).args(arguments).output().expect("the interpreter");
+        assert!(output.status.success(), "{code}\n{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    }
+}
+
+/// An empty folder of a test for its files.
+pub fn folder(name: &str) -> PathBuf {
+    let folder = std::env::temp_dir().join(format!("depthcal-{name}-{}", std::process::id()));
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).expect("a folder");
+    folder
+}
