@@ -49,13 +49,6 @@ fn dataset_files() {
 fn images() {
     let dataset = || Folder::dataset(&[BOARD, FRAMES, UNIT]);
     let folder = dataset();
-    std::fs::remove_file(folder.path("data/depth/2.png")).unwrap();
-    calibrate_fails(
-        &folder,
-        &["dataset.toml", "frames.image", "frames.depth", "images without depth (\"2\")", "same stem"],
-    );
-
-    let folder = dataset();
     folder.truncate("data/image/1.png");
     calibrate_fails(&folder, &["image/1.png", "damaged", "anew"]);
     let folder = dataset();
@@ -180,7 +173,12 @@ fn depth_to_apply_to() {
     apply(&[&loose, &folder.arg("data/depth/1.png"), "--unit-mm", "1"], &["depth/1.png", "the stem \"1\""]);
     std::fs::remove_file(folder.path("data/image/3.png")).unwrap();
     apply(&[&loose, "--unit-mm", "1", "--image", &images], &["depth/3.png", "--image", "stem \"3\""]);
-    apply(&[&folder.arg("data")], &["dataset.toml", "depth without image (\"3\")"]);
+    // A depth image of a dataset that pairs with no image is told, the others are corrected.
+    let out = folder.arg("paired");
+    let output = succeeds(["apply", &folder.arg("calibration.json"), "--out", &out, &folder.arg("data")]);
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(told.contains("not corrected: depth/3.png (no image pairs with it)"), "{told}");
+    assert_eq!(folder.names("paired").len(), 3);
 
     // Good frames before a bad one are not written either.
     folder.truncate("data/depth/2.png");

@@ -295,6 +295,9 @@ impl<'a> AugmentedModel<'a> {
     pub fn add_formula(&mut self, discovery: Discovery, present: &Fitted) -> Result<Option<Fitted>, CalibrateError> {
         let (name, spec) = (discovery.effect.name().to_owned(), discovery.effect.spec());
         let p_value = discovery.p_value;
+        let placements =
+            discovery.places_not_told_apart.iter().map(|place| Placement { of: place.of, on: Some(place.on) });
+        let placements_not_told_apart = placements.collect();
         self.formulas.push(discovery);
         let register = self.register();
         let tested = test_effect(&present.fit, &register, &spec).zip(register.make(&spec, None).ok());
@@ -320,7 +323,7 @@ impl<'a> AugmentedModel<'a> {
             evidence,
             effects: vec![name],
             indistinguishable: Vec::new(),
-            placements_not_told_apart: Vec::new(),
+            placements_not_told_apart,
             p_value,
             after: present.held_out.clone(),
         };

@@ -99,14 +99,7 @@ pub fn diagnose(
                 decide_without_refuted(&present.fit, &examination, least_share, [&rejected, &hidden], options)?;
             rounds.push(Round::new(&examination, decision.clone(), refuted));
             match &decision {
-                Decision::Nothing => match formula_instead(&mut model, &first, &present, thresholds)? {
-                    Some(fitted) => {
-                        present = fitted;
-                        rejected.clear();
-                        tried.clear();
-                    }
-                    None => break examination,
-                },
+                Decision::Nothing => break examination,
                 Decision::Unexplained { free, explained, .. } => {
                     let found = &examination.evidence[*free];
                     let share_of_cost = merit(found) / examination.cost();
@@ -213,6 +206,12 @@ pub fn diagnose(
                 }
             }
         };
+        if let Some(fitted) = formula_instead(&mut model, &first, &present, thresholds)? {
+            present = fitted;
+            rejected.clear();
+            tried.clear();
+            continue;
+        }
         // Functions of two covariates together show in no free function of one.
         let searched = !left_over.is_empty() || formula_refused.is_some();
         if !options.formulas

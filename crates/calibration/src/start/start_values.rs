@@ -18,9 +18,12 @@ const BENT: f64 = 0.00025;
 /// Share of that error up to which an equidistant camera leaves of a wide lens. Of the barrel distortion of usual cameras it leaves about
 /// as much.
 const CLEARLY: f64 = 0.5;
+/// Angle between the optical axis and the image's corners, rad, from which a lens may be wide: an equidistant camera of a long focal length
+/// is only another description of weak barrel distortion.
+const WIDE_RADIANS: f64 = 0.7;
 
-/// A camera with the named lens model at start values (`none` for no lens model), and one pose per frame, from the markers alone. They are start values for an adjustment. `width` and `height` are the images' size,
-/// px.
+/// A camera with the named lens model (`none` for no lens model), and one pose per frame, from the markers alone: start values for an
+/// adjustment. `width` and `height` are the images' size, px.
 ///
 /// # Errors
 ///
@@ -73,7 +76,7 @@ pub fn start_camera(
         return Ok(camera.with_block(block));
     }
     let (wide, error) = equidistant(target, narrow.as_ref().ok(), [width, height], &widest, register)?;
-    let is_wide = error < CLEARLY * bent_px;
+    let is_wide = is_clearly_wide(&wide, error, bent_px);
     match narrow {
         Err(reason) if !is_wide => Err(reason),
         Ok(camera) if !is_wide && !is_fisheye => Ok(camera.with_block(block)),
@@ -105,5 +108,12 @@ pub(crate) fn is_wide(
     let widest = widest(frames, width, height);
     let bent_px = error_px(&camera, target, &widest);
     let wide = || equidistant(target, Some(&camera), [width, height], &widest, register);
-    bent_px >= BENT * width as f64 && wide().is_ok_and(|(_, error)| error < CLEARLY * bent_px)
+    bent_px >= BENT * width as f64 && wide().is_ok_and(|(wide, error)| is_clearly_wide(&wide, error, bent_px))
+}
+
+/// Whether an equidistant camera, with its reprojection error, is wide and clearly better than a camera without lens.
+fn is_clearly_wide(equidistant: &Camera, error_px: f64, bent_px: f64) -> bool {
+    let [fx, fy, ..] = equidistant.pinhole();
+    let corner = (0.5 * equidistant.width as f64 / fx).hypot(0.5 * equidistant.height as f64 / fy);
+    error_px < CLEARLY * bent_px && corner > WIDE_RADIANS
 }

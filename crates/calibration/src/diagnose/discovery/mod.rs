@@ -3,8 +3,9 @@
 //! A typed library of terms of one and two covariates (`library`, `term`) is scored against the rows of a fit from which poses are
 //! eliminated (`observations`, `screening`); the best are refined and compared on left-out frames, and the simpler of equals wins
 //! (`selection`). What is found has to be better than the best of so many terms would be by chance, and to have the same covariates in other
-//! frames (`significance`); it has to explain nearly what any function of its covariates does (`free`). Frames that the search has not
-//! seen confirm its sign and size, or do not (`confirmation`). Drawn is what the formula describes of the residuals (`component`).
+//! frames (`significance`); it has to explain nearly what any function of its covariates does (`free`). Places and forms that the frames
+//! cannot tell from its own are listed (`places`). Frames that the search has not seen confirm its sign and size, or do not
+//! (`confirmation`). Drawn is what the formula describes of the residuals (`component`).
 
 mod component;
 mod confirmation;
@@ -12,11 +13,15 @@ mod definition;
 mod free;
 mod library;
 mod observations;
+mod places;
 mod score;
 mod screening;
 mod selection;
 mod significance;
 mod term;
+
+#[cfg(all(test, feature = "simulate"))]
+mod null_tests;
 
 use depthcal_formula::FormulaEffect;
 use depthcal_io::DiagnosisPlace;
@@ -28,6 +33,7 @@ use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
 use self::free::gain_of_free_function;
 use self::observations::Observations;
+use self::places::places_not_told_apart;
 use self::score::Score;
 use self::screening::screen;
 use self::selection::select;
@@ -46,6 +52,8 @@ pub struct Discovery {
     pub covariates: Vec<String>,
     /// Place and form.
     pub place: DiagnosisPlace,
+    /// Places and forms that the frames cannot tell from it.
+    pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// How often the best of all terms explains as much where the signs of the frames are drawn at random.
     pub p_value: f64,
     /// Share of resamples of the frames in which the best term has the same covariates.
@@ -177,6 +185,7 @@ pub fn search(
     Search::Found(Box::new(Discovery {
         covariates: names(term),
         place: DiagnosisPlace { of: term.of, on: term.on },
+        places_not_told_apart: places_not_told_apart(&all, term, thresholds),
         p_value: p,
         stability,
         confirmed: replication.is_some_and(|r| r.confirms()),

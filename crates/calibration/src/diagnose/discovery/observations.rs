@@ -231,6 +231,11 @@ impl FrameRows {
         &self.matrix
     }
 
+    /// Normal matrix of the shared columns, the pose eliminated.
+    pub fn hessian(&self) -> &DMatrix<f64> {
+        &self.hessian
+    }
+
     /// Gradient of the shared columns, the pose eliminated.
     pub fn gradient(&self) -> &DVector<f64> {
         &self.gradient

@@ -22,6 +22,8 @@ pub(super) struct Screened {
     pub term: Term,
     /// Score of every column, by frame, or by group of neighbouring frames where there are very many.
     pub parts: Vec<[f64; MOST_COLUMNS]>,
+    /// What the term, estimated from the other frames, leaves of each part.
+    unexplained: Vec<[f64; MOST_COLUMNS]>,
     /// The inverse of the information of its columns: [11, 12, 22].
     inverse: [f64; 3],
 }
@@ -30,8 +32,14 @@ impl Screened {
     /// Score statistic Uᵀ V⁻¹ U of the weighted sum of the frames' scores.
     #[inline]
     pub fn statistic(&self, weight: impl Fn(usize) -> f64) -> f64 {
+        self.statistic_of(&self.parts, weight)
+    }
+
+    /// The same of weighted parts.
+    #[inline]
+    fn statistic_of(&self, parts: &[[f64; MOST_COLUMNS]], weight: impl Fn(usize) -> f64) -> f64 {
         let [mut a, mut b] = [0.0; 2];
-        for (i, part) in self.parts.iter().enumerate() {
+        for (i, part) in parts.iter().enumerate() {
             let w = weight(i);
             a += w * part[0];
             b += w * part[1];
@@ -54,7 +62,16 @@ impl Screened {
 
     /// The statistic less what its second column is expected to explain of noise, so that terms compare.
     pub fn merit(&self, weight: impl Fn(usize) -> f64) -> f64 {
-        self.statistic(weight) - PENALTY * (self.term.columns() as f64 - 1.0)
+        self.statistic(weight) - self.penalty()
+    }
+
+    /// The merit that chance gives where frames have these signs: without what frames have in common.
+    pub fn merit_by_chance(&self, signs: &[f64]) -> f64 {
+        self.statistic_of(&self.unexplained, |i| signs[i]) - self.penalty()
+    }
+
+    fn penalty(&self) -> f64 {
+        PENALTY * (self.term.columns() as f64 - 1.0)
     }
 }
 
@@ -72,6 +89,7 @@ struct Job {
 /// All terms of the library with their scores.
 pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
     let Some(factor) = observations.shared_hessian().cholesky() else { return Vec::new() };
+    let groups = Groups::of(observations);
     let mut jobs = Vec::new();
     for of in Of::ALL {
         let spans: Vec<_> = COVARIATES.iter().filter_map(|c| Some((*c, observations.span(*c, of)?))).collect();
@@ -97,7 +115,7 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
         .flat_map_iter(|job| {
             job.functions
                 .chunks(CHUNK)
-                .flat_map(|functions| scores(observations, &factor, job, functions))
+                .flat_map(|functions| scores(observations, &groups, &factor, job, functions))
                 .collect::<Vec<_>>()
         })
         .collect()
@@ -108,41 +126,95 @@ const MOST_GROUPS: usize = 48;
 /// Functions whose columns are multiplied together.
 const CHUNK: usize = 48;
 
+/// Groups of neighbouring frames; a frame each where there are not very many.
+struct Groups {
+    frames: usize,
+    /// Sum of the frames' normal matrices of the shared columns, by group.
+    hessians: Vec<DMatrix<f64>>,
+}
+
+impl Groups {
+    fn of(observations: &Observations) -> Self {
+        let (shared, frames) = (observations.shared, observations.frames.len());
+        let mut groups = Self { frames, hessians: vec![DMatrix::zeros(shared, shared); frames.min(MOST_GROUPS)] };
+        for (f, frame) in observations.frames.iter().enumerate() {
+            let group = groups.of_frame(f);
+            groups.hessians[group] += frame.hessian();
+        }
+        groups
+    }
+
+    fn count(&self) -> usize {
+        self.hessians.len()
+    }
+
+    fn of_frame(&self, frame: usize) -> usize {
+        frame * self.count() / self.frames
+    }
+}
+
+/// Sums over the frames of a group for the columns of some functions.
+#[derive(Clone)]
+struct OfGroup {
+    /// Products with the shared columns.
+    cross: DMatrix<f64>,
+    /// Squares, and products with the next column.
+    squares: Vec<f64>,
+    neighbours: Vec<f64>,
+    /// Products with the residuals.
+    gradient: Vec<f64>,
+}
+
 fn scores(
     observations: &Observations,
+    groups: &Groups,
     of_shared: &nalgebra::Cholesky<f64, nalgebra::Dyn>,
     job: &Job,
     functions: &[Function],
 ) -> Vec<Screened> {
-    let (shared, frames) = (observations.shared, observations.frames.len());
-    let groups = frames.min(MOST_GROUPS);
-    let group = |frame: usize| frame * groups / frames;
+    let shared = observations.shared;
     let width: usize = functions.iter().map(|f| f.kind.columns()).sum();
-    // Per column: sums over the frames with the shared columns, of squares, of products of neighbours; gradients by frame.
-    let mut cross = DMatrix::<f64>::zeros(shared, width);
-    let (mut squares, mut neighbours) = (vec![0.0; width], vec![0.0; width]);
-    let mut parts = DMatrix::<f64>::zeros(groups, width);
+    let none = OfGroup {
+        cross: DMatrix::zeros(shared, width),
+        squares: vec![0.0; width],
+        neighbours: vec![0.0; width],
+        gradient: vec![0.0; width],
+    };
+    let mut sums = vec![none; groups.count()];
     for (f, frame) in observations.frames.iter().enumerate() {
         let columns = frame.columns_of(job, functions, width);
         let products = frame.matrix().tr_mul(&columns);
-        cross += products.rows(POSE, shared);
-        let mut row = parts.row_mut(group(f));
-        row += products.row(POSE + shared);
+        let sum = &mut sums[groups.of_frame(f)];
+        sum.cross += products.rows(POSE, shared);
         for c in 0..width {
             let (own, of_pose) = (columns.column(c), products.view((0, c), (POSE, 1)));
-            squares[c] += own.norm_squared() - of_pose.norm_squared();
+            sum.squares[c] += own.norm_squared() - of_pose.norm_squared();
+            sum.gradient[c] += products[(POSE + shared, c)];
             if c + 1 < width {
                 let next = products.view((0, c + 1), (POSE, 1));
-                neighbours[c] += own.dot(&columns.column(c + 1)) - of_pose.dot(&next);
+                sum.neighbours[c] += own.dot(&columns.column(c + 1)) - of_pose.dot(&next);
             }
         }
     }
+    let cross = sums.iter().fold(DMatrix::zeros(shared, width), |all, sum| all + &sum.cross);
     let carried = of_shared.solve(&cross);
     // Scores without what the shared columns take up of each column.
     for (f, frame) in observations.frames.iter().enumerate() {
         let taken: DVector<f64> = carried.tr_mul(frame.gradient());
-        let mut row = parts.row_mut(group(f));
-        row -= taken.transpose();
+        let sum = &mut sums[groups.of_frame(f)];
+        sum.gradient.iter_mut().zip(&taken).for_each(|(gradient, taken)| *gradient -= taken);
+    }
+    // Information of each column by group, and with the next column: H_cc − H_cs A − Aᵀ H_sc + Aᵀ H_ss A with A = `carried`.
+    for (sum, hessian) in sums.iter_mut().zip(&groups.hessians) {
+        let through = hessian * &carried - &sum.cross;
+        for c in 0..width {
+            let with = |other: usize| {
+                carried.column(c).dot(&through.column(other)) - sum.cross.column(c).dot(&carried.column(other))
+            };
+            let (own, next) = (with(c), if c + 1 < width { with(c + 1) } else { 0.0 });
+            sum.squares[c] += own;
+            sum.neighbours[c] += next;
+        }
     }
     let mut next = 0;
     functions
@@ -150,29 +222,96 @@ fn scores(
         .filter_map(|function| {
             let (first, count) = (next, function.kind.columns());
             next += count;
-            let left = |c: usize| squares[c] - cross.column(c).dot(&carried.column(c));
-            let a = left(first);
-            // What the others explain of a column must leave something of it.
-            if !(a > LEAST_LEFT * squares[first]) {
-                return None;
-            }
-            let inverse = if count == 1 {
-                [a.recip(), 0.0, 0.0]
-            } else {
-                let b = left(first + 1);
-                let ab = neighbours[first] - cross.column(first).dot(&carried.column(first + 1));
-                let determinant = a * b - ab * ab;
-                if !(b > LEAST_LEFT * squares[first + 1] && determinant > LEAST_LEFT * a * b) {
-                    return None;
-                }
-                [b / determinant, -ab / determinant, a / determinant]
-            };
+            let of_groups: Vec<Part> = sums.iter().map(|sum| Part::of(sum, first, count)).collect();
+            let (inverse, unexplained) = explained(&of_groups, |c| {
+                let taken = cross.column(first + c).dot(&carried.column(first + c));
+                LEAST_LEFT * taken
+            })?;
             let product = Product { factor: job.factor, function: *function };
-            let part = |g: usize| [parts[(g, first)], if count == 2 { parts[(g, first + 1)] } else { 0.0 }];
-            let parts = (0..groups).map(part).collect();
-            Some(Screened { term: Term::new(job.of, job.on, product), parts, inverse })
+            let parts = of_groups.iter().map(|part| part.gradient).collect();
+            Some(Screened { term: Term::new(job.of, job.on, product), parts, unexplained, inverse })
         })
         .collect()
+}
+
+/// Squared mean of the groups' scores over its variance from group to group from which a term counts as shared in part.
+const LEAST_AGREEMENT: f64 = 3.0;
+
+/// Score and information of a term in a group of frames.
+struct Part {
+    gradient: [f64; MOST_COLUMNS],
+    /// [11, 12, 22].
+    information: [f64; 3],
+    columns: usize,
+}
+
+impl Part {
+    fn of(sum: &OfGroup, first: usize, columns: usize) -> Self {
+        if columns == 1 {
+            return Self { gradient: [sum.gradient[first], 0.0], information: [sum.squares[first], 0.0, 0.0], columns };
+        }
+        let second = first + 1;
+        Self {
+            gradient: [sum.gradient[first], sum.gradient[second]],
+            information: [sum.squares[first], sum.neighbours[first], sum.squares[second]],
+            columns,
+        }
+    }
+}
+
+/// Inverse of the information of a term, and what it leaves of every part when it is estimated from the other groups, as far as these agree
+/// (James, Stein 1961). `None` where the shared columns leave less of a column than `least`, or where its two columns are one.
+fn explained(parts: &[Part], least: impl Fn(usize) -> f64) -> Option<([f64; 3], Vec<[f64; MOST_COLUMNS]>)> {
+    let mut information = [0.0; 3];
+    let mut score = [0.0; MOST_COLUMNS];
+    for part in parts {
+        (0..3).for_each(|i| information[i] += part.information[i]);
+        (0..MOST_COLUMNS).for_each(|i| score[i] += part.gradient[i]);
+    }
+    let columns = parts.first()?.columns;
+    let is_determined = |[a, ab, b]: [f64; 3]| {
+        a > LEAST_LEFT * information[0]
+            && (columns == 1 || (b > LEAST_LEFT * information[2] && a * b - ab * ab > LEAST_LEFT * a * b))
+    };
+    let is_left = |c: usize, of: f64| of > least(c);
+    if !(is_left(0, information[0]) && (columns == 1 || is_left(1, information[2])) && is_determined(information)) {
+        return None;
+    }
+    let inverse = inverted(information, columns);
+    let statistic = |v: [f64; MOST_COLUMNS]| dot(v, product(inverse, v));
+    let total: f64 = parts.iter().map(|part| statistic(part.gradient)).sum();
+    let unexplained = parts.iter().map(|part| {
+        let own = part.gradient;
+        let of_others = [score[0] - own[0], score[1] - own[1]];
+        // As far as the other groups agree with each other: not at all where they show no more than the best of many terms by chance.
+        let agreement = statistic(of_others) / (total - statistic(own)).max(f64::MIN_POSITIVE);
+        let shrunk = (1.0 - LEAST_AGREEMENT / agreement).max(0.0);
+        let information = [0, 1, 2].map(|i| information[i] - part.information[i]);
+        if shrunk == 0.0 || !is_determined(information) {
+            return own;
+        }
+        let predicted = product(part.information, product(inverted(information, columns), of_others));
+        [own[0] - shrunk * predicted[0], own[1] - shrunk * predicted[1]]
+    });
+    Some((inverse, unexplained.collect()))
+}
+
+/// The inverse of a symmetric matrix [11, 12, 22], or of its first element.
+fn inverted([a, ab, b]: [f64; 3], columns: usize) -> [f64; 3] {
+    if columns == 1 {
+        return [a.recip(), 0.0, 0.0];
+    }
+    let determinant = a * b - ab * ab;
+    [b / determinant, -ab / determinant, a / determinant]
+}
+
+fn dot(a: [f64; MOST_COLUMNS], b: [f64; MOST_COLUMNS]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+/// A symmetric matrix [11, 12, 22] times a vector.
+fn product([a, ab, b]: [f64; 3], v: [f64; MOST_COLUMNS]) -> [f64; MOST_COLUMNS] {
+    [a * v[0] + ab * v[1], ab * v[0] + b * v[1]]
 }
 
 /// Share of a column's information that the other columns must leave.

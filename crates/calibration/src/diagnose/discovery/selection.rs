@@ -36,9 +36,15 @@ pub(super) struct Judged {
 }
 
 impl Judged {
-    fn new(observations: &Observations, term: Term) -> Self {
+    /// A term with the constants that it has.
+    pub fn new(observations: &Observations, term: Term) -> Self {
         let gains = held_out_gains(&observations.normals(&term), observations.shared, None);
         Self { term, gains }
+    }
+
+    /// A term with the constant that fits best.
+    pub fn refined(observations: &Observations, term: Term) -> Self {
+        Self::new(observations, refined(observations, term))
     }
 
     /// Sum of the gains.
@@ -46,10 +52,15 @@ impl Judged {
         self.gains.iter().sum()
     }
 
+    /// What is lost on every frame with another one instead.
+    pub fn lost_by(&self, other: &Self) -> Vec<f64> {
+        self.gains.iter().zip(&other.gains).map(|(own, other)| own - other).collect()
+    }
+
     /// Whether it is as good as another one.
     fn is_as_good_as(&self, other: &Self) -> bool {
-        let lost: Vec<f64> = other.gains.iter().zip(&self.gains).map(|(o, s)| o - s).collect();
-        self.gain() >= (1.0 - TIE_SHARE) * other.gain() || mean_to_standard_error(&lost) < TIE_T
+        let is_close = self.gain() >= (1.0 - TIE_SHARE) * other.gain();
+        is_close || mean_to_standard_error(&other.lost_by(self)) < TIE_T
     }
 }
 
@@ -75,8 +86,7 @@ pub(super) fn select(observations: &Observations, screened: &[Screened]) -> Opti
         }
     }
     let terms: Vec<Term> = sets.into_values().flatten().map(|s| s.term.clone()).collect();
-    let mut judged: Vec<Judged> =
-        terms.into_par_iter().map(|term| Judged::new(observations, refined(observations, term))).collect();
+    let mut judged: Vec<Judged> = terms.into_par_iter().map(|term| Judged::refined(observations, term)).collect();
     judged.extend(sums(observations, &order));
     judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
     let chosen = simplest(&judged)?.clone();
@@ -226,11 +236,10 @@ fn extended(observations: &Observations, chosen: Judged, order: &[(f64, &Screene
             .collect();
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         scored.truncate(FURTHER);
-        let judged = scored.into_par_iter().map(|(_, term)| Judged::new(observations, refined(observations, term)));
+        let judged = scored.into_par_iter().map(|(_, term)| Judged::refined(observations, term));
         let best = judged.collect::<Vec<_>>().into_iter().max_by(|a, b| a.gain().total_cmp(&b.gain()));
         let Some(best) = best else { break };
-        let rise: Vec<f64> = best.gains.iter().zip(&present.gains).map(|(a, b)| a - b).collect();
-        let certain = mean_to_standard_error(&rise) > LEAST_RISE_T;
+        let certain = mean_to_standard_error(&best.lost_by(&present)) > LEAST_RISE_T;
         if !(certain && best.gain() > (1.0 + LEAST_RISE) * present.gain()) {
             break;
         }

@@ -23,8 +23,9 @@ const TIE_T: f64 = 1.0;
 /// … and not by more than this share.
 const LEAST_SHARE: f64 = 0.8;
 
-/// p-value of the best of all terms: how often it is as good where the signs of the frames' scores are drawn at random. What frames do not
-/// share changes sign with them and stays; what they share cancels (wild cluster bootstrap; Cameron, Gelbach, Miller 2008).
+/// p-value of the best of all terms: how often any term is as good where the signs of the frames' scores are drawn at random, without what
+/// the term itself explains of them. What frames do not share stays; what they share is left out, so that an effect does not hide itself
+/// (unrestricted wild cluster bootstrap; Cameron, Gelbach, Miller 2008; MacKinnon, Webb 2018).
 pub(super) fn p_value(screened: &[Screened]) -> f64 {
     let groups = screened.first().map_or(0, |s| s.parts.len());
     let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
@@ -32,7 +33,7 @@ pub(super) fn p_value(screened: &[Screened]) -> f64 {
         let mut random = StdRng::seed_from_u64(17);
         (0..DRAWS).map(|_| (0..groups).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()).collect()
     };
-    let as_good = draws.par_iter().filter(|signs| screened.iter().any(|s| s.merit(|i| signs[i]) >= best)).count();
+    let as_good = draws.par_iter().filter(|signs| screened.iter().any(|s| s.merit_by_chance(signs) >= best)).count();
     (as_good + 1) as f64 / (DRAWS + 1) as f64
 }
 
