@@ -238,7 +238,8 @@ fn log(what: &str, d: &Diagnosis, run: &Run) {
 }
 
 /// The size that a capture can just show over that of a function, by what camera and poses leave of it when they are fitted jointly: the
-/// same capture with and without the function, noise included.
+/// same capture with and without the function, noise included. What the noise of neighbouring pixels has in common makes the function harder
+/// to see: the variance of its score is that from frame to frame.
 fn detectable_share(given: GivenEffect, seed: u64) -> Result<f64, Failure> {
     // Planes of whole frames would take up part of the effect.
     let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
@@ -250,21 +251,26 @@ fn detectable_share(given: GivenEffect, seed: u64) -> Result<f64, Failure> {
     };
     let (without, residuals_without) = fit(&drawn(&[], seed)?.simulation)?;
     let (_, residuals_with) = fit(&drawn(&[], seed)?.simulation.given([given]))?;
-    let mut of_noise = 0.0;
+    let (mut seen, mut variance) = (0.0, 0.0);
     for (frame, other) in residuals_without.iter().zip(&residuals_with) {
         let known: BTreeMap<_, f64> = other.iter().map(|p| (p.context.pixel.map(f64::to_bits), p.after_mm)).collect();
+        let mut score = 0.0;
         for pixel in frame {
             let Some(with) = known.get(&pixel.context.pixel.map(f64::to_bits)) else { continue };
             let rho = 1.0 / pixel.board_depth_mm;
-            of_noise += ((with - pixel.after_mm) * rho * rho / without.noise.depth.sigma(rho)).powi(2);
+            let per_mm = rho * rho / without.noise.depth.sigma(rho);
+            let (noise, change) = (per_mm * pixel.after_mm, per_mm * (with - pixel.after_mm));
+            seen += change * change;
+            score += change * noise;
         }
+        variance += score * score;
     }
-    if of_noise < LEAST_SEEN {
+    if seen < LEAST_SEEN {
         return Err("camera and poses take up the function".into());
     }
     let thresholds = Thresholds::default();
     let level = thresholds.level / catalogue().len() as f64;
-    Ok((noncentrality(RANK, level, thresholds.power) / of_noise).sqrt())
+    Ok((noncentrality(RANK, level, thresholds.power) * variance).sqrt() / seen)
 }
 
 type Shape = Box<dyn Fn(f64) -> f64 + Send + Sync>;

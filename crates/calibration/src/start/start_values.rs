@@ -20,7 +20,7 @@ const BENT: f64 = 0.00025;
 const CLEARLY: f64 = 0.5;
 /// Angle between the optical axis and the image's corners, rad, from which a lens may be wide: an equidistant camera of a long focal length
 /// is only another description of weak barrel distortion.
-const WIDE_RADIANS: f64 = 0.7;
+const WIDE_RADIANS: f64 = 0.85;
 
 /// A camera with the named lens model (`none` for no lens model), and one pose per frame, from the markers alone: start values for an
 /// adjustment. `width` and `height` are the images' size, px.
