@@ -48,7 +48,15 @@ fn the_schema_of_dataset_toml_agrees_with_its_parser() {
             "{BOARD}{FRAMES}[camera]\nfx = 500\nfy = 500.5\ncx = 320\ncy = 240\ndistortion = [0.1, 0, 0, 0]\nfixed = true\n"
         ),
     ];
-    for text in &good {
+    let camera = "[camera]\nfx = 500\nfy = 500.5\ncx = 320\ncy = 240\n";
+    let eight = "distortion = [0.1, 0, 0, 0, 0, 0, 0, 0]\n";
+    let good = good.into_iter().chain([
+        format!("{BOARD}{FRAMES}{camera}{eight}lens = \"opencv8\"\n"),
+        format!("{BOARD}{FRAMES}{camera}distortion = [0.1, 0, 0, 0]\nlens = \"kannala-brandt\"\n"),
+        format!("{BOARD}{FRAMES}[camera]\nintrinsics = \"camera.yaml#left\"\nfixed = true\n"),
+        format!("{BOARD}{FRAMES}[camera]\nlens = \"auto\"\n"),
+    ]);
+    for text in &good.collect::<Vec<_>>() {
         assert_eq!(accepted(&validator, text), (true, true), "{text}");
     }
     let bad = [
@@ -64,6 +72,10 @@ fn the_schema_of_dataset_toml_agrees_with_its_parser() {
         format!("{BOARD}{FRAMES}[camera]\nfx = 500\n"),
         format!("{BOARD}{FRAMES}[camera]\nfx = 500\nfy = 500.5\ncx = 320\ncy = 240\ndistortion = [0.1]\n"),
         format!("{BOARD}{FRAMES}[lens]\nname = \"x\"\n"),
+        format!("{BOARD}{FRAMES}{camera}{eight}lens = \"kannala-brandt\"\n"),
+        format!("{BOARD}{FRAMES}{camera}intrinsics = \"camera.yaml\"\n"),
+        format!("{BOARD}{FRAMES}[camera]\nintrinsics = \"camera.yaml\"\nskew = 0.1\n"),
+        format!("{BOARD}{FRAMES}[camera]\nfixed = true\n"),
     ];
     for text in &bad {
         assert_eq!(accepted(&validator, text), (false, false), "{text}");
