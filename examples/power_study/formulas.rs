@@ -8,6 +8,7 @@ use depthcal::Register;
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Thresholds, diagnose};
 use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
+use depthcal::calibration::judge::depth_errors::PixelError;
 use depthcal::calibration::judge::evaluate::residual_pixels;
 use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
@@ -45,6 +46,10 @@ const FIRST_SIZE_MM: f64 = 3.0;
 const RANK: usize = 2;
 /// Squared deviation that is smaller, in squares of the noise, shows that the other parameters take a function up whole.
 const LEAST_SEEN: f64 = 1e-3;
+/// Values of a covariate, in groups of equally many pixels, between which a free function of it may change.
+const STEPS: usize = 24;
+/// A covariate of a product is visible where what no function of the other one explains is this many times as large as the capture can show.
+const VISIBLE: f64 = 2.0;
 /// Board pixels of a frame, about, on which errors without the function are judged.
 const JUDGED_PIXELS: usize = 16_000;
 
@@ -60,6 +65,8 @@ struct Run {
     right: bool,
     /// Whether a covariate was found that has no part in it.
     wrong: bool,
+    /// Number of covariates of the function, and whether the capture can show each of them.
+    kind: (usize, bool),
     /// Names of the catalogue among the steps.
     named: usize,
     /// Held-out error after over that of the same capture without the function.
@@ -106,14 +113,18 @@ impl Run {
             formula: !d.formulas.is_empty(),
             confirmed: d.formulas.iter().all(|f| f.confirmed),
             named: d.steps.len() - d.formulas.len(),
+            kind: (truth.len(), true),
             found,
             ratio,
         }
     }
 }
 
-fn table(title: &str, runs: &[Run]) {
+fn table(title: &str, runs: &[&Run]) {
     let n = runs.len();
+    if n == 0 {
+        return;
+    }
     let count = |is: &dyn Fn(&Run) -> bool| percent(runs.iter().filter(|r| is(r)).count(), n);
     println!(
         "| {title} | {n} | {} | {} | {} | {} | {} | {} | {} | {} | {:.3} |",
@@ -152,11 +163,11 @@ impl Study {
                         run.inspect_err(|e| eprintln!("{name} {seed}: {e}")).ok()
                     })
                     .collect();
-                table(&format!("`{name}` {factor} ×"), &runs);
+                table(&format!("`{name}` {factor} ×"), &runs.iter().collect::<Vec<_>>());
                 all.extend(runs);
             }
         }
-        table("all", &all);
+        table("all", &all.iter().collect::<Vec<_>>());
     }
 
     fn rediscover(&self, name: &str, covariates: &[&str], factor: f64, seed: u64) -> Result<Run, Failure> {
@@ -192,15 +203,28 @@ impl Study {
                 .into_par_iter()
                 .filter_map(|seed| self.random(*factor, seed).inspect_err(|e| eprintln!("formula {seed}: {e}")).ok())
                 .collect();
-            table(&format!("random functions {factor} ×"), &runs);
+            for (kind, words) in [
+                ((1, true), "of one covariate"),
+                ((2, true), "of two, both visible"),
+                ((2, false), "of two, one of them hidden"),
+            ] {
+                let of_kind: Vec<&Run> = runs.iter().filter(|run| run.kind == kind).collect();
+                table(&format!("{words}, {factor} ×"), &of_kind);
+            }
+            table(&format!("random functions {factor} ×"), &runs.iter().collect::<Vec<_>>());
         }
     }
 
     fn random(&self, factor: f64, seed: u64) -> Result<Run, Failure> {
         let with = |size_mm: f64| random_function(&mut ChaCha8Rng::seed_from_u64(31_000 + seed), size_mm);
         let mut size_mm = FIRST_SIZE_MM;
+        let mut shows = vec![true];
         for _ in 0..2 {
-            size_mm *= factor * detectable_share(with(size_mm).0, seed)?;
+            let (given, covariates, _) = with(size_mm);
+            let seen = Seen::of(given, &covariates, seed)?;
+            size_mm *= factor * seen.whole;
+            // What the other covariate leaves, at the size that is taken.
+            shows = seen.parts.iter().map(|part| VISIBLE * part <= factor * seen.whole).collect();
         }
         let (given, covariates, words) = with(size_mm);
         let on = match given.form {
@@ -211,8 +235,9 @@ impl Study {
         let place = DiagnosisPlace { of: if given.place == Place::True { Of::True } else { Of::Measured }, on };
         let d = self.diagnose(&drawn(&[], seed)?.simulation.given([given]))?;
         let pure = self.error_without(&drawn(&[], seed)?.simulation)?;
-        let run = Run::new(&d, &covariates, Some(place), depth_rms_mm(&d.after) / pure);
-        log(&format!("formula {seed}: {words} {place:?}"), &d, &run);
+        let mut run = Run::new(&d, &covariates, Some(place), depth_rms_mm(&d.after) / pure);
+        run.kind.1 = shows.iter().all(|shows| *shows);
+        log(&format!("formula {seed}: {words} {place:?} shows {shows:?}"), &d, &run);
         Ok(run)
     }
 }
@@ -237,37 +262,117 @@ fn log(what: &str, d: &Diagnosis, run: &Run) {
     );
 }
 
-/// The size that a capture can just show over that of a function, by what camera and poses leave of it when they are fitted jointly: the
-/// same capture with and without the function, noise included. What the noise of neighbouring pixels has in common makes the function harder
-/// to see: the variance of its score is that from frame to frame.
-fn detectable_share(given: GivenEffect, seed: u64) -> Result<f64, Failure> {
-    // Planes of whole frames would take up part of the effect.
-    let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
-    let fit = |simulation: &Simulation| -> Result<_, Failure> {
-        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default())?);
-        let fit = calibrate(&capture, &options)?;
-        let residuals = residual_pixels(&fit.camera, &fit.capture, |pixels| pixels);
-        Ok((fit, residuals))
-    };
-    let (without, residuals_without) = fit(&drawn(&[], seed)?.simulation)?;
-    let (_, residuals_with) = fit(&drawn(&[], seed)?.simulation.given([given]))?;
-    let (mut seen, mut variance) = (0.0, 0.0);
-    for (frame, other) in residuals_without.iter().zip(&residuals_with) {
-        let known: BTreeMap<_, f64> = other.iter().map(|p| (p.context.pixel.map(f64::to_bits), p.after_mm)).collect();
-        let mut score = 0.0;
-        for pixel in frame {
-            let Some(with) = known.get(&pixel.context.pixel.map(f64::to_bits)) else { continue };
-            let rho = 1.0 / pixel.board_depth_mm;
-            let per_mm = rho * rho / without.noise.depth.sigma(rho);
-            let (noise, change) = (per_mm * pixel.after_mm, per_mm * (with - pixel.after_mm));
-            seen += change * change;
-            score += change * noise;
+/// The sizes that a capture can just show, over those of a function.
+struct Seen {
+    /// Of the function.
+    whole: f64,
+    /// For each covariate of a product: of what the best free function of the other one leaves. None for functions of one.
+    parts: Vec<f64>,
+}
+
+impl Seen {
+    /// By what camera and poses leave of the function when they are fitted jointly: the same capture with and without it, noise
+    /// included. What the noise of neighbouring pixels has in common makes the function harder to see: the variance of its score is that from
+    /// frame to frame.
+    fn of(given: GivenEffect, covariates: &[&'static str], seed: u64) -> Result<Self, Failure> {
+        // Planes of whole frames would take up part of the effect.
+        let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
+        let fit = |simulation: &Simulation| -> Result<_, Failure> {
+            let capture = simulated::capture(&simulation.observe_points(&PointOptions::default())?);
+            let fit = calibrate(&capture, &options)?;
+            let residuals = residual_pixels(&fit.camera, &fit.capture, |pixels| pixels);
+            Ok((fit, residuals))
+        };
+        let form = given.form;
+        let (without, residuals_without) = fit(&drawn(&[], seed)?.simulation)?;
+        let (_, residuals_with) = fit(&drawn(&[], seed)?.simulation.given([given]))?;
+        let mut pixels = Vec::new();
+        for (number, (frame, other)) in residuals_without.iter().zip(&residuals_with).enumerate() {
+            let known: BTreeMap<_, f64> =
+                other.iter().map(|p| (p.context.pixel.map(f64::to_bits), p.after_mm)).collect();
+            for pixel in frame {
+                let Some(with) = known.get(&pixel.context.pixel.map(f64::to_bits)) else { continue };
+                let rho = 1.0 / pixel.board_depth_mm;
+                // Millimetres that 1 of the function is worth at the pixel.
+                let mm = match form {
+                    Form::Depth => 1.0,
+                    Form::Factor => pixel.board_depth_mm,
+                    Form::InverseDepth => pixel.board_depth_mm.powi(2),
+                };
+                let per_mm = rho * rho / without.noise.depth.sigma(rho);
+                pixels.push(Change {
+                    frame: number,
+                    covariates: covariates.iter().map(|c| value(c, pixel, without.camera.pinhole())).collect(),
+                    value: (with - pixel.after_mm) / mm,
+                    sigmas: per_mm * mm,
+                    noise: per_mm * pixel.after_mm,
+                });
+            }
         }
-        variance += score * score;
+        let whole = detectable_share(&pixels)?;
+        let parts = (0..covariates.len()).filter(|_| covariates.len() == 2).map(|other| {
+            let left = without_function_of(1 - other, &pixels);
+            detectable_share(&left).unwrap_or(f64::INFINITY)
+        });
+        Ok(Self { whole, parts: parts.collect() })
+    }
+}
+
+/// What a function changes at a pixel.
+#[derive(Clone)]
+struct Change {
+    frame: usize,
+    covariates: Vec<f64>,
+    /// Change in the unit of the function.
+    value: f64,
+    /// Standard deviations that 1 of it is worth.
+    sigmas: f64,
+    /// The noise, in standard deviations.
+    noise: f64,
+}
+
+/// A covariate of a pixel of a fit, or what grows with it.
+fn value(covariate: &str, pixel: &PixelError, [fx, fy, cx, cy, _]: [f64; 5]) -> f64 {
+    let [u, v] = pixel.context.pixel;
+    match covariate {
+        "x" => u,
+        "y" => v,
+        "r" => ((u - cx) / fx).hypot((v - cy) / fy),
+        "z" => pixel.board_depth_mm,
+        "incidence" => -pixel.cos_incidence,
+        "amplitude" => pixel.context.amplitude,
+        "timestamp_s" => pixel.context.time_s,
+        _ => pixel.context.temperature_c,
+    }
+}
+
+/// The changes without their weighted means in groups of equally many pixels by one of the covariates.
+fn without_function_of(covariate: usize, pixels: &[Change]) -> Vec<Change> {
+    let mut order: Vec<usize> = (0..pixels.len()).collect();
+    order.sort_by(|a, b| pixels[*a].covariates[covariate].total_cmp(&pixels[*b].covariates[covariate]));
+    let mut left = pixels.to_vec();
+    for group in order.chunks(pixels.len().div_ceil(STEPS).max(1)) {
+        let weight = |i: &usize| pixels[*i].sigmas.powi(2);
+        let total: f64 = group.iter().map(weight).sum();
+        let mean = group.iter().map(|i| weight(i) * pixels[*i].value).sum::<f64>() / total;
+        group.iter().for_each(|i| left[*i].value -= mean);
+    }
+    left
+}
+
+/// The size that a capture can just show over that of these changes.
+fn detectable_share(pixels: &[Change]) -> Result<f64, Failure> {
+    let mut seen = 0.0;
+    let mut scores: BTreeMap<usize, f64> = BTreeMap::new();
+    for pixel in pixels {
+        let change = pixel.sigmas * pixel.value;
+        seen += change * change;
+        *scores.entry(pixel.frame).or_default() += change * pixel.noise;
     }
     if seen < LEAST_SEEN {
         return Err("camera and poses take up the function".into());
     }
+    let variance: f64 = scores.values().map(|score| score * score).sum();
     let thresholds = Thresholds::default();
     let level = thresholds.level / catalogue().len() as f64;
     Ok((noncentrality(RANK, level, thresholds.power) * variance).sqrt() / seen)

@@ -435,7 +435,9 @@ impl Camera {
         // ρ · slope is known to this tolerance too. Below some multiple of it ρ is indistinguishable from zero, which is an
         // infinite depth: reject it.
         let tolerance = 1e-13 * measured.abs();
-        let settled = (value - measured).abs() <= tolerance;
+        // Where a step raises measured depth, no true depth gives what lies between: the step's place is the answer.
+        let in_gap = high - low <= 4.0 * f64::EPSILON * high;
+        let settled = (value - measured).abs() <= tolerance || in_gap;
         if settled && slope > 0.0 && rho * slope > 10.0 * tolerance { Ok(rho) } else { Err(folded()) }
     }
 
@@ -458,15 +460,18 @@ impl Camera {
         steps: usize,
     ) -> Result<(), CameraError> {
         let pixel = self.image_pixel(context);
+        let mut last = f64::INFINITY;
         for i in 0..=steps {
             // Evenly in inverse depth, where the pieces act.
             let t = i as f64 / steps.max(1) as f64;
             let rho = (1.0 - t) / near_mm + t / far_mm;
             let ray = self.ray(pixel, rho)?;
             let (value, slope) = self.depth_and_slope(context, ray, 1.0, rho);
-            if !(slope > 0.0 && value > 0.0) {
+            // Inverse depths fall from one step to the next; steps down between them show in the values alone.
+            if !(slope > 0.0 && value > 0.0 && value < last) {
                 return Err(self.not_invertible(context, 1.0 / rho));
             }
+            last = value;
         }
         Ok(())
     }

@@ -13,6 +13,8 @@ pub enum Along {
     Row,
     /// Inverse depth.
     Depth,
+    /// Distance of the ray from the optical axis on the normalised image plane, and inverse depth, both together.
+    RadiusAndDepth,
     /// Infrared amplitude, its logarithm.
     Amplitude,
     /// Angle of incidence, its cosine.
@@ -34,6 +36,7 @@ impl Along {
             Self::Column => [context.pixel[0], 0.0],
             Self::Row => [context.pixel[1], 0.0],
             Self::Depth => [state[2], 0.0],
+            Self::RadiusAndDepth => [state[0].hypot(state[1]), state[2]],
             Self::Amplitude => [log_amplitude(context), 0.0],
             Self::Incidence => [state[3], 0.0],
             Self::Time => [context.time_s, 0.0],

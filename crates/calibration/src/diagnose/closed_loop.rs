@@ -131,7 +131,9 @@ pub fn diagnose(
                                 present = fitted;
                                 rejected.clear();
                                 tried.clear();
-                                conclude(&mut rounds, RoundOutcome::Added { effects: vec![spec], removed: Vec::new() });
+                                // Effects that were added before may have imitated what the formula describes.
+                                let removed = model.remove_unnecessary(&mut present, 0, examination.tests)?;
+                                conclude(&mut rounds, RoundOutcome::Added { effects: vec![spec], removed });
                                 continue;
                             }
                             Err(reason) => formula_refused = Some(reason),
@@ -227,6 +229,7 @@ pub fn diagnose(
                 present = fitted;
                 rejected.clear();
                 tried.clear();
+                model.remove_unnecessary(&mut present, 0, examination.tests)?;
             }
             Err(reason) => {
                 formula_refused = Some(reason);

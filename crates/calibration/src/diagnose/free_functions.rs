@@ -21,6 +21,8 @@ const LINES: usize = 24;
 const BOARD: usize = 4;
 /// Basis functions over inverse depth, over which errors may be waves.
 const DEPTH: usize = 14;
+/// Basis functions over radius and inverse depth together.
+const RADIUS_AND_DEPTH: [usize; 2] = [6, 6];
 /// Basis functions over the logarithm of the amplitude, the cosine of incidence, time and temperature.
 const AMPLITUDE: usize = 6;
 const INCIDENCE: usize = 5;
@@ -106,13 +108,20 @@ pub fn free_functions(
             list.push(free_function(name, along, on_depth, vec![axis(range.low, range.high, count, CUBIC)]));
         }
     };
-    along("depth", Along::Depth, states.range(|s, _| s[2]), DEPTH, 0.0);
+    let (radii, depths) = (states.range(|s, _| s[0].hypot(s[1])), states.range(|s, _| s[2]));
+    along("depth", Along::Depth, depths, DEPTH, 0.0);
     let amplitude = states.range(|_, c| log_amplitude(c));
     along("amplitude", Along::Amplitude, amplitude, AMPLITUDE, thresholds.least_log_amplitude_span);
     along("incidence", Along::Incidence, states.range(|s, _| s[3]), INCIDENCE, thresholds.least_cos_incidence_span);
     along("time", Along::Time, states.range(|_, c| c.time_s), TIME, thresholds.least_time_span_s);
     let temperature = states.range(|_, c| c.temperature_c);
     along("temperature", Along::Temperature, temperature, TEMPERATURE, thresholds.least_temperature_span_c);
+    // Lenses and light make errors of the ray that change with depth: functions of either alone do not follow them.
+    if let Some((radii, depths)) = radii.zip(depths).filter(|(r, d)| r.span() > 0.0 && d.span() > 0.0) {
+        let [of_radius, of_depth] = RADIUS_AND_DEPTH;
+        let axes = vec![axis(radii.low, radii.high, of_radius, CUBIC), axis(depths.low, depths.high, of_depth, CUBIC)];
+        list.push(free_function("radius and depth", Along::RadiusAndDepth, on_depth, axes));
+    }
     list
 }
 

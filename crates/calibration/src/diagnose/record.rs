@@ -3,10 +3,11 @@
 use depthcal_io::{
     DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
     DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration,
-    DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut,
-    DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible, DiagnosisProposedFrame,
-    DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication,
-    DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
+    DiagnosisExchange, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
+    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
+    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep,
+    DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
@@ -132,6 +133,7 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
     Some(DiagnosisFormula {
         expression: definition.formula.texts().join("; "),
         covariates: found.covariates.clone(),
+        covariates_not_told_apart: found.covariates_not_told_apart.iter().map(exchange).collect(),
         place: found.place,
         stability: found.stability,
         confirmed: found.confirmed,
@@ -144,6 +146,10 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
         components: found.components.iter().map(component).collect(),
         definition: definition.clone(),
     })
+}
+
+fn exchange([covariate, instead]: &[String; 2]) -> DiagnosisExchange {
+    DiagnosisExchange { covariate: covariate.clone(), instead: instead.clone() }
 }
 
 fn component(component: &Component) -> DiagnosisComponent {
@@ -221,6 +227,7 @@ fn along(along: Along) -> DiagnosisCovariate {
         Along::Column => DiagnosisCovariate::Column,
         Along::Row => DiagnosisCovariate::Row,
         Along::Depth => DiagnosisCovariate::Depth,
+        Along::RadiusAndDepth => DiagnosisCovariate::RadiusAndDepth,
         Along::Amplitude => DiagnosisCovariate::Amplitude,
         Along::Incidence => DiagnosisCovariate::Incidence,
         Along::Time => DiagnosisCovariate::Time,

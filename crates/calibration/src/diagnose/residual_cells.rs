@@ -25,6 +25,7 @@ pub(super) struct Cells {
     pub pixel: [u16; 2],
     board: [u16; 2],
     depth: u16,
+    radius: u16,
     amplitude: u16,
     incidence: u16,
     /// Residual in standard deviations of the noise.
@@ -59,7 +60,7 @@ const fn cover(along: &'static [Along], cell: f64, place: fn(&Cells) -> [u16; 2]
 }
 
 /// The grids. One covariate at a time as finely as it goes; pairs as far as an effect of both may need.
-pub(super) const COVERS: [Cover; 11] = [
+pub(super) const COVERS: [Cover; 12] = [
     cover(&[Along::Pixel], 1.0, |c| c.pixel),
     cover(&[Along::Column], 1.0, |c| [c.pixel[0], 0]),
     cover(&[Along::Row], 1.0, |c| [c.pixel[1], 0]),
@@ -69,6 +70,7 @@ pub(super) const COVERS: [Cover; 11] = [
     cover(&[Along::Incidence], 1.0 / LINE_CELLS as f64, |c| [c.incidence, 0]),
     cover(&[Along::Column, Along::Depth], 0.0, |c| [c.pixel[0] / COARSER, c.depth / COARSER]),
     cover(&[Along::Row, Along::Depth], 0.0, |c| [c.pixel[1] / COARSER, c.depth / COARSER]),
+    cover(&[Along::RadiusAndDepth], 0.0, |c| [c.radius / COARSER, c.depth / COARSER]),
     cover(&[Along::Amplitude, Along::Depth], 0.0, |c| [c.amplitude / COARSER, c.depth / COARSER]),
     cover(&[Along::Amplitude, Along::Incidence], 0.0, |c| [c.amplitude / COARSER, c.incidence / COARSER]),
 ];
@@ -76,6 +78,7 @@ pub(super) const COVERS: [Cover; 11] = [
 /// The cells of a frame's pixels, and the sums of their squared errors, mm², and of the inverse variances of their noise, 1/mm².
 pub(super) fn cells_of(fit: &Calibrated, errors: &[PixelError]) -> (Vec<Cells>, [f64; 2]) {
     let mut sums = [0.0; 2];
+    let [_, _, cx, cy, _] = fit.camera.pinhole();
     let cells = errors.iter().map(|p| {
         let rho = 1.0 / p.board_depth_mm;
         let noise_mm = fit.noise.depth.sigma(rho) / (rho * rho);
@@ -87,6 +90,7 @@ pub(super) fn cells_of(fit: &Calibrated, errors: &[PixelError]) -> (Vec<Cells>, 
             pixel: p.context.pixel.map(|x| cell(x + 0.5, 1.0)),
             board: p.board.map(|x| cell(x + BOARD_MARGIN_MM, CELL_MM)),
             depth: cell(p.board_depth_mm, CELL_MM),
+            radius: cell((p.context.pixel[0] - cx).hypot(p.context.pixel[1] - cy), 1.0),
             amplitude: cell(amplitude, 1.0),
             incidence: cell(p.cos_incidence * f64::from(LINE_CELLS), 1.0),
             value: (p.after_mm / noise_mm).clamp(-MOST_SIGMAS, MOST_SIGMAS) as f32,

@@ -14,6 +14,8 @@ pub enum DiagnosisCovariate {
     Row,
     /// Inverse depth.
     Depth,
+    /// Distance of the pixel from the optical axis, and inverse depth, jointly.
+    RadiusAndDepth,
     /// Logarithm of the infrared amplitude.
     Amplitude,
     /// Infrared amplitude around the pixel.

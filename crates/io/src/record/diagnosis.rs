@@ -103,9 +103,12 @@ pub struct DiagnosisFormula {
     pub expression: String,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
+    /// Covariates that may stand for one of these: the frames do not tell which of the two it is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub covariates_not_told_apart: Vec<DiagnosisExchange>,
     /// Place and form.
     pub place: DiagnosisPlace,
-    /// Share of resamples of the frames in which the best of all terms has these covariates.
+    /// Share of resamples of the frames in which the best of all terms has these covariates, or ones that are not told apart from them.
     pub stability: f64,
     /// Whether frames that the search did not see confirm sign and size; else it is a candidate.
     pub confirmed: bool,
@@ -128,6 +131,15 @@ pub struct DiagnosisFormula {
     pub components: Vec<DiagnosisComponent>,
     /// The effect whole, as `--with` takes it in a file.
     pub definition: FormulaDefinition,
+}
+
+/// Two covariates that rise and fall together in the frames, such as time and temperature while a camera warms up.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct DiagnosisExchange {
+    /// The covariate of the formula.
+    pub covariate: String,
+    /// The one that explains as much in its place.
+    pub instead: String,
 }
 
 /// The size of an effect in frames that were set aside, over that in the others.

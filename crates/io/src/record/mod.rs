@@ -29,9 +29,9 @@ pub use decision::{
     DiagnosisUnexplainedOutcome,
 };
 pub use diagnosis::{
-    DiagnosisCandidate, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFramePlane, DiagnosisHeldOut,
-    DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp,
-    DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
+    DiagnosisCandidate, DiagnosisExchange, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFramePlane,
+    DiagnosisHeldOut, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisReplication, DiagnosisRound,
+    DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
 pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms};
 pub use findings::{

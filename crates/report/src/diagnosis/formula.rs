@@ -49,6 +49,12 @@ pub(crate) fn formula_sentences(f: &DiagnosisFormula, form: &FormulaText) -> Vec
             percent(100.0 * f.share_of_free_function)
         ),
     ];
+    for exchange in &f.covariates_not_told_apart {
+        sentences.push(format!(
+            "these captures cannot tell whether it depends on {} or on {}, which rise and fall together",
+            exchange.covariate, exchange.instead
+        ));
+    }
     if !f.replaced.is_empty() {
         sentences.push(format!(
             "it took the place of {}, which explain left-out frames less well together",

@@ -22,6 +22,7 @@ fn covariate(covariate: DiagnosisCovariate) -> &'static str {
         DiagnosisCovariate::Column => "the image column",
         DiagnosisCovariate::Row => "the image row",
         DiagnosisCovariate::Depth => "the distance",
+        DiagnosisCovariate::RadiusAndDepth => "the distance from the image's centre and the depth together",
         DiagnosisCovariate::Amplitude => "the infrared amplitude",
         DiagnosisCovariate::Surroundings => "the infrared amplitude around the pixel",
         DiagnosisCovariate::StrayLight => "the infrared amplitude and the depth of the whole frame",

@@ -3,13 +3,15 @@
 //! A typed library of terms of one and two covariates (`library`, `term`) is scored against the rows of a fit from which poses are
 //! eliminated (`observations`, `screening`); the best are refined and compared on left-out frames, and the simpler of equals wins
 //! (`selection`). What is found has to be better than the best of so many terms would be by chance, and to have the same covariates in other
-//! frames (`significance`); it has to explain nearly what any function of its covariates does (`free`). Places and forms that the frames
+//! frames (`significance`), where covariates that rise and fall together count as one (`exchange`); it has to explain nearly what any function of
+//! its covariates does (`free`). Places and forms that the frames
 //! cannot tell from its own are listed (`places`). Frames that the search has not seen confirm its sign and size, or do not
 //! (`confirmation`). Drawn is what the formula describes of the residuals (`component`).
 
 mod component;
 mod confirmation;
 mod definition;
+mod exchange;
 mod free;
 mod library;
 mod observations;
@@ -31,10 +33,10 @@ use tracing::{debug, info};
 pub use self::component::{Component, ComponentBin, components};
 use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
+use self::exchange::exchanges;
 use self::free::gain_of_free_function;
 use self::observations::Observations;
 use self::places::places_not_told_apart;
-use self::score::Score;
 use self::screening::screen;
 use self::selection::select;
 use self::significance::{p_value, stability};
@@ -50,13 +52,15 @@ pub struct Discovery {
     pub effect: FormulaEffect,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
+    /// Covariates that may stand for one of these: the formula's own, and the other one. The frames do not tell which of them it is.
+    pub covariates_not_told_apart: Vec<[String; 2]>,
     /// Place and form.
     pub place: DiagnosisPlace,
     /// Places and forms that the frames cannot tell from it.
     pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// How often the best of all terms explains as much where the signs of the frames are drawn at random.
     pub p_value: f64,
-    /// Share of resamples of the frames in which the best term has the same covariates.
+    /// Share of resamples of the frames in which the best term has the same covariates, or ones that are not told apart from them.
     pub stability: f64,
     /// Whether the frames that the search did not see confirm sign and size.
     pub confirmed: bool,
@@ -124,7 +128,7 @@ pub fn search(
     let all = own.with_set_aside(verify.and_then(Observations::of));
     let searched = all.searched();
     let screened = screen(&searched);
-    let p = p_value(&screened);
+    let p = p_value(&searched, &screened, thresholds.level);
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
     if !(p <= thresholds.level) {
         return Search::Nothing(format!("the best of {} terms could be chance (p = {p:.2})", screened.len()));
@@ -150,8 +154,9 @@ pub fn search(
         Err(error) => return Search::Nothing(error.to_string()),
     };
     // Resamples are of all frames: whether other frames would show the same is no matter of those that were searched.
-    let of_sum = (term.products.len() > 1).then(|| Score::of(&all.normals(term), all.shared)).flatten();
-    let stability = stability(&screen(&all), term, of_sum.as_ref());
+    let refined: Vec<&Term> = std::iter::once(&chosen).chain(&others).map(|judged| &judged.term).collect();
+    let exchanges = exchanges(&all, term, &refined, thresholds);
+    let stability = stability(&all, term, &refined, &exchanges);
     info!("formulas: {} ({}), stability {stability:.2}", effect.text(), term.of.words());
     if stability < thresholds.least_stability {
         return Search::Nothing(format!("{} has its covariates in {stability:.2} of resamples only", effect.text()));
@@ -184,6 +189,7 @@ pub fn search(
     let resembling = examination.effects().filter(|effect| effect.gain() > RESEMBLES * whole_gain);
     Search::Found(Box::new(Discovery {
         covariates: names(term),
+        covariates_not_told_apart: exchanges.iter().map(|e| [e.own, e.other].map(|c| c.name().to_owned())).collect(),
         place: DiagnosisPlace { of: term.of, on: term.on },
         places_not_told_apart: places_not_told_apart(&all, term, thresholds),
         p_value: p,

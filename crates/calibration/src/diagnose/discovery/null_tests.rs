@@ -10,8 +10,8 @@ use super::*;
 use crate::calibrate::{CalibrateOptions, calibrate};
 use crate::simulated;
 
-/// The terms' scores of a capture without effects, in which every frame has a plane of its own of about so many mm.
-fn screened(seed: u64, planes_mm: f64) -> Vec<screening::Screened> {
+/// The rows of a capture without effects, in which every frame has a plane of its own of about so many mm.
+fn observations(seed: u64, planes_mm: f64) -> Observations {
     let camera = CameraTruth::published(1 + (seed % 4) as usize).unwrap();
     let simulation = Simulation::new(camera, Kind::General(1), &[], 200 + seed).unit(seed);
     let mut capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
@@ -25,7 +25,7 @@ fn screened(seed: u64, planes_mm: f64) -> Vec<screening::Screened> {
     }
     let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
     let fit = calibrate(&capture, &options).unwrap();
-    screen(&Observations::of(&fit).unwrap())
+    Observations::of(&fit).unwrap()
 }
 
 /// The parts of a term's score by frame have the variance that its information says.
@@ -36,7 +36,7 @@ fn scores_of_frames_have_the_variance_of_noise() {
         (0..s.parts.len()).map(of_frame).sum::<f64>() / s.term.columns() as f64
     };
     let of_capture = |seed| {
-        let screened = screened(seed, 0.0);
+        let screened = screen(&observations(seed, 0.0));
         screened.iter().map(over_information).sum::<f64>() / screened.len() as f64
     };
     let means: Vec<f64> = (0..4).map(of_capture).collect();
@@ -49,12 +49,17 @@ fn scores_of_frames_have_the_variance_of_noise() {
 /// but not below the level at which a formula is accepted.
 #[test]
 fn p_values_are_those_of_chance() {
-    let p_values = |planes_mm| (0..8).map(|seed| p_value(&screened(seed, planes_mm))).collect::<Vec<f64>>();
+    let level = Thresholds::default().level;
+    let of = |seed, planes_mm| {
+        let observations = observations(seed, planes_mm);
+        p_value(&observations, &screen(&observations), level)
+    };
+    let p_values = |planes_mm| (0..8).map(|seed| of(seed, planes_mm)).collect::<Vec<f64>>();
     let mut clean = p_values(0.0);
     let median = upper_median(&mut clean).unwrap();
     // The fifth of eight uniform values is outside of these bounds in 1 % of cases.
     assert!((0.1..0.97).contains(&median), "{clean:?}");
     let with_planes = p_values(2.0);
     let least = clean.iter().chain(&with_planes).copied().fold(1.0, f64::min);
-    assert!(least > Thresholds::default().level, "{clean:?} {with_planes:?}");
+    assert!(least > level, "{clean:?} {with_planes:?}");
 }

@@ -71,6 +71,13 @@ fn is_in_block_set_aside(frame: usize, frames: usize) -> bool {
     (frame * BLOCKS / frames.max(1)) % 3 == 1
 }
 
+impl Normal {
+    /// A sum without one of its terms.
+    pub fn without(&self, own: &Self) -> Self {
+        Self { hessian: &self.hessian - &own.hessian, gradient: &self.gradient - &own.gradient }
+    }
+}
+
 impl Sample {
     /// Inverse depth in a place.
     fn rho(&self, of: Of) -> f64 {
@@ -258,6 +265,22 @@ impl FrameRows {
             }
         }
         columns
+    }
+
+    /// The same with the residuals that remain after a step of the shared columns and those of a term.
+    pub fn after(&self, term: &Term, step: &DVector<f64>) -> Self {
+        let shared = self.hessian.nrows();
+        let columns = self.columns(term);
+        let (of_shared, of_term) = (step.rows(0, shared), step.rows(shared, columns.ncols()));
+        let change = &columns * of_term;
+        let products = self.matrix.columns(0, POSE + shared).tr_mul(&change);
+        // Without what the pose takes up of the term.
+        let projected = &change - self.matrix.columns(0, POSE) * products.rows(0, POSE);
+        let mut left = self.clone();
+        let residuals = self.matrix.column(POSE + shared) + self.matrix.columns(POSE, shared) * of_shared + projected;
+        left.matrix.column_mut(POSE + shared).copy_from(&residuals);
+        left.gradient += &self.hessian * of_shared + products.rows(POSE, shared);
+        left
     }
 
     /// Normal equations over the shared columns and others.

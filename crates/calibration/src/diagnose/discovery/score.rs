@@ -64,11 +64,17 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
         block += prior;
     }
     let gain = |own: &Normal| {
-        let others = Normal { hessian: &whole.hessian - &own.hessian, gradient: &whole.gradient - &own.gradient };
+        let others = whole.without(own);
         let without = change(&of_shared(own, shared), &step(&of_shared(&others, shared)));
         without - change(own, &step(&others))
     };
     normals.iter().map(gain).collect()
+}
+
+/// For every frame the estimates of all columns from all other frames.
+pub(super) fn left_out_steps(normals: &[Normal]) -> Vec<DVector<f64>> {
+    let Some(whole) = sum(normals) else { return Vec::new() };
+    normals.iter().map(|own| step(&whole.without(own))).collect()
 }
 
 /// The largest total gain over some strengths of a prior, relative to the columns' own information.

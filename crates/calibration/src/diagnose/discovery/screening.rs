@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::library::{Density, Function, MOST_COLUMNS, factors, functions};
 use super::observations::{FrameRows, Observations};
+use super::score::Score;
 use super::term::{Product, Term, family};
 
 /// The covariates of the library.
@@ -29,6 +30,28 @@ pub(super) struct Screened {
 }
 
 impl Screened {
+    /// A term of one product with its score in so many groups of frames; `None` where the shared columns take it up.
+    pub fn of(observations: &Observations, term: &Term, groups: usize) -> Option<Self> {
+        let score = Score::of(&observations.normals(term), observations.shared)?;
+        let (columns, frames) = (term.columns(), score.parts.len());
+        if columns > MOST_COLUMNS {
+            return None;
+        }
+        let mut parts = vec![[0.0; MOST_COLUMNS]; groups];
+        for (frame, part) in score.parts.iter().enumerate() {
+            let sum = &mut parts[frame * groups / frames];
+            sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+        }
+        let of = |i: usize, j: usize| if i.max(j) < columns { score.information[(i, j)] } else { 0.0 };
+        let information = [of(0, 0), of(0, 1), of(1, 1)];
+        (information[0] > 0.0).then(|| Self {
+            term: term.clone(),
+            parts,
+            unexplained: Vec::new(),
+            inverse: inverted(information, columns),
+        })
+    }
+
     /// Score statistic Uᵀ V⁻¹ U of the weighted sum of the frames' scores.
     #[inline]
     pub fn statistic(&self, weight: impl Fn(usize) -> f64) -> f64 {

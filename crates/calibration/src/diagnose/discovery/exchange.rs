@@ -1,0 +1,80 @@
+//! Covariates that frames hardly tell apart: while a camera warms up its temperature follows the time.
+
+use std::collections::BTreeSet;
+
+use depthcal_formula::FormulaCovariate as C;
+use depthcal_model::Of;
+use depthcal_statistics::{mean_to_standard_error, rank_correlation};
+use tracing::debug;
+
+use super::observations::Observations;
+use super::selection::Judged;
+use super::term::Term;
+use crate::diagnose::thresholds::Thresholds;
+
+/// Rank correlation from which one of two covariates may stand for the other.
+const ALIKE: f64 = 0.8;
+/// Samples over which it is computed, about.
+const SAMPLES: usize = 2000;
+
+/// A covariate of a formula, and another with which a formula explains as much.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Exchange {
+    /// The covariate of the formula, as its family.
+    pub own: C,
+    /// The other one.
+    pub other: C,
+}
+
+impl Exchange {
+    /// Covariates with the other one in the place of the formula's own.
+    pub fn of(self, families: &BTreeSet<C>) -> BTreeSet<C> {
+        families.iter().map(|c| if *c == self.own { self.other } else { *c }).collect()
+    }
+}
+
+/// The covariates that may stand for one of a chosen term's: the frames do not tell the best term with it from the chosen one, and one of
+/// the two covariates rises or falls with the other.
+pub(super) fn exchanges(
+    observations: &Observations,
+    chosen: &Term,
+    others: &[&Term],
+    thresholds: &Thresholds,
+) -> Vec<Exchange> {
+    let families = chosen.families();
+    let own_gains = Judged::new(observations, chosen.clone());
+    let mut found: Vec<Exchange> = Vec::new();
+    for other in others {
+        let of_other = other.families();
+        let own: Vec<C> = families.difference(&of_other).copied().collect();
+        let instead: Vec<C> = of_other.difference(&families).copied().collect();
+        let ([own], [instead]) = (&own[..], &instead[..]) else { continue };
+        let exchange = Exchange { own: *own, other: *instead };
+        if found.contains(&exchange) || !rise_together(observations, exchange, chosen.of) {
+            continue;
+        }
+        let of_other = Judged::new(observations, (*other).clone());
+        let t = mean_to_standard_error(&own_gains.lost_by(&of_other));
+        debug!(
+            "formulas: {:?} in the place of {:?} explains {:.1} instead of {:.1} ({t:.1} standard errors)",
+            exchange.other,
+            exchange.own,
+            of_other.gain(),
+            own_gains.gain()
+        );
+        if t < thresholds.distinguishing_t {
+            found.push(exchange);
+        }
+    }
+    found
+}
+
+/// Whether one of two covariates rises or falls with the other.
+fn rise_together(observations: &Observations, exchange: Exchange, of: Of) -> bool {
+    let count: usize = observations.frames.iter().map(|frame| frame.samples.len()).sum();
+    let samples = observations.frames.iter().flat_map(|frame| &frame.samples).step_by((count / SAMPLES).max(1));
+    let values = samples.map(|s| [s.value(exchange.own, of), s.value(exchange.other, of)]);
+    let known: Vec<[f64; 2]> = values.filter(|v| v.iter().all(|v| v.is_finite())).collect();
+    let column = |i: usize| known.iter().map(|v| v[i]).collect::<Vec<f64>>();
+    rank_correlation(&column(0), &column(1)).abs() >= ALIKE
+}
