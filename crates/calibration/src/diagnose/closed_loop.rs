@@ -71,7 +71,7 @@ pub fn diagnose(
     let mut present = first.clone();
     let mut rounds: Vec<Round> = Vec::new();
     // Largest merit of an added effect as a share of the cost.
-    let mut explained = 0.0_f64;
+    let mut largest_share = 0.0_f64;
     let mut left_over: Vec<LeftOver> = Vec::new();
     let mut possible: Vec<Possible> = Vec::new();
     // Effects that did not reduce the held-out errors of the present model.
@@ -94,7 +94,7 @@ pub fn diagnose(
                     examine(&present.fit, register, thresholds)?
                 }
             };
-            let least_share = thresholds.least_relative_gain * explained;
+            let least_share = thresholds.least_relative_gain * largest_share;
             let (decision, refuted) =
                 decide_without_refuted(&present.fit, &examination, least_share, [&rejected, &hidden], options)?;
             rounds.push(Round::new(&examination, decision.clone(), refuted));
@@ -118,6 +118,7 @@ pub fn diagnose(
                         continue;
                     }
                     if let Some(fitted) = formula_instead(&mut model, &first, &present, thresholds)? {
+                        largest_share = share_of_last(&model, first.fit.cost);
                         present = fitted;
                         rejected.clear();
                         tried.clear();
@@ -128,6 +129,7 @@ pub fn diagnose(
                         model.report("searching a formula", &model.present());
                         match find_formula(&mut model, &examination, &present, thresholds)? {
                             Ok((spec, fitted)) => {
+                                largest_share = largest_share.max(share_of_last(&model, examination.cost()));
                                 present = fitted;
                                 rejected.clear();
                                 tried.clear();
@@ -193,7 +195,7 @@ pub fn diagnose(
                             continue;
                         }
                     }
-                    explained = explained.max(merit(found) / examination.cost());
+                    largest_share = largest_share.max(merit(found) / examination.cost());
                     rejected.clear();
                     tried.clear();
                     let effects = model.added[before..].iter().map(|a| a.evidence.spec.clone()).collect();
@@ -209,6 +211,7 @@ pub fn diagnose(
             }
         };
         if let Some(fitted) = formula_instead(&mut model, &first, &present, thresholds)? {
+            largest_share = share_of_last(&model, first.fit.cost);
             present = fitted;
             rejected.clear();
             tried.clear();
@@ -226,6 +229,7 @@ pub fn diagnose(
         model.report("searching a formula", &model.present());
         match find_formula(&mut model, &examination, &present, thresholds)? {
             Ok((_, fitted)) => {
+                largest_share = largest_share.max(share_of_last(&model, examination.cost()));
                 present = fitted;
                 rejected.clear();
                 tried.clear();
@@ -294,6 +298,11 @@ pub fn diagnose(
         planes,
         examination,
     })
+}
+
+/// Merit of the effect that was added last, as a share of the cost before it.
+fn share_of_last(model: &AugmentedModel<'_>, cost: f64) -> f64 {
+    model.added.last().map_or(0.0, |added| merit(&added.evidence) / cost)
 }
 
 /// Searches a formula for what the present model leaves and adds it; else the reason why there is none.

@@ -8,6 +8,7 @@ use depthcal_statistics::{mean_to_standard_error, rank_correlation};
 use tracing::debug;
 
 use super::observations::Observations;
+use super::screening::Screened;
 use super::selection::Judged;
 use super::term::Term;
 use crate::diagnose::thresholds::Thresholds;
@@ -42,7 +43,6 @@ pub(super) fn exchanges(
     thresholds: &Thresholds,
 ) -> Vec<Exchange> {
     let families = chosen.families();
-    let own_gains = Judged::new(observations, chosen.clone());
     let mut found: Vec<Exchange> = Vec::new();
     for other in others {
         let of_other = other.families();
@@ -53,20 +53,25 @@ pub(super) fn exchanges(
         if found.contains(&exchange) || !rise_together(observations, exchange, chosen.of) {
             continue;
         }
-        let of_other = Judged::new(observations, (*other).clone());
-        let t = mean_to_standard_error(&own_gains.lost_by(&of_other));
-        debug!(
-            "formulas: {:?} in the place of {:?} explains {:.1} instead of {:.1} ({t:.1} standard errors)",
-            exchange.other,
-            exchange.own,
-            of_other.gain(),
-            own_gains.gain()
-        );
+        let t = certainty(observations, chosen, other);
+        debug!("formulas: {:?} in the place of {:?} is worse by {t:.1} standard errors", exchange.other, exchange.own);
         if t < thresholds.distinguishing_t {
             found.push(exchange);
         }
     }
     found
+}
+
+/// Standard errors over frames by which one term is better than another: on frames that are left out, or in what they explain of those that
+/// they are estimated from, whichever is less certain.
+fn certainty(observations: &Observations, term: &Term, other: &Term) -> f64 {
+    let judged = |term: &Term| Judged::new(observations, term.clone());
+    let held_out = mean_to_standard_error(&judged(term).lost_by(&judged(other)));
+    let weights = vec![1.0; observations.frames.len()];
+    let explained = |term: &Term| Some(Screened::of(observations, term, weights.len())?.contributions(&weights));
+    let Some((own, of_other)) = explained(term).zip(explained(other)) else { return held_out };
+    let lost: Vec<f64> = own.iter().zip(&of_other).map(|(own, other)| own - other).collect();
+    held_out.min(mean_to_standard_error(&lost))
 }
 
 /// Whether one of two covariates rises or falls with the other.

@@ -24,7 +24,7 @@ const LEFT_OUT: usize = 3;
 const PREDICTS_T: f64 = 1.0;
 /// Resamples of the frames.
 const RESAMPLES: usize = 100;
-/// A simpler term wins where it is worse than the best by less than this many standard errors over frames …
+/// A term of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
 const TIE_T: f64 = 1.0;
 /// … and not by more than this share.
 const LEAST_SHARE: f64 = 0.8;
@@ -75,12 +75,13 @@ fn without_best(observations: &Observations, screened: &[Screened]) -> Option<Ob
     Some(Observations { frames: frames.collect(), shared: observations.shared })
 }
 
-/// The best term for weights of the frames; of terms that are nearly as good the one with the fewest covariates, then the simplest.
+/// The best term for weights of the frames; of terms that are nearly as good one with the fewest covariates. A simpler shape is no reason to
+/// take other covariates.
 fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
     let merits: Vec<f64> = screened.iter().map(|s| s.merit(|i| weights[i])).collect();
     let most = merits.iter().copied().fold(f64::MIN, f64::max);
     let first = merits.iter().position(|merit| *merit == most)?;
-    let effort = |i: usize| (screened[i].term.families().len(), screened[i].term.complexity());
+    let effort = |i: usize| screened[i].term.families().len();
     let of_best = screened[first].contributions(weights);
     let is_as_good = |i: &usize| {
         let lost: Vec<f64> =
