@@ -75,6 +75,11 @@ fn unit(name: &str, fit: &Calibrated) -> Result<Unit, Failure> {
     Unit::new(name, name, &record, scores.as_ref(), &register).ok_or_else(|| "a unit without covariance".into())
 }
 
+/// Units of a fleet have the same terms of the lens, whatever the frames of one determine.
+fn same_lens() -> CalibrateOptions {
+    CalibrateOptions { lens: "brown-conrady:full".to_owned(), ..CalibrateOptions::default() }
+}
+
 /// Fleet number `fleet`: its cameras, drawn anew, and what they say together.
 fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth) + Sync) -> Result<Joined, Failure> {
     let units: Result<Vec<Unit>, Failure> = (0..UNITS)
@@ -83,7 +88,7 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
             let seed = 1000 * fleet + i as u64;
             let mut own = camera(&mut ChaCha8Rng::seed_from_u64(seed))?;
             change(i, &mut own);
-            let fit = calibrate(&capture(own, effects, FRAMES, 77_000 + seed)?, &CalibrateOptions::default())?;
+            let fit = calibrate(&capture(own, effects, FRAMES, 77_000 + seed)?, &same_lens())?;
             unit(&format!("unit{i:02}"), &fit)
         })
         .collect();
@@ -94,7 +99,7 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
 fn detectable_size() -> Result<f64, Failure> {
     let thresholds = Thresholds::default();
     let register = Register::builtin();
-    let options = CalibrateOptions::default();
+    let options = same_lens();
     let mut size = Effect::with_default_size(SHARED)?.size;
     let mut found = (1.0, 1);
     for _ in 0..6 {

@@ -124,7 +124,14 @@ fn common(units: Vec<Unit>, mut left_out: Vec<FleetLeftOut>) -> Result<Common, F
             }
             (_, Some(twin)) => format!("it is of the same dataset as {}", twin.name),
             _ if !missing.is_empty() => {
-                format!("it does not determine {}, which most others do", missing.join(", "))
+                format!(
+                    "{} held or not determined, but most others have it: calibrate it with the same --model, --with and --lens, such as brown-conrady:full",
+                    if missing.len() == 1 {
+                        format!("{} is", missing[0])
+                    } else {
+                        format!("{} are", missing.join(", "))
+                    }
+                )
             }
             _ => {
                 alike.push(unit.clone());
