@@ -6,20 +6,20 @@
 //! a unit that is off in one. T is an estimate from n units, so a standardised departure is taken as Student's t with n − 1 degrees of freedom and
 //! mapped to the normal deviate of the same tail.
 //!
-//! Outliers must not hide each other by what they do to T. The search begins with weights that units lose with their distance (the EM algorithm of
-//! a multivariate t model; Lange, Little, Taylor 1989), and then takes units out and in by their p-values until none changes.
+//! Outliers must not hide each other by what they do to T. The search begins from medians and median absolute deviations of every
+//! parameter (Rousseeuw, Croux 1993), which a few units cannot move, and then takes units out and in by their p-values until none changes.
 
-use depthcal_statistics::{chi_squared_tail, chi_squared_upper_quantile, f_tail};
+use depthcal_statistics::{chi_squared_tail, chi_squared_upper_quantile, f_tail, median};
 use nalgebra::DVector;
 use rayon::prelude::*;
 
 use crate::random_effects::{RandomEffects, UnitEstimate};
 use crate::scaled::{Scaled, decorrelated};
 
-/// Degrees of freedom of the t model with which the search begins.
-const START_DEGREES: f64 = 4.0;
-/// Rounds of its weights.
-const START_ROUNDS: usize = 12;
+/// Standard deviation of a normal distribution over its median absolute deviation.
+const NORMAL_MAD: f64 = 1.4826;
+/// Least variance between units with which the search begins, as a share of the variance that is seen.
+const LEAST_START: f64 = 0.1;
 /// p-value below which a unit is left out when the search begins: generous, since it comes back if the others do not mind.
 const START_LEVEL: f64 = 0.01;
 /// Rounds in which units are taken out and in.
@@ -84,25 +84,34 @@ fn most_alike(departures: &[Option<Departure>], level: f64, fewest: usize) -> Ve
     kept
 }
 
-/// The units that a t model does not push away.
+/// The units that are near the others' median in every parameter and altogether.
 fn robust_start(units: &[UnitEstimate], fewest: usize) -> Vec<bool> {
-    let n = units.first().map_or(0, |u| u.value.len()) as f64;
-    let mut weights = vec![1.0; units.len()];
-    let mut distances = vec![0.0; units.len()];
-    for _ in 0..START_ROUNDS {
-        let Some(fit) = RandomEffects::weighted(units, &weights) else { return vec![true; units.len()] };
-        for (i, unit) in units.iter().enumerate() {
-            let Some(factor) = Scaled::new(&(&unit.covariance + &fit.between)) else { continue };
-            let departure = &unit.value - &fit.mean;
-            distances[i] = departure.dot(&(factor.inverse() * &departure));
-            weights[i] = (START_DEGREES + n) / (START_DEGREES + distances[i]);
-        }
-    }
+    let n = units.first().map_or(0, |u| u.value.len());
+    let over_units = |of: &dyn Fn(&UnitEstimate) -> f64| median(&mut units.iter().map(of).collect::<Vec<f64>>());
+    let centre = DVector::from_fn(n, |k, _| over_units(&|u| u.value[k]));
+    let between = DVector::from_fn(n, |k, _| {
+        let deviation = NORMAL_MAD * over_units(&|u| (u.value[k] - centre[k]).abs());
+        let noise = over_units(&|u| u.covariance[(k, k)]);
+        // The scatter that is seen has noise in it; it is no larger than what is seen.
+        (deviation * deviation - noise).max(LEAST_START * deviation * deviation)
+    });
+    let p: Vec<f64> = units
+        .iter()
+        .map(|unit| {
+            let covariance = &unit.covariance + nalgebra::DMatrix::from_diagonal(&between);
+            let Some(factor) = Scaled::new(&covariance) else { return 1.0 };
+            let precision = factor.inverse();
+            let difference = &unit.value - &centre;
+            let pulled = &precision * &difference;
+            let largest = (0..n).map(|k| pulled[k] * pulled[k] / precision[(k, k)]).fold(0.0, f64::max);
+            (n as f64 * chi_squared_tail(largest, 1)).min(chi_squared_tail(difference.dot(&pulled), n))
+        })
+        .collect();
     let mut order: Vec<usize> = (0..units.len()).collect();
-    order.sort_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+    order.sort_by(|a, b| p[*b].total_cmp(&p[*a]));
     let mut kept = vec![false; units.len()];
     for (rank, i) in order.into_iter().enumerate() {
-        kept[i] = rank < fewest || chi_squared_tail(distances[i], n as usize) >= START_LEVEL;
+        kept[i] = rank < fewest || p[i] >= START_LEVEL;
     }
     kept
 }

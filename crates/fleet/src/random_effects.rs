@@ -61,12 +61,11 @@ pub struct RandomEffects {
     pub units: usize,
 }
 
-/// The data in units in which all parameters have variances near 1, with a weight for every unit.
+/// The data in units in which all parameters have variances near 1.
 struct Data {
     scale: DVector<f64>,
     values: Vec<DVector<f64>>,
     covariances: Vec<DMatrix<f64>>,
-    weights: Vec<f64>,
 }
 
 /// The model at one T.
@@ -83,7 +82,7 @@ struct Evaluation {
 
 impl Data {
     /// `None` without units, or with an estimate or a variance that is no number.
-    fn new(units: &[UnitEstimate], weights: &[f64]) -> Option<Self> {
+    fn new(units: &[UnitEstimate]) -> Option<Self> {
         let n = units.first()?.value.len();
         let count = units.len() as f64;
         let mean = units.iter().fold(DVector::zeros(n), |sum, u| sum + &u.value) / count;
@@ -97,7 +96,7 @@ impl Data {
         let scaled = |u: &UnitEstimate| DMatrix::from_fn(n, n, |i, k| u.covariance[(i, k)] / (scale[i] * scale[k]));
         // About the plain mean: means of many standard deviations would cost digits.
         let values = units.iter().map(|u| (&u.value - &mean).component_div(&scale)).collect();
-        Some(Self { values, covariances: units.iter().map(scaled).collect(), weights: weights.to_vec(), scale })
+        Some(Self { values, covariances: units.iter().map(scaled).collect(), scale })
     }
 
     fn size(&self) -> usize {
@@ -109,12 +108,12 @@ impl Data {
         let mut twice = 0.0;
         let mut precisions = Vec::with_capacity(self.values.len());
         let (mut total, mut pull) = (DMatrix::zeros(n, n), DVector::zeros(n));
-        for ((value, covariance), weight) in self.values.iter().zip(&self.covariances).zip(&self.weights) {
+        for (value, covariance) in self.values.iter().zip(&self.covariances) {
             let factor = Scaled::new(&(covariance + between))?;
             twice -= factor.log_determinant();
             let precision = factor.inverse();
-            total += &precision * *weight;
-            pull += &precision * value * *weight;
+            total += &precision;
+            pull += &precision * value;
             precisions.push(precision);
         }
         let factor = Scaled::new(&total)?;
@@ -122,8 +121,8 @@ impl Data {
         let mean_covariance = factor.inverse();
         let mean = &mean_covariance * pull;
         let residuals: Vec<DVector<f64>> = self.values.iter().map(|value| value - &mean).collect();
-        for ((residual, precision), weight) in residuals.iter().zip(&precisions).zip(&self.weights) {
-            twice -= weight * residual.dot(&(precision * residual));
+        for (residual, precision) in residuals.iter().zip(&precisions) {
+            twice -= residual.dot(&(precision * residual));
         }
         Some(Evaluation { precisions, mean_covariance, mean, residuals, log_likelihood: 0.5 * twice })
     }
@@ -132,13 +131,13 @@ impl Data {
     fn slope(&self, at: &Evaluation) -> (DVector<f64>, DMatrix<f64>) {
         let n = self.size();
         let (mut gradient, mut information) = (DVector::zeros(n), DMatrix::zeros(n, n));
-        for ((precision, residual), weight) in at.precisions.iter().zip(&at.residuals).zip(&self.weights) {
+        for (precision, residual) in at.precisions.iter().zip(&at.residuals) {
             let pulled = precision * residual;
             let of_mean = precision * &at.mean_covariance * precision;
             for k in 0..n {
-                gradient[k] += 0.5 * (weight * pulled[k] * pulled[k] - precision[(k, k)] + weight * of_mean[(k, k)]);
+                gradient[k] += 0.5 * (pulled[k] * pulled[k] - precision[(k, k)] + of_mean[(k, k)]);
             }
-            let restricted = precision - of_mean * *weight;
+            let restricted = precision - of_mean;
             information += restricted.component_mul(&restricted) * 0.5;
         }
         (gradient, information)
@@ -208,10 +207,9 @@ impl Data {
     /// Where a search for a diagonal T starts: what noise does not explain of the variance.
     fn start(&self) -> DVector<f64> {
         let n = self.size();
-        let count = self.weights.iter().sum::<f64>();
+        let count = self.values.len() as f64;
         DVector::from_fn(n, |k, _| {
-            let of =
-                |f: &dyn Fn(usize) -> f64| (0..self.values.len()).map(|i| self.weights[i] * f(i)).sum::<f64>() / count;
+            let of = |f: &dyn Fn(usize) -> f64| (0..self.values.len()).map(|i| f(i)).sum::<f64>() / count;
             let mean = of(&|i| self.values[i][k]);
             let variance = of(&|i| (self.values[i][k] - mean).powi(2)) * count / (count - 1.0).max(1.0);
             let noise = of(&|i| self.covariances[i][(k, k)]);
@@ -308,19 +306,14 @@ fn plain_mean(units: &[UnitEstimate]) -> DVector<f64> {
 impl RandomEffects {
     /// The model with a diagonal T; `None` where the estimates are no numbers or a covariance is not positive definite.
     pub fn diagonal(units: &[UnitEstimate]) -> Option<Self> {
-        Self::weighted(units, &vec![1.0; units.len()])
-    }
-
-    /// The same with a weight for every unit: y_i ~ N(μ, S_i / w_i).
-    pub(crate) fn weighted(units: &[UnitEstimate], weights: &[f64]) -> Option<Self> {
-        let data = Data::new(units, weights)?;
+        let data = Data::new(units)?;
         let (variances, at) = data.diagonal(&data.start(), &vec![false; data.size()])?;
         Some(data.result(&plain_mean(units), &DMatrix::from_diagonal(&variances), 0, &at))
     }
 
     /// The model without scatter between units: T = 0.
     pub fn without_scatter(units: &[UnitEstimate]) -> Option<Self> {
-        let data = Data::new(units, &vec![1.0; units.len()])?;
+        let data = Data::new(units)?;
         let zero = DMatrix::zeros(data.size(), data.size());
         let at = data.evaluate(&zero)?;
         Some(data.result(&plain_mean(units), &zero, 0, &at))
@@ -328,7 +321,7 @@ impl RandomEffects {
 
     /// Twice the fall of the restricted log-likelihood when each parameter's variance between units is zero, all others being free.
     pub fn variance_ratios(&self, units: &[UnitEstimate]) -> Vec<f64> {
-        let Some(data) = Data::new(units, &vec![1.0; units.len()]) else { return Vec::new() };
+        let Some(data) = Data::new(units) else { return Vec::new() };
         let n = data.size();
         let start = DVector::from_fn(n, |k, _| self.between[(k, k)] / data.scale[k].powi(2));
         let whole = data.diagonal(&start, &vec![false; n]).map_or(self.log_likelihood, |(_, at)| at.log_likelihood);
@@ -347,7 +340,7 @@ impl RandomEffects {
     /// The model with as many common factors in T as Schwarz' criterion asks for.
     #[must_use]
     pub fn with_factors(self, units: &[UnitEstimate]) -> Self {
-        let Some(data) = Data::new(units, &vec![1.0; units.len()]) else { return self };
+        let Some(data) = Data::new(units) else { return self };
         let n = data.size();
         let mut own = DVector::from_fn(n, |k, _| self.between[(k, k)] / data.scale[k].powi(2));
         let mut loadings = DMatrix::zeros(n, 0);
