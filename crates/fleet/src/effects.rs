@@ -1,13 +1,13 @@
 //! Effects over all units: which are shared, and which differ from unit to unit.
 //!
-//! Of every effect each unit gives an estimate: from its model where that has the effect, else one step from its score,
-//! ê = V⁻¹ U with covariance V⁻¹. Where V pools to enough information, an effect is found that no unit's own data show: the noncentrality of
-//! the fleet's test is the sum of the units'. Estimates are compared in the coordinates in which the mean information is the identity, without
-//! the directions that no unit determines. Variances are multiplied by the factor by which the frames' scores scatter more than the noise model
-//! says, over all units together: a single unit has too few frames to tell.
+//! Of every effect each unit gives an estimate: from its model where that has the effect, else one step from its score, ê = V⁻¹ U
+//! with covariance V⁻¹. Where V pools to enough information, an effect is found that no unit's own data show: the noncentrality
+//! of the fleet's test is the sum of the units'. Estimates are compared in the coordinates in which the mean information is the
+//! identity, without the directions that no unit determines. Variances are multiplied by the factor by which the frames' scores
+//! scatter more than the noise model says, over all units together: a single unit has too few frames to tell.
 //!
-//! Effects are found one after another, as in a diagnosis: the best one first, then what is left given those found, every unit having these
-//! free. What was significant and is not any more is explained by the effect that was found last.
+//! Effects are found one after another, as in a diagnosis: the best one first, then what is left given those found, every unit
+//! having these free. What was significant and is not any more is explained by the effect that was found last.
 
 use depthcal_io::{FleetEffect, FleetEffectUnit};
 use depthcal_statistics::noncentrality;
@@ -94,6 +94,8 @@ pub(crate) struct Effects<'a> {
     pub units: &'a [Unit],
     /// Which of them are like the others.
     pub kept: &'a [bool],
+    /// Effects that some models have and all units tell: free in all of them.
+    pub adopted: &'a [EffectKey],
     /// Level of every family of tests.
     pub level: f64,
 }
@@ -152,7 +154,12 @@ impl<'a> Effects<'a> {
 
     /// The evidence for an effect given others; `None` where the units do not determine it.
     fn evidence(&self, effect: &Described<'_>, given: &[EffectKey]) -> Option<Evidence> {
-        let free: Vec<&EffectKey> = given.iter().chain([effect.key]).collect();
+        let mut free = vec![effect.key];
+        for key in self.adopted.iter().chain(given) {
+            if !free.contains(&key) {
+                free.push(key);
+            }
+        }
         let overdispersion = free.iter().map(|key| self.overdispersion(key)).fold(1.0, f64::max);
         let nominal = DVector::from_column_slice(effect.nominal);
         let estimate = |unit: &Unit| {
@@ -182,7 +189,8 @@ impl<'a> Effects<'a> {
         })
     }
 
-    /// All effects with what was found of them, by rising p-value, and the keys of the shared ones in the order in which they were found.
+    /// All effects with what was found of them, by rising p-value, and the keys of the shared ones in the order in which they
+    /// were found.
     pub fn all(&self, common: &[EffectKey]) -> (Vec<FleetEffect>, Vec<EffectKey>) {
         let described = self.described(common);
         let marginal: Vec<(&Described<'_>, Evidence)> =
@@ -299,7 +307,8 @@ impl<'a> Effects<'a> {
         }
     }
 
-    /// Units that are unlike the others in an effect, `given` effects being free; `level` is divided by the number of units and effects.
+    /// Units that are unlike the others in an effect, `given` effects being free; `level` is divided by the number of units and
+    /// effects.
     pub fn outliers(&self, common: &[EffectKey], given: &[EffectKey]) -> Vec<EffectOutliers> {
         let described = self.described(common);
         let tests = (self.units.len() * (described.len() + 1)) as f64;

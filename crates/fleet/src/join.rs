@@ -55,14 +55,16 @@ struct Common {
 /// [`FleetError::TooFew`], [`FleetError::NotPositiveDefinite`].
 pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOptions) -> Result<Joined, FleetError> {
     let Common { units, left_out, names, effects: common } = common(units, left_out)?;
-    let keys: Vec<&EffectKey> = common.iter().collect();
+    let adopted = adopted(&units, &common);
+    let keys: Vec<&EffectKey> = common.iter().chain(&adopted).collect();
     let estimates: Vec<UnitEstimate> = units
         .iter()
         .map(|u| u.estimate_with(&names, &keys, 1.0))
         .collect::<Option<_>>()
         .ok_or(FleetError::NotPositiveDefinite)?;
     let tested: usize =
-        Effects { units: &units, kept: &vec![true; units.len()], level: options.level }.count_all(&common);
+        Effects { units: &units, kept: &vec![true; units.len()], adopted: &adopted, level: options.level }
+            .count_all(&common);
     let tests = (units.len() * (tested + 1)) as f64;
     let search = find_outliers(&estimates, options.level / tests);
     let kept = |values: &[UnitEstimate]| -> Vec<UnitEstimate> {
@@ -72,10 +74,10 @@ pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOption
     let fit = RandomEffects::diagonal(&alike).ok_or(FleetError::NotPositiveDefinite)?;
     let ratios = fit.variance_ratios(&alike);
     let fit = fit.with_factors(&alike);
-    let effects = Effects { units: &units, kept: &search.kept, level: options.level };
+    let effects = Effects { units: &units, kept: &search.kept, adopted: &adopted, level: options.level };
     let (found_effects, shared) = effects.all(&common);
     let of_effects = effects.outliers(&common, &shared);
-    let prior = prior(&units, &search.kept, &names, &common, &shared, &fit);
+    let prior = prior(&units, &search.kept, &names, [&common, &adopted, &shared], &fit);
     let fleet = Fleet {
         units: units.iter().zip(&search.departures).map(|(u, d)| unit_record(u, d.as_ref())).collect(),
         left_out,
@@ -146,6 +148,19 @@ fn common(units: Vec<Unit>, mut left_out: Vec<FleetLeftOut>) -> Result<Common, F
         return Err(FleetError::TooFew { found: alike.len(), needed: FEWEST_UNITS, reasons });
     }
     Ok(Common { units: alike, left_out, names, effects: of_all })
+}
+
+/// Effects that the models of some units have, and that all others scored: they are made free in all, in which the parameters of
+/// a unit mean the same whether its model has the effect or not.
+fn adopted(units: &[Unit], common: &[EffectKey]) -> Vec<EffectKey> {
+    let mut found: Vec<EffectKey> = Vec::new();
+    for effect in units.iter().flat_map(|u| &u.effects).filter(|e| e.in_model) {
+        let is_new = !common.contains(&effect.key) && !found.contains(&effect.key);
+        if is_new && units.iter().all(|u| u.effect(&effect.key).is_some()) {
+            found.push(effect.key.clone());
+        }
+    }
+    found
 }
 
 fn unit_record(unit: &Unit, departure: Option<&Departure>) -> FleetUnit {
@@ -253,8 +268,7 @@ fn prior(
     units: &[Unit],
     kept: &[bool],
     names: &[String],
-    common: &[EffectKey],
-    shared: &[EffectKey],
+    [common, adopted, shared]: [&[EffectKey]; 3],
     fit: &RandomEffects,
 ) -> Prior {
     let alike: Vec<&Unit> = units.iter().zip(kept).filter(|(_, kept)| **kept).map(|(u, _)| u).collect();
@@ -269,7 +283,8 @@ fn prior(
                 .iter()
                 .flat_map(|key| alike.iter().find_map(|u| u.effect(key)).map(|e| e.names.clone()).unwrap_or_default()),
         );
-        let free: Vec<&EffectKey> = common.iter().chain(shared).collect();
+        let others = adopted.iter().filter(|key| !shared.contains(key));
+        let free: Vec<&EffectKey> = common.iter().chain(others).chain(shared).collect();
         let told: Vec<UnitEstimate> = alike.iter().filter_map(|u| u.estimate_with(&all, &free, 1.0)).collect();
         if told.len() < FEWEST_UNITS || (told.len() as f64) < LEAST_SHARE * alike.len() as f64 {
             return None;

@@ -1,7 +1,7 @@
 //! What the calibrations of many cameras of one type say together.
 //!
-//! Every calibration gives the parameters of one unit with their covariance, and the scores of the effects that its model lacks. Together
-//! they tell what no single one can:
+//! Every calibration gives the parameters of one unit with their covariance, and the scores of the effects that its model lacks.
+//! Together they tell what no single one can:
 //!
 //! | question | module |
 //! |---|---|

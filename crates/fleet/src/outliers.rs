@@ -1,13 +1,14 @@
 //! Units that are unlike the others.
 //!
-//! Every unit is compared with what the others predict of it: y_i − μ has the covariance C_i + T + Cov(μ), where μ and T come from the units
-//! that are like each other, this one left out. Two statistics have their p-values combined (Bonferroni): the sum of squares of the
-//! decorrelated departures, for a unit that is a little off everywhere, and the largest departure of one parameter given all others, for
-//! a unit that is off in one. T is an estimate from n units, so a standardised departure is taken as Student's t with n − 1 degrees of freedom and
-//! mapped to the normal deviate of the same tail.
+//! Every unit is compared with what the others predict of it: y_i − μ has the covariance C_i + T + Cov(μ), where μ and T come
+//! from the units that are like each other, this one left out. Two statistics have their p-values combined (Bonferroni): the sum
+//! of squares of the decorrelated departures, for a unit that is a little off everywhere, and the largest departure of one
+//! parameter given all others, for a unit that is off in one. T is an estimate from n units, so a standardised departure is taken
+//! as Student's t with n − 1 degrees of freedom and mapped to the normal deviate of the same tail.
 //!
 //! Outliers must not hide each other by what they do to T. The search begins from medians and median absolute deviations of every
-//! parameter (Rousseeuw, Croux 1993), which a few units cannot move, and then takes units out and in by their p-values until none changes.
+//! parameter (Rousseeuw, Croux 1993), which a few units cannot move, and then takes units out and in by their p-values until none
+//! changes.
 
 use depthcal_statistics::{chi_squared_tail, chi_squared_upper_quantile, f_tail, median};
 use nalgebra::DVector;

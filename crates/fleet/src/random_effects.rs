@@ -6,15 +6,16 @@
 //! y_i | θ_i ~ N(θ_i, C_i),   θ_i ~ N(μ, T),   so   y_i ~ N(μ, S_i)   with   S_i = C_i + T.
 //! ```
 //!
-//! T is estimated by restricted maximum likelihood (Patterson, Thompson 1971; multivariate meta-analysis: Jackson, White, Thompson 2010).
-//! With W_i = S_i⁻¹, A = Σ W_i, μ̂ = A⁻¹ Σ W_i y_i and r_i = y_i − μ̂, twice the restricted log-likelihood is, up to a constant,
+//! T is estimated by restricted maximum likelihood (Patterson, Thompson 1971; multivariate meta-analysis: Jackson, White,
+//! Thompson 2010). With W_i = S_i⁻¹, A = Σ W_i, μ̂ = A⁻¹ Σ W_i y_i and r_i = y_i − μ̂, twice the restricted log-likelihood is, up
+//! to a constant,
 //!
 //! ```text
 //! 2 ℓ = −Σ ln |S_i| − ln |A| − Σ r_iᵀ W_i r_i.
 //! ```
 //!
-//! A diagonal T is found by Fisher scoring with bounds, with a step of the EM algorithm where scoring does not raise ℓ; common factors,
-//! T = D + L Lᵀ, by the EM algorithm of factor analysis (Rubin, Thayer 1982), as many as Schwarz' criterion asks for.
+//! A diagonal T is found by Fisher scoring with bounds, with a step of the EM algorithm where scoring does not raise ℓ; common
+//! factors, T = D + L Lᵀ, by the EM algorithm of factor analysis (Rubin, Thayer 1982), as many as Schwarz' criterion asks for.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -319,7 +320,8 @@ impl RandomEffects {
         Some(data.result(&plain_mean(units), &zero, 0, &at))
     }
 
-    /// Twice the fall of the restricted log-likelihood when each parameter's variance between units is zero, all others being free.
+    /// Twice the fall of the restricted log-likelihood when each parameter's variance between units is zero, all others being
+    /// free.
     pub fn variance_ratios(&self, units: &[UnitEstimate]) -> Vec<f64> {
         let Some(data) = Data::new(units) else { return Vec::new() };
         let n = data.size();
@@ -368,8 +370,8 @@ impl RandomEffects {
         }
     }
 
-    /// Covariance of a further unit's true parameters about the mean: T, enlarged by what is not known of it, and the covariance of the
-    /// mean. A variance that was not seen is taken as one standard deviation of its estimate.
+    /// Covariance of a further unit's true parameters about the mean: T, enlarged by what is not known of it, and the covariance
+    /// of the mean. A variance that was not seen is taken as one standard deviation of its estimate.
     pub fn of_next_unit(&self) -> DMatrix<f64> {
         let degrees = self.units as f64 - 1.0;
         // Variance of Student's t distribution, which an estimated variance leads to.

@@ -14,8 +14,8 @@ const CALIBRATION: &str = "calibration.json";
 /// Name of the scores next to it.
 const SCORES: &str = "scores.json";
 
-/// The units at some paths, each a calibration, a folder of results, or a folder of such folders; and calibrations that cannot be joined,
-/// with the reason.
+/// The units at some paths, each a calibration, a folder of results, or a folder of such folders; and calibrations that cannot be
+/// joined, with the reason.
 ///
 /// # Errors
 /// [`FleetError`] where there is nothing at a path or a file is at fault.

@@ -13,8 +13,8 @@ const REPEATS: [f64; 2] = [0.5, 2.0];
 /// Standard errors that the relative size may be beyond these bounds.
 const STANDARD_ERRORS: f64 = 2.0;
 
-/// Every effect that some unit's model has, compared with the other units: those that scored it, or, where all that know it have it in their
-/// models, all but the first. Effects that all units have are no findings of some.
+/// Every effect that some unit's model has, compared with the other units: those that scored it, or, where all that know it have
+/// it in their models, all but the first. Effects that all units have are no findings of some.
 pub(crate) fn replications(units: &[Unit], kept: &[bool], common: &[EffectKey], level: f64) -> Vec<FleetReplication> {
     let mut keys: Vec<&EffectKey> = Vec::new();
     for effect in units.iter().flat_map(|u| &u.effects).filter(|e| e.in_model) {

@@ -14,7 +14,8 @@ impl Scaled {
         Self::with_ridge(matrix, 0.0)
     }
 
-    /// Factorises the matrix with `ridge` times its diagonal added: combinations that it leaves undetermined have a large, finite variance.
+    /// Factorises the matrix with `ridge` times its diagonal added: combinations that it leaves undetermined have a large, finite
+    /// variance.
     pub fn with_ridge(matrix: &DMatrix<f64>, ridge: f64) -> Option<Self> {
         let n = matrix.nrows();
         let scale = matrix.diagonal().map(|v| if v > 0.0 { 1.0 / v.sqrt() } else { f64::NAN });

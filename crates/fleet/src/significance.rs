@@ -6,7 +6,8 @@ use nalgebra::DVector;
 use crate::random_effects::{RandomEffects, UnitEstimate};
 use crate::scaled::{Scaled, part, picked};
 
-/// p-values multiplied so that the chance of any false finding among all of them stays below the level (Holm 1979), in the given order.
+/// p-values multiplied so that the chance of any false finding among all of them stays below the level (Holm 1979), in the given
+/// order.
 pub fn holm(p_values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p_values.len()).collect();
     order.sort_by(|a, b| p_values[*a].total_cmp(&p_values[*b]));
@@ -19,15 +20,15 @@ pub fn holm(p_values: &[f64]) -> Vec<f64> {
     corrected
 }
 
-/// p-value of a likelihood ratio of a variance that is zero: under the hypothesis the estimate is at the bound in half of all cases, so the
-/// ratio is a mixture of zero and χ² with one degree of freedom in equal parts (Self, Liang 1987; Stram, Lee 1994). With few units the
-/// estimate is at the bound more often, which makes the test cautious.
+/// p-value of a likelihood ratio of a variance that is zero: under the hypothesis the estimate is at the bound in half of all
+/// cases, so the ratio is a mixture of zero and χ² with one degree of freedom in equal parts (Self, Liang 1987; Stram, Lee 1994).
+/// With few units the estimate is at the bound more often, which makes the test cautious.
 pub fn boundary_p_value(ratio: f64) -> f64 {
     if ratio > 0.0 { 0.5 * chi_squared_tail(ratio, 1) } else { 1.0 }
 }
 
-/// p-value of a shared mean of some parameters being `nominal`, by Hotelling's T² with as many degrees of freedom as units give for the
-/// scatter between them; `None` with too few units.
+/// p-value of a shared mean of some parameters being `nominal`, by Hotelling's T² with as many degrees of freedom as units give
+/// for the scatter between them; `None` with too few units.
 pub fn shared_p_value(fit: &RandomEffects, places: &[usize], nominal: &DVector<f64>) -> Option<f64> {
     let statistic = shared_statistic(fit, places, nominal)?;
     let (units, n) = (fit.units, places.len());

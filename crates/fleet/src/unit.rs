@@ -10,8 +10,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::random_effects::UnitEstimate;
 use crate::scaled::{Scaled, part, picked};
 
-/// Ridge, as a share of the information, with which combinations of an effect's parameters that a unit leaves undetermined get a large,
-/// finite variance.
+/// Ridge, as a share of the information, with which combinations of an effect's parameters that a unit leaves undetermined get a
+/// large, finite variance.
 const RIDGE: f64 = 1e-9;
 
 /// An effect with its constants, place and form: what has to be the same for values to be comparable.
@@ -98,8 +98,8 @@ pub struct UnitScores {
 }
 
 impl Unit {
-    /// A unit from its records. `register` tells effects from the parts that every camera has, and nominal values. `None` where the
-    /// calibration has no covariance, as from estimators other than the joint one.
+    /// A unit from its records. `register` tells effects from the parts that every camera has, and nominal values. `None` where
+    /// the calibration has no covariance, as from estimators other than the joint one.
     pub fn new(
         name: &str,
         path: &str,
@@ -190,10 +190,10 @@ impl Unit {
         self.effects.iter().find(|effect| effect.key == *key)
     }
 
-    /// What the unit says of parameters when the effects in `free` are free as well as its own model, and all other effects are at rest:
-    /// effects that the model lacks by one step from their scores, whose variances are multiplied by `overdispersion`; effects that it has
-    /// and `free` does not by conditioning on their nominal values. `None` where the unit neither has nor scored one of them, lacks a
-    /// parameter, or does not determine it.
+    /// What the unit says of parameters when the effects in `free` are free as well as its own model, and all other effects are
+    /// at rest: effects that the model lacks by one step from their scores, whose variances are multiplied by `overdispersion`;
+    /// effects that it has and `free` does not by conditioning on their nominal values. `None` where the unit neither has nor
+    /// scored one of them, lacks a parameter, or does not determine it.
     pub fn estimate_with(&self, target: &[String], free: &[&EffectKey], overdispersion: f64) -> Option<UnitEstimate> {
         let wanted: Vec<&UnitEffect> = free.iter().map(|key| self.effect(key)).collect::<Option<_>>()?;
         let mut names: Vec<&String> = self.parameters.iter().map(|p| &p.name).collect();

@@ -37,7 +37,8 @@ fn fleet(rng: &mut ChaCha8Rng, units: usize, mean: &[f64], between: &[f64], nois
         .collect()
 }
 
-/// Twice the restricted log-likelihood up to a constant, from the joint normal distribution of all contrasts: an implementation of its own.
+/// Twice the restricted log-likelihood up to a constant, from the joint normal distribution of all contrasts: an implementation
+/// of its own.
 fn brute_force(units: &[UnitEstimate], between: &DMatrix<f64>) -> f64 {
     let (count, n) = (units.len(), units[0].value.len());
     // All estimates stacked, and contrasts to the last unit, which do not depend on μ.

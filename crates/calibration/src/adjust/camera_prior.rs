@@ -45,8 +45,8 @@ impl From<&Prior> for CameraPrior {
 }
 
 impl CameraPrior {
-    /// The part that concerns a camera; `None` where the prior names none of its free parameters, or its covariance is not positive
-    /// definite.
+    /// The part that concerns a camera; `None` where the prior names none of its free parameters, or its covariance is not
+    /// positive definite.
     pub fn of(&self, camera: &Camera) -> Option<PriorOfCamera> {
         let place = |name: &str| self.names.iter().position(|own| own == name);
         let (mut places, mut rows) = (Vec::new(), Vec::new());
@@ -85,7 +85,8 @@ impl CameraPrior {
 }
 
 impl PriorOfCamera {
-    /// Its precision matrix over a camera's free parameters, and its pull on them (the gradient of its cost) at their present values.
+    /// Its precision matrix over a camera's free parameters, and its pull on them (the gradient of its cost) at their present
+    /// values.
     pub(crate) fn normal(&self, camera: &Camera) -> (DMatrix<f64>, DVector<f64>) {
         let free = camera.free_parameters();
         let theta = camera.theta();
@@ -131,8 +132,8 @@ pub(super) struct CameraPriorBatch {
 }
 
 impl CameraPriorBatch {
-    /// The prior of a camera whose blocks are the variables `keys`; parameters of blocks without a variable of their own, `None`, are
-    /// left out, which is possible only for large fields, of which no prior speaks.
+    /// The prior of a camera whose blocks are the variables `keys`; parameters of blocks without a variable of their own, `None`,
+    /// are left out, which is possible only for large fields, of which no prior speaks.
     pub(super) fn new(camera: &Camera, keys: &[Option<Key<DVector<f64>>>], prior: &CameraPrior) -> Option<Self> {
         let part = prior.of(camera)?;
         let (mut used, mut columns, mut width) = (Vec::new(), vec![usize::MAX; part.places.len()], 0);

@@ -9,9 +9,9 @@ use super::candidate_blocks::{CandidateBlock, linearize};
 use super::observed_states::ObservedStates;
 use crate::calibrate::Calibrated;
 
-/// Scores of every effect of `register` that the model of a fit lacks and that its captures show, with the constants, place and form that
-/// the effect has by default: those of a diagnosis are searched and differ from unit to unit. `None` where no effect can be scored: without
-/// depth, with fields, which have a prior of their own, or with a single frame.
+/// Scores of every effect of `register` that the model of a fit lacks and that its captures show, with the constants, place and
+/// form that the effect has by default: those of a diagnosis are searched and differ from unit to unit. `None` where no effect
+/// can be scored: without depth, with fields, which have a prior of their own, or with a single frame.
 ///
 /// # Errors
 ///

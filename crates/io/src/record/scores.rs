@@ -11,9 +11,9 @@ use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// Scores of the effects that the model of a calibration lacks, for pooling over the units of a fleet.
 ///
-/// Of independent captures scores and information add up. The file lies next to the `calibration.json` that it belongs to, and carries
-/// `"format": "depthcal-scores"` and `"version": 1` in addition to these fields. Rows and columns are the parameters of all effects, one
-/// effect after the other.
+/// Of independent captures scores and information add up. The file lies next to the `calibration.json` that it belongs to, and
+/// carries `"format": "depthcal-scores"` and `"version": 1` in addition to these fields. Rows and columns are the parameters of
+/// all effects, one effect after the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Scores {
     /// The dataset that was fitted.
@@ -53,10 +53,11 @@ pub struct ScoredEffect {
     pub options: BTreeMap<String, f64>,
     /// Its parameters.
     pub parameters: Vec<ScoredParameter>,
-    /// Scatter of the frames' scores about their mean, Σ uᵢuᵢᵀ: the information where frames are independent and the noise is as the
-    /// model says. One row and column per parameter.
+    /// Scatter of the frames' scores about their mean, Σ uᵢuᵢᵀ: the information where frames are independent and the noise is as
+    /// the model says. One row and column per parameter.
     pub scatter: Vec<Vec<f64>>,
-    /// Mean square of the effect over the observations, mm², as a quadratic form in its parameters' departures from their nominal values.
+    /// Mean square of the effect over the observations, mm², as a quadratic form in its parameters' departures from their nominal
+    /// values.
     pub square_mm2: Vec<Vec<f64>>,
     /// The definition of an effect that is given as a formula.
     #[serde(default, skip_serializing_if = "Option::is_none")]

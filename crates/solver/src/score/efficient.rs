@@ -7,8 +7,8 @@ use super::pseudo_inverse::{NEGLIGIBLE, pseudo_inverse};
 
 /// Efficient scores and information of several candidates together, everything else projected out.
 ///
-/// Rows and columns are the parameters of the candidates in the order asked for. Of independent data sets scores and information add up,
-/// and V⁻¹ U is the estimate that all parameters would have if they were free (one Gauss–Newton step).
+/// Rows and columns are the parameters of the candidates in the order asked for. Of independent data sets scores and information
+/// add up, and V⁻¹ U is the estimate that all parameters would have if they were free (one Gauss–Newton step).
 #[derive(Clone, Debug)]
 pub struct EfficientScores {
     /// U = −G⊥ᵀr: the gradient of the log-likelihood.
