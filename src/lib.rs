@@ -43,6 +43,7 @@
 //! | [`solver`] | nonlinear least squares on factor graphs; knows no cameras |
 //! | [`io`] | datasets, images, result files, exports |
 //! | [`calibration`] | captures to a judged model: calibrate, evaluate, compare, diagnose |
+//! | [`fleet`] | what the calibrations of many cameras say together |
 //! | [`correction`] | every pixel of every frame |
 //! | `report` (feature `cli`) | self-contained HTML pages |
 //! | `cli` (feature `cli`) | the command line, also for programs with pieces of their own |
@@ -53,6 +54,7 @@ pub use depthcal_calibration as calibration;
 #[cfg(feature = "cli")]
 pub use depthcal_cli as cli;
 pub use depthcal_correction as correction;
+pub use depthcal_fleet as fleet;
 pub use depthcal_formula as formula;
 pub use depthcal_io as io;
 pub use depthcal_model as model;

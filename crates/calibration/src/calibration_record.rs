@@ -6,9 +6,11 @@ use std::sync::Arc;
 use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{
     Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
-    ParameterRecord, PieceRecord,
+    ParameterRecord, PieceRecord, PriorUse, UsedPriorParameter,
 };
 use depthcal_model::{AnyPiece, Block, Camera, FormulaDefinition, Options, Placement, Register, RegisterError};
+use depthcal_statistics::chi_squared_tail;
+use nalgebra::DVector;
 use thiserror::Error;
 
 use crate::calibrate::Calibrated;
@@ -118,6 +120,7 @@ pub fn calibration_record(
             estimator: result.estimator.name().to_owned(),
             model: result.model.to_string(),
             lens_comparison: result.lens_comparison.clone(),
+            prior: prior_use(result),
             reprojection_rms_px: result.reprojection_rms_px,
             depth_rms_mm: result.depth_rms_mm,
             frames_used: result.capture.frames.len(),
@@ -137,6 +140,30 @@ pub fn calibration_record(
         target: result.capture.target.clone(),
         observations,
     }
+}
+
+/// How a fit used its prior; `None` where it has none, or none that concerns its parameters.
+pub fn prior_use(result: &Calibrated) -> Option<PriorUse> {
+    let prior = result.prior.as_ref()?;
+    let part = prior.of(&result.camera)?;
+    let (theta, stds) = (result.camera.theta(), result.std_devs());
+    let deviation = DVector::from_fn(part.places.len(), |i, _| theta[part.places[i]] - part.mean[i]);
+    let distance_squared = (&part.whitening * deviation).norm_squared();
+    let parameter = |(i, at): (usize, &usize)| {
+        let variance = part.covariance[(i, i)];
+        UsedPriorParameter {
+            name: part.names[i].clone(),
+            mean: part.mean[i],
+            std_dev: variance.sqrt(),
+            own_share: stds[*at].map_or(0.0, |std| (1.0 - std * std / variance).clamp(0.0, 1.0)),
+        }
+    };
+    Some(PriorUse {
+        units: prior.units,
+        parameters: part.places.iter().enumerate().map(parameter).collect(),
+        distance_squared,
+        p_value: chi_squared_tail(distance_squared, part.places.len()),
+    })
 }
 
 fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {

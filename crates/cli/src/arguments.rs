@@ -15,6 +15,7 @@ use super::diagnose::Diagnose;
 use super::evaluate::Evaluate;
 use super::export::Export;
 use super::failure::Failure;
+use super::fleet::Fleet;
 use super::formula::Formula;
 use super::man::ManPage;
 use super::schema::Schema;
@@ -69,6 +70,7 @@ pub(super) enum Command {
     Diagnose(Diagnose),
     Evaluate(Evaluate),
     Compare(Compare),
+    Fleet(Fleet),
     Apply(Apply),
     Export(Export),
     Board(Board),
@@ -91,6 +93,7 @@ impl Command {
             Command::Diagnose(_) => "diagnose",
             Command::Evaluate(_) => "evaluate",
             Command::Compare(_) => "compare",
+            Command::Fleet(_) => "fleet",
             Command::Apply(_) => "apply",
             Command::Export(_) => "export",
             Command::Board(_) => "board",
@@ -124,6 +127,7 @@ impl Command {
             Command::Diagnose(command) => command.run(session),
             Command::Evaluate(command) => command.run(session),
             Command::Compare(command) => command.run(session),
+            Command::Fleet(command) => command.run(session),
             Command::Apply(command) => command.run(session),
             Command::Export(command) => command.run(session),
             Command::Board(command) => command.run(),

@@ -1,9 +1,10 @@
 //! `calibrate`: fits a camera to a dataset.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use depthcal_io::{Calibration, LensComparison};
+use depthcal_io::{Calibration, LensComparison, Prior};
 use depthcal_model::{Block, ModelSpec, Parameter, Register};
 
 use serde_json::{Value, json};
@@ -17,13 +18,15 @@ use super::recording::Recording;
 use super::session::{LENSES, Session, lens_of};
 use super::voice::say;
 use crate::progress::Progress;
+use depthcal_calibration::adjust::camera_prior::CameraPrior;
 use depthcal_calibration::adjust::smoothness_prior::indices;
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
+use depthcal_calibration::calibration_record::prior_use;
 use depthcal_calibration::judge::cross_validation::{cross_validate, split};
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::declared_camera;
-use depthcal_report::format::{Measured, count, interval, measured, number, quantity};
+use depthcal_report::format::{Measured, count, interval, measured, number, p_equals, percent, quantity};
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
 /// Every `every`-th frame, beginning with number `first` (from 0).
@@ -53,7 +56,8 @@ enum EstimatorName {
 
 /// Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses.
 ///
-/// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json and report.html.
+/// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json, scores.json (for fleets) and
+/// report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal calibrate captures/ --out result/                       K, lens and projective D
@@ -61,6 +65,7 @@ enum EstimatorName {
   depthcal calibrate captures/ --hold-out 4 --out result/          every fourth frame is held out
   depthcal calibrate captures/ --model projective:xw --out r/      only dx and dw free
   depthcal calibrate captures/ --with cyclic_depth@period_mm=300 --out r/
+  depthcal calibrate captures/ --prior fleet/prior.json --out r/   few frames, with what other units say
   depthcal calibrate captures/ --rrd result.rrd --out result/      also a recording for the rerun viewer
   depthcal calibrate captures/ --json --out r/ | jq .calibration.camera")]
 pub(super) struct Calibrate {
@@ -73,6 +78,13 @@ pub(super) struct Calibrate {
     /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
+    /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior, and the
+    /// fit starts at its mean, so that few frames are enough.
+    #[arg(long, value_name = "FILE")]
+    prior: Option<PathBuf>,
+    /// Formulas that are scored in scores.json without being fitted: whether this unit confirms what another one found.
+    #[arg(long, value_delimiter = ',', value_name = "FILE,…")]
+    score: Vec<String>,
     /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
     /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
     /// frames.
@@ -105,6 +117,7 @@ impl Calibrate {
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         self.model = formula_files::resolve_model("--model", &self.model, register)?;
         self.with = formula_files::resolve("--with", &self.with, register)?;
+        self.score = formula_files::resolve("--score", &self.score, register)?;
         Ok(())
     }
 
@@ -132,6 +145,7 @@ impl Calibrate {
             None => (loaded.capture.clone(), None),
         };
         let (width, height) = (loaded.capture.width, loaded.capture.height);
+        options.prior = self.prior.as_deref().map(|path| read_prior(path, [width, height])).transpose()?;
         options.lens = lens_of(self.lens.as_deref(), &loaded.dataset);
         options.camera =
             declared_camera(&loaded.dataset, width, height, self.lens.as_deref(), &options.register).map_err(input)?;
@@ -148,6 +162,8 @@ impl Calibrate {
             options.lens.clone_from(&comparison.chosen);
         }
         print_parameters(&result);
+        let prior = prior_sentences(&result);
+        prior.iter().for_each(|sentence| say!("{sentence}"));
         let fitted = session.evaluate(&result.camera, &result.capture);
         let mut datasets = vec![fitted.record()];
         let held_out = match (&held, self.cross_validate) {
@@ -167,7 +183,7 @@ impl Calibrate {
         }
         say!("\n{}", table(&datasets, Some(&result.capture.name)));
         let evaluation = value_of(&datasets)?;
-        let written = write_calibration(&result, &fitted, &loaded, datasets, &self.output.out)?;
+        let written = write_calibration(&result, &fitted, &loaded, datasets, &session.register, &self.output.out)?;
         let mut shown = vec![ReportDataset { evaluated: &fitted, role: Role::Fitted }];
         shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
         let report = ReportInput {
@@ -177,7 +193,7 @@ impl Calibrate {
             calibrated: Some(&result),
             evaluations: &shown,
             diagnosis: None,
-            story: &[],
+            story: &prior,
         };
         let report = write_report(&report, session, &self.output.out)?;
         say!("written: {} and {}", written.display(), report.display());
@@ -194,6 +210,60 @@ impl Calibrate {
         }))
     }
 }
+
+/// The prior in a file, for images of this size.
+fn read_prior(path: &Path, [width, height]: [usize; 2]) -> Result<Arc<CameraPrior>, Failure> {
+    let prior = Prior::read(path).map_err(input)?;
+    if [prior.width, prior.height] != [width, height] {
+        return Err(Failure::Input(format!(
+            "{}: is for images of {}×{} px, but those of the dataset have {width}×{height}: give the prior of this camera type",
+            path.display(),
+            prior.width,
+            prior.height
+        )));
+    }
+    if !prior.with.is_empty() {
+        say!("the prior's units have these effects in their models: --with {}", prior.with.join(","));
+    }
+    Ok(Arc::new(CameraPrior::from(&prior)))
+}
+
+/// What a fit's prior did, in sentences; none without a prior.
+fn prior_sentences(result: &Calibrated) -> Vec<String> {
+    let Some(prior) = &result.prior else { return Vec::new() };
+    let Some(used) = prior_use(result) else {
+        return vec!["The prior concerns no parameter of this model: it was not used.".to_owned()];
+    };
+    let mut sentences = vec![format!(
+        "A prior from {} was used for {}. In its terms this camera is {} standard deviations from the mean of the others in all ({}).",
+        count(used.units, "unit"),
+        count(used.parameters.len(), "parameter"),
+        number(used.distance_squared.sqrt()),
+        p_equals(used.p_value)
+    )];
+    if used.p_value < UNLIKE_THE_OTHERS {
+        sentences.push(
+            "This camera is not like the others: calibrate it with more frames and without the prior, and compare."
+                .to_owned(),
+        );
+    }
+    let unused: Vec<&str> = prior
+        .names
+        .iter()
+        .filter(|name| used.parameters.iter().all(|p| p.name != **name))
+        .map(String::as_str)
+        .collect();
+    if !unused.is_empty() {
+        sentences.push(format!("The prior also names {}, which are not fitted here.", unused.join(", ")));
+    }
+    let shares: Vec<String> =
+        used.parameters.iter().map(|p| format!("{} {}", p.name, percent(100.0 * p.own_share))).collect();
+    sentences.push(format!("Information from this camera's own frames: {}.", shares.join(", ")));
+    sentences
+}
+
+/// p-value below which a camera is said to be unlike the units of its prior.
+const UNLIKE_THE_OTHERS: f64 = 0.001;
 
 /// The comparison of lenses, as a table.
 fn print_lenses(comparison: &LensComparison) {

@@ -28,7 +28,7 @@ use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnos
 /// them, fits again, and reports held-out errors before and after.
 ///
 /// Where nothing is missing, it reports the smallest effects that these captures would have shown. Writes diagnosis.json (the
-/// record), calibration.json (the last model), evaluation.json, observations.json and report.html.
+/// record), calibration.json (the last model), evaluation.json, observations.json, scores.json (for fleets) and report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal diagnose captures/ --out result/                  start from K, lens and projective D
@@ -165,7 +165,7 @@ pub(super) fn tell(
     record.write(&file).map_err(input)?;
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
-    let calibration = write_calibration(&d.last, fitted, loaded, vec![fitted.record(), held_out], out)?;
+    let calibration = write_calibration(&d.last, fitted, loaded, vec![fitted.record(), held_out], &register, out)?;
     let role = if told.verified { Role::Other } else { Role::HeldOut };
     let shown = [
         ReportDataset { evaluated: fitted, role: Role::Fitted },

@@ -29,6 +29,7 @@ mod diagnose;
 mod evaluate;
 mod export;
 mod failure;
+mod fleet;
 mod formula;
 mod formula_files;
 mod given_camera;

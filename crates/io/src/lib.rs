@@ -40,8 +40,10 @@ pub use record::{
     DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisProposedFrame, DiagnosisPureError,
     DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp,
     DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, DroppedFrame, Errors, Evaluation, FileReference,
-    FitRecord, FrameEvaluation, FrameObservations, FrameRecord, GainInterval, HeldOutErrors, Interval, LearningPoint,
-    LensComparison, MarkerObservation, MeanStd, ModelComparison, NoiseRecord, Observations, Outliers, ParameterRecord,
-    PieceRecord, Rms, Separability, StabilityEstimate, StabilityRecord, Verdict,
+    FitRecord, Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter,
+    FleetReplication, FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations, FrameRecord, GainInterval,
+    HeldOutErrors, Interval, LearningPoint, LensComparison, MarkerObservation, MeanStd, ModelComparison, ModelValue,
+    NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord, Prior, PriorUse, Rms, ScoredEffect,
+    ScoredParameter, Scores, Separability, StabilityEstimate, StabilityRecord, UsedPriorParameter, Verdict,
 };
 pub use schema::SchemaName;

@@ -3,6 +3,7 @@
 //!
 //! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]).
 //! - [`render_comparison`] makes the report of a comparison of depth models.
+//! - [`render_fleet`] makes the report of a fleet, [`fleet_text`] words it for a terminal.
 //! - [`diagnosis_text`] and [`verdict_sentence`] word a diagnosis for a terminal.
 //! - [`mod@format`] writes numbers as people read them; the command line prints through it as well.
 //! - `rerun` (feature `rerun`) writes recordings for the rerun viewer.
@@ -30,6 +31,7 @@ mod covariates;
 mod diagnosis;
 mod figures;
 mod finding;
+mod fleet;
 pub mod format;
 mod formula_plot;
 mod frame_noise;
@@ -52,6 +54,7 @@ mod uncertainty;
 
 pub use comparison::render_comparison;
 pub use diagnosis::{diagnosis_text, verdict_sentence};
+pub use fleet::{fleet_text, render_fleet};
 pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};
 pub use render::render;

@@ -17,6 +17,7 @@ pub use quantiles::{median, nearest_rank, quantile, quantile_of_sorted, upper_me
 pub use ranks::rank_correlation;
 pub use shared_structure::{PlacedValue, SharedOctave, family_p_values, shared_structure};
 pub use tails::{
-    chi_squared_tail, f_tail, gamma_tail, noncentral_chi_squared_tail, noncentrality, normal_tail, student_quantile,
+    chi_squared_tail, chi_squared_upper_quantile, f_tail, gamma_tail, noncentral_chi_squared_tail, noncentrality,
+    normal_tail, student_quantile,
 };
 pub use thinning::Thinning;

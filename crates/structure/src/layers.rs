@@ -19,10 +19,11 @@ const fn layer(package: &'static str, folder: &'static str) -> Layer {
 }
 
 /// From top to bottom: a crate may depend on those below it only.
-pub const LAYERS: [Layer; 14] = [
+pub const LAYERS: [Layer; 15] = [
     layer("depthcal", ""),
     layer("depthcal-cli", "crates/cli"),
     layer("depthcal-report", "crates/report"),
+    layer("depthcal-fleet", "crates/fleet"),
     layer("depthcal-correction", "crates/correction"),
     layer("depthcal-calibration", "crates/calibration"),
     layer("depthcal-simulate", "crates/simulate"),

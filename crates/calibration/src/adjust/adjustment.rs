@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, DMatrixView, DVector, Isometry3, SVector};
 use rayon::prelude::*;
 
 use super::blocks::{BlockKeys, is_depth_only};
+use super::camera_prior::{CameraPrior, CameraPriorBatch};
 use super::factors::{DepthBatch, ImageBatch, ImageGroup, SharedBlocks, depth_group};
 use super::field_cells::{cell_chain, cell_groups, node_layout};
 use super::frame_rows::FrameRows;
@@ -154,6 +155,24 @@ impl Adjustment {
                     self.graph.add_batch(SmoothnessBatch::by_node(block, layout, &keys, &rows));
                 }
             }
+        }
+        self
+    }
+
+    /// Adds the prior of the camera's parameters from other units, where there is one.
+    #[must_use]
+    pub fn with_prior(mut self, prior: Option<&CameraPrior>) -> Self {
+        let whole = |block: &BlockKeys| if let BlockKeys::Whole(key) = block { Some(*key) } else { None };
+        let keys: Vec<_> = self.blocks.iter().map(whole).collect();
+        // Blocks that these data do not touch are held here, whatever the camera says.
+        let in_use = self.camera.map_blocks(|mut block| {
+            if self.depth.is_none() && is_depth_only(&block) {
+                block.free.fill(false);
+            }
+            block
+        });
+        if let Some(batch) = prior.and_then(|prior| CameraPriorBatch::new(&in_use, &keys, prior)) {
+            self.graph.add_batch(batch);
         }
         self
     }

@@ -7,6 +7,7 @@
 use depthcal_model::Camera;
 
 use super::adjustment::{Adjustment, Curvature};
+use super::camera_prior::CameraPrior;
 use super::smoothness_prior::Smoothness;
 use super::smoothness_selection::{FrameInformation, prior, solve_scaled};
 use crate::observe::noise::NoiseModel;
@@ -18,12 +19,12 @@ const DECREASE: f64 = 1e-3;
 const MOST_PARAMETERS: usize = 800;
 
 /// The cameras without each of `parts` parts, given the part of every frame, at the optimum `camera` of all frames with the prior
-/// `smoothness` of its fields; `None` where the other frames do not determine the parameters, or where these are too many.
+/// `smoothness` of its fields, and `of_camera` of its parameters where there is one; `None` where the other frames do not determine the parameters, or where these are too many.
 pub fn cameras_without_parts<F: AdjustableFrame>(
     capture: &Capture<F>,
     camera: &Camera,
     noise: &NoiseModel,
-    smoothness: &Smoothness,
+    (smoothness, of_camera): (&Smoothness, Option<&CameraPrior>),
     part_of: &[usize],
     parts: usize,
 ) -> Vec<Option<Camera>> {
@@ -32,7 +33,11 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
         return vec![None; parts];
     }
     let frames = adjustment.frame_information(Curvature::OfLoss, 1.0);
-    let (precision, pull) = prior(camera, smoothness, &frames);
+    let (mut precision, mut pull) = prior(camera, smoothness, &frames);
+    if let Some((more, further)) = of_camera.and_then(|p| p.of(camera)).map(|p| p.normal(camera)) {
+        precision += more;
+        pull += further;
+    }
     let free = camera.free_parameters();
     let without = |part: usize| {
         let rest = frames.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(frame, _)| frame);
@@ -53,9 +58,10 @@ pub fn camera_of_frames<F: AdjustableFrame>(
     capture: &Capture<F>,
     camera: &Camera,
     noise: &NoiseModel,
-    smoothness: &Smoothness,
+    (smoothness, of_camera): (&Smoothness, Option<&CameraPrior>),
 ) -> Option<Camera> {
-    let adjusted =
-        Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).solve_within(DECREASE).ok()?;
+    let mut adjustment =
+        Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).with_prior(of_camera);
+    let adjusted = adjustment.solve_within(DECREASE).ok()?;
     adjusted.report.converged.then_some(adjusted.camera)
 }

@@ -2,6 +2,7 @@
 
 pub mod adjustment;
 pub mod blocks;
+pub mod camera_prior;
 pub mod depth_weight;
 pub mod factors;
 pub(crate) mod field_cells;

@@ -8,6 +8,7 @@ use nalgebra::DMatrix;
 
 use super::lens_order::LensChoice;
 use super::options::Estimator;
+use crate::adjust::camera_prior::CameraPrior;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
 use crate::observe::{Capture, PosedFrame, SampledFrame};
@@ -38,6 +39,8 @@ pub struct Calibrated<F = SampledFrame> {
     pub lens_comparison: Option<LensComparison>,
     /// Fields of the depth model: how rough they may be, what determines them.
     pub smoothness: Smoothness,
+    /// The prior of the camera's parameters from other units, where one was used.
+    pub prior: Option<Arc<CameraPrior>>,
     /// Reprojection error: root mean square distance, px.
     pub reprojection_rms_px: f64,
     /// Root mean square of the depth residuals at the samples, mm.
@@ -84,6 +87,7 @@ impl Calibrated<PosedFrame> {
             lens_choice: self.lens_choice,
             lens_comparison: self.lens_comparison,
             smoothness: self.smoothness,
+            prior: self.prior,
             reprojection_rms_px: self.reprojection_rms_px,
             depth_rms_mm: self.depth_rms_mm,
             cost: self.cost,

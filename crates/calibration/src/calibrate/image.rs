@@ -1,6 +1,6 @@
 //! Camera, lens and poses from the markers alone.
 
-use depthcal_model::Block;
+use depthcal_model::{Block, Camera};
 
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
@@ -15,7 +15,7 @@ use crate::adjust::blocks::is_depth_only;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{Capture, PosedFrame};
-use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, start_camera};
+use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, lens_block, start_camera};
 
 /// Adjusts camera, lens and poses to the markers alone, from start values that are found here.
 ///
@@ -45,8 +45,12 @@ fn calibrate_image_with_lens(
     let options = &options.for_board(&capture.target);
     let capture = with_homographies(capture);
     let (lens, order) = requested(&options.lens);
-    let mut camera = match &options.camera {
-        Some(camera) => camera.clone(),
+    let declared = options.camera.clone();
+    let is_declared = declared.is_some();
+    let of_prior = if is_declared { None } else { prior_camera(&capture, &lens, options)? };
+    let has_lens_of_prior = of_prior.is_some();
+    let mut camera = match declared.or(of_prior) {
+        Some(camera) => camera,
         None => {
             let markers: Vec<FrameMarkers<'_>> = capture.frames.iter().map(markers_of).collect();
             start_camera(&capture.target, capture.width, capture.height, &markers, &lens, &options.register)?
@@ -61,7 +65,6 @@ fn calibrate_image_with_lens(
             camera = camera.with_block(block);
         }
     }
-    let is_declared = options.camera.is_some();
     let blocks: Vec<&Block> = camera.blocks().iter().chain(&depth_only).collect();
     check(&options.held, blocks.iter().copied(), is_declared)?;
     camera = hold(&camera, &options.held, is_declared);
@@ -80,10 +83,37 @@ fn calibrate_image_with_lens(
         chooses_smoothness: false,
         repair: &repair,
     };
-    let is_chosen = !is_declared && order.is_none() && camera.block(BROWN_CONRADY).is_some();
-    if !is_declared {
+    let is_chosen = !is_declared && !has_lens_of_prior && order.is_none() && camera.block(BROWN_CONRADY).is_some();
+    if !is_declared && (!has_lens_of_prior || order.is_some()) {
         camera = order.unwrap_or(LensOrder::Full).of_camera(&camera);
     }
     let start = State { capture, camera, noise, smoothness: Smoothness::default() };
     if is_chosen { settle_with_chosen_lens(&start, &rules, options) } else { settle(start, &rules, options) }
+}
+
+/// The camera at the mean of the options' prior, with the lens terms free that the prior's units have; `None` where there is no prior, or
+/// where it does not tell pinhole and lens.
+fn prior_camera<F>(
+    capture: &Capture<F>,
+    lens: &str,
+    options: &CalibrateOptions,
+) -> Result<Option<Camera>, CalibrateError> {
+    let Some(prior) = &options.prior else { return Ok(None) };
+    let pinhole = ["fx", "fy", "cx", "cy"].map(|name| prior.mean_of(&format!("pinhole.{name}")));
+    let [Some(fx), Some(fy), Some(cx), Some(cy)] = pinhole else { return Ok(None) };
+    let mut blocks = Vec::new();
+    if let Some(mut block) = lens_block(lens, &options.register)? {
+        let name = block.name();
+        let known: Vec<bool> =
+            block.parameters().iter().map(|p| prior.mean_of(&format!("{name}.{}", p.name)).is_some()).collect();
+        if !known.contains(&true) {
+            return Ok(None);
+        }
+        for (free, known) in block.free.iter_mut().zip(known) {
+            *free &= known;
+        }
+        blocks.push(block);
+    }
+    let camera = Camera::new(capture.width, capture.height, [fx, fy, cx, cy, 0.0], blocks);
+    Ok(Some(prior.start(&camera)))
 }

@@ -1,9 +1,12 @@
 //! What to fit, and how.
 
+use std::sync::Arc;
+
 use depthcal_model::{Camera, ModelSpec, PieceSpec, Register, Target};
 
 use super::held::HeldParameter;
 use crate::adjust::FieldThresholds;
+use crate::adjust::camera_prior::CameraPrior;
 use crate::progress::ProgressHandle;
 
 /// How the depth model is estimated.
@@ -57,6 +60,9 @@ pub struct CalibrateOptions {
     pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,
+    /// A prior of the camera's parameters from other units of its type. Without a camera to start from, the fit starts at its mean, so that
+    /// few frames are enough.
+    pub prior: Option<Arc<CameraPrior>>,
     /// The pieces that names may mean.
     pub register: Register,
     /// Most rounds in which the smoothness of fields and the noise are chosen in turn.
@@ -87,6 +93,7 @@ impl Default for CalibrateOptions {
             samples_for_search: false,
             frame_planes: true,
             camera: None,
+            prior: None,
             register: Register::builtin(),
             smoothness_rounds: 6,
             field_thresholds: FieldThresholds::default(),

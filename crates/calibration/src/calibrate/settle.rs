@@ -132,7 +132,8 @@ pub(super) fn settle<F: AdjustableFrame>(
     loop {
         round += 1;
         let mut adjustment = Adjustment::new(&state.capture, &state.camera, &state.noise, rules.with_depth)
-            .with_smoothness(&state.smoothness);
+            .with_smoothness(&state.smoothness)
+            .with_prior(options.prior.as_deref());
         let adjusted = adjustment.solve_within(if round == 1 { FIRST_DECREASE } else { LAST_DECREASE })?;
         debug!("round {round}: {} iterations", adjusted.report.iterations);
         state.camera = adjusted.camera.clone();
@@ -196,6 +197,7 @@ pub(super) fn settle<F: AdjustableFrame>(
                 lens_choice: None,
                 lens_comparison: None,
                 smoothness: state.smoothness,
+                prior: options.prior.clone(),
                 reprojection_rms_px: reprojection_rms(&state.capture, &adjusted, used.pixel_sigma),
                 depth_rms_mm: depth_mm.map(rms),
                 cost: adjusted.report.cost,

@@ -59,7 +59,7 @@ fn linearize_with(
     with_depth: bool,
 ) -> Result<Linearization, ScoreError> {
     let (camera, places) = with_candidates(&fit.camera, candidates.iter().map(|c| &c.block));
-    let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, with_depth);
+    let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, with_depth).with_prior(fit.prior.as_deref());
     let held = candidates.iter().zip(places);
     adjustment.linearize(held.map(|(c, place)| (c.spec.to_string(), place, c.smoothness.clone())))
 }

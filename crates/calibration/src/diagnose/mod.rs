@@ -10,6 +10,7 @@
 //! | the free function of an effect's own covariate | `own_function` |
 //! | whether images alone show an effect of the lens | `lens_in_image` |
 //! | the evidence for each in the residuals | [`evidence`], [`examination`] |
+//! | scores of all effects, for fleets | [`effect_scores`] |
 //! | effects that explain the residuals together | `stepwise_selection` |
 //! | the decision: which effect to add, if any | [`decision`] |
 //! | fits with effects added and removed | `augmented_model` |
@@ -33,6 +34,7 @@ pub mod decision;
 pub mod declarations;
 mod diagnosis;
 pub mod discovery;
+pub mod effect_scores;
 mod error;
 pub mod evidence;
 pub mod examination;

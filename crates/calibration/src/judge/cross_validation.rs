@@ -55,10 +55,11 @@ pub fn cross_validate_thinned(
     let job = options.progress.steps("cross-validating", parts);
     let markers: Vec<usize> = fit.capture.frames.iter().map(|f| f.markers.len()).collect();
     let part_of = parts_of(&markers, parts, how);
+    let priors = (&fit.smoothness, fit.prior.as_deref());
     let is_joint = options.estimator == Estimator::Joint && fit.with_depth;
     // The smoothness of fields is chosen anew without each part.
     let steps = if is_joint && !has_fields(options)? {
-        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, &fit.smoothness, &part_of, parts)
+        cameras_without_parts(&fit.capture, &fit.camera, &fit.noise, priors, &part_of, parts)
     } else {
         vec![None; parts]
     };
@@ -72,7 +73,7 @@ pub fn cross_validate_thinned(
             // One step does not lead to the optimum without the part.
             Some(_) => {
                 debug!("without part {part} of the frames the model is adjusted");
-                camera_of_frames(&rest(), &fit.camera, &fit.noise, &fit.smoothness)
+                camera_of_frames(&rest(), &fit.camera, &fit.noise, priors)
             }
             None => None,
         };

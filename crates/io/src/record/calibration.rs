@@ -8,6 +8,7 @@ use depthcal_model::{FormulaDefinition, Of, On, Target};
 use serde::{Deserialize, Serialize};
 
 use super::lens_comparison::LensComparison;
+use super::prior::PriorUse;
 use super::reference::FileReference;
 use crate::dataset::FrameMetadata;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
@@ -136,6 +137,9 @@ pub struct FitRecord {
     /// The lens models that were compared, where the lens was to be chosen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lens_comparison: Option<LensComparison>,
+    /// The prior from other units of the camera's type, where one was used.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<PriorUse>,
     /// Root mean square, over all markers, of the length of the reprojection error, px.
     pub reprojection_rms_px: f64,
     /// Root mean square of the depth residuals, mm; absent without depth.

@@ -8,10 +8,13 @@ mod decision;
 mod diagnosis;
 mod evaluation;
 mod findings;
+mod fleet;
 mod lens_comparison;
 mod observations;
+mod prior;
 mod pure_error;
 mod reference;
+mod scores;
 
 #[cfg(test)]
 pub(crate) use calibration::example;
@@ -38,7 +41,13 @@ pub use findings::{
     DeclaredValue, DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
     DiagnosisProposedFrame,
 };
+pub use fleet::{
+    Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter,
+    FleetReplication, FleetUnit, FleetUnitValue,
+};
 pub use lens_comparison::{ComparedLens, LensComparison};
 pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observations};
+pub use prior::{Prior, PriorUse, UsedPriorParameter};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;
+pub use scores::{ModelValue, ScoredEffect, ScoredParameter, Scores};

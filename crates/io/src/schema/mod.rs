@@ -8,7 +8,7 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Value, json};
 
 use crate::file::Versioned;
-use crate::record::{Calibration, Comparison, DiagnosisFile, Evaluation, Observations};
+use crate::record::{Calibration, Comparison, DiagnosisFile, Evaluation, Fleet, Observations, Prior, Scores};
 
 /// The files that have a schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +27,12 @@ pub enum SchemaName {
     Diagnosis,
     /// `comparison.json`.
     Comparison,
+    /// `fleet.json`.
+    Fleet,
+    /// `prior.json`.
+    Prior,
+    /// `scores.json`.
+    Scores,
 }
 
 /// A file of formulas.
@@ -40,7 +46,7 @@ struct EffectFile {
 
 impl SchemaName {
     /// All files that have a schema.
-    pub const ALL: [SchemaName; 7] = [
+    pub const ALL: [SchemaName; 10] = [
         SchemaName::Dataset,
         SchemaName::Effects,
         SchemaName::Observations,
@@ -48,6 +54,9 @@ impl SchemaName {
         SchemaName::Evaluation,
         SchemaName::Diagnosis,
         SchemaName::Comparison,
+        SchemaName::Fleet,
+        SchemaName::Prior,
+        SchemaName::Scores,
     ];
 
     /// The schema's name.
@@ -60,6 +69,9 @@ impl SchemaName {
             SchemaName::Evaluation => "evaluation",
             SchemaName::Diagnosis => "diagnosis",
             SchemaName::Comparison => "comparison",
+            SchemaName::Fleet => "fleet",
+            SchemaName::Prior => "prior",
+            SchemaName::Scores => "scores",
         }
     }
 
@@ -74,6 +86,9 @@ impl SchemaName {
             SchemaName::Evaluation => of::<Evaluation>(),
             SchemaName::Diagnosis => of::<DiagnosisFile>(),
             SchemaName::Comparison => of::<Comparison>(),
+            SchemaName::Fleet => of::<Fleet>(),
+            SchemaName::Prior => versioned::<Prior>(),
+            SchemaName::Scores => versioned::<Scores>(),
         };
         let file = match self {
             SchemaName::Dataset => "dataset.toml of depthcal".to_owned(),

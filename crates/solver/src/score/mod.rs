@@ -21,12 +21,15 @@
 //! - [`Linearization::held_out_gain`]: by how much a candidate, estimated without a cluster, decreases that cluster's cost;
 //! - [`Linearization::detectable_factors`] and [`Linearization::visible_information`]: the smallest effect that these data
 //!   can reveal;
+//! - [`EfficientScores`]: scores and information of several candidates together, which add up over independent data sets;
 //! - [`Linearization::mimicry`]: how well one candidate can reproduce the effect of another.
 
+mod efficient;
 mod held_out;
 mod linearization;
 mod pseudo_inverse;
 mod score_test;
 
+pub use efficient::EfficientScores;
 pub use linearization::{Candidate, Linearization, ScoreError};
 pub use score_test::Score;

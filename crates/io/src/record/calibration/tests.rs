@@ -48,6 +48,7 @@ pub(crate) fn example() -> Calibration {
             estimator: "joint".into(),
             lens_comparison: None,
             model: "projective".into(),
+            prior: None,
             reprojection_rms_px: 0.1,
             depth_rms_mm: Some(6.4),
             frames_used: 1,

@@ -1,0 +1,33 @@
+//! What the calibrations of many cameras of one type say together.
+//!
+//! Every calibration gives the parameters of one unit with their covariance, and the scores of the effects that its model lacks.
+//! Together they tell what no single one can:
+//!
+//! | question | module |
+//! |---|---|
+//! | what units share and how they scatter: the random-effects model | [`random_effects`] |
+//! | tests of both, corrected for their number | [`significance`] |
+//! | effects that all units share, or that differ, also where no unit alone shows them | `effects` |
+//! | which unit is unlike the others, and in what | [`outliers`] |
+//! | whether an effect that was found in one unit repeats in others | `replication` |
+//! | a prior for the next unit, and the record | [`mod@join`] |
+//!
+//! [`read_units`] reads calibrations, [`join()`] answers. The mathematics with its sources is in docs/fleets.md. Everything is
+//! deterministic: nothing is resampled, and sums are taken in the order of the units.
+
+mod effects;
+mod error;
+pub mod join;
+pub mod outliers;
+pub mod random_effects;
+mod read;
+mod replication;
+mod scaled;
+pub mod significance;
+mod unit;
+
+pub use error::{FEWEST_UNITS, FleetError};
+pub use join::{FleetOptions, Joined, join};
+pub use random_effects::{RandomEffects, UnitEstimate};
+pub use read::read_units;
+pub use unit::{EffectKey, Unit, UnitEffect, UnitParameter, UnitScores};
