@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::board::Pattern;
 use crate::error::SimulateError;
-use crate::render::{RenderedFrame, Renderer};
+use crate::render::RenderedFrame;
 use crate::simulation::Simulation;
 use crate::truth::Truth;
 
@@ -36,7 +36,7 @@ impl Simulation {
             None => Ok(()),
         };
         (0..renderer.len()).into_par_iter().try_for_each(write_frame)?;
-        write_text(dir.join("frames.csv"), &conditions_csv(&renderer))?;
+        write_text(dir.join("frames.csv"), &conditions_csv(renderer.truth()))?;
         write_text(dir.join("dataset.toml"), &self.declaration())?;
         Ok(renderer.truth().clone())
     }
@@ -50,6 +50,23 @@ impl Simulation {
 
     /// The text of `dataset.toml`, with board and depth unit as declared, which defects make differ from the truth.
     fn declaration(&self) -> String {
+        let mut text = self.board_declaration();
+        let unit = self.declared_unit_mm();
+        let _ = write!(
+            text,
+            "\n[frames]\nimage = \"image/*.png\"\ndepth = \"depth/*.png\"\nmetadata = \"frames.csv\"\n\n[depth]\nunit_mm \
+             = {unit:?}\n"
+        );
+        text
+    }
+
+    /// Millimetres per step of the depth images as declared.
+    pub(crate) fn declared_unit_mm(&self) -> f64 {
+        self.rendering.depth_unit_mm * self.defects.depth_unit_factor
+    }
+
+    /// The section `[board]` of `dataset.toml`.
+    pub(crate) fn board_declaration(&self) -> String {
         let board = &self.board;
         let factor = self.defects.spacing_factor;
         let kind = match board.pattern {
@@ -66,41 +83,51 @@ impl Simulation {
         if let Some(diameter) = board.circle_diameter_mm() {
             let _ = writeln!(text, "circle_diameter_mm = {:?}", diameter * factor);
         }
-        let unit = self.rendering.depth_unit_mm * self.defects.depth_unit_factor;
-        let _ = write!(
-            text,
-            "\n[frames]\nimage = \"image/*.png\"\ndepth = \"depth/*.png\"\nmetadata = \"frames.csv\"\n\n[depth]\nunit_mm \
-             = {unit:?}\n"
-        );
         text
     }
 }
 
-fn conditions_csv(renderer: &Renderer<'_>) -> String {
+pub(crate) fn conditions_csv(truth: &Truth) -> String {
     let mut text = String::from("frame,timestamp_s,temperature_c\n");
-    for frame in &renderer.truth().frames {
+    for frame in &truth.frames {
         let _ = writeln!(text, "{},{:.3},{:.2}", frame.name, frame.conditions.time_s, frame.conditions.temperature_c);
     }
     text
 }
 
-fn write_text(path: PathBuf, text: &str) -> Result<(), SimulateError> {
+pub(crate) fn write_text(path: PathBuf, text: &str) -> Result<(), SimulateError> {
     fs::write(&path, text).map_err(|source| SimulateError::Write { path, source })
 }
 
-fn write_png(path: PathBuf, (width, height): (usize, usize), values: &[u16], bits: u8) -> Result<(), SimulateError> {
-    let bytes: Vec<u8> = match bits {
-        8 => values.iter().map(|&value| value.min(255) as u8).collect(),
-        _ => values.iter().flat_map(|value| value.to_be_bytes()).collect(),
+/// Writes a grey image of 8 or 16 bits.
+pub(crate) fn write_png(path: PathBuf, size: (usize, usize), values: &[u16], bits: u8) -> Result<(), SimulateError> {
+    let (bytes, depth): (Vec<u8>, _) = match bits {
+        8 => (values.iter().map(|&value| value.min(255) as u8).collect(), png::BitDepth::Eight),
+        _ => (values.iter().flat_map(|value| value.to_be_bytes()).collect(), png::BitDepth::Sixteen),
     };
+    write_bytes(path, size, &bytes, png::ColorType::Grayscale, depth)
+}
+
+/// Writes a colour image of 8 bits, three values per pixel.
+pub(crate) fn write_rgb(path: PathBuf, size: (usize, usize), values: &[u8]) -> Result<(), SimulateError> {
+    write_bytes(path, size, values, png::ColorType::Rgb, png::BitDepth::Eight)
+}
+
+fn write_bytes(
+    path: PathBuf,
+    (width, height): (usize, usize),
+    bytes: &[u8],
+    colour: png::ColorType,
+    depth: png::BitDepth,
+) -> Result<(), SimulateError> {
     let encode = |file: fs::File| -> Result<(), png::EncodingError> {
         let mut out = BufWriter::new(file);
         let mut encoder = png::Encoder::new(&mut out, width as u32, height as u32);
-        encoder.set_color(png::ColorType::Grayscale);
-        encoder.set_depth(if bits == 8 { png::BitDepth::Eight } else { png::BitDepth::Sixteen });
+        encoder.set_color(colour);
+        encoder.set_depth(depth);
         encoder.set_compression(png::Compression::Fast);
         let mut writer = encoder.write_header()?;
-        writer.write_image_data(&bytes)?;
+        writer.write_image_data(bytes)?;
         writer.finish()?;
         out.flush()?;
         Ok(())

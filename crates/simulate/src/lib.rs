@@ -30,6 +30,7 @@ mod points;
 mod pose;
 mod render;
 mod rendering;
+mod rig;
 mod scene;
 mod session;
 mod simulation;
@@ -53,5 +54,6 @@ pub use points::{DepthSample, FramePoints, MarkerPoint, PointObservations, Point
 pub use pose::Pose;
 pub use render::{RenderedFrame, Renderer};
 pub use rendering::Rendering;
+pub use rig::{Drift, RigCamera, RigCameraTruth, RigPoints, RigSimulation, RigTruth, Streams};
 pub use simulation::Simulation;
 pub use truth::{FrameTruth, Truth};

@@ -1,5 +1,5 @@
 //! Infrared illumination by an emitter next to the camera, which falls off with the squared range and towards the
-//! image's corners; and the exposure.
+//! image's corners; light of the room; and the exposure.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,12 +18,19 @@ pub enum Exposure {
         /// Signal of the board's white, frontal on the optical axis at 1 m, share of full scale.
         white_at_1m: f64,
     },
+    /// Light of the room, as colour cameras use it: the board's white has the same signal at every distance.
+    Room {
+        /// Signal of the board's white in the middle of the image, share of full scale.
+        white: f64,
+    },
 }
 
 /// Light and exposure of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Light {
     gain: f64,
+    /// Whether it comes from the room instead of the camera's emitter.
+    of_room: bool,
 }
 
 impl Light {
@@ -34,14 +41,18 @@ impl Light {
             Exposure::Auto { white } => {
                 let at = |[x, y, z]: [f64; 3]| irradiance([x / z, y / z], z);
                 let weakest = at([0.0, 0.0, 1100.0]);
-                Self { gain: white / (bright * at(middle).max(weakest)) }
+                Self { gain: white / (bright * at(middle).max(weakest)), of_room: false }
             }
-            Exposure::Fixed { white_at_1m } => Self { gain: white_at_1m / bright },
+            Exposure::Fixed { white_at_1m } => Self { gain: white_at_1m / bright, of_room: false },
+            Exposure::Room { white } => Self { gain: white / bright, of_room: true },
         }
     }
 
     /// Signal of a surface at depth `z` (mm) on `ray`, share of full scale, not clipped.
     pub fn signal(&self, albedo: f64, cosine: f64, ray: [f64; 2], z: f64) -> f64 {
+        if self.of_room {
+            return self.gain * albedo * vignetting(ray);
+        }
         self.gain * albedo * cosine * irradiance(ray, z)
     }
 }
@@ -52,6 +63,11 @@ impl Light {
 fn irradiance([x, y]: [f64; 2], z: f64) -> f64 {
     let secant2 = 1.0 + x * x + y * y;
     (1000.0 / z).powi(2) / (secant2 * secant2)
+}
+
+/// Darkening towards the image's corners of a camera that the room lights, cos⁴ θ, of which the lens' design leaves half.
+fn vignetting([x, y]: [f64; 2]) -> f64 {
+    1.0 / (1.0 + x * x + y * y)
 }
 
 #[cfg(test)]

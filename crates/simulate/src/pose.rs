@@ -34,6 +34,11 @@ impl Pose {
         Self::new(Rotation3::new(Vector3::from(rotation)), Vector3::from(translation))
     }
 
+    /// The pose that leaves every point where it is.
+    pub fn identity() -> Self {
+        Self::from_rotation_vector([0.0; 3], [0.0; 3])
+    }
+
     /// R as a matrix.
     pub fn matrix(&self) -> Matrix3<f64> {
         Matrix3::from_fn(|i, j| self.rotation[i][j])
@@ -49,6 +54,12 @@ impl Pose {
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
         let x = self.matrix() * Vector3::from(p) + Vector3::from(self.translation);
         [x.x, x.y, x.z]
+    }
+
+    /// The composition that applies `first`, then this pose.
+    pub fn after(&self, first: &Pose) -> Self {
+        let rotation = Rotation3::from_matrix_unchecked(self.matrix() * first.matrix());
+        Self::new(rotation, self.matrix() * Vector3::from(first.translation) + Vector3::from(self.translation))
     }
 
     /// Angle between the board and the image plane, radians.

@@ -42,7 +42,9 @@ impl<'a> Session<'a> {
             Some(poses) => poses.clone(),
             None => pose::choose(&camera, &board, kind, simulation.frames, seed)?,
         };
-        let conditions = conditions::choose(simulation.frames, crate::streams::seed_with_name(seed, &kind.to_string()));
+        let of_conditions = simulation.conditions_seed.unwrap_or(seed);
+        let of_conditions = crate::streams::seed_with_name(of_conditions, &kind.to_string());
+        let conditions = conditions::choose(simulation.frames, of_conditions);
         let (frames, defective) = defects.frames(&poses, &conditions, &board, seed);
         let frame_truth = |(i, frame): (usize, &Frame)| FrameTruth {
             name: frame_name(i),

@@ -30,6 +30,8 @@ pub struct Simulation {
     pub(crate) effects: Vec<Effect>,
     pub(crate) given: Vec<GivenEffect>,
     pub(crate) seed: u64,
+    /// Seed of times and temperatures, where it is another.
+    pub(crate) conditions_seed: Option<u64>,
     pub(crate) unit: u64,
     pub(crate) frames: usize,
     pub(crate) poses: Option<Vec<Pose>>,
@@ -50,6 +52,7 @@ impl Simulation {
             effects: effects.to_vec(),
             given: Vec::new(),
             seed,
+            conditions_seed: None,
             unit: 0,
             frames: kind.frames(),
             poses: None,
@@ -78,6 +81,12 @@ impl Simulation {
     /// Adds depth effects that are given as functions, after those by name.
     pub fn given(mut self, effects: impl IntoIterator<Item = GivenEffect>) -> Self {
         self.given.extend(effects);
+        self
+    }
+
+    /// Sets a seed of times and temperatures alone: cameras of one rig have them in common, but noise of their own.
+    pub(crate) fn conditions_seed(mut self, seed: u64) -> Self {
+        self.conditions_seed = Some(seed);
         self
     }
 

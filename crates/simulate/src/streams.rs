@@ -21,6 +21,7 @@ pub(crate) enum Purpose {
     EffectShape,
     EffectFrames,
     Planting,
+    ColourNoise,
 }
 
 /// The stream for `purpose` and `index` (a frame, an effect) under `seed`.

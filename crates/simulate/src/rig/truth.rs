@@ -1,0 +1,40 @@
+//! The truth of a simulated rig, and its observations without images.
+
+use serde::{Deserialize, Serialize};
+
+use super::camera::Streams;
+use super::drift::Drift;
+use crate::points::PointObservations;
+use crate::pose::Pose;
+use crate::truth::Truth;
+
+/// The truth of a simulated rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RigTruth {
+    /// The cameras; the first is the reference.
+    pub cameras: Vec<RigCameraTruth>,
+}
+
+/// The truth of one camera of a rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RigCameraTruth {
+    /// Its name.
+    pub name: String,
+    /// What it delivers.
+    pub streams: Streams,
+    /// Its place: maps the rig's frame to its own, mm; without drift.
+    pub camera_from_rig: Pose,
+    /// How its place changes.
+    pub drift: Option<Drift>,
+    /// Camera, board, effects and poses as this camera sees them.
+    pub truth: Truth,
+}
+
+/// Observations of a rig without images: those of every camera, in the order of the cameras.
+#[derive(Debug, Clone)]
+pub struct RigPoints {
+    /// The truth.
+    pub truth: RigTruth,
+    /// What each camera observes.
+    pub cameras: Vec<PointObservations>,
+}
