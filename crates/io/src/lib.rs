@@ -20,14 +20,14 @@ pub use camera_files::{
     CameraFileError, CameraFormat, Export, ExportCamera, ExportError, ExportWarning, FileLens, Intrinsics, read_camera,
 };
 pub use dataset::{
-    CameraHint, DATASET_FILE, Dataset, DatasetError, DatasetFile, DepthSection, Frame, FrameMetadata, FramesSection,
-    IntrinsicNumbers, Pairing, Stray,
+    CameraHint, CameraSection, DATASET_FILE, Dataset, DatasetError, DatasetFile, DepthSection, Frame, FrameMetadata,
+    FramesSection, IntrinsicNumbers, Pairing, RigDataset, RigFile, RigMember, Stray,
 };
 pub use file::{FileError, digest_files, read_json, write_atomically, write_json, write_json_compact};
 pub use image::{
     DEPTH_EXTENSIONS, DepthFrame, DepthImage, DepthValues, GrayImage, IMAGE_EXTENSIONS, ImageError, RgbImage,
     check_same_size, decode_depth_frame, decode_gray, read_depth, read_depth_frame, read_gray, read_rgb, write_depth,
-    write_depth_frame, write_gray,
+    write_depth_frame, write_gray, write_rgb,
 };
 pub use pcd::write_pcd;
 pub use ply::{Cloud, PlyFormat, write_ply};
@@ -42,8 +42,9 @@ pub use record::{
     DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, DroppedFrame, Errors, Evaluation, FileReference,
     FitRecord, Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter,
     FleetReplication, FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations, FrameRecord, GainInterval,
-    HeldOutErrors, Interval, LearningPoint, LensComparison, MarkerObservation, MeanStd, ModelComparison, ModelValue,
-    NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord, Prior, PriorUse, Rms, ScoredEffect,
-    ScoredParameter, Scores, Separability, StabilityEstimate, StabilityRecord, UsedPriorParameter, Verdict,
+    HeldOutErrors, Interval, LearningPoint, LeftOpen, LensComparison, MarkerObservation, MeanStd, ModelComparison,
+    ModelValue, NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord, PlaceRecord, PlaceStdDev, Prior,
+    PriorUse, RigCameraRecord, Rms, ScoredEffect, ScoredParameter, Scores, Separability, StabilityEstimate,
+    StabilityRecord, TransferAtDistance, TransferError, UsedPriorParameter, Verdict,
 };
 pub use schema::SchemaName;

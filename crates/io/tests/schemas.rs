@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use depthcal_io::{DatasetFile, SchemaName};
+use depthcal_io::{DatasetFile, RigFile, SchemaName};
 use serde_json::{Value, json};
 
 /// `UPDATE_DOCS=1 cargo test -p depthcal-io --test schemas` writes them.
@@ -26,7 +26,8 @@ const FRAMES: &str = "[frames]\nimage = \"image/*.png\"\n";
 
 /// Whether the parser and the schema accept a text.
 fn accepted(validator: &jsonschema::Validator, text: &str) -> (bool, bool) {
-    let parsed = DatasetFile::parse(Path::new("dataset.toml"), text).is_ok();
+    let path = Path::new("dataset.toml");
+    let parsed = DatasetFile::parse(path, text).is_ok() || RigFile::parse(path, text).is_ok();
     let value: toml::Value = toml::from_str(text).unwrap();
     let instance: Value = serde_json::to_value(value).unwrap();
     (parsed, validator.is_valid(&instance))
@@ -76,6 +77,36 @@ fn the_schema_of_dataset_toml_agrees_with_its_parser() {
         format!("{BOARD}{FRAMES}{camera}intrinsics = \"camera.yaml\"\n"),
         format!("{BOARD}{FRAMES}[camera]\nintrinsics = \"camera.yaml\"\nskew = 0.1\n"),
         format!("{BOARD}{FRAMES}[camera]\nfixed = true\n"),
+    ];
+    for text in &bad {
+        assert_eq!(accepted(&validator, text), (false, false), "{text}");
+    }
+}
+
+#[test]
+fn the_schema_of_rigs_agrees_with_their_parser() {
+    let validator = jsonschema::validator_for(&SchemaName::Dataset.schema()).unwrap();
+    let colour = "[cameras.colour]\nimage = \"colour/*.png\"\n";
+    let depth = "[cameras.depth-2]\ndepth = \"depth/*.png\"\nunit_mm = 0.1\n";
+    let numbers = "fx = 500\nfy = 500.5\ncx = 320\ncy = 240\n";
+    let good = [
+        format!("{BOARD}{colour}{depth}"),
+        format!("{BOARD}{colour}lens = \"opencv8\"\n{depth}{numbers}fixed = true\n"),
+        format!("{BOARD}{colour}intrinsics = \"factory.yml\"\n[frames]\nwithin_s = 0.02\nmetadata = \"frames.csv\"\n"),
+    ];
+    for text in &good {
+        assert_eq!(accepted(&validator, text), (true, true), "{text}");
+    }
+    let bad = [
+        format!("{BOARD}{FRAMES}{colour}"),
+        format!("{BOARD}{colour}[depth]\nunit_mm = 1\n"),
+        format!("{BOARD}{colour}[camera]\n{numbers}"),
+        format!("{BOARD}{}", depth.replace("unit_mm = 0.1\n", "")),
+        format!("{BOARD}{}", depth.replace("unit_mm = 0.1", "unit_mm = 0.001")),
+        format!("{BOARD}{colour}images = \"x\"\n"),
+        format!("{BOARD}{colour}fx = 500\n"),
+        format!("{BOARD}{colour}{numbers}intrinsics = \"factory.yml\"\n"),
+        colour.to_owned(),
     ];
     for text in &bad {
         assert_eq!(accepted(&validator, text), (false, false), "{text}");

@@ -1,7 +1,5 @@
 //! `dataset.toml`: the declaration of a dataset.
 
-use std::fs;
-use std::io;
 use std::path::Path;
 
 use depthcal_model::{Pattern, Target};
@@ -12,6 +10,7 @@ use super::camera_hint::{CameraHint, IntrinsicNumbers};
 use super::error::DatasetError;
 use super::section::{Field, Section, Source};
 use super::suggest::nearest;
+use super::text::{CAMERAS, read_text};
 use crate::file::{FileError, write_atomically};
 
 /// Name of the file that makes a folder a dataset.
@@ -67,7 +66,7 @@ const SECTIONS: &[&str] = &["board", "frames", "depth", "camera"];
 const BOARD_KEYS: &[&str] = &["kind", "columns", "rows", "spacing_mm", "circle_diameter_mm", "marker_mm", "dictionary"];
 const FRAMES_KEYS: &[&str] = &["image", "depth", "metadata", "associations", "within_s"];
 const DEPTH_KEYS: &[&str] = &["unit_mm"];
-const CAMERA_KEYS: &[&str] = &["fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
+pub(crate) const CAMERA_KEYS: &[&str] = &["fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
 
 const BOARD: Field =
     Field { name: "board", remedy: "declare the board in a section [board] with kind, columns, rows, spacing_mm" };
@@ -145,13 +144,7 @@ impl DatasetFile {
     /// [`DatasetError`] with the file, the line, the field and the remedy.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, DatasetError> {
         let path = path.as_ref();
-        let text = fs::read_to_string(path).map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
-                DatasetError::NoDatasetFile { path: path.to_owned() }
-            }
-            _ => DatasetError::Read { path: path.to_owned(), error },
-        })?;
-        Self::parse(path, &text)
+        Self::parse(path, &read_text(path)?)
     }
 
     /// Parses the text of a `dataset.toml`; `path` only names its source in errors.
@@ -161,14 +154,17 @@ impl DatasetFile {
     pub fn parse(path: &Path, text: &str) -> Result<Self, DatasetError> {
         let source = Source { path, text: text.strip_prefix('\u{feff}').unwrap_or(text) };
         let root = source.parse()?;
+        if root.contains_key(CAMERAS) {
+            return Err(DatasetError::SeveralCameras { path: path.to_owned() });
+        }
         source.deny_unknown(&root, "", SECTIONS, &all_fields())?;
-        let board = section(source, &root, BOARD, BOARD_KEYS)?.ok_or_else(|| source.missing(BOARD))?;
+        let board = board_of(source, &root)?;
         let frames = section(source, &root, FRAMES, FRAMES_KEYS)?.ok_or_else(|| source.missing(FRAMES))?;
         let depth = section(source, &root, DEPTH, DEPTH_KEYS)?;
         let camera = section(source, &root, CAMERA, CAMERA_KEYS)?;
 
         let file = DatasetFile {
-            board: board_from(&board)?,
+            board,
             frames: frames_from(&frames)?,
             depth: depth.map(|depth| depth_from(&depth)).transpose()?,
             camera: camera.map(|camera| camera_from(&camera)).transpose()?,
@@ -252,6 +248,11 @@ fn section<'a>(
     };
     source.deny_unknown(table, &format!("{}.", field.name), known, &all_fields())?;
     Ok(Some(Section { source, table }))
+}
+
+/// The board that a file declares.
+pub(crate) fn board_of(source: Source<'_>, root: &DeTable<'_>) -> Result<Target, DatasetError> {
+    board_from(&section(source, root, BOARD, BOARD_KEYS)?.ok_or_else(|| source.missing(BOARD))?)
 }
 
 fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
@@ -358,7 +359,7 @@ fn depth_from(depth: &Section<'_>) -> Result<DepthSection, DatasetError> {
     Ok(DepthSection { unit_mm: depth.positive(UNIT, 0.002..=1000.0)? })
 }
 
-fn camera_from(camera: &Section<'_>) -> Result<CameraHint, DatasetError> {
+pub(crate) fn camera_from(camera: &Section<'_>) -> Result<CameraHint, DatasetError> {
     let text = |field| Ok::<_, DatasetError>(camera.string(field)?.map(str::to_owned));
     let (intrinsics, lens) = (text(INTRINSICS)?, text(LENS)?);
     let given = [FX, FY, CX, CY, SKEW, DISTORTION].into_iter().find(|field| camera.get(*field).is_some());

@@ -18,6 +18,15 @@ pub enum DatasetError {
         /// The file that was looked for.
         path: PathBuf,
     },
+    /// The file declares the cameras of a rig where one camera is asked for.
+    #[error(
+        "{path}: this dataset has several cameras in sections [cameras.NAME], but this command works on one: give a dataset.toml with \
+         [frames], [depth] and [camera] for that camera alone"
+    )]
+    SeveralCameras {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file or folder cannot be read.
     #[error("{path}: cannot read: {error}")]
     Read {

@@ -43,17 +43,7 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`] with the file, the field and the remedy.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, DatasetError> {
-        let path = path.as_ref();
-        let root = match path.parent() {
-            Some(parent) if path.ends_with(DATASET_FILE) && !path.is_dir() => {
-                if parent.as_os_str().is_empty() {
-                    Path::new(".")
-                } else {
-                    parent
-                }
-            }
-            _ => path,
-        };
+        let root = root_of(path.as_ref());
         let file_path = root.join(DATASET_FILE);
         let file = DatasetFile::read(&file_path)?;
 
@@ -101,8 +91,22 @@ impl Dataset {
     }
 }
 
+/// The folder that `path` is, or whose `dataset.toml` it is.
+pub(crate) fn root_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if path.ends_with(DATASET_FILE) && !path.is_dir() => {
+            if parent.as_os_str().is_empty() {
+                Path::new(".")
+            } else {
+                parent
+            }
+        }
+        _ => path,
+    }
+}
+
 /// Name of the folder, even when the path is `.` or ends with `..`.
-fn folder_name(root: &Path) -> String {
+pub(crate) fn folder_name(root: &Path) -> String {
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     name(root).or_else(|| name(&root.canonicalize().ok()?)).unwrap_or_else(|| "dataset".into())
 }

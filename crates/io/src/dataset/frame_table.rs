@@ -45,6 +45,8 @@ pub(crate) struct FrameTable {
     pub rows: Vec<Row>,
     pub has_images: bool,
     pub has_depth: bool,
+    /// Names of all columns.
+    pub columns: Vec<String>,
 }
 
 /// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c`, `image`, `depth` and any others.
@@ -95,7 +97,8 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError>
         return Err(DatasetError::Table { path: path.to_owned(), line, problem });
     }
     let has = |column: &str| head.iter().any(|name| name == column);
-    Ok(FrameTable { rows, has_images: has("image"), has_depth: has("depth") })
+    let columns = head.iter().map(str::to_owned).collect();
+    Ok(FrameTable { rows, has_images: has("image"), has_depth: has("depth"), columns })
 }
 
 fn finite(cell: &str) -> Option<f64> {

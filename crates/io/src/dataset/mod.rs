@@ -9,8 +9,11 @@ mod frame_table;
 mod frames;
 mod natural;
 mod pairing;
+mod rig;
+mod rig_declaration;
 mod section;
 mod suggest;
+mod text;
 mod time_list;
 
 pub use camera_hint::{CameraHint, IntrinsicNumbers};
@@ -20,3 +23,5 @@ pub use folder::Dataset;
 pub use frame_table::FrameMetadata;
 pub use frames::Frame;
 pub use pairing::{Pairing, Stray};
+pub use rig::{RigDataset, RigMember};
+pub use rig_declaration::{CameraSection, RigFile};

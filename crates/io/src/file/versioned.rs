@@ -35,6 +35,11 @@ pub(crate) trait Versioned: Serialize + DeserializeOwned {
     /// The oldest version that is still read.
     const OLDEST: u32 = Self::VERSION;
 
+    /// The version that is written: the oldest that has all that these contents have.
+    fn version(&self) -> u32 {
+        Self::VERSION
+    }
+
     /// Checks what the types do not express: sizes, ranges, uniqueness of names.
     fn check(&self) -> Result<(), Fault>;
 }
@@ -85,6 +90,6 @@ pub(crate) fn write_versioned<T: Versioned>(path: &Path, body: &T, compact: bool
         return Err(FileError::NotFinite { path: path.to_owned(), field });
     }
     body.check().map_err(|fault| fault.in_file(path))?;
-    let envelope = Envelope { format: T::FORMAT, version: T::VERSION, body };
+    let envelope = Envelope { format: T::FORMAT, version: body.version(), body };
     if compact { write_json_compact(path, &envelope) } else { write_json(path, &envelope) }
 }

@@ -119,6 +119,14 @@ pub fn write_gray(path: impl AsRef<Path>, image: &GrayImage) -> Result<(), FileE
     png16::write(path.as_ref(), [image.width, image.height], &image.data, image.bits)
 }
 
+/// Writes a colour image as PNG of 8 bits, atomically.
+///
+/// # Errors
+/// [`FileError::Invalid`] when the data do not have width × height values; [`FileError::Write`].
+pub fn write_rgb(path: impl AsRef<Path>, image: &RgbImage) -> Result<(), FileError> {
+    png16::write_rgb(path.as_ref(), [image.width, image.height], image.data.as_flattened())
+}
+
 /// Checks that image and depth image of a frame have the same width and height; the paths are for the error's message.
 ///
 /// # Errors

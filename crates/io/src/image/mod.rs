@@ -17,6 +17,6 @@ pub use depth_frame::{DepthFrame, DepthValues};
 pub use error::ImageError;
 pub use files::{
     DEPTH_EXTENSIONS, IMAGE_EXTENSIONS, check_same_size, decode_depth_frame, decode_gray, read_depth, read_depth_frame,
-    read_gray, read_rgb, write_depth, write_depth_frame, write_gray,
+    read_gray, read_rgb, write_depth, write_depth_frame, write_gray, write_rgb,
 };
 pub use raster::{DepthImage, GrayImage, RgbImage};

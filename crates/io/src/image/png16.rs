@@ -99,9 +99,6 @@ pub(crate) fn decode_depth(path: &Path, bytes: &[u8]) -> Result<DepthImage, Imag
 
 pub(crate) fn write(path: &Path, [width, height]: [usize; 2], data: &[u16], bits: u8) -> Result<(), FileError> {
     let invalid = |problem: String| FileError::Invalid { path: path.to_owned(), field: "data".into(), problem };
-    let (Ok(columns), Ok(rows)) = (u32::try_from(width), u32::try_from(height)) else {
-        return Err(invalid(format!("has {width}×{height} pixels, too many for a PNG")));
-    };
     if width.checked_mul(height) != Some(data.len()) || data.is_empty() {
         return Err(invalid(format!("has {} values for {width}×{height} pixels", data.len())));
     }
@@ -113,13 +110,35 @@ pub(crate) fn write(path: &Path, [width, height]: [usize; 2], data: &[u16], bits
         }
         _ => return Err(invalid(format!("has {bits} bits per value, expected 8 or 16"))),
     };
+    write_bytes(path, [width, height], &bytes, (ColorType::Grayscale, depth))
+}
+
+/// Writes red, green and blue of every pixel.
+pub(crate) fn write_rgb(path: &Path, [width, height]: [usize; 2], data: &[u8]) -> Result<(), FileError> {
+    if width.checked_mul(height).and_then(|n| n.checked_mul(3)) != Some(data.len()) || data.is_empty() {
+        let problem = format!("has {} values for {width}×{height} pixels of three", data.len());
+        return Err(FileError::Invalid { path: path.to_owned(), field: "data".into(), problem });
+    }
+    write_bytes(path, [width, height], data, (ColorType::Rgb, BitDepth::Eight))
+}
+
+fn write_bytes(
+    path: &Path,
+    [width, height]: [usize; 2],
+    bytes: &[u8],
+    (color, depth): (ColorType, BitDepth),
+) -> Result<(), FileError> {
+    let (Ok(columns), Ok(rows)) = (u32::try_from(width), u32::try_from(height)) else {
+        let problem = format!("has {width}×{height} pixels, too many for a PNG");
+        return Err(FileError::Invalid { path: path.to_owned(), field: "data".into(), problem });
+    };
     write_atomically(path, |writer| {
         let mut encoder = png::Encoder::new(writer, columns, rows);
-        encoder.set_color(ColorType::Grayscale);
+        encoder.set_color(color);
         encoder.set_depth(depth);
         encoder.set_compression(png::Compression::Fast);
         let mut writer = encoder.write_header().map_err(io::Error::from)?;
-        writer.write_image_data(&bytes).map_err(io::Error::from)?;
+        writer.write_image_data(bytes).map_err(io::Error::from)?;
         writer.finish().map_err(io::Error::from)
     })
 }

@@ -1,27 +1,29 @@
 //! `calibration.json`: a calibrated depth camera, its uncertainty, and the data that it was fitted to.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use depthcal_model::Target;
 use depthcal_model::hook::HookKind;
-use depthcal_model::{FormulaDefinition, Of, On, Target};
 use serde::{Deserialize, Serialize};
 
+use super::camera::{CameraRecord, NoiseRecord, PieceRecord, unique, unit_quaternion};
 use super::lens_comparison::LensComparison;
 use super::prior::PriorUse;
 use super::reference::FileReference;
+use super::rig_camera::RigCameraRecord;
 use crate::dataset::FrameMetadata;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
 ///
-/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields. Files of version 1 have no formulas
-/// and are read as well.
+/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields; that of a rig has version 3. Files of
+/// version 1 have no formulas and are read as well.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Calibration {
-    /// The camera.
+    /// The camera; of a rig the reference camera.
     pub camera: CameraRecord,
-    /// Covariance of the free parameters, where the estimator gives one.
+    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their places, and names begin
+    /// with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceRecord>,
     /// Noise of the measurements, estimated from the data.
@@ -40,60 +42,9 @@ pub struct Calibration {
     /// The observations that were fitted, where they were kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub observations: Option<FileReference>,
-}
-
-/// The camera as a chain of pieces.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct CameraRecord {
-    /// Width of the image in px.
-    pub width: usize,
-    /// Height of the image in px.
-    pub height: usize,
-    /// The pieces in the order in which they are applied. Names are unique.
-    pub pieces: Vec<PieceRecord>,
-}
-
-/// One piece of the chain.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct PieceRecord {
-    /// The stage of the chain at which it acts.
-    pub hook: HookKind,
-    /// Its registered name, such as `brown_conrady` or `projective`.
-    pub name: String,
-    /// Its parameters, in its own order. Names are unique within the piece.
-    pub parameters: Vec<ParameterRecord>,
-    /// For an effect of depth, the state from which it takes its covariates; the true one where absent.
-    #[serde(default, skip_serializing_if = "is_default")]
-    pub of: Of,
-    /// For an effect of depth, what its shape is added to; as in its own equation where absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub on: Option<On>,
-    /// Settings that are not estimated, such as the number of cells of a grid.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub options: BTreeMap<String, f64>,
-    /// The definition of a piece that is given as a formula, so that the file needs no other.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub formula: Option<FormulaDefinition>,
-}
-
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
-/// One parameter of a piece.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct ParameterRecord {
-    /// Name within the piece, such as `k1`.
-    pub name: String,
-    /// Unit, such as `px` or `1/mm`; `1` for a dimensionless parameter.
-    pub unit: String,
-    /// Estimate, in `unit`.
-    pub value: f64,
-    /// Standard deviation, in `unit`; absent where the parameter was not estimated or the data do not determine it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub std_dev: Option<f64>,
-    /// Whether the value was held constant.
-    pub fixed: bool,
+    /// The cameras of a rig, the reference first; empty for one camera.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<RigCameraRecord>,
 }
 
 /// Covariance of the free parameters.
@@ -103,28 +54,6 @@ pub struct CovarianceRecord {
     pub parameters: Vec<String>,
     /// Symmetric matrix, one row and column for each of `parameters`, in products of the parameters' units.
     pub matrix: Vec<Vec<f64>>,
-}
-
-/// Noise of the measurements.
-///
-/// The noise of depth is a standard deviation in inverse depth, σ_ρ² = a² + (b ρ²)²: `a` is constant in inverse depth
-/// (structured light, stereo), `b` constant in depth (time of flight).
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct NoiseRecord {
-    /// Standard deviation of a marker's coordinate, px.
-    pub pixel_sigma: f64,
-    /// a of the depth noise, 1/mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inverse_depth_sigma_a: Option<f64>,
-    /// b of the depth noise, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inverse_depth_sigma_b: Option<f64>,
-    /// Distance from which the noise of two depth pixels is uncorrelated, px.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub correlation_length_px: Option<f64>,
-    /// Further parameters of the noise model, by name.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub other: BTreeMap<String, f64>,
 }
 
 /// Quality and course of the fit.
@@ -224,40 +153,6 @@ impl Calibration {
     }
 }
 
-impl CameraRecord {
-    /// The piece called `name`.
-    pub fn piece(&self, name: &str) -> Option<&PieceRecord> {
-        self.pieces.iter().find(|piece| piece.name == name)
-    }
-}
-
-impl PieceRecord {
-    /// The parameter called `name`.
-    pub fn parameter(&self, name: &str) -> Option<&ParameterRecord> {
-        self.parameters.iter().find(|parameter| parameter.name == name)
-    }
-
-    /// Value of the parameter called `name`.
-    pub fn value(&self, name: &str) -> Option<f64> {
-        self.parameter(name).map(|parameter| parameter.value)
-    }
-
-    /// Values of all parameters, in order.
-    pub fn values(&self) -> Vec<f64> {
-        self.parameters.iter().map(|parameter| parameter.value).collect()
-    }
-}
-
-impl NoiseRecord {
-    /// Standard deviation of inverse depth, 1/mm, at inverse depth `rho`, 1/mm; `None` where there is no depth noise.
-    pub fn inverse_depth_sigma(&self, rho: f64) -> Option<f64> {
-        match (self.inverse_depth_sigma_a, self.inverse_depth_sigma_b) {
-            (None, None) => None,
-            (a, b) => Some(a.unwrap_or(0.0).hypot(b.unwrap_or(0.0) * rho * rho)),
-        }
-    }
-}
-
 impl CovarianceRecord {
     /// Covariance of two parameters, each given as `piece.parameter`.
     pub fn get(&self, row: &str, column: &str) -> Option<f64> {
@@ -292,68 +187,34 @@ impl CovarianceRecord {
     }
 }
 
-impl CameraRecord {
-    fn check(&self) -> Result<(), Fault> {
-        for (field, size) in [("camera.width", self.width), ("camera.height", self.height)] {
-            if size == 0 {
-                return Err(Fault::new(field, "is 0, expected the size of the image in px"));
-            }
-        }
-        unique(self.pieces.iter().map(|piece| &piece.name), "camera.pieces")?;
-        for (i, piece) in self.pieces.iter().enumerate() {
-            let field = format!("camera.pieces[{i}].parameters");
-            unique(piece.parameters.iter().map(|parameter| &parameter.name), &field)?;
-            for (j, parameter) in piece.parameters.iter().enumerate() {
-                if parameter.std_dev.is_some_and(|sigma| sigma < 0.0) {
-                    return Err(Fault::new(format!("{field}[{j}].std_dev"), "must not be negative"));
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
 impl Versioned for Calibration {
     const FORMAT: &'static str = "depthcal-calibration";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const OLDEST: u32 = 1;
+
+    /// Files of one camera are those of version 2.
+    fn version(&self) -> u32 {
+        if self.cameras.is_empty() { 2 } else { 3 }
+    }
 
     fn check(&self) -> Result<(), Fault> {
         self.camera.check()?;
         if let Some(covariance) = &self.covariance {
             covariance.check()?;
         }
-        let noise = &self.noise;
-        for (field, sigma) in [
-            ("noise.pixel_sigma", Some(noise.pixel_sigma)),
-            ("noise.inverse_depth_sigma_a", noise.inverse_depth_sigma_a),
-            ("noise.inverse_depth_sigma_b", noise.inverse_depth_sigma_b),
-            ("noise.correlation_length_px", noise.correlation_length_px),
-        ] {
-            if sigma.is_some_and(|sigma| sigma < 0.0) {
-                return Err(Fault::new(field, "must not be negative"));
-            }
-        }
+        self.noise.check("noise")?;
         if self.depth_unit_mm.is_some_and(|unit| unit <= 0.0) {
             return Err(Fault::new("depth_unit_mm", "must be above 0: millimetres per step of the depth images"));
         }
+        unique(self.cameras.iter().map(|camera| &camera.name), "cameras")?;
+        for (i, camera) in self.cameras.iter().enumerate() {
+            camera.check(i)?;
+        }
         unique(self.frames.iter().map(|frame| &frame.name), "frames")?;
         for (i, frame) in self.frames.iter().enumerate() {
-            let norm = frame.rotation.iter().map(|q| q * q).sum::<f64>().sqrt();
-            if (norm - 1.0).abs() > 1e-6 {
-                let problem = format!("has norm {norm}, expected a unit quaternion [w, x, y, z]");
-                return Err(Fault::new(format!("frames[{i}].rotation"), problem));
-            }
+            unit_quaternion(&frame.rotation, || format!("frames[{i}].rotation"))?;
         }
         Ok(())
-    }
-}
-
-fn unique<'a>(names: impl IntoIterator<Item = &'a String>, field: &str) -> Result<(), Fault> {
-    let mut seen = BTreeSet::new();
-    match names.into_iter().find(|name| !seen.insert(*name)) {
-        Some(name) => Err(Fault::new(field, format!("has the name \"{name}\" more than once"))),
-        None => Ok(()),
     }
 }
 

@@ -11,6 +11,44 @@ use crate::file::{FileError, read_json, write_json};
 pub struct Evaluation {
     /// One entry per dataset, in the order in which they were given.
     pub datasets: Vec<DatasetEvaluation>,
+    /// Errors from one camera of a rig to another; empty for one camera.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub transfer: Vec<TransferError>,
+}
+
+/// Markers that one camera sees, taken through its corrected depth into another camera's image, against where that camera sees them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct TransferError {
+    /// Name of the dataset.
+    pub dataset: String,
+    /// The camera whose depth is taken.
+    pub from: String,
+    /// The camera in whose image they are compared.
+    pub to: String,
+    /// Number of markers.
+    pub markers: usize,
+    /// Root mean square of the distance in the image of `to`, px.
+    pub rms_px: f64,
+    /// Root mean square of the distance between the marker's point and the line of sight of `to`, mm.
+    pub rms_mm: f64,
+    /// The same through depth as measured, px.
+    pub before_rms_px: f64,
+    /// The same in ranges of distance, from near to far.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub by_distance: Vec<TransferAtDistance>,
+}
+
+/// Transfer errors of markers in a range of distance.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct TransferAtDistance {
+    /// Mean distance of the markers from the camera whose depth is taken, mm.
+    pub distance_mm: f64,
+    /// Number of markers.
+    pub markers: usize,
+    /// Root mean square, px.
+    pub rms_px: f64,
+    /// Root mean square, mm.
+    pub rms_mm: f64,
 }
 
 /// Errors on one dataset. Those of depth are absent when the dataset has no depth.
@@ -149,6 +187,7 @@ mod tests {
                 outliers: Some(Outliers { count: 3, share: 0.125, limit_mm: 30.0 }),
                 frames_detail: Vec::new(),
             }],
+            transfer: Vec::new(),
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("evaluation.json");

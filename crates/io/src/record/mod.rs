@@ -1,6 +1,7 @@
 //! The records: JSON files that commands write and later commands and the report read.
 
 mod calibration;
+mod camera;
 mod comparison;
 mod component;
 mod covariate;
@@ -14,14 +15,13 @@ mod observations;
 mod prior;
 mod pure_error;
 mod reference;
+mod rig_camera;
 mod scores;
 
 #[cfg(test)]
 pub(crate) use calibration::example;
-pub use calibration::{
-    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FitRecord, FrameRecord, NoiseRecord, ParameterRecord,
-    PieceRecord,
-};
+pub use calibration::{Calibration, CovarianceRecord, DroppedFrame, FitRecord, FrameRecord};
+pub use camera::{CameraRecord, NoiseRecord, ParameterRecord, PieceRecord};
 pub use comparison::{
     Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
 };
@@ -36,7 +36,10 @@ pub use diagnosis::{
     DiagnosisHeldOut, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisReplication, DiagnosisRound,
     DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
-pub use evaluation::{BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms};
+pub use evaluation::{
+    BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, TransferAtDistance,
+    TransferError,
+};
 pub use findings::{
     DeclaredValue, DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
     DiagnosisProposedFrame,
@@ -50,4 +53,5 @@ pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observ
 pub use prior::{Prior, PriorUse, UsedPriorParameter};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;
+pub use rig_camera::{LeftOpen, PlaceRecord, PlaceStdDev, RigCameraRecord};
 pub use scores::{ModelValue, ScoredEffect, ScoredParameter, Scores};

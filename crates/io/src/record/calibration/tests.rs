@@ -1,6 +1,10 @@
+use std::collections::BTreeMap;
+
+use depthcal_model::hook::HookKind;
 use depthcal_model::{Of, On, Pattern};
 use proptest::prelude::*;
 
+use super::super::camera::ParameterRecord;
 use super::*;
 use crate::file::parse_versioned;
 
@@ -74,6 +78,7 @@ pub(crate) fn example() -> Calibration {
             spacing_mm: 36.0,
         },
         observations: None,
+        cameras: Vec::new(),
     }
 }
 
@@ -164,4 +169,49 @@ proptest! {
         prop_assert!(parse(&text).is_err());
         prop_assert!(parse_versioned::<Calibration>(Path::new("c.json"), &bytes).is_err());
     }
+}
+
+/// Files of one camera stay what they were, to the version; those of a rig say that they are.
+#[test]
+fn a_rig_raises_the_version() {
+    use super::super::camera::PieceRecord;
+    use super::super::rig_camera::{PlaceRecord, PlaceStdDev, RigCameraRecord};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("calibration.json");
+    let written = |calibration: &Calibration| {
+        calibration.write(&path).unwrap();
+        crate::file::read_json::<serde_json::Value>(&path).unwrap()
+    };
+    let one = written(&example());
+    assert_eq!(one["version"], 2);
+    assert!(one.get("cameras").is_none());
+    let pieces: Vec<PieceRecord> = example().camera.pieces;
+    let camera = RigCameraRecord {
+        name: "colour".into(),
+        width: 640,
+        height: 480,
+        camera_from_rig: PlaceRecord {
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            translation_mm: [-50.0, 0.0, 0.1],
+            std_dev: Some(PlaceStdDev { rotation_rad: [1e-5; 3], translation_mm: [0.01; 3] }),
+        },
+        pieces,
+        noise: NoiseRecord::default(),
+        depth_unit_mm: None,
+        frames_used: 3,
+        reprojection_rms_px: Some(0.1),
+        depth_rms_mm: None,
+        left_open: Vec::new(),
+    };
+    let rig = Calibration { cameras: vec![camera], ..example() };
+    let file = written(&rig);
+    assert_eq!(file["version"], 3);
+    let place = &file["cameras"][0]["camera_from_rig"];
+    assert_eq!(place["translation_mm"][0], -50.0);
+    assert_eq!(place["std_dev"]["rotation_rad"][2], 1e-5);
+    assert_eq!(Calibration::read(&path).unwrap(), rig);
+    let mut wrong = rig;
+    wrong.cameras[0].camera_from_rig.rotation[0] = 2.0;
+    let message = wrong.write(&path).unwrap_err().to_string();
+    assert!(message.contains("cameras[0].camera_from_rig.rotation"), "{message}");
 }

@@ -1,0 +1,178 @@
+//! Cameras in result files: pieces with their parameters, and the noise of their measurements.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use depthcal_model::hook::HookKind;
+use depthcal_model::{FormulaDefinition, Of, On};
+use serde::{Deserialize, Serialize};
+
+use crate::file::Fault;
+
+/// The camera as a chain of pieces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct CameraRecord {
+    /// Width of the image in px.
+    pub width: usize,
+    /// Height of the image in px.
+    pub height: usize,
+    /// The pieces in the order in which they are applied. Names are unique.
+    pub pieces: Vec<PieceRecord>,
+}
+
+/// One piece of the chain.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct PieceRecord {
+    /// The stage of the chain at which it acts.
+    pub hook: HookKind,
+    /// Its registered name, such as `brown_conrady` or `projective`.
+    pub name: String,
+    /// Its parameters, in its own order. Names are unique within the piece.
+    pub parameters: Vec<ParameterRecord>,
+    /// For an effect of depth, the state from which it takes its covariates; the true one where absent.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub of: Of,
+    /// For an effect of depth, what its shape is added to; as in its own equation where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub on: Option<On>,
+    /// Settings that are not estimated, such as the number of cells of a grid.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub options: BTreeMap<String, f64>,
+    /// The definition of a piece that is given as a formula, so that the file needs no other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub formula: Option<FormulaDefinition>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// One parameter of a piece.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct ParameterRecord {
+    /// Name within the piece, such as `k1`.
+    pub name: String,
+    /// Unit, such as `px` or `1/mm`; `1` for a dimensionless parameter.
+    pub unit: String,
+    /// Estimate, in `unit`.
+    pub value: f64,
+    /// Standard deviation, in `unit`; absent where the parameter was not estimated or the data do not determine it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub std_dev: Option<f64>,
+    /// Whether the value was held constant.
+    pub fixed: bool,
+}
+
+/// Noise of the measurements.
+///
+/// The noise of depth is a standard deviation in inverse depth, σ_ρ² = a² + (b ρ²)²: `a` is constant in inverse depth
+/// (structured light, stereo), `b` constant in depth (time of flight).
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct NoiseRecord {
+    /// Standard deviation of a marker's coordinate, px.
+    pub pixel_sigma: f64,
+    /// a of the depth noise, 1/mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inverse_depth_sigma_a: Option<f64>,
+    /// b of the depth noise, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inverse_depth_sigma_b: Option<f64>,
+    /// Distance from which the noise of two depth pixels is uncorrelated, px.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correlation_length_px: Option<f64>,
+    /// Further parameters of the noise model, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub other: BTreeMap<String, f64>,
+}
+
+impl CameraRecord {
+    /// The piece called `name`.
+    pub fn piece(&self, name: &str) -> Option<&PieceRecord> {
+        self.pieces.iter().find(|piece| piece.name == name)
+    }
+}
+
+impl PieceRecord {
+    /// The parameter called `name`.
+    pub fn parameter(&self, name: &str) -> Option<&ParameterRecord> {
+        self.parameters.iter().find(|parameter| parameter.name == name)
+    }
+
+    /// Value of the parameter called `name`.
+    pub fn value(&self, name: &str) -> Option<f64> {
+        self.parameter(name).map(|parameter| parameter.value)
+    }
+
+    /// Values of all parameters, in order.
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|parameter| parameter.value).collect()
+    }
+}
+
+impl NoiseRecord {
+    /// Standard deviation of inverse depth, 1/mm, at inverse depth `rho`, 1/mm; `None` where there is no depth noise.
+    pub fn inverse_depth_sigma(&self, rho: f64) -> Option<f64> {
+        match (self.inverse_depth_sigma_a, self.inverse_depth_sigma_b) {
+            (None, None) => None,
+            (a, b) => Some(a.unwrap_or(0.0).hypot(b.unwrap_or(0.0) * rho * rho)),
+        }
+    }
+}
+
+impl NoiseRecord {
+    /// Checks the noise that the file has at `place`.
+    pub(super) fn check(&self, place: &str) -> Result<(), Fault> {
+        for (field, sigma) in [
+            ("pixel_sigma", Some(self.pixel_sigma)),
+            ("inverse_depth_sigma_a", self.inverse_depth_sigma_a),
+            ("inverse_depth_sigma_b", self.inverse_depth_sigma_b),
+            ("correlation_length_px", self.correlation_length_px),
+        ] {
+            if sigma.is_some_and(|sigma| sigma < 0.0) {
+                return Err(Fault::new(format!("{place}.{field}"), "must not be negative"));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl CameraRecord {
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        for (field, size) in [("camera.width", self.width), ("camera.height", self.height)] {
+            if size == 0 {
+                return Err(Fault::new(field, "is 0, expected the size of the image in px"));
+            }
+        }
+        check_pieces(&self.pieces, "camera.pieces")
+    }
+}
+
+/// Checks the pieces that the file has at `place`.
+pub(super) fn check_pieces(pieces: &[PieceRecord], place: &str) -> Result<(), Fault> {
+    unique(pieces.iter().map(|piece| &piece.name), place)?;
+    for (i, piece) in pieces.iter().enumerate() {
+        let field = format!("{place}[{i}].parameters");
+        unique(piece.parameters.iter().map(|parameter| &parameter.name), &field)?;
+        for (j, parameter) in piece.parameters.iter().enumerate() {
+            if parameter.std_dev.is_some_and(|sigma| sigma < 0.0) {
+                return Err(Fault::new(format!("{field}[{j}].std_dev"), "must not be negative"));
+            }
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn unit_quaternion(rotation: &[f64; 4], field: impl Fn() -> String) -> Result<(), Fault> {
+    let norm = rotation.iter().map(|q| q * q).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > 1e-6 {
+        return Err(Fault::new(field(), format!("has norm {norm}, expected a unit quaternion [w, x, y, z]")));
+    }
+    Ok(())
+}
+
+pub(super) fn unique<'a>(names: impl IntoIterator<Item = &'a String>, field: &str) -> Result<(), Fault> {
+    let mut seen = BTreeSet::new();
+    match names.into_iter().find(|name| !seen.insert(*name)) {
+        Some(name) => Err(Fault::new(field, format!("has the name \"{name}\" more than once"))),
+        None => Ok(()),
+    }
+}
