@@ -53,36 +53,8 @@ pub fn calibration_record(
     observations: Option<FileReference>,
 ) -> Calibration {
     let camera = &result.camera;
-    let stds = result.std_devs();
-    let mut names = Vec::new();
-    let pieces = camera
-        .blocks_with_ranges()
-        .map(|(block, range)| PieceRecord {
-            hook: block.hook(),
-            name: block.name().to_owned(),
-            parameters: block
-                .parameters()
-                .iter()
-                .zip(&block.theta)
-                .zip(&block.free)
-                .zip(&stds[range])
-                .map(|(((parameter, value), free), std_dev)| {
-                    names.push((format!("{}.{}", block.name(), parameter.name), *free));
-                    ParameterRecord {
-                        name: parameter.name.to_string(),
-                        unit: parameter.unit.to_owned(),
-                        value: *value,
-                        std_dev: *std_dev,
-                        fixed: !free,
-                    }
-                })
-                .collect(),
-            of: block.placement().of,
-            on: block.placement().on,
-            options: block.piece().map(|p| p.options()).unwrap_or_default(),
-            formula: block.piece().and_then(|p| p.formula().cloned()),
-        })
-        .collect();
+    let pieces = piece_records(camera, &result.std_devs());
+    let names: Vec<(String, bool)> = parameter_names(camera);
     let covariance = result.covariance.as_ref().map(|c| {
         let free: Vec<usize> = (0..names.len()).filter(|i| names[*i].1 && c[(*i, *i)] > 0.0).collect();
         CovarianceRecord {
@@ -90,32 +62,10 @@ pub fn calibration_record(
             matrix: free.iter().map(|i| free.iter().map(|j| c[(*i, *j)]).collect()).collect(),
         }
     });
-    let mut other = BTreeMap::new();
-    other.insert("depth_outliers".to_owned(), result.outliers as f64);
-    if result.noise.planes.of_noise > 0.0 {
-        other.insert("frame_planes_of_noise".to_owned(), result.noise.planes.of_noise);
-        let names = ["constant", "u", "v", "inverse_amplitude"];
-        let deviations = names.iter().zip(result.noise.planes.deviations).filter(|(_, deviation)| *deviation > 0.0);
-        other.extend(deviations.map(|(name, deviation)| (format!("frame_scatter_of_noise.{name}"), deviation)));
-    }
-    for field in &result.smoothness.fields {
-        let mut note =
-            |what: &str, value: f64| _ = other.insert(format!("{}.{}.{what}", field.piece, field.field), value);
-        note("roughness", field.roughness);
-        note("untouched_nodes", field.untouched as f64);
-        field.effective.into_iter().for_each(|e| note("effective_parameters", e));
-    }
-    let depth = result.with_depth.then_some(result.noise.depth);
     Calibration {
         camera: CameraRecord { width: camera.width, height: camera.height, pieces },
         covariance,
-        noise: NoiseRecord {
-            pixel_sigma: result.noise.pixel_sigma,
-            inverse_depth_sigma_a: depth.map(|d| d.a_per_mm),
-            inverse_depth_sigma_b: depth.map(|d| d.b_mm),
-            correlation_length_px: result.correlation_length_px.map(|c| c as f64),
-            other,
-        },
+        noise: noise_record(result),
         fit: FitRecord {
             estimator: result.estimator.name().to_owned(),
             model: result.model.to_string(),
@@ -139,6 +89,7 @@ pub fn calibration_record(
         depth_unit_mm: result.capture.depth_unit_mm,
         target: result.capture.target.clone(),
         observations,
+        cameras: Vec::new(),
     }
 }
 
@@ -164,6 +115,69 @@ pub fn prior_use(result: &Calibrated) -> Option<PriorUse> {
         distance_squared,
         p_value: chi_squared_tail(distance_squared, part.places.len()),
     })
+}
+
+/// The noise of a calibration, for its file.
+pub fn noise_record(result: &Calibrated) -> NoiseRecord {
+    let mut other = BTreeMap::new();
+    other.insert("depth_outliers".to_owned(), result.outliers as f64);
+    if result.noise.planes.of_noise > 0.0 {
+        other.insert("frame_planes_of_noise".to_owned(), result.noise.planes.of_noise);
+        let names = ["constant", "u", "v", "inverse_amplitude"];
+        let deviations = names.iter().zip(result.noise.planes.deviations).filter(|(_, deviation)| *deviation > 0.0);
+        other.extend(deviations.map(|(name, deviation)| (format!("frame_scatter_of_noise.{name}"), deviation)));
+    }
+    for field in &result.smoothness.fields {
+        let mut note =
+            |what: &str, value: f64| _ = other.insert(format!("{}.{}.{what}", field.piece, field.field), value);
+        note("roughness", field.roughness);
+        note("untouched_nodes", field.untouched as f64);
+        field.effective.into_iter().for_each(|e| note("effective_parameters", e));
+    }
+    let depth = result.with_depth.then_some(result.noise.depth);
+    NoiseRecord {
+        pixel_sigma: result.noise.pixel_sigma,
+        inverse_depth_sigma_a: depth.map(|d| d.a_per_mm),
+        inverse_depth_sigma_b: depth.map(|d| d.b_mm),
+        correlation_length_px: result.correlation_length_px.map(|c| c as f64),
+        other,
+    }
+}
+
+/// `PIECE.PARAMETER` of every parameter of a camera, in the order of [`Camera::theta`], and whether it is free.
+pub fn parameter_names(camera: &Camera) -> Vec<(String, bool)> {
+    let of_block = |block: &Block| {
+        let name = |p: &depthcal_model::Parameter| format!("{}.{}", block.name(), p.name);
+        block.parameters().iter().map(name).zip(block.free.iter().copied()).collect::<Vec<_>>()
+    };
+    camera.blocks().iter().flat_map(of_block).collect()
+}
+
+/// The pieces of a camera for a file, with the standard deviation of every parameter in the order of [`Camera::theta`].
+pub fn piece_records(camera: &Camera, std_devs: &[Option<f64>]) -> Vec<PieceRecord> {
+    let piece = |(block, range): (&Block, std::ops::Range<usize>)| PieceRecord {
+        hook: block.hook(),
+        name: block.name().to_owned(),
+        parameters: block
+            .parameters()
+            .iter()
+            .zip(&block.theta)
+            .zip(&block.free)
+            .zip(&std_devs[range])
+            .map(|(((parameter, value), free), std_dev)| ParameterRecord {
+                name: parameter.name.to_string(),
+                unit: parameter.unit.to_owned(),
+                value: *value,
+                std_dev: *std_dev,
+                fixed: !free,
+            })
+            .collect(),
+        of: block.placement().of,
+        on: block.placement().on,
+        options: block.piece().map(|p| p.options()).unwrap_or_default(),
+        formula: block.piece().and_then(|p| p.formula().cloned()),
+    };
+    camera.blocks_with_ranges().map(piece).collect()
 }
 
 fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {

@@ -389,26 +389,9 @@ impl Adjustment {
     /// Redundancy (degrees of freedom left) of the marker and of the depth residuals: n − tr(W J Σ Jᵀ) (Förstner 1979;
     /// Koch 1999, section 3.6.1).
     pub fn redundancies(&self, covariance: &Covariance) -> (f64, f64) {
-        let of_group = |batch: &dyn FactorBatch, group: usize| {
-            let ids = batch.variables(group);
-            let columns: usize = ids.iter().map(|id| self.values.dim(*id)).sum();
-            let rows = batch.row_count(group);
-            let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * columns]);
-            if batch.evaluate(group, &self.values, &mut r, Some(&mut j)).is_err() {
-                return rows as f64;
-            }
-            // The trace of J Σ Jᵀ is that of Σ Jᵀ J. The transposed J is what lies in memory.
-            let transposed = DMatrixView::from_slice(&j, columns, rows);
-            let products = transposed * transposed.transpose();
-            // What a residual within the loss's quadratic part weighs.
-            let weight = batch.loss().evaluate(0.0)[1];
-            rows as f64 - weight * covariance.joint(ids).component_mul(&products).sum()
-        };
-        let of = |batch: Option<BatchId>| -> f64 {
-            let Some(batch) = batch.and_then(|b| self.graph.batch(b)) else { return 0.0 };
-            let groups: Vec<f64> =
-                (0..batch.group_count()).into_par_iter().map(|group| of_group(batch, group)).collect();
-            groups.iter().sum()
+        let of = |batch: Option<BatchId>| {
+            let batch = batch.and_then(|b| self.graph.batch(b));
+            batch.map_or(0.0, |batch| batch_redundancy(batch, &self.values, covariance))
         };
         let image = of(Some(self.image));
         // All batches together have the degrees of freedom of the problem: where there is no third one, depth has the rest.
@@ -420,6 +403,28 @@ impl Adjustment {
         };
         (image, depth)
     }
+}
+
+/// Redundancy of the residuals of a batch, whose loss is quadratic near zero: n − tr(W J Σ Jᵀ) (Förstner 1979; Koch 1999, section
+/// 3.6.1).
+pub fn batch_redundancy(batch: &dyn FactorBatch, values: &Values, covariance: &Covariance) -> f64 {
+    let of_group = |group: usize| {
+        let ids = batch.variables(group);
+        let columns: usize = ids.iter().map(|id| values.dim(*id)).sum();
+        let rows = batch.row_count(group);
+        let (mut r, mut j) = (vec![0.0; rows], vec![0.0; rows * columns]);
+        if batch.evaluate(group, values, &mut r, Some(&mut j)).is_err() {
+            return rows as f64;
+        }
+        // The trace of J Σ Jᵀ is that of Σ Jᵀ J. The transposed J is what lies in memory.
+        let transposed = DMatrixView::from_slice(&j, columns, rows);
+        let products = transposed * transposed.transpose();
+        // What a residual within the loss's quadratic part weighs.
+        let weight = batch.loss().evaluate(0.0)[1];
+        rows as f64 - weight * covariance.joint(ids).component_mul(&products).sum()
+    };
+    let groups: Vec<f64> = (0..batch.group_count()).into_par_iter().map(of_group).collect();
+    groups.iter().sum()
 }
 
 /// The group of a pose in a batch, if there is one. `None` where there are several: pixels that are sorted into the cells of a fine field

@@ -7,8 +7,9 @@ use tracing::info;
 
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
+use super::held::hold;
 use super::image::calibrate_image;
-use super::joint::{joint, sample};
+use super::joint::{joint, sample, with_depth_pieces};
 use super::marker_estimators::estimate;
 use super::options::{CalibrateOptions, Estimator};
 use crate::adjust::blocks::is_depth_only;
@@ -78,6 +79,32 @@ pub fn calibrate_depth(
             estimate(from_image, depth_blocks, other)
         }
     }
+}
+
+/// A calibration from the images alone with sampled depth and the depth pieces at their nominal values, not yet adjusted: what a joint
+/// adjustment of several cameras starts from. Without depth, and for fields, it is what [`calibrate_depth`] gives: fields need the
+/// search for their roughness.
+///
+/// # Errors
+///
+/// As [`calibrate_depth`].
+pub fn prepare_depth(
+    from_image: Calibrated<PosedFrame>,
+    options: &CalibrateOptions,
+) -> Result<Calibrated, CalibrateError> {
+    let blocks = depth_blocks(options)?;
+    let are_fields = blocks.iter().any(|b| b.piece().is_some_and(|p| p.field().is_some()));
+    if are_fields || !from_image.capture.has_depth() || options.estimator != Estimator::Joint {
+        return calibrate_depth(from_image, options);
+    }
+    let (sampled, correlation) =
+        sample(from_image.capture.clone(), &from_image.camera, light(&blocks, options), options)?;
+    let (camera, noise) = with_depth_pieces(&sampled, from_image.camera.clone(), from_image.noise, blocks);
+    let mut prepared = from_image.without_samples();
+    (prepared.capture, prepared.noise) = (sampled, noise);
+    prepared.camera = hold(&camera, &options.held, true);
+    (prepared.with_depth, prepared.covariance, prepared.correlation_length_px) = (true, None, correlation);
+    Ok(prepared)
 }
 
 /// Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.

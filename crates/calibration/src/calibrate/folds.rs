@@ -10,7 +10,11 @@ const FOLD_STEPS: usize = 60;
 
 /// The fitted camera must be invertible at every sample that it was fitted to, and must not fold between the nearest and
 /// the farthest depth that was seen at any of their pixels: a fold between two samples gives one of two depths.
-pub(super) fn check_invertible(result: &Calibrated) -> Result<(), CameraError> {
+///
+/// # Errors
+///
+/// [`CameraError`] where it folds.
+pub fn check_invertible(result: &Calibrated) -> Result<(), CameraError> {
     let range = seen(&result.capture).depth_mm;
     for frame in &result.capture.frames {
         for sample in frame.samples.iter().step_by(10) {

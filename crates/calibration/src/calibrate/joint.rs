@@ -32,20 +32,31 @@ pub(super) fn sample(
     Ok((capture, correlation))
 }
 
+/// A camera that was fitted to the images with the depth pieces at their nominal values, and the noise of depth as deviations from planes
+/// show it: the start of a joint adjustment.
+pub(super) fn with_depth_pieces(
+    capture: &Capture<SampledFrame>,
+    mut camera: Camera,
+    noise: NoiseModel,
+    depth_blocks: Vec<Block>,
+) -> (Camera, NoiseModel) {
+    let domain = seen(capture);
+    for block in depth_blocks {
+        camera = camera.with_block(block.over(&domain));
+    }
+    (camera, NoiseModel { depth: depth_noise_from_planes(capture), ..noise })
+}
+
 /// Adds the depth pieces to a camera that was fitted to the images, with the noise of its markers, and adjusts everything jointly.
 pub(super) fn joint(
     capture: Capture<SampledFrame>,
     correlation_length_px: Option<usize>,
-    mut camera: Camera,
+    camera: Camera,
     noise: NoiseModel,
     depth_blocks: Vec<Block>,
     options: &CalibrateOptions,
 ) -> Result<Calibrated, CalibrateError> {
-    let domain = seen(&capture);
-    for block in depth_blocks {
-        camera = camera.with_block(block.over(&domain));
-    }
-    let noise = NoiseModel { depth: depth_noise_from_planes(&capture), ..noise };
+    let (camera, noise) = with_depth_pieces(&capture, camera, noise, depth_blocks);
     let result = adjust_samples(capture, camera, noise, None, options)?;
     Ok(Calibrated { correlation_length_px, ..result })
 }

@@ -30,9 +30,10 @@ mod undetermined;
 mod wide_lens_tests;
 
 pub(crate) use driver::light_of_samples;
-pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples};
+pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples, prepare_depth};
 pub use error::CalibrateError;
 pub use fitted::Calibrated;
+pub use folds::check_invertible;
 pub use frame_scatter::with_frame_scatter;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;

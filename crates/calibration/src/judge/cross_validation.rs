@@ -290,6 +290,7 @@ mod tests {
                 reprojection: Vec::new(),
                 wrong_markers: 0,
                 dots: Vec::new(),
+                markers: Vec::new(),
                 depth: DepthErrors::of(&pixels),
                 pixels,
                 outliers: 0,

@@ -42,6 +42,8 @@ pub struct EvaluatedFrame {
     pub wrong_markers: usize,
     /// Dot errors before and after correction, mm; one pair per marker with depth.
     pub dots: Vec<[f64; 2]>,
+    /// Where its markers are by image and corrected depth: those that have depth around them.
+    pub markers: Vec<CorrectedMarker>,
     /// Sums over all its board pixels.
     pub depth: DepthErrors,
     /// Some of its board pixels, scattered over all of them and at the same places whatever the camera; all where these are few.
@@ -52,6 +54,17 @@ pub struct EvaluatedFrame {
     pub outlier_limit_mm: Option<f64>,
     /// Board pixels whose measured depth the camera cannot correct.
     pub uncorrectable: usize,
+}
+
+/// A marker as a point in space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CorrectedMarker {
+    /// Its number on the board.
+    pub index: usize,
+    /// Where it is by its pixel and the depth as measured, camera frame, mm.
+    pub measured_mm: [f64; 3],
+    /// Where it is by its pixel and the corrected depth, camera frame, mm.
+    pub corrected_mm: [f64; 3],
 }
 
 /// Errors of a dataset.
@@ -207,17 +220,25 @@ impl<F: Sync> Evaluation<'_, F> {
         }
         drop(all);
         let kept: Vec<BoardPixel> = corrected.into_iter().flatten().collect();
-        let dots = before
+        let pairs: Vec<(usize, [MarkerPoint; 2])> = before
             .into_iter()
             .zip(points(&kept))
-            .filter_map(|(before, after)| Some([dot_distance(&before?), dot_distance(&after?)]))
+            .zip(&frame.markers)
+            .filter_map(|((before, after), marker)| Some((marker.index, [before?, after?])))
             .collect();
+        let in_space = |p: &MarkerPoint| [p.ray[0], p.ray[1], 1.0].map(|x| x / p.inverse_depth);
+        let markers = pairs.iter().map(|(index, [before, after])| CorrectedMarker {
+            index: *index,
+            measured_mm: in_space(before),
+            corrected_mm: in_space(after),
+        });
         EvaluatedFrame {
             name: frame.name.clone(),
             camera_from_board: pose,
             reprojection,
             wrong_markers: frame.wrong_markers.len(),
-            dots,
+            dots: pairs.iter().map(|(_, pair)| [dot_distance(&pair[0]), dot_distance(&pair[1])]).collect(),
+            markers: markers.collect(),
             depth,
             pixels,
             outliers,
@@ -365,6 +386,7 @@ impl EvaluatedFrame {
             reprojection: self.reprojection.clone(),
             wrong_markers: self.wrong_markers,
             dots: self.dots.clone(),
+            markers: self.markers.clone(),
             depth: self.depth,
             pixels: Vec::new(),
             outliers: self.outliers,

@@ -117,7 +117,15 @@ fn settings(circle_diameter: Option<MeasuredDiameter>) -> BTreeMap<String, Strin
 ///
 /// [`LoadError`], naming the file or field, what is wrong and the remedy.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    let mut dataset = Dataset::open(path)?;
+    load_dataset(Dataset::open(path)?, path, options)
+}
+
+/// The same of a dataset that is open already, for example that of one camera of a rig; `path` is what the record names.
+///
+/// # Errors
+///
+/// [`LoadError`], naming the file or field, what is wrong and the remedy.
+pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
         return Err(LoadError::NoImages { root: dataset.root });
     }
@@ -190,6 +198,29 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     Ok(loaded)
 }
 
+/// Reads the depth images of a dataset that has no images: frames without markers.
+///
+/// # Errors
+///
+/// [`LoadError`], naming the file or field, what is wrong and the remedy.
+pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    let digest = dataset.digest()?;
+    let reference = FileReference { path: path.display().to_string(), digest };
+    let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
+    let detected = |raw| DetectedFrame { raw, ..DetectedFrame::default() };
+    let strays = dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() });
+    let capture = Capture {
+        name: dataset.name.clone(),
+        target: dataset.target.clone(),
+        width,
+        height,
+        depth_unit_mm: dataset.depth_unit_mm,
+        frames: frames.into_iter().map(detected).collect(),
+        dropped: strays.collect(),
+    };
+    Ok(Loaded { dataset, reference, capture, from_cache: false, circle_diameter: None })
+}
+
 /// What the cache holds of a dataset; `None` where it is of another version, dataset or board.
 fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     let cached = Observations::read(path).ok()?;
@@ -226,21 +257,27 @@ fn read_frames(
         .par_iter()
         .enumerate()
         .map(|(number, frame)| {
-            let path = frame.image.clone().unwrap_or_default();
-            let image: GrayImage = read_gray(&path)?;
-            let size = (image.width, image.height);
+            let image: Option<GrayImage> = frame.image.as_deref().map(read_gray).transpose()?;
             let depth: Option<DepthFrame> = match &frame.depth {
                 Some(depth_path) => {
                     let depth = read_depth_frame(depth_path)?;
                     depth.check_unit(depth_path, dataset.depth_unit_mm.unwrap_or(1.0))?;
-                    check_same_size((&path, [image.width, image.height]), (depth_path, [depth.width, depth.height]))?;
+                    if let (Some(path), Some(image)) = (&frame.image, &image) {
+                        check_same_size(
+                            (path, [image.width, image.height]),
+                            (depth_path, [depth.width, depth.height]),
+                        )?;
+                    }
                     Some(depth)
                 }
                 None => None,
             };
+            let path = frame.image.as_ref().or(frame.depth.as_ref()).cloned().unwrap_or_default();
+            let of_depth = depth.as_ref().map(|depth| (depth.width, depth.height));
+            let size = image.as_ref().map(|image| (image.width, image.height)).or(of_depth).unwrap_or_default();
             job.advance();
             // Frames are kept in memory in their order until it is used up; the others are read again when they are needed.
-            let bytes = image.bytes() + depth.as_ref().map_or(0, ImageFile::bytes);
+            let bytes = image.as_ref().map_or(0, ImageFile::bytes) + depth.as_ref().map_or(0, ImageFile::bytes);
             let stays = (number + 1) * bytes <= image_memory;
             let depth_digest = depth.as_ref().and_then(depth_digest);
             let depth = frame.depth.as_ref().zip(depth).map(|(path, depth)| store(stays, path, depth));
@@ -250,7 +287,7 @@ fn read_frames(
                 temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
                 metadata: frame.metadata.clone(),
                 depth: depth.map_or(MeasuredDepth::None, MeasuredDepth::Image),
-                image: Some(store(stays, &path, image)),
+                image: frame.image.as_ref().zip(image).map(|(path, image)| store(stays, path, image)),
                 depth_digest,
                 light: None,
             };

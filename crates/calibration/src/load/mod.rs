@@ -9,6 +9,6 @@ mod error;
 mod found;
 
 pub use circle_diameter::MeasuredDiameter;
-pub use dataset::{LoadOptions, Loaded, default_cache, load};
+pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
