@@ -43,6 +43,7 @@
 //! | [`solver`] | nonlinear least squares on factor graphs; knows no cameras |
 //! | [`io`] | datasets, images, result files, exports |
 //! | [`calibration`] | captures to a judged model: calibrate, evaluate, compare, diagnose |
+//! | [`rig`] | several cameras on one rigid body, calibrated together |
 //! | [`fleet`] | what the calibrations of many cameras say together |
 //! | [`correction`] | every pixel of every frame |
 //! | `report` (feature `cli`) | self-contained HTML pages |
@@ -60,6 +61,7 @@ pub use depthcal_io as io;
 pub use depthcal_model as model;
 #[cfg(feature = "cli")]
 pub use depthcal_report as report;
+pub use depthcal_rig as rig;
 pub use depthcal_solver as solver;
 
 pub use depthcal_calibration::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};

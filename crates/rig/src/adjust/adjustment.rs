@@ -1,0 +1,200 @@
+//! The factor graph of a rig.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use depthcal_calibration::adjust::adjustment::{HUBER, batch_redundancy};
+use depthcal_calibration::adjust::blocks::is_depth_only;
+use depthcal_calibration::adjust::smoothness_prior::SmoothnessBatch;
+use depthcal_calibration::observe::{DepthSample, PosedFrame};
+use depthcal_model::Target;
+use depthcal_model::chain::DepthQuery;
+use depthcal_model::hook::HookKind;
+use depthcal_solver::{
+    BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, Options, Report, SolveError, Values,
+    VariableId, minimize,
+};
+use nalgebra::{DVector, Isometry3};
+
+use super::factors::{CameraVariables, Observations, RigBatch, RigGroup};
+use super::priors::PriorBatch;
+use crate::state::{CameraState, RigState};
+
+/// The problem of all cameras and frames of a rig: a pose per frame, a place per camera but the reference, a variable per
+/// parameter block. Board pieces of the same name are one variable: there is one board.
+pub struct RigAdjustment {
+    graph: Graph,
+    values: Values,
+    frames: Vec<Key<Isometry3<f64>>>,
+    cameras: Vec<OfCamera>,
+}
+
+/// Variables and batches of a camera.
+struct OfCamera {
+    place: Option<Key<Isometry3<f64>>>,
+    blocks: Vec<Key<DVector<f64>>>,
+    image: Option<BatchId>,
+    depth: Option<BatchId>,
+}
+
+/// A solved adjustment.
+pub struct Adjusted {
+    /// `rig_from_board` of every frame.
+    pub rig_from_board: Vec<Isometry3<f64>>,
+    /// `camera_from_rig` of every camera.
+    pub camera_from_rig: Vec<Isometry3<f64>>,
+    /// Parameters of every camera, in the order of [`depthcal_model::Camera::theta`].
+    pub theta: Vec<Vec<f64>>,
+    /// Whitened residuals of every camera's markers, u, v per marker, frame after frame.
+    pub image_residuals: Vec<Vec<f64>>,
+    /// Whitened residuals of every camera's depth samples, frame after frame.
+    pub depth_residuals: Vec<Vec<f64>>,
+    /// How the solver went.
+    pub report: Report,
+}
+
+impl RigAdjustment {
+    /// The problem with the values of a state.
+    pub fn new(state: &RigState) -> Self {
+        let (mut graph, mut values) = (Graph::new(), Values::new());
+        let frames: Vec<Key<Isometry3<f64>>> = state.frames.iter().map(|f| values.insert(f.rig_from_board)).collect();
+        for (key, frame) in frames.iter().zip(&state.frames) {
+            graph.label(*key, format!("pose of {}", frame.name));
+        }
+        graph.eliminate(frames.iter().copied());
+        let mut of_board: BTreeMap<&'static str, Key<DVector<f64>>> = BTreeMap::new();
+        let mut cameras = Vec::new();
+        for (number, camera) in state.cameras.iter().enumerate() {
+            let place = (number > 0).then(|| values.insert(camera.camera_from_rig));
+            if let Some(place) = place {
+                graph.label(place, format!("{}/camera_from_rig", camera.name));
+            }
+            let has_depth = camera.has_depth();
+            let mut variable = |block: &depthcal_model::Block| {
+                let key = values.insert(DVector::from_column_slice(&block.theta));
+                graph.label(key, format!("{}/{}", camera.name, block.name()));
+                let held: Vec<bool> =
+                    block.free.iter().map(|f| !(*f && (has_depth || !is_depth_only(block)))).collect();
+                graph.fix_partly(key, &held);
+                key
+            };
+            let blocks: Vec<Key<DVector<f64>>> = camera
+                .camera
+                .blocks()
+                .iter()
+                .map(|block| match block.hook() {
+                    HookKind::Board => *of_board.entry(block.name()).or_insert_with(|| variable(block)),
+                    _ => variable(block),
+                })
+                .collect();
+            for (block, key) in camera.camera.blocks().iter().zip(&blocks) {
+                let rows = camera.smoothness.rows(block);
+                if !rows.is_empty() {
+                    graph.add_batch(SmoothnessBatch::new(block, *key, rows));
+                }
+            }
+            for (number, (block, key)) in camera.camera.blocks().iter().zip(&blocks).enumerate() {
+                let own = camera.priors.iter().filter(|p| p.block == number);
+                let rows: Vec<_> = own.map(|p| (p.component, p.mean, p.sigma)).collect();
+                if !rows.is_empty() {
+                    let name = format!("{}/prior of {}", camera.name, block.name());
+                    graph.add_batch(PriorBatch::new(name, *key, block.theta.len(), rows));
+                }
+            }
+            let image_blocks = camera.camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
+            let chain = Arc::new(camera.camera.chain());
+            let variables = CameraVariables { chain, place, blocks: blocks.clone(), image_blocks };
+            let loss = || Loss::Huber { delta: HUBER };
+            let groups = markers(camera, &frames);
+            let image = (!groups.is_empty()).then(|| {
+                let name = format!("{}/image", camera.name);
+                graph.add_batch(RigBatch::of_markers(name, variables.clone(), groups, loss()))
+            });
+            let groups = depth(camera, &frames);
+            let depth = (!groups.is_empty()).then(|| {
+                let name = format!("{}/depth", camera.name);
+                graph.add_batch(RigBatch::of_depth(name, variables, groups, loss()))
+            });
+            cameras.push(OfCamera { place, blocks, image, depth });
+        }
+        Self { graph, values, frames, cameras }
+    }
+
+    /// Minimises the problem until a step decreases the cost by no more than `decrease`.
+    ///
+    /// # Errors
+    ///
+    /// [`SolveError`].
+    pub fn solve_within(&mut self, decrease: f64) -> Result<Adjusted, SolveError> {
+        let options = Options { decrease_tolerance: decrease, ..Options::default() };
+        let solution = minimize(&self.graph, self.values.clone(), &options)?;
+        self.values = solution.values;
+        let residuals =
+            |batch: Option<BatchId>| batch.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default();
+        let theta =
+            |camera: &OfCamera| camera.blocks.iter().flat_map(|k| self.values.get(*k).iter().copied()).collect();
+        let place = |camera: &OfCamera| camera.place.map_or_else(Isometry3::identity, |key| *self.values.get(key));
+        Ok(Adjusted {
+            rig_from_board: self.frames.iter().map(|key| *self.values.get(*key)).collect(),
+            camera_from_rig: self.cameras.iter().map(place).collect(),
+            theta: self.cameras.iter().map(theta).collect(),
+            image_residuals: self.cameras.iter().map(|c| residuals(c.image)).collect(),
+            depth_residuals: self.cameras.iter().map(|c| residuals(c.depth)).collect(),
+            report: solution.report,
+        })
+    }
+
+    /// Covariance of all variables at the present values.
+    ///
+    /// # Errors
+    ///
+    /// [`CovarianceError`], where the data leave a combination of parameters undetermined.
+    pub fn covariance(&self) -> Result<Covariance, CovarianceError> {
+        Covariance::compute(&self.graph, &self.values, &CovarianceOptions::default())
+    }
+
+    /// Variables of the cameras in order: of each its place, but of the reference, and its blocks.
+    pub fn variables(&self) -> Vec<VariableId> {
+        let of = |camera: &OfCamera| {
+            camera.place.iter().map(|k| k.id()).chain(camera.blocks.iter().map(|k| k.id())).collect::<Vec<_>>()
+        };
+        self.cameras.iter().flat_map(of).collect()
+    }
+
+    /// Redundancies of a camera's markers and of its depth samples.
+    pub fn redundancies(&self, camera: usize, covariance: &Covariance) -> [f64; 2] {
+        let of = |batch: Option<BatchId>| {
+            let batch = batch.and_then(|b| self.graph.batch(b));
+            batch.map_or(0.0, |batch| batch_redundancy(batch, &self.values, covariance))
+        };
+        [of(self.cameras[camera].image), of(self.cameras[camera].depth)]
+    }
+}
+
+fn markers(camera: &CameraState, frames: &[Key<Isometry3<f64>>]) -> Vec<RigGroup> {
+    let group = |(frame, number): (&PosedFrame, &usize)| {
+        let target: &Target = &camera.capture.target;
+        let observed = Observations::Markers {
+            points: frame.markers.iter().map(|m| target.point(m.index)).collect(),
+            pixels: frame.markers.iter().map(|m| m.pixel).collect(),
+            sigmas: frame.markers.iter().map(|m| m.std_px * camera.noise.pixel_sigma).collect(),
+        };
+        RigGroup { frame: frames[*number], observed }
+    };
+    let posed = camera.capture.frames.iter().map(|f| &f.posed).zip(&camera.frames);
+    posed.filter(|(frame, _)| !frame.markers.is_empty()).map(group).collect()
+}
+
+fn depth(camera: &CameraState, frames: &[Key<Isometry3<f64>>]) -> Vec<RigGroup> {
+    let group = |(samples, number): (&[DepthSample], &usize)| {
+        let inverse_depths: Vec<f64> = samples.iter().map(|s| 1.0 / s.depth_mm).collect();
+        let observed = Observations::Depth {
+            queries: samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect(),
+            sigmas: inverse_depths.iter().map(|rho| camera.noise.depth.sigma(*rho)).collect(),
+            inverse_depths,
+        };
+        RigGroup { frame: frames[*number], observed }
+    };
+    let sampled = camera.capture.frames.iter().map(|f| f.samples.as_slice()).zip(&camera.frames);
+    sampled.filter(|(samples, _)| !samples.is_empty()).map(group).collect()
+}

@@ -1,0 +1,236 @@
+//! Markers and depth pixels of a camera on a rig: its chain behind two poses, the rig's from the board and the camera's from
+//! the rig.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use depthcal_model::chain::{Chain, DepthQuery, POSE, Workspace};
+use depthcal_solver::{EvaluationError, FactorBatch, Key, Loss, Values, VariableId};
+use nalgebra::{DVector, Isometry3, Vector3};
+
+/// Scratch of a thread: nothing is allocated per evaluation once it has grown to the largest frame.
+#[derive(Default)]
+struct Scratch {
+    work: Workspace,
+    theta: Vec<f64>,
+    points: Vec<[f64; 2]>,
+    inverse_depths: Vec<f64>,
+    /// The chain's own Jacobian, by the pose of the board in the camera.
+    rows: Vec<f64>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+/// The variables of a camera that all its frames share.
+#[derive(Debug, Clone)]
+pub struct CameraVariables {
+    /// The chain of its pieces.
+    pub chain: Arc<Chain>,
+    /// `camera_from_rig`; `None` for the reference.
+    pub place: Option<Key<Isometry3<f64>>>,
+    /// One variable per block, in the chain's order.
+    pub blocks: Vec<Key<DVector<f64>>>,
+    /// How many leading blocks an image observation depends on.
+    pub image_blocks: usize,
+}
+
+/// What a camera observed of the board in one frame.
+#[derive(Debug, Clone)]
+pub enum Observations {
+    /// Markers in the image.
+    Markers {
+        /// Board points, mm.
+        points: Vec<[f64; 2]>,
+        /// Where they were found, px.
+        pixels: Vec<[f64; 2]>,
+        /// Standard deviation of each coordinate, px.
+        sigmas: Vec<f64>,
+    },
+    /// Depth pixels.
+    Depth {
+        /// The pixels.
+        queries: Vec<DepthQuery>,
+        /// Measured inverse depths, 1/mm.
+        inverse_depths: Vec<f64>,
+        /// Standard deviation of each, 1/mm.
+        sigmas: Vec<f64>,
+    },
+}
+
+impl Observations {
+    fn rows(&self) -> usize {
+        match self {
+            Self::Markers { points, .. } => 2 * points.len(),
+            Self::Depth { queries, .. } => queries.len(),
+        }
+    }
+}
+
+/// A frame's observations of one kind.
+#[derive(Debug, Clone)]
+pub struct RigGroup {
+    /// The frame's pose, rig from board.
+    pub frame: Key<Isometry3<f64>>,
+    /// What was observed.
+    pub observed: Observations,
+}
+
+/// Whitened residuals of one kind of one camera in all its frames: (u, v) of markers, or measured inverse depth.
+#[derive(Debug, Clone)]
+pub struct RigBatch {
+    name: String,
+    camera: CameraVariables,
+    groups: Vec<RigGroup>,
+    variables: Vec<Vec<VariableId>>,
+    residual_dim: usize,
+    loss: Loss,
+}
+
+impl RigBatch {
+    /// The batch of a camera's markers.
+    pub fn of_markers(name: String, camera: CameraVariables, groups: Vec<RigGroup>, loss: Loss) -> Self {
+        let image_blocks = camera.image_blocks;
+        Self::new(name, camera, groups, loss, (2, image_blocks))
+    }
+
+    /// The batch of a camera's depth pixels.
+    pub fn of_depth(name: String, camera: CameraVariables, groups: Vec<RigGroup>, loss: Loss) -> Self {
+        let blocks = camera.blocks.len();
+        Self::new(name, camera, groups, loss, (1, blocks))
+    }
+
+    fn new(
+        name: String,
+        mut camera: CameraVariables,
+        groups: Vec<RigGroup>,
+        loss: Loss,
+        (residual_dim, blocks): (usize, usize),
+    ) -> Self {
+        camera.blocks.truncate(blocks);
+        let shared: Vec<VariableId> =
+            camera.place.iter().map(|k| k.id()).chain(camera.blocks.iter().map(|k| k.id())).collect();
+        let variables =
+            groups.iter().map(|g| std::iter::once(g.frame.id()).chain(shared.iter().copied()).collect()).collect();
+        Self { name, camera, groups, variables, residual_dim, loss }
+    }
+}
+
+/// Writes the rows of a chain's Jacobian by `camera_from_board` = `camera_from_rig` · `rig_from_board` as rows by both.
+///
+/// With (R, t) = (A B, A b + a) and tangents R Exp(ω), t + τ of each: a change (ω_b, τ_b) of `rig_from_board` is (ω_b, A τ_b)
+/// of the product, and (ω_a, τ_a) of `camera_from_rig` is (Bᵀ ω_a, τ_a − A [b]× ω_a).
+fn write_rows(
+    inner: &[f64],
+    outer: &mut [f64],
+    camera_from_rig: &Isometry3<f64>,
+    rig_from_board: &Isometry3<f64>,
+    columns: usize,
+) {
+    let to_rig = camera_from_rig.rotation.inverse();
+    let b = rig_from_board.translation.vector;
+    for (inner, outer) in inner.chunks_exact(columns).zip(outer.chunks_exact_mut(columns + POSE)) {
+        let by_turn = Vector3::new(inner[0], inner[1], inner[2]);
+        let by_shift = Vector3::new(inner[3], inner[4], inner[5]);
+        let shift_in_rig = to_rig * by_shift;
+        let turn_of_place = rig_from_board.rotation * by_turn + b.cross(&shift_in_rig);
+        outer[0..3].copy_from_slice(by_turn.as_slice());
+        outer[3..6].copy_from_slice(shift_in_rig.as_slice());
+        outer[6..9].copy_from_slice(turn_of_place.as_slice());
+        outer[9..12].copy_from_slice(by_shift.as_slice());
+        outer[12..].copy_from_slice(&inner[POSE..]);
+    }
+}
+
+fn scale_rows(jacobian: &mut [f64], columns: usize, weights: impl Iterator<Item = f64>) {
+    for (row, weight) in jacobian.chunks_exact_mut(columns).zip(weights) {
+        row.iter_mut().for_each(|d| *d *= weight);
+    }
+}
+
+impl FactorBatch for RigBatch {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn group_count(&self) -> usize {
+        self.groups.len()
+    }
+
+    fn variables(&self, group: usize) -> &[VariableId] {
+        &self.variables[group]
+    }
+
+    fn row_count(&self, group: usize) -> usize {
+        self.groups[group].observed.rows()
+    }
+
+    fn residual_dim(&self) -> usize {
+        self.residual_dim
+    }
+
+    fn loss(&self) -> Loss {
+        self.loss.clone()
+    }
+
+    fn evaluate(
+        &self,
+        group: usize,
+        values: &Values,
+        residuals: &mut [f64],
+        mut jacobian: Option<&mut [f64]>,
+    ) -> Result<(), EvaluationError> {
+        let RigGroup { frame, observed } = &self.groups[group];
+        let rig_from_board = values.get(*frame);
+        let camera_from_rig = self.camera.place.map(|place| values.get(place));
+        let pose = camera_from_rig.map_or(*rig_from_board, |place| place * rig_from_board);
+        SCRATCH.with_borrow_mut(|scratch| {
+            let Scratch { work, theta, points, inverse_depths, rows } = scratch;
+            theta.clear();
+            self.camera.blocks.iter().for_each(|key| theta.extend(values.get(*key).iter()));
+            let columns = POSE + theta.len();
+            // The reference's rows are the chain's own.
+            let mut own = match (&mut jacobian, camera_from_rig) {
+                (Some(_), Some(_)) => {
+                    rows.resize(residuals.len() * columns, 0.0);
+                    Some(&mut rows[..])
+                }
+                (Some(jacobian), None) => Some(&mut **jacobian),
+                (None, _) => None,
+            };
+            let chain = &self.camera.chain;
+            let failed = |e: depthcal_model::chain::ChainError| EvaluationError::new(e.to_string());
+            match observed {
+                Observations::Markers { points: board, pixels, sigmas } => {
+                    points.resize(board.len(), [0.0; 2]);
+                    chain.image(work, theta, &pose, board, points, own.as_deref_mut()).map_err(failed)?;
+                    for (k, (predicted, found)) in points.iter().zip(pixels).enumerate() {
+                        for i in 0..2 {
+                            residuals[2 * k + i] = (predicted[i] - found[i]) / sigmas[k];
+                        }
+                    }
+                    if let Some(own) = own {
+                        scale_rows(own, columns, sigmas.iter().flat_map(|s| [1.0 / s, 1.0 / s]));
+                    }
+                }
+                Observations::Depth { queries, inverse_depths: measured, sigmas } => {
+                    points.resize(queries.len(), [0.0; 2]);
+                    inverse_depths.resize(queries.len(), 0.0);
+                    let own_rows = own.as_deref_mut();
+                    chain.depth(work, theta, &pose, queries, inverse_depths, points, own_rows).map_err(failed)?;
+                    for (k, (predicted, measured)) in inverse_depths.iter().zip(measured).enumerate() {
+                        residuals[k] = (predicted - measured) / sigmas[k];
+                    }
+                    if let Some(own) = own {
+                        scale_rows(own, columns, sigmas.iter().map(|s| 1.0 / s));
+                    }
+                }
+            }
+            if let (Some(jacobian), Some(place)) = (jacobian, camera_from_rig) {
+                write_rows(rows, jacobian, place, rig_from_board, columns);
+            }
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,9 @@
+//! The joint adjustment of a rig: factors, variables, their uncertainty.
+
+mod adjustment;
+mod factors;
+mod priors;
+
+pub use adjustment::{Adjusted, RigAdjustment};
+pub use factors::{CameraVariables, Observations, RigBatch, RigGroup};
+pub use priors::PriorBatch;

@@ -1,0 +1,101 @@
+//! The driver: cameras alone, places, everything in one adjustment.
+
+use std::ops::Range;
+
+use depthcal_calibration::calibrate::{Calibrated, check_invertible};
+use depthcal_statistics::rms;
+use nalgebra::DMatrix;
+
+use super::fitted::{CameraFit, PLACE, RigCalibrated};
+use super::options::RigOptions;
+use super::settle::{Settled, inverse_depth_residuals, settle};
+use super::start::{Started, start};
+use crate::capture::RigCapture;
+use crate::depth_only::left_open;
+use crate::error::RigError;
+use crate::state::{CameraState, RigState};
+
+/// Calibrates a rig: every camera with images alone, the places of the cameras from the views that they share, then all
+/// cameras, places and poses of the board in one adjustment, with the noise of every camera estimated on the way.
+///
+/// # Errors
+///
+/// [`RigError`]; see [`RigError::is_untrusted_fit`] for which of them speak of the fit.
+pub fn calibrate_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCalibrated, RigError> {
+    let Started { mut state, pairs, alone, is_declared } = start(capture, options)?;
+    let _stage = options.each.progress.stage("joint adjustment of the rig");
+    let Settled { adjustment, adjusted, covariance } = settle(&mut state)?;
+    let covariance = covariance.joint(&adjustment.variables());
+    let mut cameras = Vec::new();
+    for (number, (range, alone)) in ranges(&state).into_iter().zip(alone).enumerate() {
+        let residuals = [&adjusted.image_residuals[number], &adjusted.depth_residuals[number]].map(Vec::as_slice);
+        let mut camera = camera_fit(&state.cameras[number], number, (&covariance, range), residuals, alone);
+        let (own, stds) = (&state.cameras[number], camera.calibrated.std_devs());
+        camera.left_open = left_open(&own.camera, &own.priors, &stds, is_declared[number]);
+        if camera.calibrated.with_depth {
+            check_invertible(&camera.calibrated)
+                .map_err(|source| RigError::Folded { camera: camera.name.clone(), source })?;
+        }
+        cameras.push(camera);
+    }
+    Ok(RigCalibrated {
+        name: capture.name.clone(),
+        cameras,
+        frames: state.frames,
+        covariance,
+        pairs,
+        cost: adjusted.report.cost,
+        iterations: adjusted.report.iterations,
+        termination: adjusted.report.termination.to_string(),
+    })
+}
+
+/// Rows of every camera in the joint covariance: its place, but of the reference, then its parameters.
+fn ranges(state: &RigState) -> Vec<Range<usize>> {
+    let mut first = 0;
+    let range = |(number, camera): (usize, &CameraState)| {
+        let places = if number == 0 { 0 } else { PLACE.len() };
+        let start = first;
+        first += places + camera.camera.theta().len();
+        start..first
+    };
+    state.cameras.iter().enumerate().map(range).collect()
+}
+
+fn camera_fit(
+    camera: &CameraState,
+    number: usize,
+    (covariance, range): (&DMatrix<f64>, Range<usize>),
+    [image, depth]: [&[f64]; 2],
+    alone: Calibrated,
+) -> CameraFit {
+    let place_std_dev =
+        (number > 0).then(|| std::array::from_fn(|i| covariance[(range.start + i, range.start + i)].max(0.0).sqrt()));
+    let parameters = camera.camera.theta().len();
+    let own = covariance.view((range.end - parameters, range.end - parameters), (parameters, parameters)).into_owned();
+    let stds = camera.capture.frames.iter().flat_map(|f| f.markers.iter().map(|m| m.std_px));
+    // The noise in which residuals are whitened is that of the round before; they differ by less than a per cent.
+    let distances = image.chunks_exact(2).zip(stds).map(|(r, std)| r[0].hypot(r[1]) * std * camera.noise.pixel_sigma);
+    let depth_mm = inverse_depth_residuals(camera, depth).into_iter().map(|(rho, r)| 1.0 / rho - 1.0 / (rho + r));
+    let with_depth = camera.has_depth();
+    let calibrated = Calibrated {
+        camera: camera.camera.clone(),
+        capture: camera.capture.clone(),
+        covariance: Some(own),
+        noise: camera.noise,
+        with_depth,
+        correlation_length_px: camera.correlation_length_px,
+        outliers: camera.outliers,
+        smoothness: camera.smoothness.clone(),
+        reprojection_rms_px: rms(distances),
+        depth_rms_mm: with_depth.then(|| rms(depth_mm)),
+        ..alone
+    };
+    CameraFit {
+        name: camera.name.clone(),
+        camera_from_rig: camera.camera_from_rig,
+        place_std_dev,
+        calibrated,
+        left_open: Vec::new(),
+    }
+}

@@ -1,0 +1,11 @@
+//! From the captures of all cameras to a calibrated rig.
+
+mod driver;
+mod fitted;
+mod options;
+mod settle;
+mod start;
+
+pub use driver::calibrate_rig;
+pub use fitted::{CameraFit, RigCalibrated};
+pub use options::{EffectOf, HeldOf, RigOptions};

@@ -1,0 +1,89 @@
+//! What the calibration of a rig changes from round to round.
+
+use depthcal_calibration::adjust::smoothness_prior::Smoothness;
+use depthcal_calibration::observe::noise::NoiseModel;
+use depthcal_calibration::observe::{Capture, SampledFrame};
+use depthcal_io::FrameMetadata;
+use depthcal_model::Camera;
+use nalgebra::Isometry3;
+
+/// A frame of a rig: one pose of the board, whichever cameras saw it.
+#[derive(Debug, Clone)]
+pub struct RigFrame {
+    /// Its name.
+    pub name: String,
+    /// Pose of the board: maps board coordinates to those of the rig, mm.
+    pub rig_from_board: Isometry3<f64>,
+    /// Its row of the dataset's table.
+    pub metadata: FrameMetadata,
+}
+
+/// A camera of a rig in the course of its calibration.
+#[derive(Debug, Clone)]
+pub struct CameraState {
+    /// Its name.
+    pub name: String,
+    /// The camera.
+    pub camera: Camera,
+    /// Its place; the identity for the reference.
+    pub camera_from_rig: Isometry3<f64>,
+    /// The noise that weights its residuals.
+    pub noise: NoiseModel,
+    /// The prior of its fields.
+    pub smoothness: Smoothness,
+    /// Its frames with their samples. Poses are those of the board in this camera.
+    pub capture: Capture<SampledFrame>,
+    /// For each of its frames its number among [`RigState::frames`].
+    pub frames: Vec<usize>,
+    /// Distance at which the noise of its depth pixels is uncorrelated, px.
+    pub correlation_length_px: Option<usize>,
+    /// Depth samples that were left out as outliers.
+    pub outliers: usize,
+    /// Priors of its parameters: of a camera without images.
+    pub priors: Vec<ParameterPrior>,
+}
+
+/// A normal prior of one parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ParameterPrior {
+    /// Number of its block among [`Camera::blocks`].
+    pub block: usize,
+    /// Number of the parameter in the block.
+    pub component: usize,
+    /// Its mean.
+    pub mean: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// A rig in the course of its calibration.
+#[derive(Debug, Clone)]
+pub struct RigState {
+    /// All frames.
+    pub frames: Vec<RigFrame>,
+    /// The cameras; the first is the reference.
+    pub cameras: Vec<CameraState>,
+}
+
+impl CameraState {
+    /// Whether it has depth samples.
+    pub fn has_depth(&self) -> bool {
+        self.capture.frames.iter().any(|frame| !frame.samples.is_empty())
+    }
+
+    /// Whether it has markers.
+    pub fn has_markers(&self) -> bool {
+        self.capture.frames.iter().any(|frame| !frame.markers.is_empty())
+    }
+}
+
+impl RigState {
+    /// Gives the frames of every camera the poses that follow from the rig's.
+    pub fn place_boards(&mut self) {
+        for camera in &mut self.cameras {
+            let poses: Vec<Isometry3<f64>> =
+                camera.frames.iter().map(|f| camera.camera_from_rig * self.frames[*f].rig_from_board).collect();
+            camera.capture.set_poses(&poses);
+        }
+    }
+}

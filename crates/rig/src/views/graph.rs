@@ -1,0 +1,202 @@
+//! The graph of shared views: every camera's place by the pairs that share most views.
+
+use std::collections::BTreeMap;
+
+use depthcal_calibration::observe::{Capture, DroppedFrame, PosedFrame};
+use depthcal_model::Camera;
+use nalgebra::Isometry3;
+use tracing::{info, warn};
+
+use super::pair::{Contradiction, PairView, RelativePose, relative_pose};
+use crate::error::RigError;
+
+/// Views that two cameras need to share to be connected.
+const FEWEST_VIEWS: usize = 2;
+/// Frames that a message names.
+const NAMED: usize = 6;
+/// Disagreement of a pair with the places by other pairs from which on it is reported, px per median view's error.
+const LOOP_RATIO: f64 = 6.0;
+/// … and px.
+const LOOP_PX: f64 = 3.0;
+
+/// A camera whose frames have poses.
+pub struct Node<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Its frames.
+    pub capture: &'a mut Capture<PosedFrame>,
+}
+
+/// The places of all cameras that have images.
+#[derive(Debug, Clone)]
+pub struct Places {
+    /// `camera_from_rig` of every camera.
+    pub camera_from_rig: Vec<Isometry3<f64>>,
+    /// What each pair of cameras shares, where it shares any view.
+    pub pairs: Vec<PairSummary>,
+}
+
+/// What two cameras share.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairSummary {
+    /// Their names.
+    pub cameras: [String; 2],
+    /// Frames that both saw.
+    pub views: usize,
+    /// Of these, frames that contradict the others.
+    pub contradicting: usize,
+    /// Distance of the boards in the second camera's image in the median view, px, with poses of single images.
+    pub median_px: f64,
+}
+
+/// Connects the cameras by the views that they share, the first being the reference. Poses that were the wrong one of a plane's
+/// two are corrected; frames that contradict are dropped from the camera that shares fewer views, with the reason.
+///
+/// # Errors
+///
+/// [`RigError::Unconnected`], [`RigError::Moved`].
+pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, RigError> {
+    let mut edges: Vec<([usize; 2], RelativePose, usize)> = Vec::new();
+    let mut pairs = Vec::new();
+    for b in 1..nodes.len() {
+        for a in 0..b {
+            let shared = shared_frames(nodes[a].capture, nodes[b].capture);
+            if shared.is_empty() {
+                continue;
+            }
+            let of = |node: &Node<'_>, place: fn(&[usize; 2]) -> usize| -> Vec<PosedFrame> {
+                shared.iter().map(|s| node.capture.frames[place(s)].clone()).collect()
+            };
+            let (firsts, seconds) = (of(&nodes[a], |s| s[0]), of(&nodes[b], |s| s[1]));
+            let (firsts, seconds): (Vec<_>, Vec<_>) = (firsts.iter().collect(), seconds.iter().collect());
+            let view = |n: usize, frames| PairView { camera: nodes[n].camera, frames };
+            let found = relative_pose(&nodes[a].capture.target, view(a, &firsts), view(b, &seconds));
+            let Some(found) = found else { continue };
+            check_moved([nodes[a].name, nodes[b].name], &firsts, &found)?;
+            let contradicting = found.contradicting.len();
+            let cameras = [a, b].map(|n| nodes[n].name.to_owned());
+            pairs.push(PairSummary { cameras, views: shared.len(), contradicting, median_px: found.median_px });
+            for (view, poses) in &found.mirrored {
+                let [first, second] = shared[*view];
+                nodes[a].capture.frames[first].camera_from_board = poses[0];
+                nodes[b].capture.frames[second].camera_from_board = poses[1];
+            }
+            drop_contradicting([a, b], nodes, &shared, &found);
+            let agreeing = shared.len() - contradicting;
+            edges.push(([a, b], found, agreeing));
+        }
+    }
+    let camera_from_rig = spanning_tree(nodes, &edges)?;
+    check_loops(nodes, &edges, &camera_from_rig);
+    Ok(Places { camera_from_rig, pairs })
+}
+
+/// Places of the frames that both captures have.
+fn shared_frames(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> Vec<[usize; 2]> {
+    let places: BTreeMap<&str, usize> = second.frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
+    let frames = first.frames.iter().enumerate();
+    frames.filter_map(|(i, frame)| Some([i, *places.get(frame.name.as_str())?])).collect()
+}
+
+fn listed(names: &[&str]) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let shown = names.iter().take(NAMED).copied().collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{shown} and {more} more") } else { shown }
+}
+
+fn check_moved(names: [&str; 2], frames: &[&PosedFrame], found: &RelativePose) -> Result<(), RigError> {
+    let Some(place) = found.second_place else { return Ok(()) };
+    let moved: Vec<usize> = found.contradicting.iter().map(|c| c.0).collect();
+    let (second, first): (Vec<_>, Vec<_>) = frames.iter().enumerate().partition(|(i, _)| moved.contains(i));
+    let name = |(_, frame): &(usize, &&PosedFrame)| frame.name.clone();
+    let (first, second): (Vec<String>, Vec<String>) =
+        (first.iter().map(name).collect(), second.iter().map(name).collect());
+    let shown = |names: &[String]| listed(&names.iter().map(String::as_str).collect::<Vec<_>>());
+    let motion = place * found.second_from_first.inverse();
+    Err(RigError::Moved {
+        camera: names[1].to_owned(),
+        other: names[0].to_owned(),
+        first: first.len(),
+        first_frames: shown(&first),
+        second: second.len(),
+        second_frames: shown(&second),
+        angle_deg: motion.rotation.angle().to_degrees(),
+        distance_mm: (place.inverse().translation.vector - found.second_from_first.inverse().translation.vector).norm(),
+    })
+}
+
+/// Drops the frames of views that contradict from the second camera.
+fn drop_contradicting([a, b]: [usize; 2], nodes: &mut [Node<'_>], shared: &[[usize; 2]], found: &RelativePose) {
+    let mut places: Vec<(usize, Contradiction)> =
+        found.contradicting.iter().map(|(view, why)| (shared[*view][1], *why)).collect();
+    places.sort_by_key(|(place, _)| std::cmp::Reverse(*place));
+    for (place, why) in places {
+        let first = nodes[a].name.to_owned();
+        let node = &mut nodes[b];
+        let frame = node.capture.frames.remove(place);
+        let reason = match why {
+            Contradiction::Swapped => format!("its image and that of {first} are exchanged"),
+            Contradiction::Apart(px) => {
+                format!(
+                    "its board is {px:.1} px from where {first} sees it: the board or a camera moved between the two exposures"
+                )
+            }
+        };
+        warn!("camera {}: frame {} is dropped: {reason}", node.name, frame.name);
+        node.capture.dropped.push(DroppedFrame { name: frame.name.clone(), reason });
+    }
+}
+
+/// Places along the pairs with the most views that agree (Prim 1957).
+fn spanning_tree(
+    nodes: &[Node<'_>],
+    edges: &[([usize; 2], RelativePose, usize)],
+) -> Result<Vec<Isometry3<f64>>, RigError> {
+    let mut places: Vec<Option<Isometry3<f64>>> = vec![None; nodes.len()];
+    places[0] = Some(Isometry3::identity());
+    loop {
+        let open = edges
+            .iter()
+            .filter(|([a, b], _, views)| *views >= FEWEST_VIEWS && (places[*a].is_some() != places[*b].is_some()));
+        // Of equals the first, so that the order of the file decides.
+        let Some(([a, b], relative, views)) = open.rev().max_by_key(|(_, _, views)| *views) else { break };
+        info!("{} and {} share {views} views that agree", nodes[*a].name, nodes[*b].name);
+        match (places[*a], places[*b]) {
+            (Some(place), None) => places[*b] = Some(relative.second_from_first * place),
+            (None, Some(place)) => places[*a] = Some(relative.second_from_first.inverse() * place),
+            _ => break,
+        }
+    }
+    let lost = places.iter().position(Option::is_none);
+    if let Some(lost) = lost {
+        let shared = edges.iter().filter(|e| e.0.contains(&lost)).map(|e| e.2).max().unwrap_or(0);
+        return Err(RigError::Unconnected {
+            camera: nodes[lost].name.to_owned(),
+            reference: nodes[0].name.to_owned(),
+            shared,
+            needed: FEWEST_VIEWS,
+        });
+    }
+    Ok(places.into_iter().flatten().collect())
+}
+
+/// Reports pairs that disagree with the places that other pairs give.
+fn check_loops(nodes: &[Node<'_>], edges: &[([usize; 2], RelativePose, usize)], places: &[Isometry3<f64>]) {
+    for ([a, b], relative, views) in edges.iter().filter(|e| e.2 >= FEWEST_VIEWS) {
+        let by_places = places[*b] * places[*a].inverse();
+        let error = by_places * relative.second_from_first.inverse();
+        let [fx, ..] = nodes[*b].camera.pinhole();
+        let px = fx * error.rotation.angle();
+        if px > LOOP_PX && px > LOOP_RATIO * relative.median_px {
+            warn!(
+                "{} and {}: the {views} views that they share put them {:.2}° and {:.1} mm from where the other cameras' views do",
+                nodes[*a].name,
+                nodes[*b].name,
+                error.rotation.angle().to_degrees(),
+                error.translation.vector.norm()
+            );
+        }
+    }
+}
