@@ -53,6 +53,7 @@
 //! | `rays` | [`Rays`]: true rays of all pixels |
 //! | `pass` | a frame on its way through the stages |
 //! | `depth_u16`, `points` | faster loops for the usual case: 16-bit depth corrected by a single Möbius map |
+//! | `register` | depth in another camera's image, and colours of depth pixels |
 //! | `remap` | [`Remap`]: undistorted images |
 //! | `bands`, `simd` | threads and instruction sets |
 
@@ -69,6 +70,7 @@ mod plan;
 mod points;
 mod prepared;
 mod rays;
+mod register;
 mod remap;
 mod simd;
 mod summary;
@@ -81,5 +83,6 @@ pub use frame_context::FrameContext;
 pub use needs::Needs;
 pub use points::PointsMut;
 pub use rays::Rays;
+pub use register::{RegisteredDepth, colours_of, depth_into};
 pub use remap::{Remap, Texel};
 pub use summary::CorrectionSummary;

@@ -1,0 +1,136 @@
+//! Depth resampled into another camera.
+
+use depthcal_model::Camera;
+use nalgebra::{Isometry3, Point3};
+use rayon::prelude::*;
+
+/// Neighbouring pixels whose depths differ by a larger share are not of one surface: a surface seen at 80° has a hundredth.
+const JOINED: f32 = 0.025;
+/// Rows of the image that one thread fills.
+const BAND: usize = 64;
+
+/// Depth in another camera's image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegisteredDepth {
+    /// Width of the image, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// Depth in the other camera, mm, row by row; 0 where no depth pixel shows anything.
+    pub depth_mm: Vec<f32>,
+    /// Number of pixels without depth.
+    pub holes: usize,
+}
+
+/// A point in the other camera: its pixel and depth.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    pub pixel: [f32; 2],
+    pub depth_mm: f32,
+}
+
+/// Points of a depth camera (mm, its frame, row by row of an image `width` wide, NaN where there is none) as another camera
+/// sees them; `None` outside its field of view.
+pub(super) fn seen(points: &[[f32; 3]], camera: &Camera, camera_from_depth: &Isometry3<f64>) -> Vec<Option<Seen>> {
+    let see = |p: &[f32; 3]| {
+        if p[2].is_nan() {
+            return None;
+        }
+        let point = camera_from_depth * Point3::from(p.map(f64::from));
+        let [u, v] = camera.project(&point.coords)?;
+        let (width, height) = (camera.width as f64, camera.height as f64);
+        // Points just outside carry triangles that reach inside.
+        let near = u > -0.5 * width && u < 1.5 * width && v > -0.5 * height && v < 1.5 * height;
+        near.then_some(Seen { pixel: [u as f32, v as f32], depth_mm: point.z as f32 })
+    };
+    points.par_iter().map(see).collect()
+}
+
+/// Resamples the depth of a camera into another one's image.
+///
+/// `points` are the corrected points of all pixels of the depth camera, mm in its frame, row by row of an image `width` pixels
+/// wide, NaN where there is no depth. Pixel centres are at integers.
+pub fn depth_into(
+    points: &[[f32; 3]],
+    width: usize,
+    camera: &Camera,
+    camera_from_depth: &Isometry3<f64>,
+) -> RegisteredDepth {
+    let seen = seen(points, camera, camera_from_depth);
+    let rows = points.len() / width.max(1);
+    // Triangles and single points, with the rows that they reach.
+    let mut shapes: Vec<[Seen; 3]> = Vec::with_capacity(2 * points.len());
+    for row in 0..rows {
+        for column in 0..width {
+            let at = |r: usize, c: usize| (r < rows && c < width).then(|| seen[r * width + c]).flatten();
+            let Some(own) = at(row, column) else { continue };
+            // A point alone covers its nearest pixel, so that thin surfaces do not vanish.
+            shapes.push([own; 3]);
+            let (right, below) = (at(row, column + 1), at(row + 1, column));
+            let corner = at(row + 1, column + 1);
+            if let (Some(right), Some(below)) = (right, below) {
+                shapes.push([own, right, below]);
+            }
+            if let (Some(right), Some(below), Some(corner)) = (right, below, corner) {
+                shapes.push([right, corner, below]);
+            }
+        }
+    }
+    shapes.retain(|shape| {
+        let (near, far) =
+            shape.iter().fold((f32::INFINITY, 0.0_f32), |(a, b), s| (a.min(s.depth_mm), b.max(s.depth_mm)));
+        far <= (1.0 + JOINED) * near
+    });
+    let mut inverse = vec![0.0_f32; camera.width * camera.height];
+    let bands = inverse.par_chunks_mut(camera.width * BAND).enumerate();
+    bands.for_each(|(number, band)| {
+        let first = (number * BAND) as f32;
+        let rows = (band.len() / camera.width) as f32;
+        for shape in &shapes {
+            let (low, high) = bounds(shape, 1);
+            if high + 0.5 >= first && low - 0.5 < first + rows {
+                fill(band, camera.width, number * BAND, shape);
+            }
+        }
+    });
+    let depth_mm: Vec<f32> = inverse.into_iter().map(|rho| if rho > 0.0 { 1.0 / rho } else { 0.0 }).collect();
+    let holes = depth_mm.iter().filter(|z| **z == 0.0).count();
+    RegisteredDepth { width: camera.width, height: camera.height, depth_mm, holes }
+}
+
+fn bounds(shape: &[Seen; 3], axis: usize) -> (f32, f32) {
+    shape.iter().map(|s| s.pixel[axis]).fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
+}
+
+/// Writes the inverse depth of a triangle, or of a point, into the rows of a band where it is nearer than what is there.
+/// Inverse depth is affine over the image of a plane.
+fn fill(band: &mut [f32], width: usize, first: usize, [a, b, c]: &[Seen; 3]) {
+    let rows = band.len() / width;
+    let mut put = |u: i64, v: i64, rho: f32| {
+        let row = v - first as i64;
+        if u >= 0 && (u as usize) < width && row >= 0 && (row as usize) < rows {
+            let value = &mut band[row as usize * width + u as usize];
+            *value = value.max(rho);
+        }
+    };
+    let area =
+        (b.pixel[0] - a.pixel[0]) * (c.pixel[1] - a.pixel[1]) - (b.pixel[1] - a.pixel[1]) * (c.pixel[0] - a.pixel[0]);
+    if area == 0.0 {
+        put(a.pixel[0].round() as i64, a.pixel[1].round() as i64, 1.0 / a.depth_mm);
+        return;
+    }
+    let ((u0, u1), (v0, v1)) = (bounds(&[*a, *b, *c], 0), bounds(&[*a, *b, *c], 1));
+    for v in v0.ceil() as i64..=v1.floor() as i64 {
+        for u in u0.ceil() as i64..=u1.floor() as i64 {
+            let (x, y) = (u as f32, v as f32);
+            let part = |p: &Seen, q: &Seen| {
+                ((q.pixel[0] - p.pixel[0]) * (y - p.pixel[1]) - (q.pixel[1] - p.pixel[1]) * (x - p.pixel[0])) / area
+            };
+            let (of_c, of_a) = (part(a, b), part(b, c));
+            let of_b = 1.0 - of_a - of_c;
+            if of_a >= 0.0 && of_b >= 0.0 && of_c >= 0.0 {
+                put(u, v, of_a / a.depth_mm + of_b / b.depth_mm + of_c / c.depth_mm);
+            }
+        }
+    }
+}
