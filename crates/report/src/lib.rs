@@ -47,6 +47,7 @@ mod pool;
 mod render;
 #[cfg(feature = "rerun")]
 pub mod rerun;
+mod rig;
 mod sections;
 mod statistics;
 mod tables;
@@ -58,6 +59,7 @@ pub use fleet::{fleet_text, render_fleet};
 pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};
 pub use render::render;
+pub use rig::{ReportRig, render_rig};
 
 #[cfg(test)]
 mod tests;

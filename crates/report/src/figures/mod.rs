@@ -20,6 +20,7 @@ mod noise;
 mod per_frame;
 mod plotly;
 mod poses;
+mod rig;
 mod stages;
 mod uncertainty;
 
@@ -39,5 +40,6 @@ pub(super) use maps::{board_map, board_maps_by_model, image_maps, image_maps_by_
 pub(super) use noise::noise;
 pub(super) use per_frame::per_frame;
 pub(super) use poses::poses;
+pub(super) use rig::{rig_in_space, transfer_by_distance, transfer_over_image};
 pub(super) use stages::{stage_bars, step_gains};
 pub(super) use uncertainty::{uncertainty_curves, uncertainty_map};

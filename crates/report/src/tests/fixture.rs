@@ -69,6 +69,7 @@ fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFram
         reprojection: errors.collect(),
         wrong_markers: 0,
         dots,
+        markers: Vec::new(),
         depth: DepthErrors::of(&pixels),
         pixels,
         outliers: 0,
