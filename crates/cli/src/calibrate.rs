@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use depthcal_io::{Calibration, LensComparison, Prior};
-use depthcal_model::{Block, ModelSpec, Parameter, Register};
+use depthcal_io::{Calibration, LensComparison, Prior, RigDataset};
+use depthcal_model::{ModelSpec, Register};
 
 use serde_json::{Value, json};
 
@@ -14,19 +14,20 @@ use super::common::{
 };
 use super::failure::{Failure, input};
 use super::formula_files;
+use super::parameters::print_parameters;
 use super::recording::Recording;
+use super::rig::{self, RigCalibrate};
 use super::session::{LENSES, Session, lens_of};
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::adjust::camera_prior::CameraPrior;
-use depthcal_calibration::adjust::smoothness_prior::indices;
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
 use depthcal_calibration::calibration_record::prior_use;
 use depthcal_calibration::judge::cross_validation::{cross_validate, split};
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::declared_camera;
-use depthcal_report::format::{Measured, count, interval, measured, number, p_equals, percent, quantity};
+use depthcal_report::format::{count, number, p_equals, percent, quantity};
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
 /// Every `every`-th frame, beginning with number `first` (from 0).
@@ -57,7 +58,7 @@ enum EstimatorName {
 /// Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses.
 ///
 /// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json, scores.json (for fleets) and
-/// report.html.
+/// report.html. A dataset with sections [cameras.NAME] is a rig of several cameras, which are fitted together with their places.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal calibrate captures/ --out result/                       K, lens and projective D
@@ -75,7 +76,8 @@ pub(super) struct Calibrate {
     #[arg(long, default_value = "projective")]
     model: String,
     /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
-    /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx.
+    /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx. Of one camera of a rig: colour:thin_prism,
+    /// fixed:colour:pinhole.cx.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior, and the
@@ -121,18 +123,47 @@ impl Calibrate {
         Ok(())
     }
 
+    fn estimator(&self) -> Estimator {
+        match self.estimator {
+            EstimatorName::Joint => Estimator::Joint,
+            EstimatorName::Linear => Estimator::Linear,
+            EstimatorName::Irls => Estimator::Irls,
+            EstimatorName::Nonlinear => Estimator::Nonlinear,
+        }
+    }
+
+    /// The same for a dataset of several cameras.
+    fn run_rig(&self, session: &Session) -> Result<Value, Failure> {
+        if self.cross_validate.is_some() {
+            let message = "--cross-validate is for one camera; of a rig, hold frames out with --hold-out N";
+            return Err(Failure::Input(message.to_owned()));
+        }
+        if self.prior.is_some() || !self.score.is_empty() {
+            return Err(Failure::Input("--prior and --score are for one camera: leave them out for a rig".to_owned()));
+        }
+        let asked = RigCalibrate {
+            dataset: &self.dataset,
+            model: session.model("--model", &self.model)?,
+            with: &self.with,
+            lens: self.lens.as_deref(),
+            estimator: self.estimator(),
+            hold_out: self.hold_out.map(|h| [h.every, h.first]),
+            reading: &self.reading,
+            output: &self.output,
+        };
+        rig::calibrate(&asked, session)
+    }
+
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        if RigDataset::is_rig(&self.dataset) {
+            return self.run_rig(session);
+        }
         let (effects, held) = session.effects(&self.with)?;
         let mut options = CalibrateOptions {
             model: session.model("--model", &self.model)?,
             effects,
             held,
-            estimator: match self.estimator {
-                EstimatorName::Joint => Estimator::Joint,
-                EstimatorName::Linear => Estimator::Linear,
-                EstimatorName::Irls => Estimator::Irls,
-                EstimatorName::Nonlinear => Estimator::Nonlinear,
-            },
+            estimator: self.estimator(),
             ..session.calibrate_options()
         };
         self.recording.check()?;
@@ -280,85 +311,4 @@ fn print_lenses(comparison: &LensComparison) {
         say!("{mark} {:<16} {:>8}  {error:>15}   {worse}{fold}", lens.lens, lens.parameters);
     }
     say!("* is the simplest within one standard error of the best and is fitted");
-}
-
-/// Blocks of more parameters than this are printed by their fields.
-const MOST_PRINTED: usize = 24;
-
-/// One line: a name, a value, what is known about it, a unit.
-fn print_parameter(parameter: &Parameter, shown: &Measured, unknown: &str) {
-    let std = shown.std.as_ref().map_or_else(|| unknown.to_owned(), |std| format!("± {std}"));
-    let unit = if parameter.unit == "1" { "" } else { parameter.unit };
-    let line = format!("  {:6} {:>12} {std:<12} {unit}", parameter.name, shown.value);
-    say!("{}", line.trim_end());
-}
-
-/// Every field of a block: its range, its roughness, and how much of it the data determine; then the parameters that are the
-/// same at all pixels.
-fn print_fields(result: &Calibrated, block: &Block) {
-    let Some(layout) = block.piece().and_then(|p| p.field()) else { return };
-    for field in result.smoothness.fields.iter().filter(|f| f.piece == block.name()) {
-        let values = || indices(&layout, field.index).map(|i| block.theta[i]);
-        let (least, most) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-        let effective = field.effective.map_or_else(String::new, |e| format!(", {} effective parameters", number(e)));
-        say!(
-            "  {:6} {}  {} nodes with data{effective}, roughness {}; {} without data stay neutral",
-            field.field,
-            interval(least, most, ""),
-            field.nodes,
-            number(field.roughness),
-            field.untouched
-        );
-    }
-    for i in layout.parameter_count() - layout.shared..layout.parameter_count() {
-        print_parameter(&block.parameters()[i], &measured(block.theta[i], None), "");
-    }
-}
-
-/// Parameters with standard deviations, and how the fit went.
-fn print_parameters(result: &Calibrated) {
-    let stds = result.std_devs();
-    for (block, range) in result.camera.blocks_with_ranges() {
-        say!("{}", block.name());
-        if block.theta.len() > MOST_PRINTED {
-            print_fields(result, block);
-            continue;
-        }
-        let parameters = block.parameters().iter().zip(&block.theta).zip(&block.free).zip(&stds[range]);
-        for (((parameter, value), free), std) in parameters {
-            let shown = measured(*value, *std);
-            print_parameter(parameter, &shown, if *free { "no std. dev." } else { "fixed" });
-        }
-    }
-    let noise = &result.noise;
-    let depth = if result.with_depth {
-        let (a, b) = (number(noise.depth.a_per_mm), number(noise.depth.b_mm));
-        format!("; of inverse depth ρ: σ² = ({a}/mm)² + ({b} mm · ρ²)²")
-    } else {
-        String::new()
-    };
-    say!("noise of a marker: {} per coordinate{depth}", quantity(noise.pixel_sigma, "px"));
-    if noise.planes.of_noise > 0.0 {
-        let size = number(noise.planes.of_noise);
-        say!(
-            "frames have planes of their own, {size} times a pixel's noise; standard deviations of parameters cover them"
-        );
-    }
-    let wrong: usize = result.capture.frames.iter().map(|f| f.wrong_markers.len()).sum();
-    if wrong > 0 {
-        say!("{} left out: more than a pixel from the fit", count(wrong, "marker"));
-    }
-    let samples: usize = result.capture.frames.iter().map(|f| f.samples.len()).sum();
-    let apart = result.correlation_length_px.unwrap_or(1);
-    say!(
-        "{}, {} at least {apart} px apart ({} excluded); {} after {}",
-        count(result.capture.frames.len(), "frame"),
-        count(samples, "depth pixel"),
-        count(result.outliers, "outlier"),
-        result.termination,
-        count(result.iterations, "iteration")
-    );
-    for frame in &result.capture.dropped {
-        say!("not used: {} ({})", frame.name, frame.reason);
-    }
 }

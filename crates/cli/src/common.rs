@@ -14,7 +14,7 @@ use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
 use depthcal_calibration::observe::DroppedFrame;
 use depthcal_report::format::count;
-use depthcal_report::{ReportInput, render};
+use depthcal_report::{ReportInput, ReportRig, render, render_rig};
 use serde_json::{Value, json};
 use tracing::warn;
 
@@ -77,7 +77,7 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    fn options(&self, session: &Session) -> LoadOptions {
+    pub(super) fn options(&self, session: &Session) -> LoadOptions {
         let cache = if self.no_cache { None } else { default_cache() };
         LoadOptions {
             cache,
@@ -126,7 +126,7 @@ pub(super) fn write_calibration(
     let path = out.join("calibration.json");
     calibration_record(result, fitted, loaded.reference.clone(), Some(observations)).write(&path).map_err(input)?;
     write_scores(result, loaded.reference.clone(), register, out)?;
-    Evaluation { datasets }.write(out.join("evaluation.json")).map_err(input)?;
+    Evaluation { datasets, ..Evaluation::default() }.write(out.join("evaluation.json")).map_err(input)?;
     Ok(path)
 }
 
@@ -150,6 +150,20 @@ fn write_scores(result: &Calibrated, dataset: FileReference, register: &Register
 pub(super) fn write_report(report: &ReportInput<'_>, session: &Session, out: &Path) -> Result<PathBuf, Failure> {
     let _stage = session.progress.stage("report");
     let html = render(report).map_err(input)?;
+    let path = out.join("report.html");
+    write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;
+    Ok(path)
+}
+
+/// The same for a rig.
+pub(super) fn write_rig_report(
+    report: &ReportInput<'_>,
+    rig: &ReportRig<'_>,
+    session: &Session,
+    out: &Path,
+) -> Result<PathBuf, Failure> {
+    let _stage = session.progress.stage("report");
+    let html = render_rig(report, rig).map_err(input)?;
     let path = out.join("report.html");
     write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;
     Ok(path)

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_io::Evaluation;
+use depthcal_io::{Evaluation, RigDataset};
 use depthcal_model::{Camera, Register};
 
 use serde_json::{Value, json};
@@ -13,6 +13,7 @@ use super::failure::{Failure, input};
 use super::formula_files;
 use super::given_camera::GivenCamera;
 use super::recording::Recording;
+use super::rig::{self, RigEvaluate};
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
@@ -77,6 +78,19 @@ impl Evaluate {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
         let given = GivenCamera::read(&self.calibration, &session.register)?;
+        if let GivenCamera::Calibration(record, _) = &given
+            && !record.cameras.is_empty()
+            && self.datasets.iter().all(RigDataset::is_rig)
+        {
+            let asked = RigEvaluate {
+                calibration: &self.calibration,
+                record,
+                datasets: &self.datasets,
+                reading: &self.reading,
+                output: &self.output,
+            };
+            return rig::evaluate(&asked, session);
+        }
         let known =
             given.size().map(|size| self.with_effects(given.camera(size, &session.register)?, &session.register));
         let mut known: Option<Camera> = known.transpose()?;
@@ -125,7 +139,7 @@ impl Evaluate {
         }
         let path = self.output.file("evaluation.json");
         let values = value_of(&datasets)?;
-        Evaluation { datasets }.write(&path).map_err(input)?;
+        Evaluation { datasets, ..Evaluation::default() }.write(&path).map_err(input)?;
         let shown: Vec<ReportDataset<'_>> =
             all.iter().map(|(evaluated, role, _)| ReportDataset { evaluated, role: *role }).collect();
         let report = ReportInput {

@@ -12,7 +12,7 @@
 //! }
 //! ```
 //!
-//! One file per command, a folder for `apply`. `arguments` has the list of commands, `common` the options and files that
+//! One file per command, folders for `apply` and for the commands on rigs of several cameras. `arguments` has the list of commands, `common` the options and files that
 //! several share, `session` the register, the progress bars and the clock of one run. `voice` is the only module that writes to standard
 //! output or standard error, except for progress bars (`progress`) and log messages (`tracing`).
 
@@ -36,8 +36,10 @@ mod given_camera;
 #[cfg(feature = "import")]
 mod import;
 mod man;
+mod parameters;
 mod progress;
 mod recording;
+mod rig;
 mod run;
 mod schema;
 mod session;

@@ -11,8 +11,8 @@ use depthcal_io::write_json;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AddsTo, Of};
 use depthcal_simulate::{
-    CameraTruth, Effect, EffectInfo, Form, GivenEffect, Kind, Observation, Place, Simulation, catalogue,
-    of_whole_frames, uncatalogued,
+    CameraTruth, Effect, EffectInfo, Form, GivenEffect, Kind, Observation, Place, RigCamera, RigSimulation, Simulation,
+    catalogue, of_whole_frames, uncatalogued,
 };
 
 use serde_json::{Value, json};
@@ -38,7 +38,12 @@ pub(super) struct Simulate {
     /// plywood1, sameheight1, sameheight2 or vertical1.
     #[arg(long, default_value = "general1")]
     kind: String,
-    /// An error of camera or board, of its usual size or of SIZE; may be given several times. --help lists them.
+    /// A rig of several cameras instead, the first of which is the reference: infrared (with depth), colour and depth (without images), with
+    /// a number for further ones, such as infrared,colour or infrared,infrared2,depth.
+    #[arg(long, value_delimiter = ',', value_name = "CAMERA,…", conflicts_with = "with")]
+    rig: Vec<String>,
+    /// An error of camera or board, of its usual size or of SIZE; may be given several times. --help lists them. With --rig,
+    /// CAMERA:NAME[=SIZE] is an error of one camera, and others are the reference's.
     #[arg(long, value_name = "NAME[=SIZE]")]
     effect: Vec<String>,
     /// Files of formulas of depth with a `value` of every parameter: further errors of the camera.
@@ -75,7 +80,11 @@ impl Simulate {
     }
 
     pub(super) fn run(&self) -> Result<Value, Failure> {
-        let simulation = self.simulation()?;
+        let rendered = if self.rig.is_empty() {
+            Rendered::Camera(Box::new(self.simulation()?))
+        } else {
+            Rendered::Rig(Box::new(self.rig()?))
+        };
         let out = &self.output.out;
         if let Some(truth) = self.truth.as_deref().filter(|truth| resolved(truth).starts_with(resolved(out))) {
             return Err(Failure::Input(format!(
@@ -88,7 +97,7 @@ impl Simulate {
         check_empty(out)?;
         let staging = out.join(STAGING);
         let busy = Progress::busy("rendering");
-        let frames = self.render(&simulation, &staging);
+        let frames = self.render(&rendered, &staging);
         drop(busy);
         // The staging folder belongs to this command; the dataset's folder is removed only if this command created it and it
         // is empty.
@@ -126,19 +135,72 @@ impl Simulate {
         Ok(simulation)
     }
 
-    /// Renders into `staging` and moves the result one folder up; returns the number of frames.
-    fn render(&self, simulation: &Simulation, staging: &Path) -> Result<usize, Failure> {
-        remove(staging)?;
-        let truth = simulation.write_dataset(staging).map_err(input)?;
-        if let Some(path) = &self.truth {
-            write_json(path, &truth).map_err(input)?;
+    /// The rig that is asked for.
+    fn rig(&self) -> Result<RigSimulation, Failure> {
+        let kind: Kind = self.kind.parse().map_err(|e| Failure::Input(format!("--kind: {e}")))?;
+        let model =
+            self.camera.parse::<usize>().map_err(|_| Failure::Input("--camera: write 1, 2, 3 or 4".to_owned()))?;
+        let mut cameras = Vec::new();
+        for name in &self.rig {
+            let usual = RigCamera::usual(name, model).map_err(|e| Failure::Input(format!("--camera: {e}")))?;
+            let known = "infrared, colour and depth, with a number for further ones";
+            let camera = usual.ok_or_else(|| Failure::Input(format!("--rig {name}: cameras are {known}")))?;
+            if cameras.iter().any(|c: &RigCamera| c.name == camera.name) {
+                return Err(Failure::Input(format!("--rig {name}: there are two of this name: write {name}2")));
+            }
+            cameras.push(camera);
         }
-        for part in PARTS {
-            let target = self.output.file(part);
-            fs::rename(staging.join(part), &target).map_err(|e| unwritable(&target, &e))?;
+        for text in &self.effect {
+            let (place, rest) = match text.split_once(':') {
+                Some((name, rest)) => match cameras.iter().position(|c| c.name == name) {
+                    Some(place) => (place, rest),
+                    None => return Err(Failure::Input(format!("--effect {text}: --rig has no camera {name}"))),
+                },
+                None => (0, text.as_str()),
+            };
+            let effect = Effect::parse(rest).map_err(|e| Failure::Input(format!("--effect {text}: {e}")))?;
+            cameras[place].effects.extend(effect);
         }
-        Ok(truth.frames.len())
+        let mut rig = RigSimulation::new(cameras, kind, self.seed);
+        if let Some(frames) = self.frames {
+            rig = rig.frames(frames);
+        }
+        rig.truth().map_err(input)?;
+        Ok(rig)
     }
+
+    fn write_truth(&self, truth: &impl serde::Serialize) -> Result<(), Failure> {
+        self.truth.as_ref().map_or(Ok(()), |path| write_json(path, truth).map_err(input))
+    }
+
+    /// Renders into `staging` and moves the result one folder up; returns the number of frames.
+    fn render(&self, rendered: &Rendered, staging: &Path) -> Result<usize, Failure> {
+        remove(staging)?;
+        let (parts, frames) = match rendered {
+            Rendered::Camera(simulation) => {
+                let truth = simulation.write_dataset(staging).map_err(input)?;
+                self.write_truth(&truth)?;
+                (PARTS.map(str::to_owned).to_vec(), truth.frames.len())
+            }
+            Rendered::Rig(rig) => {
+                let truth = rig.write_dataset(staging).map_err(input)?;
+                let frames = truth.cameras.first().map_or(0, |camera| camera.truth.frames.len());
+                self.write_truth(&truth)?;
+                (rig.parts(), frames)
+            }
+        };
+        for part in parts {
+            let target = self.output.file(&part);
+            fs::rename(staging.join(&part), &target).map_err(|e| unwritable(&target, &e))?;
+        }
+        Ok(frames)
+    }
+}
+
+/// What is rendered.
+enum Rendered {
+    Camera(Box<Simulation>),
+    Rig(Box<RigSimulation>),
 }
 
 /// A formula as an effect of the simulation.
@@ -246,6 +308,7 @@ fn effects_help() -> String {
     let mut text = "Examples:
   depthcal simulate --camera 1 --kind general1 --out captures/
   depthcal simulate --camera fisheye --out wide/        150°, for the lens kannala-brandt
+  depthcal simulate --rig infrared,colour --out rig/     several cameras
   depthcal simulate --effect cyclic_depth=4 --effect thin_prism --truth truth.json --out captures/
 
 "

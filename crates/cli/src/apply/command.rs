@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use depthcal_correction::{CorrectionSummary, Corrector, FrameContext};
-use depthcal_io::{Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, write_depth_frame};
+use depthcal_io::{
+    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, RigDataset, write_depth_frame,
+};
 use depthcal_model::Camera;
 use depthcal_report::format::count;
 use rayon::prelude::*;
@@ -13,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::images::{by_stem, images_in, read_color, stem};
 use super::job::Job;
+use super::register::{RigRegister, register};
 use super::resume::Resume;
 use super::stream::{StreamArgs, StreamContext};
 use super::written::{Written, points_of};
@@ -31,7 +34,8 @@ use crate::voice::{complaint, is_json, say};
   depthcal apply result/calibration.json depth/ --out corrected/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
   depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times as in dataset.toml
-  depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/")]
+  depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/
+  depthcal apply rig/calibration.json captures/ --register colour --cloud --out registered/    several cameras")]
 pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
@@ -59,6 +63,10 @@ pub(crate) struct Apply {
     /// colours of the point cloud; may be given several times.
     #[arg(long, value_name = "PATH", requires = "cloud")]
     color: Vec<PathBuf>,
+    /// Resamples the corrected depth of a rig's cameras into this camera's images, its colours onto their pixels, and writes clouds (--cloud) in the
+    /// frame of the rig. DEPTH are then datasets of the rig.
+    #[arg(long, value_name = "CAMERA", conflicts_with_all = ["image", "color", "unit_mm"])]
+    register: Option<String>,
 }
 
 impl Apply {
@@ -69,6 +77,9 @@ impl Apply {
             )));
         }
         let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
+        if let Some(target) = &self.register {
+            return self.run_register(&calibration, target, session);
+        }
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
             self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm))?;
             return Ok(Value::Null);
@@ -114,6 +125,31 @@ impl Apply {
         Ok(
             json!({ "frames": jobs.len(), "complete_before": all - jobs.len(), "pixels": pixels, "written": [self.folder()] }),
         )
+    }
+
+    /// Frames of a rig, resampled into one of its cameras.
+    fn run_register(&self, calibration: &Calibration, target: &str, session: &Session) -> Result<Value, Failure> {
+        if calibration.cameras.is_empty() {
+            return Err(Failure::Input(format!(
+                "{}: --register needs the calibration of a rig, from a dataset with sections [cameras.NAME]",
+                self.calibration.display()
+            )));
+        }
+        if let Some(path) = self.depth.iter().find(|path| !RigDataset::is_rig(path)) {
+            return Err(Failure::Input(format!(
+                "{}: --register takes datasets of the rig: folders whose dataset.toml has sections [cameras.NAME]",
+                path.display()
+            )));
+        }
+        let asked = RigRegister {
+            calibration: &self.calibration,
+            record: calibration,
+            datasets: &self.depth,
+            target,
+            cloud: self.written.cloud,
+            out: self.folder(),
+        };
+        register(&asked, session)
     }
 
     /// Raw frames from standard input to standard output.

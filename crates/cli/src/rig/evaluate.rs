@@ -1,0 +1,106 @@
+//! `evaluate` of the calibration of a rig.
+
+use std::path::{Path, PathBuf};
+
+use depthcal_calibration::judge::table::table;
+use depthcal_io::{Calibration, Evaluation};
+use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role};
+use depthcal_rig::judge::evaluate_rig;
+use depthcal_rig::record::cameras_from_record;
+use serde_json::{Value, json};
+
+use super::load::load;
+use super::print::print_transfers;
+use crate::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_rig_report};
+use crate::failure::{Failure, input};
+use crate::progress::Progress;
+use crate::session::Session;
+use crate::voice::say;
+
+/// What `evaluate` was asked for, in the terms of a rig.
+pub(crate) struct RigEvaluate<'a> {
+    pub calibration: &'a Path,
+    pub record: &'a Calibration,
+    pub datasets: &'a [PathBuf],
+    pub reading: &'a Reading,
+    pub output: &'a Output,
+}
+
+/// Measures the errors of a rig on datasets of several cameras.
+pub(crate) fn evaluate(asked: &RigEvaluate<'_>, session: &Session) -> Result<Value, Failure> {
+    let cameras = cameras_from_record(asked.record, &session.register)
+        .map_err(|e| Failure::Input(format!("{}: {e}", asked.calibration.display())))?;
+    let (mut all, mut frames) = (Vec::new(), Vec::new());
+    for path in asked.datasets {
+        let rig = load(path, asked.reading, session)?;
+        for camera in &cameras {
+            let Some(own) = rig.capture.cameras.iter().find(|c| c.name == camera.name) else {
+                say!("  {}: the dataset has no camera of this name", camera.name);
+                continue;
+            };
+            let (found, expected) =
+                ([own.capture.width, own.capture.height], [camera.camera.width, camera.camera.height]);
+            if found != expected {
+                return Err(Failure::Input(format!(
+                    "{}: images of camera {} are {} × {} px, but its calibration is for {} × {} px",
+                    path.display(),
+                    camera.name,
+                    found[0],
+                    found[1],
+                    expected[0],
+                    expected[1]
+                )));
+            }
+        }
+        let known = cameras.iter().filter(|c| rig.capture.cameras.iter().any(|own| own.name == c.name)).count();
+        if known == 0 {
+            let has: Vec<&str> = rig.capture.cameras.iter().map(|c| c.name.as_str()).collect();
+            return Err(Failure::Input(format!(
+                "{}: none of its cameras ({}) is in the calibration ({}): give the sections [cameras.NAME] the names of the calibration",
+                path.display(),
+                has.join(", "),
+                cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")
+            )));
+        }
+        let busy = Progress::busy("measuring");
+        let stage = session.progress.stage("evaluation");
+        let evaluated = evaluate_rig(&cameras, &rig.capture);
+        drop((stage, busy));
+        for camera in &evaluated.cameras {
+            print_not_evaluated(camera, &[]);
+            frames.push(frames_of(&camera.name, camera.frames.len(), &camera.dropped));
+        }
+        let is_fitted = rig.cameras.first().is_some_and(|c| c.reference.digest == asked.record.dataset.digest);
+        all.push((evaluated, if is_fitted { Role::Fitted } else { Role::Other }));
+    }
+    let datasets: Vec<_> = all.iter().flat_map(|(rig, _)| rig.records()).collect();
+    let transfer: Vec<_> = all.iter().flat_map(|(rig, _)| rig.transfer_records()).collect();
+    say!("\n{}", table(&datasets, None));
+    print_transfers(&transfer);
+    let path = asked.output.file("evaluation.json");
+    let evaluation = Evaluation { datasets, transfer };
+    evaluation.write(&path).map_err(input)?;
+    let shown: Vec<ReportDataset<'_>> = all
+        .iter()
+        .filter_map(|(rig, role)| rig.cameras.first().map(|evaluated| ReportDataset { evaluated, role: *role }))
+        .collect();
+    let report = ReportInput {
+        title: format!("Evaluation of {}", asked.calibration.display()),
+        command_line: command_line(),
+        stages: session.progress.stage_times(),
+        calibrated: None,
+        evaluations: &shown,
+        diagnosis: None,
+        story: &[],
+    };
+    let evaluated: Vec<_> = all.iter().map(|(rig, _)| rig).collect();
+    let rig = ReportRig { cameras: &cameras, record: asked.record, evaluated: &evaluated };
+    let report = write_rig_report(&report, &rig, session, &asked.output.out)?;
+    say!("written: {} and {}", path.display(), report.display());
+    Ok(json!({
+        "frames": frames,
+        "datasets": value_of(&evaluation.datasets)?,
+        "transfer": value_of(&evaluation.transfer)?,
+        "written": [path, report],
+    }))
+}

@@ -1,0 +1,58 @@
+//! Rigs in words.
+
+use depthcal_io::TransferError;
+use depthcal_report::format::{count, number, quantity};
+use depthcal_rig::{CameraFit, RigCalibrated};
+
+use crate::parameters::print_parameters;
+use crate::voice::say;
+
+/// Every camera with its place and parameters.
+pub(super) fn print_rig(result: &RigCalibrated) {
+    for pair in &result.pairs {
+        let [a, b] = &pair.cameras;
+        let contradicting = match pair.contradicting {
+            0 => String::new(),
+            n => format!(", {n} of which contradict"),
+        };
+        say!("{a} and {b} saw the board together in {}{contradicting}", count(pair.views, "frame"));
+    }
+    for camera in &result.cameras {
+        say!("\n[{}]", camera.name);
+        print_place(camera);
+        print_parameters(&camera.calibrated);
+        for open in &camera.left_open {
+            say!("left open by the boards: {} ({})", open.parameter, open.reason);
+        }
+    }
+}
+
+fn print_place(camera: &CameraFit) {
+    let Some(std_dev) = camera.place_std_dev else {
+        say!("the reference: its frame is the rig's");
+        return;
+    };
+    let place = &camera.camera_from_rig;
+    let (turn, shift) = (place.rotation.scaled_axis(), place.translation.vector);
+    say!("camera_from_rig");
+    for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+        let (value, std) = (turn[i].to_degrees(), std_dev[i].to_degrees());
+        say!("  r{axis}     {value:>12.4} ± {:<12} °", number(std));
+    }
+    for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+        say!("  t{axis}     {:>12.3} ± {:<12} mm", shift[i], number(std_dev[3 + i]));
+    }
+}
+
+/// Transfer errors, as a table.
+pub(super) fn print_transfers(transfers: &[TransferError]) {
+    if transfers.is_empty() {
+        return;
+    }
+    say!("\ntransfer errors: markers through corrected depth into another camera's image");
+    say!("{:<16} {:<16} {:>8}  {:>12}  {:>12}  {:>12}", "from", "to", "markers", "before", "after", "after");
+    for t in transfers {
+        let (before, px, mm) = (quantity(t.before_rms_px, "px"), quantity(t.rms_px, "px"), quantity(t.rms_mm, "mm"));
+        say!("{:<16} {:<16} {:>8}  {before:>12}  {px:>12}  {mm:>12}", t.from, t.to, t.markers);
+    }
+}

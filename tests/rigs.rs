@@ -1,0 +1,90 @@
+//! Rendered rigs from the command line: simulate, calibrate, evaluate, register, against the truth of the simulation.
+#![cfg(feature = "detect")]
+
+#[path = "support/schemas.rs"]
+mod schemas;
+mod support;
+
+use depthcal::io::{Calibration, Evaluation, read_depth, read_json, read_rgb};
+use depthcal::rig::simulated::pose;
+use depthcal_simulate::RigTruth;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use support::{Folder, fails, stdout, succeeds};
+
+/// Infrared and depth, colour, and depth whose image cannot be had.
+#[test]
+fn a_rendered_rig_from_images_to_coloured_clouds() {
+    let folder = Folder::new();
+    let (rig, truth, result) = (folder.arg("rig"), folder.arg("truth.json"), folder.arg("result"));
+    succeeds([
+        "simulate",
+        "--rig",
+        "infrared,colour,depth",
+        "--kind",
+        "centered1",
+        "--frames",
+        "12",
+        "--seed",
+        "5",
+        "--truth",
+        &truth,
+        "--out",
+        &rig,
+    ]);
+    schemas::follows(folder.path("rig/dataset.toml"), "dataset");
+    let words = stdout(&succeeds(["calibrate", &rig, "--hold-out", "4", "--out", &result]));
+    assert!(words.contains("[colour]") && words.contains("camera_from_rig"), "{words}");
+    assert!(words.contains("depth: 12 frames of depth without images"), "{words}");
+    schemas::follows(folder.path("result/calibration.json"), "calibration");
+    schemas::follows(folder.path("result/evaluation.json"), "evaluation");
+
+    let truth: RigTruth = read_json(&truth).unwrap();
+    let calibration = Calibration::read(folder.path("result/calibration.json")).unwrap();
+    assert_eq!(
+        calibration.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
+        ["infrared", "colour", "depth"]
+    );
+    // Depth pixels of rendered images share noise and hold out fewer surprises than points do: the place of the colour camera
+    // is known to some hundredths of a degree, that of the depth camera by planes alone to some tenths.
+    for (number, (most_deg, most_mm)) in [(1, (0.05, 1.0)), (2, (1.0, 20.0))] {
+        let record = &calibration.cameras[number].camera_from_rig;
+        let [w, x, y, z] = record.rotation;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let place = Isometry3::from_parts(Translation3::from(nalgebra::Vector3::from(record.translation_mm)), rotation);
+        let error = place * pose(&truth.cameras[number].camera_from_rig).inverse();
+        let (angle, distance) = (error.rotation.angle().to_degrees(), error.translation.vector.norm());
+        assert!(angle < most_deg && distance < most_mm, "camera {number}: {angle}°, {distance} mm");
+    }
+    let evaluation = Evaluation::read(folder.path("result/evaluation.json")).unwrap();
+    let held_out = evaluation.transfer.iter().find(|t| t.dataset.contains("held out")).expect("transfer errors");
+    assert!(held_out.rms_px < 0.5 && held_out.rms_px < 0.5 * held_out.before_rms_px, "{held_out:?}");
+
+    let (file, check) = (folder.arg("result/calibration.json"), folder.arg("check"));
+    succeeds(["evaluate", &file, &rig, "--out", &check]);
+    let again = Evaluation::read(folder.path("check/evaluation.json")).unwrap();
+    assert_eq!(again.datasets.iter().map(|d| d.name.as_str()).collect::<Vec<_>>(), ["rig/infrared", "rig/colour"]);
+
+    let out = folder.arg("registered");
+    succeeds(["apply", &file, &rig, "--register", "colour", "--cloud", "--out", &out]);
+    let registered = read_depth(folder.path("registered/infrared_in_colour/0003.png")).unwrap();
+    assert_eq!((registered.width, registered.height), (1280, 720));
+    // In the middle of the colour image both depth cameras show the same surface.
+    let other = read_depth(folder.path("registered/depth_in_colour/0003.png")).unwrap();
+    let unit_mm = calibration.cameras[0].depth_unit_mm.unwrap();
+    let pairs = (300..420).flat_map(|v| (560..720).map(move |u| v * 1280 + u));
+    let differences: Vec<f64> = pairs
+        .filter(|i| registered.data[*i] > 0 && other.data[*i] > 0)
+        .map(|i| unit_mm * (f64::from(registered.data[i]) - f64::from(other.data[i])))
+        .collect();
+    assert!(differences.len() > 5000, "{}", differences.len());
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    assert!(mean.abs() < 4.0, "the clouds are {mean:.2} mm apart");
+    let colours = read_rgb(folder.path("registered/colour_in_infrared/0003.png")).unwrap();
+    assert!(colours.data.iter().filter(|c| **c != [0; 3]).count() > 50_000);
+    assert!(folder.path("registered/infrared/0003.ply").is_file());
+
+    fails(["calibrate", &rig, "--cross-validate", "3", "--out", &result], &["--hold-out"]);
+    fails(["diagnose", &rig, "--out", &result], &["several cameras"]);
+    fails(["apply", &file, &rig, "--register", "red", "--out", &out], &["red", "infrared, colour, depth"]);
+    fails(["simulate", "--rig", "infrared,lidar", "--out", &folder.arg("x")], &["lidar", "colour"]);
+}
