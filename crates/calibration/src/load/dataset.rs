@@ -9,21 +9,26 @@ use depthcal_io::{
     Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, read_depth_frame,
     read_gray,
 };
-use depthcal_model::Register;
+use depthcal_model::{CharucoLayout, Register};
 use rayon::prelude::*;
 use tracing::{debug, info, warn};
 
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
+use super::given_markers::given_markers;
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
 
 /// Version of detection and refinement: cached detections of another are not used.
-const DETECTION_VERSION: &str = "2";
+const DETECTION_VERSION: &str = "3";
 /// The setting that holds it.
 const DETECTION: &str = "detection";
+/// The setting that holds the layout of a ChArUco board.
+const LAYOUT: &str = "charuco_layout";
+/// The setting that names the file of markers that another program found.
+const MARKERS: &str = "markers";
 
 /// How a dataset is read.
 #[derive(Debug, Clone)]
@@ -32,6 +37,8 @@ pub struct LoadOptions {
     pub cache: Option<PathBuf>,
     /// Detects again even where a cached detection holds.
     pub refresh: bool,
+    /// File of markers that another program found, in mrcal's format of corners; the board is then not detected, and nothing is cached.
+    pub markers: Option<PathBuf>,
     /// Pieces that the camera of circle refinement may have.
     pub register: Register,
     /// Bytes of images that stay in memory; the images of further frames are read again from their files when they are needed.
@@ -48,6 +55,7 @@ impl Default for LoadOptions {
         Self {
             cache: default_cache(),
             refresh: false,
+            markers: None,
             register: Register::builtin(),
             image_memory: IMAGE_MEMORY,
             progress: ProgressHandle::default(),
@@ -76,6 +84,10 @@ pub struct Loaded {
     pub from_cache: bool,
     /// The diameter of the board's dots, measured in the images; `None` for boards without dots.
     pub circle_diameter: Option<MeasuredDiameter>,
+    /// The layout of a ChArUco board of which there are two; `None` for other boards.
+    pub charuco_layout: Option<CharucoLayout>,
+    /// The file from which the markers are, with its digest; `None` where they were detected.
+    pub markers: Option<FileReference>,
 }
 
 impl Loaded {
@@ -92,9 +104,20 @@ impl Loaded {
         Observations {
             dataset: self.reference.clone(),
             target: self.capture.target.clone(),
-            settings: settings(self.circle_diameter),
+            settings: self.settings(),
             frames: frames.collect(),
         }
+    }
+
+    /// How the markers were found.
+    fn settings(&self) -> BTreeMap<String, String> {
+        let origin = match &self.markers {
+            Some(file) => (MARKERS, format!("{} {}", file.path, file.digest)),
+            None => (DETECTION, DETECTION_VERSION.to_owned()),
+        };
+        let layout = self.charuco_layout.map(|layout| (LAYOUT, layout.name().to_owned()));
+        let own = layout.into_iter().chain([origin]).map(|(name, value)| (name.to_owned(), value));
+        self.circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain(own).collect()
     }
 }
 
@@ -104,11 +127,6 @@ fn to_file(m: &MarkerObservation) -> depthcal_io::MarkerObservation {
 
 fn from_file(m: &depthcal_io::MarkerObservation) -> MarkerObservation {
     MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
-}
-
-fn settings(circle_diameter: Option<MeasuredDiameter>) -> BTreeMap<String, String> {
-    let version = (DETECTION.to_owned(), DETECTION_VERSION.to_owned());
-    circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain([version]).collect()
 }
 
 /// Reads a dataset: images, depth images, and the board in every image.
@@ -134,16 +152,23 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
     drop(digesting);
     let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
-    let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));
+    let given = options.markers.as_deref();
+    let cache = options.cache.as_ref().filter(|_| given.is_none()).map(|folder| folder.join(format!("{digest}.json")));
     let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
     let from_cache = cached.is_some();
-    let Found { markers, circle_diameter } = match cached {
-        Some(found) => {
+    let Found { markers, circle_diameter, charuco_layout } = match (cached, given) {
+        (Some(found), _) => {
             debug!("markers of {} come from the cache", dataset.name);
             found
         }
-        None => find_markers(&dataset, &frames, options)?,
+        (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
+        (None, None) => find_markers(&dataset, &frames, options)?,
     };
+    let file = given.map(|file| {
+        let digest = digest_files(file.parent().unwrap_or(Path::new("")), &[file.to_owned()])?;
+        Ok::<_, LoadError>(FileReference { path: file.display().to_string(), digest })
+    });
+    let file = file.transpose()?;
     if let Some(measured) = circle_diameter {
         if measured.contradicts_declaration() {
             warn!("{}: {measured}", dataset.name);
@@ -158,7 +183,11 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
     let mut kept = Vec::new();
     for (raw, markers) in frames.into_iter().zip(markers) {
         if markers.is_empty() {
-            dropped.push(DroppedFrame { name: raw.name, reason: "the board was not found".to_owned() });
+            let reason = match &file {
+                Some(file) => format!("no markers in {}", file.path),
+                None => "the board was not found".to_owned(),
+            };
+            dropped.push(DroppedFrame { name: raw.name, reason });
         } else {
             kept.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
         }
@@ -179,7 +208,8 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
         frames: kept,
         dropped,
     };
-    let loaded = Loaded { dataset, reference, capture, from_cache, circle_diameter };
+    let loaded =
+        Loaded { dataset, reference, capture, from_cache, circle_diameter, charuco_layout, markers: file };
     if let (Some(path), false) = (cache, from_cache) {
         let mut observations = loaded.observations();
         // Frames without a board are part of the answer.
@@ -236,7 +266,8 @@ fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     }
     let of = |name: &str| cached.frame(name).map(|f| f.markers.iter().map(from_file).collect());
     let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
-    Some(Found { markers, circle_diameter })
+    let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
+    Some(Found { markers, circle_diameter, charuco_layout })
 }
 
 /// An image that stays in memory, or is read again from its file.

@@ -7,8 +7,10 @@ mod declared_camera;
 mod detection;
 mod error;
 mod found;
+mod given_markers;
 
 pub use circle_diameter::MeasuredDiameter;
 pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
+pub use given_markers::GivenMarkersError;
