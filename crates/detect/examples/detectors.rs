@@ -11,7 +11,6 @@ mod common;
 #[path = "../tests/common/opencv_circles.rs"]
 mod opencv_circles;
 
-
 use common::{Camera, Pose, Scene, Style, Texture};
 use depthcal_detect::{BoardMap, DetectOptions, Detection, Detector, detect};
 use depthcal_io::GrayImage;
@@ -73,10 +72,12 @@ fn pose(camera: &Camera, target: &Target, condition: &Condition, rng: &mut ChaCh
         let roll = rng.random_range(0.0..turn);
         let pose = Pose::looking(camera, middle, pixel, z, tilt, rng.random_range(0.0..turn), roll);
         let border = 0.1 * extent[0].max(extent[1]);
-        let corners = [[-border, -border], [extent[0] + border, -border], [extent[0] + border, extent[1] + border], [
-            -border,
-            extent[1] + border,
-        ]];
+        let corners = [
+            [-border, -border],
+            [extent[0] + border, -border],
+            [extent[0] + border, extent[1] + border],
+            [-border, extent[1] + border],
+        ];
         let inside = corners.iter().all(|&p| {
             let x = pose.apply(p);
             let [u, v] = camera.project(x);
@@ -115,7 +116,8 @@ impl Score {
             all.map(|(p, t)| (p[0] - t[0]).hypot(p[1] - t[1])).collect()
         };
         let (plain, turned) = (distances(&|i| i), distances(&|i| target.len() - 1 - i));
-        let best = if common::rms(plain.iter().copied()) <= common::rms(turned.iter().copied()) { plain } else { turned };
+        let best =
+            if common::rms(plain.iter().copied()) <= common::rms(turned.iter().copied()) { plain } else { turned };
         self.wrong += best.iter().filter(|e| **e > 2.0).count();
         self.errors.extend(best.into_iter().filter(|e| *e <= 2.0));
     }
@@ -189,7 +191,9 @@ fn rendered(frames: u64) {
 /// Frames with the board, markers in all, median over the frames of the rms distance of the markers from a smooth map of the board (a
 /// homography and a cubic), per coordinate, and time.
 fn measured() {
-    println!("\n| capture | frames | detector | found | markers | rms px from a smooth map | ms |\n|---|---|---|---|---|---|---|");
+    println!(
+        "\n| capture | frames | detector | found | markers | rms px from a smooth map | ms |\n|---|---|---|---|---|---|---|"
+    );
     for name in [
         "chessboard",
         "kinect2",

@@ -58,7 +58,9 @@ pub enum DetectError {
         got: usize,
     },
     /// A detector was asked for that this program was built without.
-    #[error("the program was built without OpenCV; build it with the feature `{feature}`, or use the built-in detector")]
+    #[error(
+        "the program was built without OpenCV; build it with the feature `{feature}`, or use the built-in detector"
+    )]
     MissingFeature {
         /// The missing feature of this crate.
         feature: &'static str,

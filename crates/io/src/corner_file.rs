@@ -132,7 +132,13 @@ impl Line<'_> {
     }
 
     fn wrong_value(&self, column: usize, field: &str, problem: String) -> CornerFileError {
-        CornerFileError::Value { path: self.path.to_owned(), line: self.number, column, field: field.to_owned(), problem }
+        CornerFileError::Value {
+            path: self.path.to_owned(),
+            line: self.number,
+            column,
+            field: field.to_owned(),
+            problem,
+        }
     }
 }
 

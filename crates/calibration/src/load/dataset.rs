@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_io::{
-    Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, read_depth_frame,
-    read_gray,
+    Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, digest_files,
+    read_depth_frame, read_gray,
 };
 use depthcal_model::{CharucoLayout, Register};
 use rayon::prelude::*;
@@ -208,8 +208,7 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
         frames: kept,
         dropped,
     };
-    let loaded =
-        Loaded { dataset, reference, capture, from_cache, circle_diameter, charuco_layout, markers: file };
+    let loaded = Loaded { dataset, reference, capture, from_cache, circle_diameter, charuco_layout, markers: file };
     if let (Some(path), false) = (cache, from_cache) {
         let mut observations = loaded.observations();
         // Frames without a board are part of the answer.

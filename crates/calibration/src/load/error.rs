@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use depthcal_io::{CornerFileError, DatasetError, FileError, ImageError};
 use thiserror::Error;
 
-use super::given_markers::GivenMarkersError;
+use super::given_markers_error::GivenMarkersError;
 
 /// Why a dataset gives no observations.
 #[derive(Debug, Error)]

@@ -8,9 +8,10 @@ mod detection;
 mod error;
 mod found;
 mod given_markers;
+mod given_markers_error;
 
 pub use circle_diameter::MeasuredDiameter;
 pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
-pub use given_markers::GivenMarkersError;
+pub use given_markers_error::GivenMarkersError;

@@ -3,8 +3,8 @@
 use depthcal_io::GrayImage;
 use depthcal_model::target::Target;
 
-use super::order::in_order;
 use super::attempt::attempts;
+use super::order::in_order;
 use crate::detection::{DetectOptions, Detection, Polarity};
 use crate::error::DetectError;
 use crate::refine::clear::{keep_clear, take_over};
@@ -24,7 +24,9 @@ pub(crate) fn find(
     let planes: Vec<Plane> = Stretch::candidates(image).iter().map(|&s| Plane::stretched(image, s)).collect();
     for attempt in attempts(options.detector) {
         for plane in &planes {
-            let Some(markers) = attempt.corners(plane, target)?.and_then(|c| in_order(&c, target, plane)) else { continue };
+            let Some(markers) = attempt.corners(plane, target)?.and_then(|c| in_order(&c, target, plane)) else {
+                continue;
+            };
             let mut detection = Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout: None };
             if options.refine {
                 sharpen(image, &mut detection, target)?;

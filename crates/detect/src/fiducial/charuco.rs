@@ -107,7 +107,9 @@ pub(crate) fn find(
         let kept = layouts.iter().map(|&(layout, first)| {
             (layout, first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2))
         });
-        let Some((layout, first_white, kept)) = kept.max_by_key(|(_, first, kept)| (kept.len(), *first)) else { continue };
+        let Some((layout, first_white, kept)) = kept.max_by_key(|(_, first, kept)| (kept.len(), *first)) else {
+            continue;
+        };
         let mut markers = predict(&kept, target, |id| tag_corners(target, marker_mm, id, first_white));
         if options.refine {
             markers = extend(image, target, &markers);

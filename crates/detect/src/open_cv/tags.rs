@@ -57,8 +57,8 @@ mod implementation {
         let mut parameters = objdetect::DetectorParameters::default().context(operation)?;
         parameters.set_marker_border_bits(reading.border as i32);
         let refine = objdetect::RefineParameters::new_def().context(operation)?;
-        let detector =
-            objdetect::ArucoDetector::new(&dictionary(reading.dictionary.number)?, &parameters, refine).context(operation)?;
+        let detector = objdetect::ArucoDetector::new(&dictionary(reading.dictionary.number)?, &parameters, refine)
+            .context(operation)?;
         let mut rejected = opencv::core::no_array();
         detector.detect_markers(mat, corners, ids, &mut rejected).context(operation)
     }

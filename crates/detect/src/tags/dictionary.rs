@@ -73,7 +73,8 @@ impl Dictionary {
         if got < need {
             return Err(DetectError::DictionaryTooSmall { dictionary: name.to_owned(), need, got });
         }
-        let codes: Vec<u64> = table.codes.iter().take(need).map(|code| (!code).reverse_bits() >> (64 - cells)).collect();
+        let codes: Vec<u64> =
+            table.codes.iter().take(need).map(|code| (!code).reverse_bits() >> (64 - cells)).collect();
         Ok(Dictionary { number: number as i32, side, correctable: correctable(&codes, side), codes })
     }
 

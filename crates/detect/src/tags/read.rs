@@ -1,12 +1,12 @@
 //! Tags in an image.
 
+use super::cells;
+use super::dictionary::Match;
 use super::quad::{Quad, around, lengths};
 use super::regions::outlines;
 use super::sides::fitted;
 use super::tag::{Reading, Tag};
 use super::threshold::dark;
-use super::cells;
-use super::dictionary::Match;
 use crate::stretch::Plane;
 
 /// Levels of the threshold between the darkest and the brightest value around a pixel. At the second, tags that touch other print by

@@ -18,7 +18,11 @@ pub struct Capture {
 /// When the dataset is at fault.
 pub fn capture(dataset: &str) -> Option<Capture> {
     let dataset = Dataset::open(data::measured(dataset)?).expect("a dataset");
-    let frames = dataset.frames.iter().filter_map(|f| Some((f.name.clone(), read_gray(f.image.as_ref()?).expect("an image")))).collect();
+    let frames = dataset
+        .frames
+        .iter()
+        .filter_map(|f| Some((f.name.clone(), read_gray(f.image.as_ref()?).expect("an image"))))
+        .collect();
     Some(Capture { target: dataset.target, frames })
 }
 
