@@ -247,7 +247,15 @@ pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> 
         frames: frames.into_iter().map(detected).collect(),
         dropped: strays.collect(),
     };
-    Ok(Loaded { dataset, reference, capture, from_cache: false, circle_diameter: None })
+    Ok(Loaded {
+        dataset,
+        reference,
+        capture,
+        from_cache: false,
+        circle_diameter: None,
+        charuco_layout: None,
+        markers: None,
+    })
 }
 
 /// What the cache holds of a dataset; `None` where it is of another version, dataset or board.
