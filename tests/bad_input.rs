@@ -128,7 +128,7 @@ fn calibration_files() {
         ("{\"datasets\": []}".into(), &["calibration.json", "`format` is missing", "depthcal-calibration"]),
         (
             CALIBRATION.replace("\"version\": 1", "\"version\": 7"),
-            &["calibration.json", "`version` is 7", "versions 1 to 2"],
+            &["calibration.json", "`version` is 7", "versions 1 to 3"],
         ),
         (CALIBRATION.replace("\"width\": 64, ", ""), &["calibration.json", "camera", "width"]),
         (CALIBRATION.replace("1.02", "\"much\""), &["calibration.json", "camera.pieces[1].parameters[3].value"]),

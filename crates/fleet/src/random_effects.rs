@@ -210,7 +210,7 @@ impl Data {
         let n = self.size();
         let count = self.values.len() as f64;
         DVector::from_fn(n, |k, _| {
-            let of = |f: &dyn Fn(usize) -> f64| (0..self.values.len()).map(|i| f(i)).sum::<f64>() / count;
+            let of = |f: &dyn Fn(usize) -> f64| (0..self.values.len()).map(f).sum::<f64>() / count;
             let mean = of(&|i| self.values[i][k]);
             let variance = of(&|i| (self.values[i][k] - mean).powi(2)) * count / (count - 1.0).max(1.0);
             let noise = of(&|i| self.covariances[i][(k, k)]);

@@ -19,7 +19,7 @@ pub enum RigError {
         /// The camera.
         camera: String,
         /// Why.
-        source: LoadError,
+        source: Box<LoadError>,
     },
     /// The intrinsics that are declared for a camera cannot be used.
     #[error("camera {camera}: {source}")]
@@ -81,11 +81,11 @@ pub enum RigError {
         /// Number of frames that fit the first place.
         first: usize,
         /// Their names, some of them.
-        first_frames: String,
+        first_frames: Box<str>,
         /// Number of frames that fit the second place.
         second: usize,
         /// Their names, some of them.
-        second_frames: String,
+        second_frames: Box<str>,
         /// Angle between the places, degrees.
         angle_deg: f64,
         /// Distance between the places, mm.

@@ -37,7 +37,7 @@ pub fn load_rig(path: &Path, options: &LoadOptions) -> Result<LoadedRig, RigErro
         } else {
             load_depth_only(own, path, options)
         };
-        let loaded = loaded.map_err(|source| RigError::Load { camera: name.clone(), source })?;
+        let loaded = loaded.map_err(|source| RigError::Load { camera: name.clone(), source: Box::new(source) })?;
         captures.push(camera_capture(name, &loaded, &options.register)?);
         cameras.push(loaded);
     }

@@ -146,10 +146,9 @@ fn a_camera_that_moved_is_found() {
     let mut capture = rig_capture(&before);
     let later = rig_capture(&after);
     for frame in &mut capture.cameras[1].capture.frames {
-        if frame.name.as_str() >= "0017" {
-            if let Some(moved) = later.cameras[1].capture.frames.iter().find(|f| f.name == frame.name) {
-                *frame = moved.clone();
-            }
+        let moved = later.cameras[1].capture.frames.iter().find(|f| f.name == frame.name);
+        if let Some(moved) = moved.filter(|f| f.name.as_str() >= "0017") {
+            *frame = moved.clone();
         }
     }
     match calibrate_rig(&capture, &options()).unwrap_err() {

@@ -23,12 +23,14 @@ const MAX_BLANK: f64 = 0.2;
 /// A lattice of crossings: pixel at every node, in a basis that is right-handed in the image.
 pub(super) type Crossings = BTreeMap<[i32; 2], [f64; 2]>;
 
+/// The tag in the square at column and row: its cells, whether they are white, with the border of one cell.
+pub(super) type PrintedTags = BTreeMap<[usize; 2], Vec<Vec<bool>>>;
+
 /// The printed tags of a board.
 pub(super) struct Print<'a> {
     pub(super) target: &'a Target,
-    /// Tag in the square at column and row, and its cells, whether they are white, with the border of one cell; for every layout that the
-    /// board may have.
-    pub(super) layouts: Vec<(CharucoLayout, BTreeMap<[usize; 2], Vec<Vec<bool>>>)>,
+    /// The tags of every layout that the board may have.
+    pub(super) layouts: Vec<(CharucoLayout, PrintedTags)>,
 }
 
 /// Where a lattice lies on the board.
@@ -108,7 +110,7 @@ fn placements(crossings: &Crossings, target: &Target, turns: usize) -> Vec<BTree
 fn rate(
     squares: &[Square],
     placed: &BTreeMap<[i32; 2], usize>,
-    layout: &BTreeMap<[usize; 2], Vec<Vec<bool>>>,
+    layout: &PrintedTags,
     target: &Target,
     turns: usize,
 ) -> Option<(f64, f64)> {

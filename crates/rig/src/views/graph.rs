@@ -119,9 +119,9 @@ fn check_moved(names: [&str; 2], frames: &[&PosedFrame], found: &RelativePose) -
         camera: names[1].to_owned(),
         other: names[0].to_owned(),
         first: first.len(),
-        first_frames: shown(&first),
+        first_frames: shown(&first).into(),
         second: second.len(),
-        second_frames: shown(&second),
+        second_frames: shown(&second).into(),
         angle_deg: motion.rotation.angle().to_degrees(),
         distance_mm: (place.inverse().translation.vector - found.second_from_first.inverse().translation.vector).norm(),
     })
