@@ -4,7 +4,7 @@ CARGO ?= cargo
 DEMO ?= demo
 # Tests that lack their measured data, or a program, append themselves to this file.
 SKIPPED := $(CURDIR)/target/skipped-tests
-# Tests compare with OpenCV; the program does not need it.
+# Tests compare with OpenCV; the demo, whose board has dots, does not need it.
 OPENCV := depthcal-detect/opencv
 
 .PHONY: help setup test demo check recordings bench
@@ -21,7 +21,7 @@ test: setup ## install what is missing and run all tests
 		sort $(SKIPPED); echo "$$(wc -l < $(SKIPPED)) tests SKIPPED"; exit $$status
 
 demo: ## calibrate simulated captures; ends in demo/report.html
-	$(CARGO) run --release -- demo --out $(DEMO)
+	$(CARGO) run --release --no-default-features --features cli -- demo --out $(DEMO)
 
 check: setup ## formatting, clippy and rustdoc without warnings, and the build without OpenCV
 	$(CARGO) fmt --all --check

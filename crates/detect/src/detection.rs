@@ -35,14 +35,16 @@ pub struct Detection {
     pub charuco_layout: Option<CharucoLayout>,
 }
 
-/// Which code looks for chessboards and tags. Circle grids, and the refinement of all markers, are this crate's own in any case.
+/// Which code looks for chessboards and tags: by default OpenCV where it is there. Circle grids, and the refinement of all markers, are this
+/// crate's own in any case.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Detector {
     /// This crate's own.
-    #[default]
+    #[cfg_attr(not(feature = "opencv"), default)]
     BuiltIn,
     /// OpenCV's, of the feature `opencv`.
+    #[cfg_attr(feature = "opencv", default)]
     OpenCv,
 }
 

@@ -1,9 +1,9 @@
 //! Boards in images, and circle centres refined with the camera that they give.
 
 use depthcal_detect::{
-    CircleDiameter, DetectOptions, Detection, Detector, FrameError, Marker, RefineOptions, measure_circle_diameter,
+    CircleDiameter, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
 };
-use depthcal_model::{Camera, CharucoLayout, Pattern, Register, Target};
+use depthcal_model::{Camera, CharucoLayout, Register, Target};
 use depthcal_statistics::upper_median;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
@@ -79,7 +79,7 @@ fn one_layout(
         return Ok(None);
     }
     let layout = if legacy > current { CharucoLayout::Legacy } else { CharucoLayout::Current };
-    let options = DetectOptions { charuco_layout: Some(layout), ..options_for(target) };
+    let options = DetectOptions { charuco_layout: Some(layout), ..DetectOptions::default() };
     for (frame, detection) in frames.iter().zip(detections.iter_mut()) {
         let other = detection.as_ref().is_some_and(|d| d.charuco_layout.is_some_and(|seen| seen != layout));
         if let (true, Some(image)) = (other, &frame.image) {
@@ -88,13 +88,6 @@ fn one_layout(
         }
     }
     Ok(Some(layout))
-}
-
-/// How a board is looked for: tags of AprilGrids by OpenCV where it is there, since it finds more of those with squares at their corners.
-fn options_for(target: &Target) -> DetectOptions {
-    let by_opencv = cfg!(feature = "opencv") && matches!(target.pattern, Pattern::Aprilgrid { .. });
-    let detector = if by_opencv { Detector::OpenCv } else { Detector::BuiltIn };
-    DetectOptions { detector, ..DetectOptions::default() }
 }
 
 /// The board in every frame, in order.
@@ -116,7 +109,7 @@ fn detect(
             Some((frame.name.clone(), move || image.get().map(|image| (*image).clone())))
         })
         .collect();
-    let found = depthcal_detect::detect_all(&loaders, target, &options_for(target), &|_, _| job.advance());
+    let found = depthcal_detect::detect_all(&loaders, target, &DetectOptions::default(), &|_, _| job.advance());
     let mut detections = Vec::with_capacity(found.len());
     for result in found {
         detections.push(match result {
