@@ -16,6 +16,7 @@ use tracing::{debug, info, warn};
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
+use super::given_markers::{GivenMarkers, markers_of};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
@@ -125,7 +126,26 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
 /// # Errors
 ///
 /// [`LoadError`], naming the file or field, what is wrong and the remedy.
-pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+pub fn load_dataset(dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    read(dataset, path, None, options)
+}
+
+/// Reads a dataset whose markers were found by another program: positions by the names of frames. Frames without markers are dropped, as
+/// those are in which no board is found. Nothing is cached, and the diameter of dots is not measured.
+///
+/// # Errors
+///
+/// [`LoadError`]; [`LoadError::Marker`] where a name or a marker's number does not exist.
+pub fn load_with_markers(path: &Path, markers: &GivenMarkers, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    read(Dataset::open(path)?, path, Some(markers), options)
+}
+
+fn read(
+    dataset: Dataset,
+    path: &Path,
+    given: Option<&GivenMarkers>,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
     if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
         return Err(LoadError::NoImages { root: dataset.root });
     }
@@ -134,16 +154,50 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
     drop(digesting);
     let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
+    if let Some(given) = given {
+        let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
+        let found = Found { markers: markers_of(&names, &dataset.target, given)?, circle_diameter: None };
+        return Ok(assemble(dataset, reference, frames, (width, height), found)?.0);
+    }
     let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));
     let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
     let from_cache = cached.is_some();
-    let Found { markers, circle_diameter } = match cached {
+    let found = match cached {
         Some(found) => {
             debug!("markers of {} come from the cache", dataset.name);
             found
         }
         None => find_markers(&dataset, &frames, options)?,
     };
+    let (mut loaded, without_board) = assemble(dataset, reference, frames, (width, height), found)?;
+    loaded.from_cache = from_cache;
+    if let (Some(path), false) = (cache, from_cache) {
+        let mut observations = loaded.observations();
+        // Frames without a board are part of the answer.
+        observations.frames.extend(loaded.capture.dropped[..without_board].iter().map(|d| FrameObservations {
+            name: d.name.clone(),
+            width,
+            height,
+            markers: Vec::new(),
+            depth: Vec::new(),
+            metadata: depthcal_io::FrameMetadata::default(),
+        }));
+        if let Err(error) = observations.write(&path) {
+            info!("the detections are not cached: {error}");
+        }
+    }
+    Ok(loaded)
+}
+
+/// A dataset from frames of one size and their markers, and the number of frames without a board, which come first among those that are
+/// dropped.
+pub(super) fn assemble(
+    mut dataset: Dataset,
+    reference: FileReference,
+    frames: Vec<RawFrame>,
+    (width, height): (usize, usize),
+    Found { markers, circle_diameter }: Found,
+) -> Result<(Loaded, usize), LoadError> {
     if let Some(measured) = circle_diameter {
         if measured.contradicts_declaration() {
             warn!("{}: {measured}", dataset.name);
@@ -179,23 +233,7 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
         frames: kept,
         dropped,
     };
-    let loaded = Loaded { dataset, reference, capture, from_cache, circle_diameter };
-    if let (Some(path), false) = (cache, from_cache) {
-        let mut observations = loaded.observations();
-        // Frames without a board are part of the answer.
-        observations.frames.extend(loaded.capture.dropped[..without_board].iter().map(|d| FrameObservations {
-            name: d.name.clone(),
-            width,
-            height,
-            markers: Vec::new(),
-            depth: Vec::new(),
-            metadata: depthcal_io::FrameMetadata::default(),
-        }));
-        if let Err(error) = observations.write(&path) {
-            info!("the detections are not cached: {error}");
-        }
-    }
-    Ok(loaded)
+    Ok((Loaded { dataset, reference, capture, from_cache: false, circle_diameter }, without_board))
 }
 
 /// Reads the depth images of a dataset that has no images: frames without markers.
@@ -282,14 +320,10 @@ fn read_frames(
             let depth_digest = depth.as_ref().and_then(depth_digest);
             let depth = frame.depth.as_ref().zip(depth).map(|(path, depth)| store(stays, path, depth));
             let frame = RawFrame {
-                name: frame.name.clone(),
-                time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
-                temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
-                metadata: frame.metadata.clone(),
                 depth: depth.map_or(MeasuredDepth::None, MeasuredDepth::Image),
                 image: frame.image.as_ref().zip(image).map(|(path, image)| store(stays, path, image)),
                 depth_digest,
-                light: None,
+                ..RawFrame::named(&frame.name, &frame.metadata)
             };
             Ok((frame, path, size))
         })
@@ -304,12 +338,16 @@ fn read_frames(
         }
         frames.push(frame);
     }
-    // Times since the first frame, so that a drift's start does not depend on the clock.
+    since_first(&mut frames);
+    Ok((frames, expected.unwrap_or_default()))
+}
+
+/// Times since the first frame, so that a drift's start does not depend on the clock.
+pub(super) fn since_first(frames: &mut [RawFrame]) {
     let first = frames.iter().map(|f| f.time_s).fold(f64::INFINITY, f64::min);
-    for frame in &mut frames {
+    for frame in frames {
         frame.time_s -= first;
     }
-    Ok((frames, expected.unwrap_or_default()))
 }
 
 #[cfg(not(feature = "detect"))]
