@@ -193,7 +193,8 @@ impl Calibrate {
         let datasets = judged.records();
         say!("\n{}", table(&datasets, Some(&result.capture.name)));
         let evaluation = value_of(&datasets)?;
-        let written = write_calibration(result, fitted, &loaded, datasets, &session.register, &self.output.out).map_err(input)?;
+        let written =
+            write_calibration(result, fitted, &loaded, datasets, &session.register, &self.output.out).map_err(input)?;
         let mut shown = vec![ReportDataset { evaluated: fitted, role: Role::Fitted }];
         shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
         let report = ReportInput {

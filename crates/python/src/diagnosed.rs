@@ -136,7 +136,7 @@ impl Diagnosis {
 
     /// Errors of the last model as JSON: `evaluation.json`.
     fn evaluation(&self) -> PyResult<String> {
-        json(&Evaluation { datasets: self.datasets() })
+        json(&Evaluation { datasets: self.datasets(), ..Evaluation::default() })
     }
 
     /// The report as HTML.
@@ -152,7 +152,8 @@ impl Diagnosis {
             self.record.write(&file).map_err(input)?;
             let last = &self.found.last;
             let calibration =
-                write_calibration(last, &self.fitted, &self.loaded, self.datasets(), &out).map_err(input)?;
+                write_calibration(last, &self.fitted, &self.loaded, self.datasets(), &self.register, &out)
+                    .map_err(input)?;
             let mut written = vec![file, calibration, self.report(|report| write_report(report, &out))?];
             for formula in &self.found.formulas {
                 for (name, text) in effect_files(&formula.effect) {

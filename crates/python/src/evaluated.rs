@@ -87,7 +87,7 @@ impl Evaluation {
 impl Evaluation {
     /// The record as JSON: `evaluation.json`.
     fn json(&self) -> PyResult<String> {
-        json(&Record { datasets: self.records() })
+        json(&Record { datasets: self.records(), ..Record::default() })
     }
 
     /// The errors as a table of text.
@@ -114,7 +114,7 @@ impl Evaluation {
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
             let path = out.join("evaluation.json");
-            Record { datasets: self.records() }.write(&path).map_err(input)?;
+            Record { datasets: self.records(), ..Record::default() }.write(&path).map_err(input)?;
             Ok(vec![path, self.report(|report| write_report(report, &out))?])
         })
     }

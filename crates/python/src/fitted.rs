@@ -109,7 +109,7 @@ impl Fit {
 
     /// Errors of every dataset as JSON: `evaluation.json`.
     fn evaluation(&self) -> PyResult<String> {
-        json(&Evaluation { datasets: self.judged.records() })
+        json(&Evaluation { datasets: self.judged.records(), ..Evaluation::default() })
     }
 
     /// The errors as a table of text.
@@ -127,7 +127,8 @@ impl Fit {
         run(py, None, |_| {
             let (result, fitted) = (&self.fit.result, &self.judged.fitted);
             let calibration =
-                write_calibration(result, fitted, &self.loaded, self.judged.records(), &out).map_err(input)?;
+                write_calibration(result, fitted, &self.loaded, self.judged.records(), &self.register, &out)
+                    .map_err(input)?;
             let report = self.report(|report| write_report(report, &out))?;
             Ok(vec![calibration, out.join("evaluation.json"), out.join("observations.json"), report])
         })
