@@ -16,7 +16,7 @@ use tracing::{debug, info, warn};
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
-use super::given_markers::{GivenMarkers, markers_of};
+use super::marker_lists::{GivenMarkers, markers_of};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;

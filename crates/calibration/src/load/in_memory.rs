@@ -11,7 +11,7 @@ use depthcal_model::Target;
 use super::dataset::{Loaded, assemble, since_first};
 use super::error::LoadError;
 use super::found::Found;
-use super::given_markers::check;
+use super::marker_lists::check;
 use crate::observe::stored::depth_digest;
 use crate::observe::{MarkerObservation, MeasuredDepth, RawFrame};
 

@@ -7,12 +7,12 @@ mod declared_camera;
 mod detection;
 mod error;
 mod found;
-mod given_markers;
+mod marker_lists;
 mod in_memory;
 
 pub use circle_diameter::MeasuredDiameter;
 pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only, load_with_markers};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
-pub use given_markers::GivenMarkers;
+pub use marker_lists::GivenMarkers;
 pub use in_memory::{DatasetInMemory, FrameInMemory, load_from_memory};
