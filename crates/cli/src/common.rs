@@ -68,6 +68,10 @@ pub(super) struct Reading {
     /// Does not use the cache of detections.
     #[arg(long)]
     pub(super) no_cache: bool,
+    /// Markers that another program found, in mrcal's format (`# filename x y level`, all corners of an image row by row of the board, `-` for
+    /// those that were not found); the board is then not searched.
+    #[arg(long, value_name = "FILE")]
+    pub(super) markers: Option<PathBuf>,
     /// Images beyond so many MiB leave memory and are read again from their files when they are needed.
     #[arg(long, value_name = "MIB", default_value_t = 1024, value_parser = clap::value_parser!(u32))]
     pub(super) image_memory: u32,
@@ -79,6 +83,7 @@ impl Reading {
         LoadOptions {
             cache,
             refresh: self.refresh,
+            markers: self.markers.clone(),
             register: session.register.clone(),
             image_memory: self.image_memory as usize * (1 << 20),
             progress: session.progress.clone(),
@@ -92,11 +97,18 @@ impl Reading {
         drop(busy);
         let strays = loaded.dataset.strays.len();
         let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len() - strays);
-        let cached = if loaded.from_cache { " (cached)" } else { "" };
-        say!("{}: the board was found in {found} of {}{cached}", loaded.dataset.name, count(found + dropped, "frame"));
+        let from = match &loaded.markers {
+            Some(file) => format!(" (markers from {})", file.path),
+            None if loaded.from_cache => " (cached)".to_owned(),
+            None => String::new(),
+        };
+        say!("{}: the board was found in {found} of {}{from}", loaded.dataset.name, count(found + dropped, "frame"));
         print_pairing(&loaded.dataset);
         for frame in &loaded.capture.dropped {
             say!("  not used: {} ({})", frame.name, frame.reason);
+        }
+        if let Some(layout) = loaded.charuco_layout {
+            say!("  the board has {layout}");
         }
         // A diameter that contradicts its declaration is a warning of the library.
         if let Some(measured) = loaded.circle_diameter.filter(|m| m.declared_mm.is_none()) {

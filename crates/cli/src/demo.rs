@@ -44,7 +44,7 @@ impl Demo {
         render(&fitted, Kind::General(1), session)?;
         render(&other, Kind::General(2), session)?;
 
-        let reading = Reading { refresh: false, no_cache: true, image_memory: 1024 };
+        let reading = Reading { refresh: false, no_cache: true, markers: None, image_memory: 1024 };
         let (loaded, judge) = (reading.load(&fitted, session)?, reading.load(&other, session)?);
         let options = DiagnoseOptions { calibrate: session.calibrate_options(), ..DiagnoseOptions::default() };
         let d = diagnose(&loaded.capture, Some(&judge.capture), &options)?;

@@ -45,6 +45,7 @@ impl Detect {
         let diameter = loaded.circle_diameter.map(
             |m| json!({ "measured": m.diameter_mm, "std": m.std_mm, "declared": m.declared_mm, "frames": m.frames }),
         );
-        Ok(json!({ "frames": frames, "markers": markers, "circle_diameter_mm": diameter }))
+        let layout = loaded.charuco_layout.map(|layout| layout.name());
+        Ok(json!({ "frames": frames, "markers": markers, "circle_diameter_mm": diameter, "charuco_layout": layout }))
     }
 }

@@ -4,12 +4,10 @@ use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};
 
 use crate::check::{check_image, check_target};
-#[cfg(feature = "opencv")]
 use crate::chessboard;
 use crate::circles;
 use crate::detection::{DetectOptions, Detection};
 use crate::error::DetectError;
-#[cfg(feature = "opencv")]
 use crate::fiducial;
 use crate::refine;
 
@@ -21,8 +19,7 @@ use crate::refine;
 ///
 /// # Errors
 /// [`DetectError`] when the image is inconsistent, when the board is too small, impossible or of an unknown dictionary,
-/// or when OpenCV fails or lacks the module that the board needs. Chessboards, ChArUco boards and AprilGrids are
-/// [`DetectError::MissingFeature`] without the feature `opencv`; circle grids need no OpenCV.
+/// and for [`Detector::OpenCv`](crate::Detector::OpenCv) when OpenCV fails, lacks the module that the board needs, or is missing.
 pub fn detect(image: &GrayImage, target: &Target, options: &DetectOptions) -> Result<Option<Detection>, DetectError> {
     check_image(image)?;
     check_target(target)?;
@@ -41,15 +38,8 @@ pub fn detect(image: &GrayImage, target: &Target, options: &DetectOptions) -> Re
             }
             Ok(Some(detection))
         }
-        #[cfg(feature = "opencv")]
         Pattern::Chessboard => chessboard::find(image, target, options),
-        #[cfg(feature = "opencv")]
         Pattern::Charuco { dictionary, .. } => fiducial::find_charuco(image, target, dictionary, options),
-        #[cfg(feature = "opencv")]
         Pattern::Aprilgrid { .. } => fiducial::find_aprilgrid(image, target, options),
-        #[cfg(not(feature = "opencv"))]
-        Pattern::Chessboard | Pattern::Charuco { .. } | Pattern::Aprilgrid { .. } => {
-            Err(DetectError::MissingFeature { kind: crate::board::kind(target), feature: "opencv" })
-        }
     }
 }

@@ -1,5 +1,6 @@
 //! A board found in an image, and the options of the search.
 
+use depthcal_model::target::CharucoLayout;
 use serde::{Deserialize, Serialize};
 
 /// A marker of the board in the image.
@@ -29,6 +30,20 @@ pub struct Detection {
     pub markers: Vec<Marker>,
     /// Dark or bright dots.
     pub polarity: Polarity,
+    /// The layout of a ChArUco board with an even number of rows; `None` for all other boards.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub charuco_layout: Option<CharucoLayout>,
+}
+
+/// Which code looks for chessboards and tags. Circle grids, and the refinement of all markers, are this crate's own in any case.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Detector {
+    /// This crate's own.
+    #[default]
+    BuiltIn,
+    /// OpenCV's, of the feature `opencv`.
+    OpenCv,
 }
 
 /// How to look for a board.
@@ -36,14 +51,18 @@ pub struct Detection {
 pub struct DetectOptions {
     /// Whether markers are refined by fitting a model of their appearance to the grey values: discs for circle grids,
     /// crossings for chessboards and ChArUco boards, corners for tags. Without it, dots are centroids and corners are
-    /// OpenCV's.
+    /// the detector's.
     pub refine: bool,
     /// Least number of markers for a ChArUco board or AprilGrid to count as found; at least 4 in any case.
     pub min_markers: usize,
+    /// Which code looks for chessboards and tags.
+    pub detector: Detector,
+    /// The layout of a ChArUco board with an even number of rows, where it is known; else it is told from the tags.
+    pub charuco_layout: Option<CharucoLayout>,
 }
 
 impl Default for DetectOptions {
     fn default() -> Self {
-        DetectOptions { refine: true, min_markers: 8 }
+        DetectOptions { refine: true, min_markers: 8, detector: Detector::default(), charuco_layout: None }
     }
 }

@@ -40,7 +40,7 @@ pub enum DetectError {
         remedy: &'static str,
     },
     /// No ArUco dictionary has this name.
-    #[error("board.dictionary = {name:?} is not a dictionary of OpenCV; use one like \"DICT_5X5_100\"")]
+    #[error("board.dictionary = {name:?} is no dictionary; use one like \"DICT_5X5_100\"")]
     UnknownDictionary {
         /// The name.
         name: String,
@@ -57,14 +57,11 @@ pub enum DetectError {
         /// Tags in the dictionary.
         got: usize,
     },
-    /// Boards of this kind are found with OpenCV, which this program was built without.
+    /// A detector was asked for that this program was built without.
     #[error(
-        "a {kind} board is found with OpenCV, which this program was built without; build with the feature \
-         `{feature}` of depthcal-detect, or use a circle grid"
+        "the program was built without OpenCV; build it with the feature `{feature}`, or use the built-in detector"
     )]
     MissingFeature {
-        /// Kind of board.
-        kind: &'static str,
         /// The missing feature of this crate.
         feature: &'static str,
     },

@@ -92,11 +92,11 @@ fn refinement_of_the_wrong_board_is_refused() {
     let image = flat(64, 48, 100, 8);
     let marker = depthcal_detect::Marker { index: 99, pixel: [3.0, 3.0] };
     let polarity = depthcal_detect::Polarity::DarkOnBright;
-    let detection = depthcal_detect::Detection { markers: vec![marker], polarity };
+    let detection = depthcal_detect::Detection { markers: vec![marker], polarity, charuco_layout: None };
     let options = RefineOptions::default();
     let beyond = refine_circles(&image, &detection, &common::asymmetric(4, 11, 17.0, 11.0), &|p| Some(p), &options);
     assert!(matches!(beyond, Err(DetectError::MarkerIndex { index: 99, len: 44 })));
-    let empty = depthcal_detect::Detection { markers: Vec::new(), polarity };
+    let empty = depthcal_detect::Detection { markers: Vec::new(), polarity, charuco_layout: None };
     let kind = refine_circles(&image, &empty, &common::chessboard(5, 4, 20.0), &|p| Some(p), &options);
     assert!(matches!(kind, Err(DetectError::WrongKind { .. })));
 }

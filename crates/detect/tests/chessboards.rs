@@ -92,7 +92,7 @@ fn boards_are_found_and_their_order_is_the_printed_one() {
         let count = common::frames(12);
         let (columns, rows) = (target.columns, target.rows);
         let (found, raw, _) = run(&target, 10.0, count, false);
-        println!("chessboard {columns} x {rows}: {found} of {count} found by OpenCV, rms {raw:.4} px");
+        println!("chessboard {columns} x {rows}: {found} of {count} found, unrefined rms {raw:.4} px");
         let (found, rms, wrong) = run(&target, 10.0, count, true);
         println!("chessboard {columns} x {rows}: {found} of {count} found, rms {rms:.4} px, {wrong} in another order");
         // One may be missed even of a few.

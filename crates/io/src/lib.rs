@@ -7,6 +7,7 @@
 
 pub mod board_print;
 pub mod camera_files;
+pub mod corner_file;
 pub mod dataset;
 pub mod file;
 pub mod image;
@@ -19,6 +20,7 @@ pub use board_print::{BoardPage, BoardPrintError, Paper, TagCells, board_pdf, bo
 pub use camera_files::{
     CameraFileError, CameraFormat, Export, ExportCamera, ExportError, ExportWarning, FileLens, Intrinsics, read_camera,
 };
+pub use corner_file::{CornerFileError, FileCorner, ImageCorners, read_corners};
 pub use dataset::{
     CameraHint, CameraSection, DATASET_FILE, Dataset, DatasetError, DatasetFile, DepthSection, Frame, FrameMetadata,
     FramesSection, IntrinsicNumbers, Pairing, RigDataset, RigFile, RigMember, Stray,

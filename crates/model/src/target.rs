@@ -39,6 +39,40 @@ pub enum Pattern {
     },
 }
 
+/// Which square is at the top left of a ChArUco board with an even number of rows. With an odd number there is but one layout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CharucoLayout {
+    /// A black one: as OpenCV draws boards since 4.6.
+    Current,
+    /// A white one with a marker: as OpenCV drew boards before 4.6, and does with `setLegacyPattern`.
+    Legacy,
+}
+
+impl CharucoLayout {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            CharucoLayout::Current => "current",
+            CharucoLayout::Legacy => "legacy",
+        }
+    }
+
+    /// The inverse of [`CharucoLayout::name`].
+    pub fn named(name: &str) -> Option<CharucoLayout> {
+        [CharucoLayout::Current, CharucoLayout::Legacy].into_iter().find(|layout| layout.name() == name)
+    }
+}
+
+impl std::fmt::Display for CharucoLayout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            CharucoLayout::Current => "a black square at the top left, as OpenCV draws it since 4.6",
+            CharucoLayout::Legacy => "a marker at the top left, as OpenCV drew it before 4.6 (legacy pattern)",
+        })
+    }
+}
+
 fn is_unknown(length_mm: &f64) -> bool {
     *length_mm == 0.0
 }

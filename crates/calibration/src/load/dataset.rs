@@ -6,25 +6,30 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_io::{
-    Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, read_depth_frame,
-    read_gray,
+    Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, digest_files,
+    read_depth_frame, read_gray,
 };
-use depthcal_model::Register;
+use depthcal_model::{CharucoLayout, Register};
 use rayon::prelude::*;
 use tracing::{debug, info, warn};
 
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
+use super::given_markers::given_markers;
 use super::marker_lists::{GivenMarkers, markers_of};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
 
 /// Version of detection and refinement: cached detections of another are not used.
-const DETECTION_VERSION: &str = "2";
+const DETECTION_VERSION: &str = "3";
 /// The setting that holds it.
 const DETECTION: &str = "detection";
+/// The setting that holds the layout of a ChArUco board.
+const LAYOUT: &str = "charuco_layout";
+/// The setting that names the file of markers that another program found.
+const MARKERS: &str = "markers";
 
 /// How a dataset is read.
 #[derive(Debug, Clone)]
@@ -33,6 +38,8 @@ pub struct LoadOptions {
     pub cache: Option<PathBuf>,
     /// Detects again even where a cached detection holds.
     pub refresh: bool,
+    /// File of markers that another program found, in mrcal's format of corners; the board is then not detected, and nothing is cached.
+    pub markers: Option<PathBuf>,
     /// Pieces that the camera of circle refinement may have.
     pub register: Register,
     /// Bytes of images that stay in memory; the images of further frames are read again from their files when they are needed.
@@ -49,6 +56,7 @@ impl Default for LoadOptions {
         Self {
             cache: default_cache(),
             refresh: false,
+            markers: None,
             register: Register::builtin(),
             image_memory: IMAGE_MEMORY,
             progress: ProgressHandle::default(),
@@ -77,6 +85,10 @@ pub struct Loaded {
     pub from_cache: bool,
     /// The diameter of the board's dots, measured in the images; `None` for boards without dots.
     pub circle_diameter: Option<MeasuredDiameter>,
+    /// The layout of a ChArUco board of which there are two; `None` for other boards.
+    pub charuco_layout: Option<CharucoLayout>,
+    /// The file from which the markers are, with its digest; `None` where they were detected.
+    pub markers: Option<FileReference>,
 }
 
 impl Loaded {
@@ -93,9 +105,20 @@ impl Loaded {
         Observations {
             dataset: self.reference.clone(),
             target: self.capture.target.clone(),
-            settings: settings(self.circle_diameter),
+            settings: self.settings(),
             frames: frames.collect(),
         }
+    }
+
+    /// How the markers were found.
+    fn settings(&self) -> BTreeMap<String, String> {
+        let origin = match &self.markers {
+            Some(file) => (MARKERS, format!("{} {}", file.path, file.digest)),
+            None => (DETECTION, DETECTION_VERSION.to_owned()),
+        };
+        let layout = self.charuco_layout.map(|layout| (LAYOUT, layout.name().to_owned()));
+        let own = layout.into_iter().chain([origin]).map(|(name, value)| (name.to_owned(), value));
+        self.circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain(own).collect()
     }
 }
 
@@ -105,11 +128,6 @@ fn to_file(m: &MarkerObservation) -> depthcal_io::MarkerObservation {
 
 fn from_file(m: &depthcal_io::MarkerObservation) -> MarkerObservation {
     MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
-}
-
-fn settings(circle_diameter: Option<MeasuredDiameter>) -> BTreeMap<String, String> {
-    let version = (DETECTION.to_owned(), DETECTION_VERSION.to_owned());
-    circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain([version]).collect()
 }
 
 /// Reads a dataset: images, depth images, and the board in every image.
@@ -156,20 +174,26 @@ fn read(
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
     if let Some(given) = given {
         let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
-        let found = Found { markers: markers_of(&names, &dataset.target, given)?, circle_diameter: None };
-        return Ok(assemble(dataset, reference, frames, (width, height), found)?.0);
+        let found = Found { markers: markers_of(&names, &dataset.target, given)?, ..Found::default() };
+        return Ok(assemble(dataset, reference, frames, (width, height), found, None)?.0);
     }
-    let cache = options.cache.as_ref().map(|folder| folder.join(format!("{digest}.json")));
+    let file = options.markers.as_deref();
+    let cache = options.cache.as_ref().filter(|_| file.is_none()).map(|folder| folder.join(format!("{digest}.json")));
     let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
     let from_cache = cached.is_some();
-    let found = match cached {
-        Some(found) => {
+    let found = match (cached, file) {
+        (Some(found), _) => {
             debug!("markers of {} come from the cache", dataset.name);
             found
         }
-        None => find_markers(&dataset, &frames, options)?,
+        (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
+        (None, None) => find_markers(&dataset, &frames, options)?,
     };
-    let (mut loaded, without_board) = assemble(dataset, reference, frames, (width, height), found)?;
+    let file = file.map(|file| {
+        let digest = digest_files(file.parent().unwrap_or(Path::new("")), &[file.to_owned()])?;
+        Ok::<_, LoadError>(FileReference { path: file.display().to_string(), digest })
+    });
+    let (mut loaded, without_board) = assemble(dataset, reference, frames, (width, height), found, file.transpose()?)?;
     loaded.from_cache = from_cache;
     if let (Some(path), false) = (cache, from_cache) {
         let mut observations = loaded.observations();
@@ -189,14 +213,15 @@ fn read(
     Ok(loaded)
 }
 
-/// A dataset from frames of one size and their markers, and the number of frames without a board, which come first among those that are
-/// dropped.
+/// A dataset from frames of one size and their markers, which come from `file` where another program found them, and the number of frames
+/// without a board, which come first among those that are dropped.
 pub(super) fn assemble(
     mut dataset: Dataset,
     reference: FileReference,
     frames: Vec<RawFrame>,
     (width, height): (usize, usize),
-    Found { markers, circle_diameter }: Found,
+    Found { markers, circle_diameter, charuco_layout }: Found,
+    file: Option<FileReference>,
 ) -> Result<(Loaded, usize), LoadError> {
     if let Some(measured) = circle_diameter {
         if measured.contradicts_declaration() {
@@ -212,7 +237,11 @@ pub(super) fn assemble(
     let mut kept = Vec::new();
     for (raw, markers) in frames.into_iter().zip(markers) {
         if markers.is_empty() {
-            dropped.push(DroppedFrame { name: raw.name, reason: "the board was not found".to_owned() });
+            let reason = match &file {
+                Some(file) => format!("no markers in {}", file.path),
+                None => "the board was not found".to_owned(),
+            };
+            dropped.push(DroppedFrame { name: raw.name, reason });
         } else {
             kept.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
         }
@@ -233,7 +262,9 @@ pub(super) fn assemble(
         frames: kept,
         dropped,
     };
-    Ok((Loaded { dataset, reference, capture, from_cache: false, circle_diameter }, without_board))
+    let loaded =
+        Loaded { dataset, reference, capture, from_cache: false, circle_diameter, charuco_layout, markers: file };
+    Ok((loaded, without_board))
 }
 
 /// Reads the depth images of a dataset that has no images: frames without markers.
@@ -256,7 +287,15 @@ pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> 
         frames: frames.into_iter().map(detected).collect(),
         dropped: strays.collect(),
     };
-    Ok(Loaded { dataset, reference, capture, from_cache: false, circle_diameter: None })
+    Ok(Loaded {
+        dataset,
+        reference,
+        capture,
+        from_cache: false,
+        circle_diameter: None,
+        charuco_layout: None,
+        markers: None,
+    })
 }
 
 /// What the cache holds of a dataset; `None` where it is of another version, dataset or board.
@@ -274,7 +313,8 @@ fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     }
     let of = |name: &str| cached.frame(name).map(|f| f.markers.iter().map(from_file).collect());
     let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
-    Some(Found { markers, circle_diameter })
+    let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
+    Some(Found { markers, circle_diameter, charuco_layout })
 }
 
 /// An image that stays in memory, or is read again from its file.

@@ -1,9 +1,9 @@
 //! Boards in images, and circle centres refined with the camera that they give.
 
 use depthcal_detect::{
-    CircleDiameter, DetectOptions, Detection, FrameError, Marker, RefineOptions, measure_circle_diameter,
+    CircleDiameter, DetectOptions, Detection, Detector, FrameError, Marker, RefineOptions, measure_circle_diameter,
 };
-use depthcal_model::{Camera, Register, Target};
+use depthcal_model::{Camera, CharucoLayout, Pattern, Register, Target};
 use depthcal_statistics::upper_median;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
@@ -38,10 +38,11 @@ pub(crate) fn find_markers(
         // The declared diameter may be far from the truth, for instance be the radius.
         detections = detect(&target.with_circle_diameter_mm(0.0), frames, progress)?;
     }
+    let charuco_layout = one_layout(target, frames, &mut detections)?;
     let mut markers: Vec<Vec<MarkerObservation>> =
         detections.iter().map(|d| d.as_ref().map(plain_markers).unwrap_or_default()).collect();
     if !target.has_circles() {
-        return Ok(Found { markers, circle_diameter: None });
+        return Ok(Found { markers, charuco_layout, ..Found::default() });
     }
     let circle_diameter = measure(target, frames, &detections)?;
     let diameter_mm = match circle_diameter {
@@ -60,7 +61,40 @@ pub(crate) fn find_markers(
             info!("circle centres refined, round {}", round + 1);
         }
     }
-    Ok(Found { markers, circle_diameter })
+    Ok(Found { markers, circle_diameter, charuco_layout })
+}
+
+/// The layout of a ChArUco board, that of most frames. Frames in which another was seen are searched again for this one: few tags that
+/// are read wrongly can look like either.
+fn one_layout(
+    target: &Target,
+    frames: &[RawFrame],
+    detections: &mut [Option<Detection>],
+) -> Result<Option<CharucoLayout>, LoadError> {
+    let of = |detections: &[Option<Detection>], layout| {
+        detections.iter().flatten().filter(|d| d.charuco_layout == Some(layout)).count()
+    };
+    let [current, legacy] = [CharucoLayout::Current, CharucoLayout::Legacy].map(|layout| of(detections, layout));
+    if current + legacy == 0 {
+        return Ok(None);
+    }
+    let layout = if legacy > current { CharucoLayout::Legacy } else { CharucoLayout::Current };
+    let options = DetectOptions { charuco_layout: Some(layout), ..options_for(target) };
+    for (frame, detection) in frames.iter().zip(detections.iter_mut()) {
+        let other = detection.as_ref().is_some_and(|d| d.charuco_layout.is_some_and(|seen| seen != layout));
+        if let (true, Some(image)) = (other, &frame.image) {
+            info!("{}: searched again, the other frames have the other layout of a ChArUco board", frame.name);
+            *detection = depthcal_detect::detect(&*image.get()?, target, &options)?;
+        }
+    }
+    Ok(Some(layout))
+}
+
+/// How a board is looked for: tags of AprilGrids by OpenCV where it is there, since it finds more of those with squares at their corners.
+fn options_for(target: &Target) -> DetectOptions {
+    let by_opencv = cfg!(feature = "opencv") && matches!(target.pattern, Pattern::Aprilgrid { .. });
+    let detector = if by_opencv { Detector::OpenCv } else { Detector::BuiltIn };
+    DetectOptions { detector, ..DetectOptions::default() }
 }
 
 /// The board in every frame, in order.
@@ -82,7 +116,7 @@ fn detect(
             Some((frame.name.clone(), move || image.get().map(|image| (*image).clone())))
         })
         .collect();
-    let found = depthcal_detect::detect_all(&loaders, target, &DetectOptions::default(), &|_, _| job.advance());
+    let found = depthcal_detect::detect_all(&loaders, target, &options_for(target), &|_, _| job.advance());
     let mut detections = Vec::with_capacity(found.len());
     for result in found {
         detections.push(match result {
@@ -164,7 +198,7 @@ fn refine(
             let image = &*image.get()?;
             let current = Detection {
                 markers: markers.iter().map(|m| Marker { index: m.index, pixel: m.pixel }).collect(),
-                polarity: detection.polarity,
+                ..detection.clone()
             };
             let mapping = |p: [f64; 2]| to_pixel(&calibrated.camera, &pose, p);
             let options = RefineOptions::default();

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
-use depthcal_io::{DatasetError, FileError, ImageError};
+use depthcal_io::{CornerFileError, DatasetError, FileError, ImageError};
 use thiserror::Error;
+
+use super::given_markers_error::GivenMarkersError;
 
 /// Why a dataset gives no observations.
 #[derive(Debug, Error)]
@@ -59,6 +61,12 @@ pub enum LoadError {
         /// The dataset's folder.
         root: PathBuf,
     },
+    /// The file of markers is at fault.
+    #[error(transparent)]
+    CornerFile(#[from] CornerFileError),
+    /// The markers of a file cannot be used for the dataset.
+    #[error(transparent)]
+    GivenMarkers(#[from] GivenMarkersError),
     /// Detection failed.
     #[cfg(feature = "detect")]
     #[error(transparent)]

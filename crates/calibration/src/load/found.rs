@@ -1,11 +1,16 @@
 //! What detection gives for a dataset.
 
+use depthcal_model::CharucoLayout;
+
 use super::circle_diameter::MeasuredDiameter;
 use crate::observe::MarkerObservation;
 
-/// The markers of every frame, in order, none where the board was not found, and the diameter of the dots.
+/// The markers of every frame, in order, none where the board was not found, and what was seen of the board itself.
+#[derive(Default)]
 pub(crate) struct Found {
     pub(crate) markers: Vec<Vec<MarkerObservation>>,
     /// `None` for boards without dots.
     pub(crate) circle_diameter: Option<MeasuredDiameter>,
+    /// `None` where there is but one layout.
+    pub(crate) charuco_layout: Option<CharucoLayout>,
 }

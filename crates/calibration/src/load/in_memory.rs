@@ -93,7 +93,7 @@ pub fn load_from_memory(given: DatasetInMemory) -> Result<Loaded, LoadError> {
         strays: Vec::new(),
         lists: Vec::new(),
     };
-    Ok(assemble(dataset, reference, raw, size, Found { markers, circle_diameter: None })?.0)
+    Ok(assemble(dataset, reference, raw, size, Found { markers, ..Found::default() }, None)?.0)
 }
 
 /// Everything of a frame, for the digest.

@@ -7,12 +7,15 @@ mod declared_camera;
 mod detection;
 mod error;
 mod found;
-mod marker_lists;
+mod given_markers;
+mod given_markers_error;
 mod in_memory;
+mod marker_lists;
 
 pub use circle_diameter::MeasuredDiameter;
 pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only, load_with_markers};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
-pub use marker_lists::GivenMarkers;
+pub use given_markers_error::GivenMarkersError;
 pub use in_memory::{DatasetInMemory, FrameInMemory, load_from_memory};
+pub use marker_lists::GivenMarkers;

@@ -3,31 +3,13 @@
 use depthcal_io::GrayImage;
 use depthcal_model::target::Target;
 
+use super::attempt::attempts;
 use super::order::in_order;
-use super::saddles;
 use crate::detection::{DetectOptions, Detection, Polarity};
 use crate::error::DetectError;
-use crate::open_cv::sectors::{self, Effort};
 use crate::refine::clear::{keep_clear, take_over};
 use crate::refine::{RefineOptions, homography_mapping, refine_corners};
 use crate::stretch::{Plane, Stretch};
-
-/// A method of finding corners.
-#[derive(Clone, Copy)]
-enum Attempt {
-    /// OpenCV's detector in the image enlarged this many times.
-    Sectors(usize, Effort),
-    /// Saddle points of the smoothed image.
-    Saddles,
-}
-
-/// In the order in which they are tried: the cheap and successful ones first.
-const ATTEMPTS: [Attempt; 4] = [
-    Attempt::Sectors(1, Effort::Quick),
-    Attempt::Saddles,
-    Attempt::Sectors(2, Effort::Quick),
-    Attempt::Sectors(1, Effort::Exhaustive),
-];
 
 /// After a fit, a corner farther from the smooth map than this many times the rms distance is fitted again from the
 /// map's position.
@@ -40,15 +22,12 @@ pub(crate) fn find(
     options: &DetectOptions,
 ) -> Result<Option<Detection>, DetectError> {
     let planes: Vec<Plane> = Stretch::candidates(image).iter().map(|&s| Plane::stretched(image, s)).collect();
-    for attempt in ATTEMPTS {
+    for attempt in attempts(options.detector) {
         for plane in &planes {
-            let corners = match attempt {
-                Attempt::Sectors(scale, _) if scale > 1 && !plane.is_small() => None,
-                Attempt::Sectors(scale, effort) => sectors::corners(plane, target, scale, effort)?,
-                Attempt::Saddles => saddles::find(plane, target),
+            let Some(markers) = attempt.corners(plane, target)?.and_then(|c| in_order(&c, target, plane)) else {
+                continue;
             };
-            let Some(markers) = corners.and_then(|corners| in_order(&corners, target, plane)) else { continue };
-            let mut detection = Detection { markers, polarity: Polarity::DarkOnBright };
+            let mut detection = Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout: None };
             if options.refine {
                 sharpen(image, &mut detection, target)?;
             }

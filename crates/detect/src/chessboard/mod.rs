@@ -1,6 +1,7 @@
-//! Chessboards: found by OpenCV's sector-based detector (Duda and Frese 2018) or, where that fails, by their saddle
-//! points; put in order, crossings fitted.
+//! Chessboards: found by their saddle points or by OpenCV's sector-based detector (Duda and Frese 2018), put in order,
+//! crossings fitted.
 
+mod attempt;
 mod find;
 mod order;
 pub(crate) mod saddles;

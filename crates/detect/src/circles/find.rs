@@ -37,7 +37,7 @@ pub(crate) fn find(image: &GrayImage, target: &Target) -> Option<Detection> {
             };
             let blobs = dark_blobs(&seen, plane.width, plane.height, MAX_BLOBS);
             if let Some(markers) = find_among(&blobs, image.width, target, &board) {
-                return Some(Detection { markers, polarity });
+                return Some(Detection { markers, polarity, charuco_layout: None });
             }
         }
     }

@@ -5,11 +5,12 @@ use depthcal_model::target::Target;
 
 use super::attempts::attempts;
 use super::consistent::consistent;
-use super::dictionary::dictionary_number;
 use super::extend::extend;
+use super::reader::read_tags;
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
-use crate::open_cv::tags::{Reading, Tag, dictionary_size, read_tags};
+use crate::tags::dictionary::Dictionary;
+use crate::tags::{Reading, Tag};
 
 const DICTIONARY: &str = "DICT_APRILTAG_36H11";
 
@@ -19,17 +20,15 @@ pub(crate) fn find(
     target: &Target,
     options: &DetectOptions,
 ) -> Result<Option<Detection>, DetectError> {
-    let number = dictionary_number(DICTIONARY)?;
-    let (need, got) = (target.columns * target.rows, dictionary_size(number)?);
-    if got < need {
-        return Err(DetectError::DictionaryTooSmall { dictionary: DICTIONARY.to_owned(), need, got });
-    }
+    let need = target.columns * target.rows;
+    let dictionary = Dictionary::with_tags(DICTIONARY, need)?;
     let corners_of = |id: usize| (id < need).then(|| [0, 1, 2, 3].map(|corner| target.point(4 * id + corner)));
     let mut best: Vec<Tag> = Vec::new();
     for (plane, scale) in attempts(image) {
         // Most generators print a border of one bit, Kalibr one of two.
-        for border_bits in [1, 2] {
-            let tags = read_tags(&plane, &Reading { dictionary: number, border_bits, scale })?;
+        for border in [1, 2] {
+            let reading = Reading { dictionary: &dictionary, border, scale };
+            let tags = read_tags(&plane, &reading, options.detector)?;
             let kept = consistent(tags, corners_of, 0.2);
             if kept.len() > best.len() {
                 best = kept;
@@ -45,12 +44,12 @@ pub(crate) fn find(
             tag.corners.into_iter().enumerate().map(|(corner, pixel)| Marker { index: 4 * tag.id + corner, pixel })
         })
         .collect();
-    let mut detection = Detection { markers, polarity: Polarity::DarkOnBright };
+    let mut detection = Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout: None };
     if detection.markers.len() < options.min_markers.max(4) {
         return Ok(None);
     }
     if options.refine {
-        // OpenCV's corners are bends of the thresholded tag's contour, accurate to half a pixel. The corners of tags whose
+        // The corners of tags whose
         // bits could not be read follow from those around them.
         detection.markers = extend(image, target, &detection.markers);
     }

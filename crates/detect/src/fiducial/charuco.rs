@@ -4,19 +4,20 @@
 use std::collections::BTreeMap;
 
 use depthcal_io::GrayImage;
-use depthcal_model::target::{Pattern, Target};
+use depthcal_model::target::{CharucoLayout, Pattern, Target};
 
 use super::attempts::attempts;
 use super::consistent::consistent;
-use super::dictionary::dictionary_number;
 use super::extend::extend;
-use super::placement::{Crossings, Print, place};
+use super::placement::{Crossings, Placed, Print, place};
+use super::reader::read_tags;
 use crate::chessboard::saddles::lattices;
 use crate::detection::{DetectOptions, Detection, Marker, Polarity};
 use crate::error::DetectError;
 use crate::geometry::{Homography, Pair};
-use crate::open_cv::tags::{Reading, Tag, dictionary_size, read_tags, tag_cells};
 use crate::stretch::{Plane, Stretch};
+use crate::tags::dictionary::Dictionary;
+use crate::tags::{Reading, Tag};
 
 /// Number of tags that agree with each other from which on their numbers are beyond doubt.
 const SURE_TAGS: usize = 3;
@@ -30,7 +31,7 @@ const BORDER_PX: f64 = 4.0;
 
 /// Column and row of the square that carries tag `id`; `None` when the board has fewer tags. Tags are numbered row by
 /// row over the white squares. `first_white` is the column of the first white square: 1 when the top left square is
-/// black, as in OpenCV since 4.6 and, for an odd number of rows, before.
+/// black, 0 when it has a tag.
 fn square_of(id: usize, columns: usize, rows: usize, first_white: usize) -> Option<[usize; 2]> {
     let mut left = id;
     for row in 0..rows {
@@ -53,10 +54,30 @@ fn tag_corners(target: &Target, marker_mm: f64, id: usize, first_white: usize) -
     Some([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
 }
 
-/// The columns of the first white square that a board may have. Boards with an even number of rows begin with a white
-/// square when drawn by OpenCV before 4.6.
-fn layouts(target: &Target) -> &'static [usize] {
-    if target.rows.is_multiple_of(2) { &[1, 0] } else { &[1] }
+/// The layouts that a board may have, and the column of the first white square in each.
+fn layouts(target: &Target, known: Option<CharucoLayout>) -> Vec<(CharucoLayout, usize)> {
+    let mut all = vec![(CharucoLayout::Current, 1)];
+    // With an odd number of rows all boards begin with a black square.
+    if target.rows.is_multiple_of(2) {
+        all.push((CharucoLayout::Legacy, 0));
+        all.retain(|(layout, _)| known.is_none_or(|known| known == *layout));
+    }
+    all
+}
+
+/// Markers, and the layout of the tags from which they are known.
+#[derive(Default)]
+struct Found {
+    markers: Vec<Marker>,
+    layout: Option<CharucoLayout>,
+}
+
+impl Found {
+    fn keep_better(&mut self, other: Found) {
+        if other.markers.len() > self.markers.len() {
+            *self = other;
+        }
+    }
 }
 
 /// Searches an image for a ChArUco board: first for its tags, then, where they cannot be read, for its crossings.
@@ -67,66 +88,60 @@ pub(crate) fn find(
     options: &DetectOptions,
 ) -> Result<Option<Detection>, DetectError> {
     let Pattern::Charuco { marker_mm, .. } = target.pattern else { return Ok(None) };
-    let number = dictionary_number(dictionary)?;
-    let (need, got) = (target.columns * target.rows / 2, dictionary_size(number)?);
-    if got < need {
-        return Err(DetectError::DictionaryTooSmall { dictionary: dictionary.to_owned(), need, got });
-    }
-    let print = print(target, number)?;
+    let dictionary = Dictionary::with_tags(dictionary, target.columns * target.rows / 2)?;
+    let layouts = layouts(target, options.charuco_layout);
+    let print = print(target, &dictionary, &layouts);
     let least = options.min_markers.max(4);
-    let mut best: Vec<Marker> = Vec::new();
+    let mut best = Found::default();
     let mut crossings_tried = false;
     for (plane, scale) in attempts(image) {
         // Tags that are too blurred to be read are not made legible by enlarging them.
-        if scale > 1 && !crossings_tried && best.len() < least {
+        if scale > 1 && !crossings_tried && best.markers.len() < least {
             crossings_tried = true;
-            keep_better(&mut best, from_crossings(image, &print, least, options));
-            if is_complete(&best, target, image, least) {
+            best.keep_better(from_crossings(image, &print, least, options));
+            if is_complete(&best.markers, target, image, least) {
                 break;
             }
         }
-        let tags = read_tags(&plane, &Reading { dictionary: number, border_bits: 1, scale })?;
-        let layout = layouts(target)
-            .iter()
-            .map(|&first| (first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2)))
-            .max_by_key(|(first, kept)| (kept.len(), *first));
-        let Some((first_white, kept)) = layout else { continue };
+        let tags = read_tags(&plane, &Reading { dictionary: &dictionary, border: 1, scale }, options.detector)?;
+        let kept = layouts.iter().map(|&(layout, first)| {
+            (layout, first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2))
+        });
+        let Some((layout, first_white, kept)) = kept.max_by_key(|(_, first, kept)| (kept.len(), *first)) else {
+            continue;
+        };
         let mut markers = predict(&kept, target, |id| tag_corners(target, marker_mm, id, first_white));
         if options.refine {
             markers = extend(image, target, &markers);
         }
         if kept.len() >= SURE_TAGS || is_confirmed(&markers, &print, &plane) {
-            keep_better(&mut best, markers);
+            best.keep_better(Found { markers, layout: Some(layout) });
         }
-        if is_complete(&best, target, image, least) {
+        if is_complete(&best.markers, target, image, least) {
             break;
         }
     }
-    if !crossings_tried && best.len() < least {
-        keep_better(&mut best, from_crossings(image, &print, least, options));
+    if !crossings_tried && best.markers.len() < least {
+        best.keep_better(from_crossings(image, &print, least, options));
     }
-    Ok((best.len() >= least).then_some(Detection { markers: best, polarity: Polarity::DarkOnBright }))
-}
-
-fn keep_better(best: &mut Vec<Marker>, markers: Vec<Marker>) {
-    if markers.len() > best.len() {
-        *best = markers;
-    }
+    let Found { markers, layout } = best;
+    let charuco_layout = layout.filter(|_| target.rows.is_multiple_of(2));
+    Ok((markers.len() >= least).then_some(Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout }))
 }
 
 /// The printed tags of the board, in every layout that it may have.
-fn print(target: &Target, dictionary: i32) -> Result<Print<'_>, DetectError> {
+fn print<'a>(target: &'a Target, dictionary: &Dictionary, layouts: &[(CharucoLayout, usize)]) -> Print<'a> {
     let mut all = Vec::new();
-    for &first_white in layouts(target) {
+    for &(layout, first_white) in layouts {
         let mut tags = BTreeMap::new();
         let mut id = 0;
         while let Some(square) = square_of(id, target.columns, target.rows, first_white) {
-            tags.insert(square, tag_cells(dictionary, id)?);
+            tags.insert(square, dictionary.cells(id));
             id += 1;
         }
-        all.push(tags);
+        all.push((layout, tags));
     }
-    Ok(Print { target, layouts: all })
+    Print { target, layouts: all }
 }
 
 /// Whether nine tenths of the crossings that lie in the image are found.
@@ -152,30 +167,31 @@ fn is_confirmed(markers: &[Marker], print: &Print, plane: &Plane) -> bool {
     let node = |index: usize| [(index % columns) as i32, (index / columns) as i32];
     let crossings: Crossings = markers.iter().map(|m| (node(m.index), m.pixel)).collect();
     place(&crossings, print, plane)
-        .is_some_and(|placed| markers.iter().all(|m| placed.get(&node(m.index)) == Some(&m.index)))
+        .is_some_and(|placed| markers.iter().all(|m| placed.indices.get(&node(m.index)) == Some(&m.index)))
 }
 
 /// The markers from the crossings of the image, placed by the tags between them.
-fn from_crossings(image: &GrayImage, print: &Print, least: usize, options: &DetectOptions) -> Vec<Marker> {
+fn from_crossings(image: &GrayImage, print: &Print, least: usize, options: &DetectOptions) -> Found {
     for &stretch in Stretch::candidates(image) {
         let plane = Plane::stretched(image, stretch);
         for sigma in CROSSING_SMOOTHING {
             for crossings in lattices(&plane, sigma, least.max(LEAST_CROSSINGS)) {
-                let Some(placed) = place(&crossings, print, &plane) else { continue };
+                let Some(Placed { indices, layout }) = place(&crossings, print, &plane) else { continue };
+                let layout = Some(layout);
                 let mut markers: Vec<Marker> =
-                    placed.into_iter().map(|(node, index)| Marker { index, pixel: crossings[&node] }).collect();
+                    indices.into_iter().map(|(node, index)| Marker { index, pixel: crossings[&node] }).collect();
                 markers.sort_by_key(|m| m.index);
                 if !options.refine {
-                    return markers;
+                    return Found { markers, layout };
                 }
                 let markers = extend(image, print.target, &markers);
                 if markers.len() >= least && is_confirmed(&markers, print, &plane) {
-                    return markers;
+                    return Found { markers, layout };
                 }
             }
         }
     }
-    Vec::new()
+    Found::default()
 }
 
 /// Positions of the crossings, each predicted from the nearest tags; crossings without a tag next to them are left out.

@@ -1,7 +1,7 @@
 //! Tags that agree with each other.
 
 use crate::geometry::Homography;
-use crate::open_cv::tags::Tag;
+use crate::tags::Tag;
 
 /// The tags that agree with each other; misread numbers are dropped. `board_corners` gives the corners of every tag of
 /// the board, mm; `tolerance` is the largest deviation in units of a tag's side in the image.

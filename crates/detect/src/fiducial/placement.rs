@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use depthcal_model::target::{Pattern, Target};
+use depthcal_model::target::{CharucoLayout, Pattern, Target};
 
 use crate::geometry::Homography;
 use crate::stretch::Plane;
@@ -26,9 +26,17 @@ pub(super) type Crossings = BTreeMap<[i32; 2], [f64; 2]>;
 /// The printed tags of a board.
 pub(super) struct Print<'a> {
     pub(super) target: &'a Target,
-    /// Tag in the square at column and row, and its cells, whether they are white, with the border of one cell; by
-    /// layout.
-    pub(super) layouts: Vec<BTreeMap<[usize; 2], Vec<Vec<bool>>>>,
+    /// Tag in the square at column and row, and its cells, whether they are white, with the border of one cell; for every layout that the
+    /// board may have.
+    pub(super) layouts: Vec<(CharucoLayout, BTreeMap<[usize; 2], Vec<Vec<bool>>>)>,
+}
+
+/// Where a lattice lies on the board.
+pub(super) struct Placed {
+    /// Index on the board of every crossing.
+    pub(super) indices: BTreeMap<[i32; 2], usize>,
+    /// The layout of the tags.
+    pub(super) layout: CharucoLayout,
 }
 
 /// The cells of one square of the lattice as the image shows them.
@@ -40,29 +48,32 @@ struct Square {
     cells: Option<Vec<Vec<f64>>>,
 }
 
-/// Index on the board of every crossing, where one placement explains the tags much better than all others.
-pub(super) fn place(crossings: &Crossings, print: &Print, plane: &Plane) -> Option<BTreeMap<[i32; 2], usize>> {
+/// The placement that explains the tags much better than all others do.
+pub(super) fn place(crossings: &Crossings, print: &Print, plane: &Plane) -> Option<Placed> {
     let Pattern::Charuco { marker_mm, .. } = print.target.pattern else { return None };
-    let cells = print.layouts.first()?.values().next()?.len();
+    let cells = print.layouts.first()?.1.values().next()?.len();
     let share = marker_mm / print.target.spacing_mm;
     let squares: Vec<Square> = crossings.keys().filter_map(|&low| look(low, crossings, plane, cells, share)).collect();
-    let mut rated: Vec<(f64, f64, BTreeMap<[i32; 2], usize>)> = Vec::new();
-    for layout in &print.layouts {
+    let mut rated: Vec<(f64, f64, Placed)> = Vec::new();
+    for (layout, tags) in &print.layouts {
         for turns in 0..4 {
             for placed in placements(crossings, print.target, turns) {
-                if let Some((correlation, count)) = rate(&squares, &placed, layout, print.target, turns) {
-                    rated.push((correlation, count, placed));
+                if let Some((correlation, count)) = rate(&squares, &placed, tags, print.target, turns) {
+                    rated.push((correlation, count, Placed { indices: placed, layout: *layout }));
                 }
             }
         }
     }
     rated.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let (best, count, placed) = rated.first()?;
+    if rated.is_empty() {
+        return None;
+    }
+    let (best, count, placed) = rated.remove(0);
     let fisher = |r: f64| r.clamp(-0.95, 0.95).atanh();
     // The same places in another layout are no rival.
-    let rival = rated.iter().find(|r| r.2 != *placed).map_or(0.0, |r| r.0.max(0.0));
-    let lead = (fisher(*best) - fisher(rival)) * count.sqrt();
-    (*best > MIN_CORRELATION && lead > MIN_LEAD).then(|| placed.clone())
+    let rival = rated.iter().find(|r| r.2.indices != placed.indices).map_or(0.0, |r| r.0.max(0.0));
+    let lead = (fisher(best) - fisher(rival)) * count.sqrt();
+    (best > MIN_CORRELATION && lead > MIN_LEAD).then_some(placed)
 }
 
 /// All ways to put a lattice, turned by `turns` quarter turns, on the board. Nodes beside the board are left out.

@@ -4,7 +4,6 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// A point and its image.
-#[cfg(feature = "opencv")]
 pub(crate) type Pair = ([f64; 2], [f64; 2]);
 
 /// A projective map of the plane, here from board (mm) to image (px).

@@ -6,6 +6,5 @@ mod local_map;
 
 pub use board_map::BoardMap;
 pub use homography::Homography;
-#[cfg(feature = "opencv")]
 pub(crate) use homography::Pair;
 pub(crate) use local_map::LocalMap;

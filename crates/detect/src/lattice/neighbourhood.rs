@@ -98,7 +98,6 @@ impl<'a> Neighbourhood<'a> {
     }
 
     /// Pairs of neighbours of a point without shape that may span the basis, the shortest first.
-    #[cfg(feature = "opencv")]
     pub(crate) fn bases_of_point(&self, seed: usize) -> Vec<[usize; 2]> {
         let center = self.blobs[seed].center;
         let mut radius = 16.0;

@@ -13,11 +13,9 @@ pub(crate) mod pixels;
 
 pub use circles::refine_circles;
 pub(crate) use circles::sharpen_circles;
-#[cfg(feature = "opencv")]
 pub(crate) use corners::fit_corner;
 pub use corners::refine_corners;
 pub use diameter::{CircleDiameter, measure_circle_diameter};
 pub use mapping::homography_mapping;
-#[cfg(feature = "opencv")]
 pub(crate) use marker::standard_deviation;
 pub use marker::{RefineOptions, RefinedMarker};

@@ -3,9 +3,8 @@
 #[path = "../../../../tests/support/measured.rs"]
 mod data;
 
-use depthcal_io::{Dataset, GrayImage};
+use depthcal_io::{Dataset, GrayImage, read_gray};
 use depthcal_model::target::Target;
-use opencv::core::{MatTraitConst, MatTraitConstManual};
 
 /// The board that a measured dataset declares and its images with their names.
 pub struct Capture {
@@ -19,20 +18,12 @@ pub struct Capture {
 /// When the dataset is at fault.
 pub fn capture(dataset: &str) -> Option<Capture> {
     let dataset = Dataset::open(data::measured(dataset)?).expect("a dataset");
-    let frames = dataset.frames.iter().filter_map(|f| Some((f.name.clone(), read(f.image.as_ref()?)))).collect();
+    let frames = dataset
+        .frames
+        .iter()
+        .filter_map(|f| Some((f.name.clone(), read_gray(f.image.as_ref()?).expect("an image"))))
+        .collect();
     Some(Capture { target: dataset.target, frames })
-}
-
-fn read(file: &std::path::Path) -> GrayImage {
-    let flags = opencv::imgcodecs::IMREAD_ANYDEPTH | opencv::imgcodecs::IMREAD_GRAYSCALE;
-    let mat = opencv::imgcodecs::imread(file, flags).expect("an image");
-    let (width, height) = (mat.cols() as usize, mat.rows() as usize);
-    if mat.depth() == opencv::core::CV_16U {
-        GrayImage { width, height, data: mat.data_typed::<u16>().expect("16 bits").to_vec(), bits: 16 }
-    } else {
-        let data = mat.data_typed::<u8>().expect("8 bits").iter().map(|&v| u16::from(v)).collect();
-        GrayImage { width, height, data, bits: 8 }
-    }
 }
 
 /// The image as OpenCV's detectors take it: 8 bits, 16-bit amplitudes scaled between their least and largest value.

@@ -2,14 +2,15 @@
 //! cast to the board.
 #![allow(dead_code, unused_imports)]
 
-#[cfg(feature = "opencv")]
 pub mod measured;
 #[cfg(all(feature = "opencv", fiducials = "contrib"))]
 pub mod opencv_charuco;
 pub mod scene;
+pub mod tag_print;
 pub mod texture;
 
 pub use scene::{Camera, Pose, Scene};
+pub use tag_print::Style;
 pub use texture::Texture;
 
 use depthcal_model::target::{Pattern, Target};
@@ -24,6 +25,15 @@ pub fn symmetric(columns: usize, rows: usize, spacing_mm: f64, circle_diameter_m
 
 pub fn chessboard(columns: usize, rows: usize, spacing_mm: f64) -> Target {
     Target { pattern: Pattern::Chessboard, columns, rows, spacing_mm }
+}
+
+pub fn charuco(columns: usize, rows: usize, spacing_mm: f64, marker_mm: f64, dictionary: &str) -> Target {
+    let pattern = Pattern::Charuco { marker_mm, dictionary: dictionary.into() };
+    Target { pattern, columns, rows, spacing_mm }
+}
+
+pub fn aprilgrid(columns: usize, rows: usize, spacing_mm: f64, marker_mm: f64) -> Target {
+    Target { pattern: Pattern::Aprilgrid { marker_mm }, columns, rows, spacing_mm }
 }
 
 /// Frames of a test of the detection rate; the environment variable DEPTHCAL_TEST_FRAMES sets another number.

@@ -2,6 +2,8 @@
 
 use depthcal_model::target::{Pattern, Target};
 
+use super::tag_print::{Style, TagPrint};
+
 pub struct Texture {
     pub target: Target,
     /// Paper beyond the outermost markers, mm.
@@ -10,11 +12,19 @@ pub struct Texture {
     pub ink: f64,
     /// A drawn board (ChArUco, tags): grey values, width, px per mm, and the place of its first pixel's corner, mm.
     pub raster: Option<(Vec<u8>, usize, f64, [f64; 2])>,
+    /// The print of a board with tags.
+    pub tags: Option<TagPrint>,
 }
 
 impl Texture {
     pub fn new(target: Target, margin: f64) -> Texture {
-        Texture { target, margin, paper: 0.9, ink: 0.1, raster: None }
+        Texture { target, margin, paper: 0.9, ink: 0.1, raster: None, tags: None }
+    }
+
+    /// A board with tags.
+    pub fn with_tags(target: Target, margin: f64, style: Style) -> Texture {
+        let tags = Some(TagPrint::new(&target, style));
+        Texture { tags, ..Texture::new(target, margin) }
     }
 
     /// Bright print on a dark board.
@@ -59,7 +69,7 @@ impl Texture {
                 let (j, i) = ((x / s).floor() as i64, (y / s).floor() as i64);
                 (-1..columns).contains(&j) && (-1..rows).contains(&i) && (i + j).rem_euclid(2) == 0
             }
-            _ => false,
+            _ => self.tags.as_ref().is_some_and(|tags| tags.is_black(x, y)),
         };
         Some(if dark { self.ink } else { self.paper })
     }
@@ -72,7 +82,8 @@ impl Texture {
             Pattern::AsymmetricCircles { .. } => [[0.0, 0.0], [(2.0 * c + 1.0) * s, r * s]],
             Pattern::SymmetricCircles { .. } => [[0.0, 0.0], [c * s, r * s]],
             Pattern::Chessboard => [[-s, -s], [(c + 1.0) * s, (r + 1.0) * s]],
-            _ => [[0.0, 0.0], [c * s, r * s]],
+            Pattern::Charuco { .. } => [[0.0, 0.0], [(c + 1.0) * s, (r + 1.0) * s]],
+            Pattern::Aprilgrid { marker_mm } => [[marker_mm - s, marker_mm - s], [(c + 1.0) * s, (r + 1.0) * s]],
         }
     }
 }

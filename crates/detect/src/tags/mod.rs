@@ -1,0 +1,15 @@
+//! ArUco and AprilTag markers, read without OpenCV: dark regions by a local threshold, quadrilaterals around them, their sides
+//! fitted to the grey values, their cells compared with a dictionary.
+
+mod cells;
+pub(crate) mod dictionary;
+mod hull;
+mod quad;
+mod read;
+mod regions;
+mod sides;
+mod tag;
+mod threshold;
+
+pub(crate) use read::read_tags;
+pub(crate) use tag::{Reading, Tag};
