@@ -39,7 +39,7 @@ pub(super) fn p_value(observations: &Observations, screened: &[Screened], level:
     let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
     let mut p = share_by_chance(screened, best);
     let mut left: Option<(Observations, Vec<Screened>)> = None;
-    for _ in 0..LEFT_OUT {
+    for () in std::iter::repeat_n((), LEFT_OUT) {
         if p <= level {
             break;
         }
