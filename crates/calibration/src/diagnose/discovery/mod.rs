@@ -128,7 +128,7 @@ pub fn search(
     let all = own.with_set_aside(verify.and_then(Observations::of));
     let searched = all.searched();
     let screened = screen(&searched);
-    let p = p_value(&searched, &screened, thresholds.level);
+    let p = p_value(&screened);
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
     if !(p <= thresholds.level) {
         return Search::Nothing(format!("the best of {} terms could be chance (p = {p:.2})", screened.len()));

@@ -267,22 +267,6 @@ impl FrameRows {
         columns
     }
 
-    /// The same with the residuals that remain after a step of the shared columns and those of a term.
-    pub fn after(&self, term: &Term, step: &DVector<f64>) -> Self {
-        let shared = self.hessian.nrows();
-        let columns = self.columns(term);
-        let (of_shared, of_term) = (step.rows(0, shared), step.rows(shared, columns.ncols()));
-        let change = &columns * of_term;
-        let products = self.matrix.columns(0, POSE + shared).tr_mul(&change);
-        // Without what the pose takes up of the term.
-        let projected = &change - self.matrix.columns(0, POSE) * products.rows(0, POSE);
-        let mut left = self.clone();
-        let residuals = self.matrix.column(POSE + shared) + self.matrix.columns(POSE, shared) * of_shared + projected;
-        left.matrix.column_mut(POSE + shared).copy_from(&residuals);
-        left.gradient += &self.hessian * of_shared + products.rows(POSE, shared);
-        left
-    }
-
     /// Normal equations over the shared columns and others.
     fn normal(&self, columns: &DMatrix<f64>) -> Normal {
         let (shared, more) = (self.hessian.nrows(), columns.ncols());

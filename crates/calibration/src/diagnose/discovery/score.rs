@@ -71,12 +71,6 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// For every frame the estimates of all columns from all other frames.
-pub(super) fn left_out_steps(normals: &[Normal]) -> Vec<DVector<f64>> {
-    let Some(whole) = sum(normals) else { return Vec::new() };
-    normals.iter().map(|own| step(&whole.without(own))).collect()
-}
-
 /// The largest total gain over some strengths of a prior, relative to the columns' own information.
 pub(super) fn smooth_gain(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> f64 {
     const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];

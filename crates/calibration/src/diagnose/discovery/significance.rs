@@ -12,17 +12,12 @@ use tracing::debug;
 
 use super::exchange::Exchange;
 use super::observations::Observations;
-use super::score::{Score, held_out_gains, left_out_steps};
+use super::score::Score;
 use super::screening::{PENALTY, Screened, screen};
 use super::term::Term;
 
 /// Signs of frames that are drawn.
 const DRAWS: usize = 399;
-/// Terms whose predictions are left out of what chance is taken to give: none, since with three of them p-values of captures whose frames
-/// have planes of their own fall below the level …
-const LEFT_OUT: usize = 0;
-/// … as long as they predict left-out frames, by the mean of the frames' gains over its standard error.
-const PREDICTS_T: f64 = 1.0;
 /// Resamples of the frames.
 const RESAMPLES: usize = 100;
 /// A term of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
@@ -30,50 +25,18 @@ const TIE_T: f64 = 1.0;
 /// … and not by more than this share.
 const LEAST_SHARE: f64 = 0.8;
 
-/// p-value of the best of all terms: how often any term is as good where the signs of the frames' scores are drawn at random. What frames do
-/// not share stays; what they share is left out, so that an effect does not hide itself (unrestricted wild cluster bootstrap; Cameron, Gelbach,
-/// Miller 2008; MacKinnon, Webb 2018): of every term what it explains itself and, where the best of all terms might still be chance, what the
-/// best terms one after the other predict of frames that were left out. An effect that none of them describes whole would else make the
-/// others' scores large whatever the signs.
-pub(super) fn p_value(observations: &Observations, screened: &[Screened], level: f64) -> f64 {
-    let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
-    let mut p = share_by_chance(screened, best);
-    let mut left: Option<(Observations, Vec<Screened>)> = None;
-    for () in std::iter::repeat_n((), LEFT_OUT) {
-        if p <= level {
-            break;
-        }
-        let (rows, scored) = left.as_ref().map_or((observations, screened), |(rows, scored)| (rows, &scored[..]));
-        let Some(rest) = without_best(rows, scored) else { break };
-        let scored = screen(&rest);
-        p = p.min(share_by_chance(&scored, best));
-        left = Some((rest, scored));
-    }
-    p
-}
-
-/// Share of random signs of the frames with which any term is at least as good as `best`.
-fn share_by_chance(screened: &[Screened], best: f64) -> f64 {
+/// p-value of the best of all terms: how often any term is as good where the signs of the frames' scores are drawn at random, without what
+/// the term itself explains of them. What frames do not share stays; what they share is left out, so that an effect does not hide itself
+/// (unrestricted wild cluster bootstrap; Cameron, Gelbach, Miller 2008; MacKinnon, Webb 2018).
+pub(super) fn p_value(screened: &[Screened]) -> f64 {
     let groups = screened.first().map_or(0, |s| s.parts.len());
+    let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
     let draws: Vec<Vec<f64>> = {
         let mut random = StdRng::seed_from_u64(17);
         (0..DRAWS).map(|_| (0..groups).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()).collect()
     };
     let as_good = draws.par_iter().filter(|signs| screened.iter().any(|s| s.merit_by_chance(signs) >= best)).count();
     (as_good + 1) as f64 / (DRAWS + 1) as f64
-}
-
-/// The rows without what the best term, estimated from all other frames, predicts of each frame; `None` where it predicts nothing.
-fn without_best(observations: &Observations, screened: &[Screened]) -> Option<Observations> {
-    let of = |s: &Screened| s.merit(|_| 1.0);
-    let best = screened.par_iter().max_by(|a, b| of(a).total_cmp(&of(b)))?;
-    let normals = observations.normals(&best.term);
-    if mean_to_standard_error(&held_out_gains(&normals, observations.shared, None)) < PREDICTS_T {
-        return None;
-    }
-    let steps = left_out_steps(&normals);
-    let frames = observations.frames.iter().zip(&steps).map(|(frame, step)| frame.after(&best.term, step));
-    Some(Observations { frames: frames.collect(), shared: observations.shared })
 }
 
 /// The best term for weights of the frames; of terms that are nearly as good one with the fewest covariates. A simpler shape is no reason to
