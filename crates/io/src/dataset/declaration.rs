@@ -158,13 +158,13 @@ impl DatasetFile {
             return Err(DatasetError::SeveralCameras { path: path.to_owned() });
         }
         source.deny_unknown(&root, "", SECTIONS, &all_fields())?;
-        let board = board_of(source, &root)?;
+        let board = board_section(source, &root)?;
         let frames = section(source, &root, FRAMES, FRAMES_KEYS)?.ok_or_else(|| source.missing(FRAMES))?;
         let depth = section(source, &root, DEPTH, DEPTH_KEYS)?;
         let camera = section(source, &root, CAMERA, CAMERA_KEYS)?;
 
         let file = DatasetFile {
-            board,
+            board: board_from(&board)?,
             frames: frames_from(&frames)?,
             depth: depth.map(|depth| depth_from(&depth)).transpose()?,
             camera: camera.map(|camera| camera_from(&camera)).transpose()?,
@@ -252,7 +252,12 @@ fn section<'a>(
 
 /// The board that a file declares.
 pub(crate) fn board_of(source: Source<'_>, root: &DeTable<'_>) -> Result<Target, DatasetError> {
-    board_from(&section(source, root, BOARD, BOARD_KEYS)?.ok_or_else(|| source.missing(BOARD))?)
+    board_from(&board_section(source, root)?)
+}
+
+/// The section of the board, which every file has.
+fn board_section<'a>(source: Source<'a>, root: &'a DeTable<'a>) -> Result<Section<'a>, DatasetError> {
+    section(source, root, BOARD, BOARD_KEYS)?.ok_or_else(|| source.missing(BOARD))
 }
 
 fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
