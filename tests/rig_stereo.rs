@@ -58,7 +58,7 @@ fn plain_least_squares(capture: &RigCapture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
         }
     });
     let state = RigState { frames: fit.frames.clone(), cameras: cameras.collect() };
-    let adjusted = RigAdjustment::new(&state).solve_within(0.0).unwrap();
+    let adjusted = RigAdjustment::new(&state).unwrap().solve_within(0.0).unwrap();
     let squares = adjusted.image_residuals.iter().flatten().map(|r| (r * SIGMA_PX).powi(2)).sum::<f64>();
     let count = adjusted.image_residuals.iter().map(|r| r.len() / 2).sum::<usize>();
     let pose = |p: &nalgebra::Isometry3<f64>| {

@@ -4,7 +4,7 @@ use depthcal_calibration::calibrate::CalibrateError;
 use depthcal_calibration::load::{DeclaredCameraError, LoadError};
 use depthcal_io::{DatasetError, ImageError};
 use depthcal_model::CameraError;
-use depthcal_solver::{CovarianceError, SolveError};
+use depthcal_solver::{CovarianceError, NoiseError, SolveError};
 use thiserror::Error;
 
 /// Why there is no calibration of a rig.
@@ -102,6 +102,9 @@ pub enum RigError {
     /// An image has become unreadable.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A prior has no finite standard deviation.
+    #[error("a prior of the rig cannot be used: {0}; declare intrinsics that are finite and not zero")]
+    Prior(#[from] NoiseError),
     /// The solver failed.
     #[error("the joint adjustment failed: {0}")]
     Solve(#[from] SolveError),

@@ -1,4 +1,4 @@
-//! A depth camera whose image cannot be had, beside one with infrared images.
+//! A depth camera whose image cannot be had, on a rig with one that has infrared images.
 
 mod support;
 

@@ -11,13 +11,12 @@ use depthcal_model::Target;
 use depthcal_model::chain::DepthQuery;
 use depthcal_model::hook::HookKind;
 use depthcal_solver::{
-    BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, Options, Report, SolveError, Values,
-    VariableId, minimize,
+    BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, NoiseError, Options, Prior, Report,
+    SolveError, Values, VariableId, minimize,
 };
-use nalgebra::{DVector, Isometry3};
+use nalgebra::{DMatrix, DVector, Isometry3};
 
 use super::factors::{CameraVariables, Observations, RigBatch, RigGroup};
-use super::priors::PriorBatch;
 use crate::state::{CameraState, RigState};
 
 /// The problem of all cameras and frames of a rig: a pose per frame, a place per camera but the reference, a variable per
@@ -55,7 +54,11 @@ pub struct Adjusted {
 
 impl RigAdjustment {
     /// The problem with the values of a state.
-    pub fn new(state: &RigState) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`NoiseError`] where a prior has no finite standard deviation.
+    pub fn new(state: &RigState) -> Result<Self, NoiseError> {
         let (mut graph, mut values) = (Graph::new(), Values::new());
         let frames: Vec<Key<Isometry3<f64>>> = state.frames.iter().map(|f| values.insert(f.rig_from_board)).collect();
         for (key, frame) in frames.iter().zip(&state.frames) {
@@ -94,12 +97,18 @@ impl RigAdjustment {
                 }
             }
             for (number, (block, key)) in camera.camera.blocks().iter().zip(&blocks).enumerate() {
-                let own = camera.priors.iter().filter(|p| p.block == number);
-                let rows: Vec<_> = own.map(|p| (p.component, p.mean, p.sigma)).collect();
-                if !rows.is_empty() {
-                    let name = format!("{}/prior of {}", camera.name, block.name());
-                    graph.add_batch(PriorBatch::new(name, *key, block.theta.len(), rows));
+                let own: Vec<_> = camera.priors.iter().filter(|p| p.block == number).collect();
+                if own.is_empty() {
+                    continue;
                 }
+                let mut mean = DVector::from_column_slice(&block.theta);
+                let mut information = DMatrix::zeros(own.len(), block.theta.len());
+                for (row, prior) in own.iter().enumerate() {
+                    mean[prior.component] = prior.mean;
+                    information[(row, prior.component)] = 1.0 / prior.sigma;
+                }
+                let name = format!("{}/prior of {}", camera.name, block.name());
+                graph.add_batch(Prior::square_root_information(name, *key, mean, information)?);
             }
             let image_blocks = camera.camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
             let chain = Arc::new(camera.camera.chain());
@@ -117,7 +126,7 @@ impl RigAdjustment {
             });
             cameras.push(OfCamera { place, blocks, image, depth });
         }
-        Self { graph, values, frames, cameras }
+        Ok(Self { graph, values, frames, cameras })
     }
 
     /// Minimises the problem until a step decreases the cost by no more than `decrease`.

@@ -2,8 +2,6 @@
 
 mod adjustment;
 mod factors;
-mod priors;
 
 pub use adjustment::{Adjusted, RigAdjustment};
 pub use factors::{CameraVariables, Observations, RigBatch, RigGroup};
-pub use priors::PriorBatch;

@@ -43,7 +43,7 @@ pub(super) fn settle(state: &mut RigState) -> Result<Settled, RigError> {
     let mut round = 0;
     loop {
         round += 1;
-        let mut adjustment = RigAdjustment::new(state);
+        let mut adjustment = RigAdjustment::new(state)?;
         let adjusted = adjustment.solve_within(if round == 1 { FIRST_DECREASE } else { LAST_DECREASE })?;
         debug!("round {round}: {} iterations", adjusted.report.iterations);
         take(state, &adjusted);

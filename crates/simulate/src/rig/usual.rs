@@ -8,9 +8,8 @@ use crate::pose::Pose;
 
 impl RigCamera {
     /// A usual camera by its name: `infrared` (the published camera `model` of infrared and depth), `colour` (1280×720 px, 52
-    /// mm beside it) and
-    /// `depth` (time of flight, 512×424 px, without images), each with a number behind for the second and further ones, which
-    /// sit farther to the side and are turned inwards. `None` for other names.
+    /// mm to its side) and `depth` (time of flight, 512×424 px, without images), each with a number behind for the second
+    /// and further ones, which sit farther to the side and are turned inwards. `None` for other names.
     ///
     /// # Errors
     /// [`SimulateError::UnknownCamera`] where there is no such published camera.
