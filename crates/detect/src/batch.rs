@@ -10,7 +10,7 @@ use crate::detect::detect;
 use crate::detection::{DetectOptions, Detection};
 use crate::error::DetectError;
 #[cfg(feature = "opencv")]
-use crate::open_cv::threads::SingleThreaded;
+use crate::open_cv::threads::use_single_thread;
 
 /// Why a frame has no result.
 #[derive(Debug, thiserror::Error)]
@@ -39,7 +39,7 @@ pub enum FrameError<E: std::error::Error + 'static> {
 /// threads.
 /// `progress` is called from several threads with the number of frames finished and the number of all frames.
 ///
-/// While this runs OpenCV is limited to one thread, for the whole process.
+/// The first call limits OpenCV to one thread, for the whole process and for good.
 pub fn detect_all<L, E>(
     frames: &[(String, L)],
     target: &Target,
@@ -51,7 +51,7 @@ where
     E: std::error::Error + Send + 'static,
 {
     #[cfg(feature = "opencv")]
-    let _single = SingleThreaded::new();
+    use_single_thread();
     let done = AtomicUsize::new(0);
     frames
         .par_iter()

@@ -100,3 +100,27 @@ fn refinement_of_the_wrong_board_is_refused() {
     let kind = refine_circles(&image, &empty, &common::chessboard(5, 4, 20.0), &|p| Some(p), &options);
     assert!(matches!(kind, Err(DetectError::WrongKind { .. })));
 }
+
+/// Datasets may be detected side by side: a process that changed the number of OpenCV's threads for each of them crashed.
+#[test]
+fn batches_run_side_by_side() {
+    let target = common::chessboard(7, 5, 20.0);
+    let camera = Camera::thesis();
+    let pose = Pose::looking(&camera, target.point(17), [320.0, 240.0], 500.0, 0.3, 1.0, 0.0);
+    let texture = Texture::new(target.clone(), 20.0);
+    let board = Scene::new(camera, pose, &texture, 1).render();
+    let frames: Vec<(String, _)> =
+        (0..2).map(|i| (format!("frame{i}"), || Ok::<_, std::io::Error>(board.clone()))).collect();
+    let expected = detect(&board, &target, &DetectOptions::default()).expect("no error").expect("the board");
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                for _ in 0..20 {
+                    for result in detect_all(&frames, &target, &DetectOptions::default(), &|_, _| {}) {
+                        assert_eq!(result.expect("no error").as_ref(), Some(&expected));
+                    }
+                }
+            });
+        }
+    });
+}

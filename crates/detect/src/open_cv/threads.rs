@@ -1,26 +1,16 @@
 //! The number of OpenCV's threads.
 
-/// Limits OpenCV to one thread, for the whole process; restores the former number when dropped.
-pub(crate) struct SingleThreaded {
-    before: Option<i32>,
-}
+use std::sync::Once;
 
-impl SingleThreaded {
-    pub(crate) fn new() -> SingleThreaded {
-        let before = opencv::core::get_num_threads().ok();
+/// Limits OpenCV to one thread, once, for the whole process: frames are what runs side by side.
+///
+/// The former number is not restored. OpenCV replaces its pool of threads when the number changes, and whatever else runs in
+/// that pool at that moment, such as the detection of another dataset, reads freed memory.
+pub(crate) fn use_single_thread() {
+    static LIMITED: Once = Once::new();
+    LIMITED.call_once(|| {
         if let Err(error) = opencv::core::set_num_threads(1) {
             tracing::warn!(%error, "OpenCV's threads could not be limited; frames run with more threads than cores");
         }
-        SingleThreaded { before }
-    }
-}
-
-impl Drop for SingleThreaded {
-    fn drop(&mut self) {
-        if let Some(before) = self.before
-            && let Err(error) = opencv::core::set_num_threads(before)
-        {
-            tracing::warn!(%error, "the number of OpenCV's threads could not be restored");
-        }
-    }
+    });
 }
