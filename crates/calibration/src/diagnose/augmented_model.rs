@@ -342,7 +342,8 @@ impl<'a> AugmentedModel<'a> {
         sampled.inspect_err(|error| info!("frames that verify cannot be sampled: {error}")).ok()
     }
 
-    /// Puts a formula in the place of all added effects, where the held-out errors with it alone are lower for certain.
+    /// Puts a formula in the place of all added effects: where the held-out errors with it alone are lower for certain, and where it says
+    /// the same with less, one formula of fewer parameters for several effects without which the errors are not lower for certain.
     pub fn replace_by_formula(
         &mut self,
         discovery: Discovery,
@@ -354,8 +355,12 @@ impl<'a> AugmentedModel<'a> {
             self.added = before;
             return Ok(None);
         };
+        let parameters = |effects: &[AddedEffect]| effects.iter().map(|e| e.evidence.block.theta.len()).sum::<usize>();
         let is_better = matches!(self.gain(present, &fitted, &self.added), Gain::Certain);
-        if !is_better {
+        let says_it_with_less = before.len() > self.added.len()
+            && parameters(&before) > parameters(&self.added)
+            && !matches!(self.gain(&fitted, present, &before), Gain::Certain);
+        if !(is_better || says_it_with_less) {
             self.formulas.pop();
             self.added = before;
             return Ok(None);

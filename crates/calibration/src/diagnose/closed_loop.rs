@@ -314,7 +314,7 @@ fn find_formula(
 ) -> Result<Result<(PieceSpec, Fitted), String>, DiagnoseError> {
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
     let verify = model.verify_under(&present.fit);
-    let discovery = match discovery::search(&present.fit, verify.as_ref(), examination, &taken, thresholds) {
+    let discovery = match discovery::search(&present.fit, None, verify.as_ref(), examination, &taken, thresholds) {
         Search::Found(discovery) => discovery,
         Search::Nothing(reason) => {
             info!("no formula: {reason}");
@@ -341,11 +341,12 @@ fn formula_instead(
     }
     model.compared_with_formula = true;
     model.report("searching a formula instead", model.declared());
-    let Fitted { fit, .. } = first;
+    // With the noise that the effects leave: under the declared model what it lacks counts as noise, most where noise is least.
+    let fit = &Calibrated { noise: present.fit.noise.clone(), ..first.fit.clone() };
     let examination = examine(fit, &model.declared().register, thresholds)?;
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
     let verify = model.verify_under(fit);
-    match discovery::search(fit, verify.as_ref(), &examination, &taken, thresholds) {
+    match discovery::search(fit, Some(&present.fit), verify.as_ref(), &examination, &taken, thresholds) {
         Search::Found(discovery) => Ok(model.replace_by_formula(*discovery, first, present)?),
         Search::Nothing(reason) => {
             info!("no formula instead: {reason}");

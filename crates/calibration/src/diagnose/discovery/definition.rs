@@ -90,6 +90,7 @@ fn text_of(function: &Function, constants: &mut Constants) -> String {
         constants.name(wanted, function)
     };
     match function.kind {
+        Kind::Power(0) => "1".to_owned(),
         Kind::Power(1) => v.to_owned(),
         Kind::Power(-1) => format!("1 / {v}"),
         Kind::Power(n) => format!("{v}^{n}"),
@@ -117,6 +118,9 @@ fn product_text(product: &Product, parameters: &[&str], constants: &mut Constant
         return factor.map_or(wave.clone(), |factor| format!("{factor} * ({wave})"));
     }
     let a = parameters[0];
+    if product.function.kind == Kind::Power(0) {
+        return factor.map_or(a.to_owned(), |factor| format!("{a} * {factor}"));
+    }
     match (factor, function.strip_prefix("1 / ")) {
         (None, None) => format!("{a} * {function}"),
         (None, Some(below)) => format!("{a} / {below}"),
@@ -175,14 +179,17 @@ pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<Formul
     })
 }
 
-/// A name for the formula of a term: `found_y_rho`.
+/// A name for the formula of a term: `found_y_rho`, or `found_offset` where it depends on nothing.
 pub(super) fn name_of(term: &Term) -> String {
     let short = |covariate: C| match covariate {
         C::Time => "time",
         C::Temperature => "temperature",
         other => other.name(),
     };
-    let names: Vec<&str> = term.covariates().into_iter().map(short).collect();
+    let mut names: Vec<&str> = term.covariates().into_iter().map(short).collect();
+    if names.is_empty() {
+        names.push("offset");
+    }
     format!("found_{}", names.join("_"))
 }
 

@@ -15,7 +15,7 @@ pub(super) struct Function {
 /// The shape of a function v ↦ f(v) with constant k.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Kind {
-    /// vⁿ
+    /// vⁿ; v⁰ is an offset, which is no term of its own but may be added to one
     Power(i32),
     /// (v − k)ⁿ
     Centred(i32),
@@ -58,7 +58,7 @@ impl Kind {
     /// How much has to be said of it: of functions that explain alike the one with the smallest number wins.
     pub fn complexity(self) -> u32 {
         match self {
-            Self::Power(1) | Self::Centred(1) => 1,
+            Self::Power(0 | 1) | Self::Centred(1) => 1,
             Self::Power(_) | Self::Centred(_) | Self::InverseRoot => 2,
             Self::Log => 2,
             Self::Decay | Self::Settling | Self::Ratio | Self::Step => 3,

@@ -37,9 +37,9 @@ use self::exchange::exchanges;
 use self::free::gain_of_free_function;
 use self::observations::Observations;
 use self::places::places_not_told_apart;
-use self::screening::screen;
-use self::selection::select;
-use self::significance::{p_value, stability};
+use self::screening::{Screened, screen};
+use self::selection::{Judged, choose, compared};
+use self::significance::{Stability, p_value};
 use self::term::Term;
 use super::examination::Examination;
 use super::thresholds::Thresholds;
@@ -111,10 +111,16 @@ pub(super) const RUNNER_UP: &str = "runner_up";
 /// Share by which the range of inverse depth is extended when it is checked that depth stays monotone.
 const EXTENDED: f64 = 1.3;
 
+/// Level of the chance test, over that of acceptance, up to which a search of two thirds of the frames is repeated with all of them.
+const REPEATED: f64 = 10.0;
+
 /// Searches a formula for what a fit leaves unexplained. Frames of another capture, sampled under the same camera, confirm it; without
-/// them a third of the frames is set aside.
+/// them a third of the frames is set aside. Where the others show something, but not what, the search is repeated with all frames: what it
+/// finds then nothing confirms. `complete` is a fit of the same frames that leaves nothing unexplained, where there is one: its residuals
+/// tell what chance explains.
 pub fn search(
     fit: &Calibrated,
+    complete: Option<&Calibrated>,
     verify: Option<&Calibrated>,
     examination: &Examination,
     taken: &[String],
@@ -125,22 +131,80 @@ pub fn search(
     if own.frames.len() < thresholds.least_frames_for_formulas {
         return nothing("there are too few frames");
     }
-    let all = own.with_set_aside(verify.and_then(Observations::of));
+    let complete = complete.and_then(Observations::of);
+    let given = Given { examination, taken, thresholds };
+    let (all, by_chance) = match verify.and_then(Observations::of) {
+        Some(other) => (own.clone().with_set_aside(Some(other)), complete.clone()),
+        None => (own.clone().with_set_aside(None), complete.clone().map(|rest| rest.with_set_aside(None).searched())),
+    };
+    let (p, found) = search_among(&all, by_chance.as_ref(), given);
+    match found {
+        Search::Nothing(_) if verify.is_none() && p <= REPEATED * thresholds.level => {
+            info!("formulas: searching with all frames");
+            search_among(&own, complete.as_ref(), given).1
+        }
+        found => found,
+    }
+}
+
+/// What a search is told of the rest of the diagnosis.
+#[derive(Clone, Copy)]
+struct Given<'a> {
+    examination: &'a Examination,
+    taken: &'a [String],
+    thresholds: &'a Thresholds,
+}
+
+/// A formula for the residuals of the frames that are not set aside, and how often chance explains as much.
+fn search_among(all: &Observations, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
     let searched = all.searched();
     let screened = screen(&searched);
-    let p = p_value(&screened);
+    let p = p_value(&screened, by_chance.map(screen).as_deref());
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
-    if !(p <= thresholds.level) {
-        return Search::Nothing(format!("the best of {} terms could be chance (p = {p:.2})", screened.len()));
+    if p <= given.thresholds.level {
+        return (p, chosen_of(all, &searched, &screened, p, given));
     }
-    let Some((chosen, others)) = select(&searched, &screened) else {
+    (p, Search::Nothing(format!("the best of {} terms could be chance (p = {p:.2})", screened.len())))
+}
+
+/// The formula that is chosen of screened terms, where it is stable, explains enough and can be inverted.
+fn chosen_of(all: &Observations, searched: &Observations, screened: &[Screened], p: f64, given: Given<'_>) -> Search {
+    let Given { examination, taken, thresholds } = given;
+    let nothing = |reason: &str| Search::Nothing(reason.to_owned());
+    let judged = compared(searched, screened);
+    let Some(simplest) = choose(searched, screened, &judged, None) else {
         return nothing("no term predicts frames that were left out");
     };
-    for judged in std::iter::once(&chosen).chain(&others).take(TOLD) {
+    for judged in std::iter::once(&simplest).chain(&judged).take(TOLD) {
         if let Ok(effect) = effect_of(&judged.term, "compared", &[]) {
             debug!("formulas: {:.1} by {} ({})", judged.gain(), effect.text(), judged.term.of.words());
         }
     }
+    // Resamples are of all frames: whether other frames would show the same is no matter of those that were searched.
+    let resampled = {
+        let refined: Vec<&Term> = std::iter::once(&simplest).chain(&judged).map(|judged| &judged.term).collect();
+        Stability::new(all, &refined)
+    };
+    let with_stability = |chosen: Judged| {
+        let others: Vec<&Term> = judged.iter().map(|judged| &judged.term).filter(|t| **t != chosen.term).collect();
+        let exchanges = exchanges(all, &chosen.term, &others, thresholds);
+        let share = resampled.of(all, &chosen.term, &exchanges);
+        info!("formulas: {:?}, stability {share:.2}", names(&chosen.term));
+        (chosen, exchanges, share)
+    };
+    let mut found = with_stability(simplest);
+    if found.2 < thresholds.least_stability
+        && let Some(families) = resampled.most_frequent().filter(|families| *families != found.0.term.families())
+        && let Some(chosen) = choose(searched, screened, &judged, Some(&families))
+    {
+        // The simplest of those that predict alike, but other frames would have shown other covariates.
+        let other = with_stability(chosen);
+        if other.2 >= thresholds.least_stability {
+            found = other;
+        }
+    }
+    let (chosen, exchanges, stability) = found;
+    let others: Vec<&Judged> = judged.iter().filter(|other| other.term != chosen.term).collect();
     let term = &chosen.term;
     let mut name = name_of(term);
     while taken.contains(&name) {
@@ -153,26 +217,22 @@ pub fn search(
         Ok(effect) => effect,
         Err(error) => return Search::Nothing(error.to_string()),
     };
-    // Resamples are of all frames: whether other frames would show the same is no matter of those that were searched.
-    let refined: Vec<&Term> = std::iter::once(&chosen).chain(&others).map(|judged| &judged.term).collect();
-    let exchanges = exchanges(&all, term, &refined, thresholds);
-    let stability = stability(&all, term, &refined, &exchanges);
-    info!("formulas: {} ({}), stability {stability:.2}", effect.text(), term.of.words());
+    info!("formulas: {} ({})", effect.text(), term.of.words());
     if stability < thresholds.least_stability {
         return Search::Nothing(format!("{} has its covariates in {stability:.2} of resamples only", effect.text()));
     }
     let gain = chosen.gain();
-    let share = gain / gain.max(gain_of_free_function(&searched, term));
+    let share = gain / gain.max(gain_of_free_function(searched, term));
     if share < thresholds.least_share_of_free_function {
         return Search::Nothing(format!(
             "{} explains {share:.2} of what a free function of its covariates does",
             effect.text()
         ));
     }
-    if !is_monotone(&all, &effect, theta.as_slice()) {
+    if !is_monotone(all, &effect, theta.as_slice()) {
         return Search::Nothing(format!("{} makes depth fold", effect.text()));
     }
-    let replication = replicate(&all, term);
+    let replication = replicate(all, term);
     let effect_that_lost = |term: &Term| effect_of(term, RUNNER_UP, &[]);
     let mut told = vec![term.families()];
     let mut runners_up = Vec::new();
@@ -191,7 +251,7 @@ pub fn search(
         covariates: names(term),
         covariates_not_told_apart: exchanges.iter().map(|e| [e.own, e.other].map(|c| c.name().to_owned())).collect(),
         place: DiagnosisPlace { of: term.of, on: term.on },
-        places_not_told_apart: places_not_told_apart(&all, term, thresholds),
+        places_not_told_apart: places_not_told_apart(all, term, thresholds),
         p_value: p,
         stability,
         confirmed: replication.is_some_and(|r| r.confirms()),

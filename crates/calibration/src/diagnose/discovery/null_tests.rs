@@ -50,7 +50,7 @@ fn scores_of_frames_have_the_variance_of_noise() {
 #[test]
 fn p_values_are_those_of_chance() {
     let level = Thresholds::default().level;
-    let of = |seed, planes_mm| p_value(&screen(&observations(seed, planes_mm)));
+    let of = |seed, planes_mm| p_value(&screen(&observations(seed, planes_mm)), None);
     let p_values = |planes_mm| (0..8).map(|seed| of(seed, planes_mm)).collect::<Vec<f64>>();
     let mut clean = p_values(0.0);
     let median = upper_median(&mut clean).unwrap();

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use depthcal_formula::FormulaCovariate as C;
+use depthcal_model::{Of, On};
 use depthcal_statistics::mean_to_standard_error;
 use rayon::prelude::*;
 
@@ -10,7 +11,7 @@ use super::library::Kind;
 use super::observations::Observations;
 use super::score::{Score, held_out_gains};
 use super::screening::Screened;
-use super::term::Term;
+use super::term::{Product, Term};
 
 /// Terms of one set of covariates that are compared on left-out frames.
 const OF_ONE_SET: usize = 6;
@@ -64,14 +65,13 @@ impl Judged {
     }
 }
 
-/// The chosen term and those that it was compared with, the best of each set of covariates first.
-pub(super) fn select(observations: &Observations, screened: &[Screened]) -> Option<(Judged, Vec<Judged>)> {
-    let mut order: Vec<(f64, &Screened)> = screened.par_iter().map(|s| (s.merit(|_| 1.0), s)).collect();
-    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+/// Terms to choose from, the best of each set of covariates first.
+pub(super) fn compared(observations: &Observations, screened: &[Screened]) -> Vec<Judged> {
+    let order = by_merit(screened);
     // The best of each kind for every set of families, in the order of their merit.
     let mut sets: BTreeMap<BTreeSet<C>, Vec<&Screened>> = BTreeMap::new();
     let mut first: Vec<BTreeSet<C>> = Vec::new();
-    for (_, candidate) in &order {
+    for candidate in &order {
         let families = candidate.term.families();
         if !first.contains(&families) {
             if first.len() == SETS {
@@ -89,23 +89,39 @@ pub(super) fn select(observations: &Observations, screened: &[Screened]) -> Opti
     let mut judged: Vec<Judged> = terms.into_par_iter().map(|term| Judged::refined(observations, term)).collect();
     judged.extend(sums(observations, &order));
     judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
-    let chosen = simplest(&judged)?.clone();
-    let extended = extended(observations, chosen, &order);
-    judged.retain(|other| other.term != extended.term);
-    Some((extended, judged))
+    judged
+}
+
+/// Screened terms, those that explain most first.
+fn by_merit(screened: &[Screened]) -> Vec<&Screened> {
+    let mut order: Vec<(f64, &Screened)> = screened.par_iter().map(|s| (s.merit(|_| 1.0), s)).collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0));
+    order.into_iter().map(|(_, s)| s).collect()
+}
+
+/// The term that is chosen of those with the covariates of `families`, or of all, extended by further products.
+pub(super) fn choose(
+    observations: &Observations,
+    screened: &[Screened],
+    judged: &[Judged],
+    families: Option<&BTreeSet<C>>,
+) -> Option<Judged> {
+    let members: Vec<&Judged> =
+        judged.iter().filter(|j| families.is_none_or(|families| j.term.families() == *families)).collect();
+    Some(extended(observations, simplest(&members)?.clone(), &by_merit(screened)))
 }
 
 /// Plain functions that are summed in pairs.
 const SUMMED: usize = 16;
 /// Sums that are compared on left-out frames.
-const SUMS: usize = 4;
+const SUMS: usize = 6;
 
 /// The best sums of two functions without searched constants, of different covariates, in one place and form: neither may explain much
-/// without the other.
-fn sums(observations: &Observations, order: &[(f64, &Screened)]) -> Vec<Judged> {
+/// without the other. One of them may be an offset; the sum of both directions in the image may have one too.
+fn sums(observations: &Observations, order: &[&Screened]) -> Vec<Judged> {
     let mut plain: Vec<&Term> = Vec::new();
     let mut count: BTreeMap<String, usize> = BTreeMap::new();
-    for (_, candidate) in order {
+    for candidate in order {
         let (term, product) = (&candidate.term, &candidate.term.products[0]);
         let is_plain = product.factor.is_none() && !product.function.kind.is_searched();
         let of_place = count.entry(format!("{:?} {:?}", term.of, term.on)).or_default();
@@ -122,6 +138,14 @@ fn sums(observations: &Observations, order: &[(f64, &Screened)]) -> Vec<Judged> 
             }
         }
     }
+    pairs.extend(plain.iter().map(|term| with_offset(term)));
+    for of in Of::ALL {
+        for on in On::ALL {
+            let inclined = Term { of, on, products: [C::X, C::Y].map(Product::linear).to_vec() };
+            pairs.push(with_offset(&inclined));
+            pairs.push(inclined);
+        }
+    }
     let mut scored: Vec<(f64, Term)> = pairs
         .into_par_iter()
         .filter_map(|term| {
@@ -134,6 +158,11 @@ fn sums(observations: &Observations, order: &[(f64, &Screened)]) -> Vec<Judged> 
     scored.into_par_iter().map(|(_, term)| Judged::new(observations, term)).collect()
 }
 
+/// A term with an offset in addition.
+fn with_offset(term: &Term) -> Term {
+    Term { products: [&term.products[..], &[Product::OFFSET]].concat(), ..term.clone() }
+}
+
 /// Terms with equal keys differ in their constants only.
 fn key(term: &Term) -> (depthcal_model::Of, depthcal_model::On, Option<(C, Kind)>, C, Kind) {
     let product = &term.products[0];
@@ -142,9 +171,9 @@ fn key(term: &Term) -> (depthcal_model::Of, depthcal_model::On, Option<(C, Kind)
 }
 
 /// Of all that are as good as the best, the one of the fewest covariates, then the simplest, then the best.
-fn simplest(judged: &[Judged]) -> Option<&Judged> {
-    let best = judged.first().filter(|best| best.gain() > 0.0)?;
-    let near = judged.iter().filter(|other| other.gain() > 0.0 && other.is_as_good_as(best));
+fn simplest<'a>(judged: &[&'a Judged]) -> Option<&'a Judged> {
+    let best = *judged.first().filter(|best| best.gain() > 0.0)?;
+    let near = judged.iter().copied().filter(|other| other.gain() > 0.0 && other.is_as_good_as(best));
     near.min_by(|a, b| {
         let effort = |j: &Judged| (j.term.families().len(), j.term.complexity());
         effort(a).cmp(&effort(b)).then(b.gain().total_cmp(&a.gain()))
@@ -207,10 +236,14 @@ fn golden(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
 /// Terms that are tried as a further product.
 const FURTHER: usize = 6;
 
-/// The term with further products of its own covariates, in its place and form, while they raise the gain for certain; then without
-/// those that became needless.
-fn extended(observations: &Observations, chosen: Judged, order: &[(f64, &Screened)]) -> Judged {
-    let families = chosen.term.families();
+/// The term with further products of its own covariates, the other axis of the image or none, in its place and form, while they raise the
+/// gain for certain; then without those that became needless.
+fn extended(observations: &Observations, chosen: Judged, order: &[&Screened]) -> Judged {
+    let mut allowed = chosen.term.families();
+    // A direction in the image is as likely between its axes as along one.
+    if allowed.contains(&C::X) || allowed.contains(&C::Y) {
+        allowed.extend([C::X, C::Y]);
+    }
     let mut present = chosen;
     while present.term.columns() < MOST_COLUMNS {
         let room = MOST_COLUMNS - present.term.columns();
@@ -219,10 +252,12 @@ fn extended(observations: &Observations, chosen: Judged, order: &[(f64, &Screene
             (other.of, other.on) == (present.term.of, present.term.on)
                 && other.columns() <= room
                 && !has_constant
-                && other.families().is_subset(&families)
+                && other.families().is_subset(&allowed)
                 && !present.term.products.contains(&other.products[0])
         };
-        let alike: Vec<Term> = order.iter().map(|(_, s)| &s.term).filter(|t| fits(t)).cloned().collect();
+        let offset = Term { products: vec![Product::OFFSET], ..present.term.clone() };
+        let terms = order.iter().map(|s| &s.term);
+        let alike: Vec<Term> = std::iter::once(&offset).chain(terms).filter(|t| fits(t)).cloned().collect();
         // Terms that explain most alone may add little to the present one, so each is scored together with it.
         let mut scored: Vec<(f64, Term)> = alike
             .into_par_iter()
@@ -245,15 +280,26 @@ fn extended(observations: &Observations, chosen: Judged, order: &[(f64, &Screene
         }
         present = best;
     }
+    reduced(observations, present)
+}
+
+/// The term without products that hardly raise its gain over that of its offset alone.
+fn reduced(observations: &Observations, mut present: Judged) -> Judged {
+    let offset = Term { products: vec![Product::OFFSET], ..present.term.clone() };
     while present.term.products.len() > 1 {
+        let of_offset = match present.term.products.contains(&Product::OFFSET) {
+            true => Judged::new(observations, offset.clone()).gain().max(0.0),
+            false => 0.0,
+        };
         let without = |i: usize| {
             let mut term = present.term.clone();
             term.products.remove(i);
-            Judged::new(observations, term)
+            (term != offset).then(|| Judged::new(observations, term))
         };
-        let all: Vec<Judged> = (0..present.term.products.len()).map(without).collect();
-        let Some(best) = all.into_iter().max_by(|a, b| a.gain().total_cmp(&b.gain())) else { break };
-        if best.gain() * (1.0 + LEAST_RISE) < present.gain() {
+        let all = (0..present.term.products.len()).filter_map(without);
+        let Some(best) = all.max_by(|a, b| a.gain().total_cmp(&b.gain())) else { break };
+        let rise = (present.gain() - of_offset) / (best.gain() - of_offset).max(f64::MIN_POSITIVE);
+        if rise > 1.0 + LEAST_RISE {
             break;
         }
         present = best;

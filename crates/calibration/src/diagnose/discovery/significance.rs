@@ -28,14 +28,18 @@ const LEAST_SHARE: f64 = 0.8;
 /// p-value of the best of all terms: how often any term is as good where the signs of the frames' scores are drawn at random, without what
 /// the term itself explains of them. What frames do not share stays; what they share is left out, so that an effect does not hide itself
 /// (unrestricted wild cluster bootstrap; Cameron, Gelbach, Miller 2008; MacKinnon, Webb 2018).
-pub(super) fn p_value(screened: &[Screened]) -> f64 {
-    let groups = screened.first().map_or(0, |s| s.parts.len());
+///
+/// `by_chance` are the same terms under a model that leaves nothing but pure error, where there is one: its residuals are then what signs
+/// are drawn for. Under a model that lacks an effect every term shares the effect's residuals, and chance seems to explain more.
+pub(super) fn p_value(screened: &[Screened], by_chance: Option<&[Screened]>) -> f64 {
     let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
+    let by_chance = by_chance.filter(|terms| !terms.is_empty()).unwrap_or(screened);
+    let groups = by_chance.first().map_or(0, |s| s.parts.len());
     let draws: Vec<Vec<f64>> = {
         let mut random = StdRng::seed_from_u64(17);
         (0..DRAWS).map(|_| (0..groups).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()).collect()
     };
-    let as_good = draws.par_iter().filter(|signs| screened.iter().any(|s| s.merit_by_chance(signs) >= best)).count();
+    let as_good = draws.par_iter().filter(|signs| by_chance.iter().any(|s| s.merit_by_chance(signs) >= best)).count();
     (as_good + 1) as f64 / (DRAWS + 1) as f64
 }
 
@@ -58,40 +62,65 @@ fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
     Some(simpler.unwrap_or(first))
 }
 
-/// Share of resamples of the frames in which the best term has the same families of covariates, or with one of the exchanges those that these
-/// frames do not tell from them. The terms are those of the library and those with `refined` constants; for a sum of products those
-/// resamples count in which it is better than any of them.
-pub(super) fn stability(observations: &Observations, found: &Term, refined: &[&Term], exchanges: &[Exchange]) -> f64 {
-    let mut screened = screen(observations);
-    let groups = screened.first().map_or(0, |s| s.parts.len());
-    let more: Vec<Screened> = refined.par_iter().filter_map(|term| Screened::of(observations, term, groups)).collect();
-    screened.extend(more);
-    let of_sum =
-        (found.products.len() > 1).then(|| Score::of(&observations.normals(found), observations.shared)).flatten();
-    let mut random = StdRng::seed_from_u64(23);
-    let weights: Vec<Vec<f64>> = (0..RESAMPLES)
-        .map(|_| {
-            let mut weights = vec![0.0; groups];
-            (0..groups).for_each(|_| weights[random.random_range(0..groups)] += 1.0);
-            weights
-        })
-        .collect();
-    let families = found.families();
-    let families_of = |weights: &Vec<f64>| {
-        let i = best(&screened, weights)?;
-        // A sum is not among the terms that are screened.
-        let merit_of_sum = of_sum.as_ref().map_or(f64::MIN, |score| {
-            let frames = score.parts.len();
-            score.statistic(|frame| weights[frame * groups / frames]) - PENALTY * (found.columns() as f64 - 1.0)
+/// How often which covariates are those of the best term, over resamples of the frames.
+pub(super) struct Stability {
+    screened: Vec<Screened>,
+    weights: Vec<Vec<f64>>,
+}
+
+impl Stability {
+    /// The terms of the library, those with `refined` constants, and resamples.
+    pub fn new(observations: &Observations, refined: &[&Term]) -> Self {
+        let mut screened = screen(observations);
+        let groups = screened.first().map_or(0, |s| s.parts.len());
+        let more: Vec<Screened> =
+            refined.par_iter().filter_map(|term| Screened::of(observations, term, groups)).collect();
+        screened.extend(more);
+        let mut random = StdRng::seed_from_u64(23);
+        let weights = (0..RESAMPLES)
+            .map(|_| {
+                let mut weights = vec![0.0; groups];
+                (0..groups).for_each(|_| weights[random.random_range(0..groups)] += 1.0);
+                weights
+            })
+            .collect();
+        Self { screened, weights }
+    }
+
+    /// Share of resamples in which the best term has the same families of covariates as a term, or with one of the exchanges those that
+    /// these frames do not tell from them. For a sum of products those resamples count in which it is better than any other term.
+    pub fn of(&self, observations: &Observations, found: &Term, exchanges: &[Exchange]) -> f64 {
+        let of_sum =
+            (found.products.len() > 1).then(|| Score::of(&observations.normals(found), observations.shared)).flatten();
+        let families = found.families();
+        let counts = self.counts(|weights, merit| {
+            // A sum is not among the terms that are screened.
+            let of_sum = of_sum.as_ref()?;
+            let (frames, groups) = (of_sum.parts.len(), weights.len());
+            let statistic = of_sum.statistic(|frame| weights[frame * groups / frames]);
+            (statistic - PENALTY * (found.columns() as f64 - 1.0) >= merit).then(|| families.clone())
         });
-        let sum_is_better = merit_of_sum >= screened[i].merit(|group| weights[group]);
-        Some(if sum_is_better { families.clone() } else { screened[i].term.families() })
-    };
-    let best: Vec<BTreeSet<C>> = weights.par_iter().filter_map(families_of).collect();
-    let mut counts: BTreeMap<&BTreeSet<C>, usize> = BTreeMap::new();
-    best.iter().for_each(|set| *counts.entry(set).or_default() += 1);
-    debug!("formulas: best of resamples {counts:?}");
-    let of = |set: &BTreeSet<C>| counts.get(set).copied().unwrap_or(0);
-    let alike: usize = exchanges.iter().map(|exchange| of(&exchange.of(&families))).sum();
-    (of(&families) + alike) as f64 / RESAMPLES as f64
+        debug!("formulas: best of resamples {counts:?}");
+        let of = |set: &BTreeSet<C>| counts.get(set).copied().unwrap_or(0);
+        let alike: usize = exchanges.iter().map(|exchange| of(&exchange.of(&families))).sum();
+        (of(&families) + alike) as f64 / RESAMPLES as f64
+    }
+
+    /// The covariates that are those of the best term most often.
+    pub fn most_frequent(&self) -> Option<BTreeSet<C>> {
+        let counts = self.counts(|_, _| None);
+        counts.into_iter().max_by_key(|(_, count)| *count).map(|(families, _)| families)
+    }
+
+    /// Resamples by the covariates of their best term, or those that `instead` gives for their weights and its merit.
+    fn counts(&self, instead: impl Fn(&[f64], f64) -> Option<BTreeSet<C>> + Sync) -> BTreeMap<BTreeSet<C>, usize> {
+        let families_of = |weights: &Vec<f64>| {
+            let found = &self.screened[best(&self.screened, weights)?];
+            Some(instead(weights, found.merit(|group| weights[group])).unwrap_or_else(|| found.term.families()))
+        };
+        let best: Vec<BTreeSet<C>> = self.weights.par_iter().filter_map(families_of).collect();
+        let mut counts = BTreeMap::new();
+        best.into_iter().for_each(|set| *counts.entry(set).or_default() += 1);
+        counts
+    }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::{Of, On};
 
-use super::library::Function;
+use super::library::{Function, Kind};
 
 /// A sum of products of functions, all in one place and form, each column with a parameter of its own.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,14 +35,24 @@ pub(super) fn family(covariate: C) -> C {
 }
 
 impl Product {
+    /// An offset: the same everywhere.
+    pub const OFFSET: Self =
+        Self { factor: None, function: Function { covariate: C::Z, kind: Kind::Power(0), constant: 0.0 } };
+
+    /// A covariate as it is.
+    pub fn linear(covariate: C) -> Self {
+        Self { factor: None, function: Function { covariate, kind: Kind::Power(1), constant: 0.0 } }
+    }
+
     /// Number of its columns.
     pub fn columns(&self) -> usize {
         self.function.kind.columns()
     }
 
-    /// Its covariates.
+    /// Its covariates; none of an offset.
     pub fn covariates(&self) -> BTreeSet<C> {
-        self.factor.iter().chain([&self.function]).map(|f| f.covariate).collect()
+        let functions = self.factor.iter().chain([&self.function]);
+        functions.filter(|f| f.kind != Kind::Power(0)).map(|f| f.covariate).collect()
     }
 
     fn complexity(&self) -> u32 {
