@@ -95,6 +95,11 @@ fn a_formula_takes_the_place_of_effects_that_imitate_it() {
     assert_eq!(names, ["found_x_y"], "{:?}", d.formula_refused);
     assert!(!d.formulas[0].replaced.is_empty());
 
+    // A delay that grows from one corner: with an offset, which effects of the catalogue imitate too.
+    let d = diagnosis_of(17, place, |o| 4.0 + 4.0 * o.ray[0] + 2.0 * o.ray[1], &DiagnoseOptions::default());
+    let covariates: Vec<_> = d.formulas.iter().map(|f| f.covariates.join(" ")).collect();
+    assert_eq!((covariates, d.steps.len()), (vec!["x y".to_owned()], 1), "{:?}", d.formula_refused);
+
     let without = DiagnoseOptions { formulas: false, ..DiagnoseOptions::default() };
     let d = diagnosis_of(17, place, error, &without);
     assert!(d.formulas.is_empty() && d.formula_refused.is_none());
