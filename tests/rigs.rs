@@ -5,7 +5,7 @@
 mod schemas;
 mod support;
 
-use depthcal::io::{Calibration, Evaluation, read_depth, read_json, read_rgb};
+use depthcal::io::{Calibration, Comparison, Evaluation, RigDiagnosisFile, Verdict, read_depth, read_json, read_rgb};
 use depthcal::rig::simulated::pose;
 use depthcal_simulate::RigTruth;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -63,6 +63,25 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     let colours = read_rgb(folder.path("registered/colour_in_infrared/0003.png")).unwrap();
     assert!(colours.data.iter().filter(|c| **c != [0; 3]).count() > 50_000);
     assert!(folder.path("registered/infrared/0003.ply").is_file());
+
+    let diagnosed = folder.arg("diagnosed");
+    let words = stdout(&succeeds(["diagnose", &rig, "--no-discovery", "--out", &diagnosed]));
+    assert!(words.contains("[depth]\nthe poses of the board are those of the other cameras"), "{words}");
+    schemas::follows(folder.path("diagnosed/diagnosis.json"), "rig_diagnosis");
+    schemas::follows(folder.path("diagnosed/depth/diagnosis.json"), "diagnosis");
+    let record = RigDiagnosisFile::read(folder.path("diagnosed/diagnosis.json")).unwrap();
+    assert_eq!(record.cameras.iter().map(|c| c.camera.as_str()).collect::<Vec<_>>(), ["infrared", "depth"]);
+    assert_eq!(record.without_depth, ["colour"]);
+    // Nothing is wrong with these cameras.
+    assert_eq!(record.verdict, Verdict::Adequate, "{words}");
+    assert!(record.extrinsics_drift.len() == 4 && record.extrinsics_drift.iter().all(|test| !test.added));
+    let compared = folder.arg("compared");
+    let models = ["--models", "none,projective", "--no-thesis", "--learning", "0", "--folds", "3"];
+    succeeds(["compare", &rig, "--out", &compared].into_iter().chain(models));
+    for camera in ["infrared", "depth"] {
+        let comparison = Comparison::read(folder.path(&format!("compared/{camera}/comparison.json"))).unwrap();
+        assert_eq!(comparison.models[0].model, "projective", "{camera}");
+    }
 
     fails(["calibrate", &rig, "--cross-validate", "3", "--out", &result], &["--hold-out"]);
     fails(["apply", &file, &rig, "--register", "red", "--out", &out], &["red", "infrared, colour, depth"]);
