@@ -2,8 +2,10 @@
 
 mod support;
 
-use depthcal_io::DriftOver;
+use depthcal_io::{Calibration, DriftOver, FileReference};
+use depthcal_model::Register;
 use depthcal_rig::diagnose::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+use depthcal_rig::record::{cameras_from_record, rig_record};
 use depthcal_rig::simulated::rig_capture;
 use depthcal_rig::{RigError, RigOptions};
 use depthcal_simulate::{Drift, Effect, Kind, PointOptions, RigCamera, RigSimulation};
@@ -61,8 +63,9 @@ fn an_effect_of_depth_without_images_is_traced_to_it() {
     assert_eq!(added(&found, "depth"), ["cyclic_depth"]);
     let camera = found.cameras.iter().find(|c| c.name == "depth").expect("the camera");
     assert!(camera.poses_from_others);
-    let errors = (camera.diagnosis.before.errors.depth_rms_mm, camera.diagnosis.after.errors.depth_rms_mm);
-    assert!(errors.1 < errors.0, "{errors:?}");
+    // Pinhole and place take up a part of the effect while they are held: it is tried with these free.
+    let errors = camera.in_rig[0].left_out;
+    assert!(errors.after < 0.95 * errors.before && errors.after < 1.05, "{errors:?}");
 }
 
 #[test]
@@ -88,6 +91,17 @@ fn a_place_that_drifts_is_told_from_one_that_keeps_still() {
     // Between the first and the last frame, over the rig's axes; the camera's differ by some hundredths.
     assert!((place.change[1] - 0.003).abs() < 3e-4 && (place.change[3] - 0.8).abs() < 0.2, "{place:?}");
     assert!(transfer(&found.after) < 0.7 * transfer(&found.before));
+    // The file has the drift, with the covariance of its parameters.
+    let reference = FileReference { path: "captures".into(), digest: "0".repeat(64) };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("calibration.json");
+    rig_record(&found.last, &found.fitted, reference).expect("cameras").write(&path).unwrap();
+    let read = Calibration::read(&path).unwrap();
+    assert_eq!(cameras_from_record(&read, &Register::builtin()).unwrap()[1].drift, Some(place));
+    let name = "colour/extrinsics_drift.ry";
+    let variance = read.covariance.as_ref().and_then(|c| c.get(name, name)).expect("a variance");
+    let std_dev = read.cameras[1].camera_from_rig.drift.and_then(|d| d.std_dev).expect("standard deviations");
+    assert!((variance.sqrt() / std_dev.rotation_rad[1] - 1.0).abs() < 1e-9);
     let still = diagnosed(vec![support::infrared(), support::colour()], 7);
     assert!(still.drifts.iter().all(|test| !test.certain), "{:?}", still.drifts);
     assert!(still.last.cameras.iter().all(|camera| camera.drift.is_none()));

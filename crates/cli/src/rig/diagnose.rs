@@ -12,7 +12,7 @@ use depthcal_model::{ModelSpec, PieceSpec};
 use depthcal_report::format::number;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, verdict_sentence};
 use depthcal_rig::RigOptions;
-use depthcal_rig::diagnose::{CameraDiagnosis, DriftTest, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+use depthcal_rig::diagnose::{CameraDiagnosis, DriftTest, EffectInRig, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
 use depthcal_rig::judge::EvaluatedRig;
 use depthcal_rig::record::{drift_record, rig_record};
 use serde_json::{Value, json};
@@ -150,6 +150,13 @@ fn tell_camera(
         story: Vec::new(),
     };
     tell(d, &fitted, loaded, told, session, &asked.output.out.join(&camera.name))?;
+    for EffectInRig { spec, left_out } in &camera.in_rig {
+        let GainInterval { value, low, high } = left_out.gain_percent;
+        say!(
+            "{spec} was missing and was added in the joint adjustment: the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to \
+             {high:.1}); the diagnosis above is given it"
+        );
+    }
     for spec in &camera.not_adjusted {
         say!("{spec} is not part of the joint adjustment of the rig");
     }

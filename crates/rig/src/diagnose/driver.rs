@@ -10,10 +10,14 @@ use tracing::info;
 
 use super::alone::examined;
 use super::drift_test::{DriftTest, drift_tests};
+use super::trial::{EffectInRig, tried_in_rig};
 use crate::calibrate::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
 use crate::capture::{CameraCapture, RigCapture};
 use crate::error::RigError;
 use crate::judge::{EvaluatedRig, evaluate_rig};
+
+/// Most effects of a camera without images that are added by trials in the rig.
+const MOST_IN_RIG: usize = 3;
 
 /// Options of a rig's diagnosis.
 #[derive(Debug, Clone)]
@@ -46,11 +50,21 @@ pub struct CameraDiagnosis {
     pub capture: depthcal_calibration::observe::Capture,
     /// The loop's result on these frames.
     pub diagnosis: Diagnosis,
+    /// Of a camera without images, effects that the joint adjustment showed, in which its pinhole and place are free; `diagnosis` is given
+    /// these.
+    pub in_rig: Vec<EffectInRig>,
     /// The effects that the joint adjustment took over, as for `calibrate --with`.
     pub effects: Vec<PieceSpec>,
     /// Effects that it did not: free maps, which the adjustment of a rig has no smoothness for, and formulas whose names another
     /// camera's have.
     pub not_adjusted: Vec<PieceSpec>,
+}
+
+impl CameraDiagnosis {
+    /// The verdict of the loop, and of what the joint adjustment showed before.
+    pub fn verdict(&self) -> Verdict {
+        worst(self.in_rig.first().map(|_| Verdict::Effect).into_iter().chain([self.diagnosis.verdict]))
+    }
 }
 
 /// What the models of a rig's cameras lack.
@@ -95,7 +109,8 @@ pub fn diagnose_rig(
     let mut cameras = Vec::new();
     for camera in capture.cameras.iter().filter(is_depth) {
         let of_verify = verify.and_then(|v| v.cameras.iter().find(|c| c.name == camera.name));
-        cameras.push(examine(camera, of_verify, &declared, options)?);
+        let found = examine(camera, of_verify, &declared, options)?;
+        cameras.push(if found.poses_from_others { in_rig(capture, camera, found, &declared, options)? } else { found });
     }
     let mut with_effects = options.rig.clone();
     register_formulas(&mut cameras, &mut with_effects.each.register);
@@ -140,7 +155,7 @@ pub fn diagnose_rig(
     let of_drifts = with_effects.drifts.first().map(|_| Verdict::Effect);
     let without_depth = capture.cameras.iter().filter(|c| !is_depth(c)).map(|c| c.name.clone()).collect();
     Ok(RigDiagnosis {
-        verdict: worst(cameras.iter().map(|camera| camera.diagnosis.verdict).chain(of_drifts)),
+        verdict: worst(cameras.iter().map(CameraDiagnosis::verdict).chain(of_drifts)),
         drifts,
         fitted: evaluate_rig(&last.placed(), &kept),
         cameras,
@@ -150,6 +165,31 @@ pub fn diagnose_rig(
         after,
         register: with_effects.each.register,
     })
+}
+
+/// Effects of a camera without images that only the joint adjustment shows, one after the other; then the loop given these.
+fn in_rig(
+    capture: &RigCapture,
+    camera: &CameraCapture,
+    mut found: CameraDiagnosis,
+    declared: &RigCalibrated,
+    options: &RigDiagnoseOptions,
+) -> Result<CameraDiagnosis, RigError> {
+    let mut options = options.clone();
+    let mut present = declared.clone();
+    let mut shown: Vec<EffectInRig> = Vec::new();
+    while shown.len() < MOST_IN_RIG {
+        let of = (&present, &options.rig, options.folds);
+        let Some((effect, fit)) = tried_in_rig(capture, &camera.name, &found.diagnosis, of)? else { break };
+        options.rig.effects.push(EffectOf { camera: Some(camera.name.clone()), effect: effect.spec.clone() });
+        shown.push(effect);
+        present = fit;
+        found = examine(camera, None, &present, &options)?;
+    }
+    let own: Vec<PieceSpec> = shown.iter().map(|effect| effect.spec.clone()).collect();
+    found.effects.splice(0..0, own);
+    found.in_rig = shown;
+    Ok(found)
 }
 
 /// The loop on one camera.
@@ -171,7 +211,7 @@ fn examine(
         calibrate: CalibrateOptions { frame_planes: false, register, ..calibrate },
         folds: options.folds,
         formulas: options.formulas,
-        thresholds: options.thresholds.clone(),
+        thresholds: options.thresholds,
     };
     // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
     let verify = verify.filter(|_| !poses_from_others).map(|v| &v.capture);
@@ -180,7 +220,15 @@ fn examine(
     let added = diagnosis.steps.iter().map(|step| step.spec.clone());
     let is_free_map = |spec: &PieceSpec| spec.name == FREE_MAP || spec.name == "bspline";
     let (not_adjusted, effects): (Vec<PieceSpec>, Vec<PieceSpec>) = added.partition(is_free_map);
-    Ok(CameraDiagnosis { name: camera.name.clone(), poses_from_others, capture, diagnosis, effects, not_adjusted })
+    Ok(CameraDiagnosis {
+        name: camera.name.clone(),
+        poses_from_others,
+        capture,
+        diagnosis,
+        in_rig: Vec::new(),
+        effects,
+        not_adjusted,
+    })
 }
 
 /// The register without effects of board, lens and pixels that are not declared.
