@@ -195,7 +195,7 @@ fn print_drifts(found: &RigDiagnosis) {
         let (camera, over) = (&test.camera, drift_range(test.drift.over, test.drift.range));
         let errors = test.left_out.map_or_else(String::new, |errors| {
             let GainInterval { value, low, high } = errors.gain_percent;
-            format!(", left-out frames: error {value:.1} % lower (95 %: {low:.1} to {high:.1})")
+            format!(", the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to {high:.1})")
         });
         let added = if is_added(test, found) { "added" } else { "not added" };
         say!("\nextrinsics_drift of {camera} over {over}: {added}; p = {}{errors}", number(test.p_value));
