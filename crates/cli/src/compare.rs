@@ -1,16 +1,17 @@
 //! `compare`: compares depth models.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::write_atomically;
-use depthcal_model::Register;
+use depthcal_io::{RigDataset, write_atomically};
+use depthcal_model::{ModelSpec, Register};
 
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, command_line, frames_of, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
+use super::rig;
 use super::session::{LENSES, Session, lens_of};
 use super::voice::say;
 use crate::progress::Progress;
@@ -18,13 +19,18 @@ use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal_calibration::compare::tables::tables;
 use depthcal_calibration::compare::{CompareOptions, compare};
 use depthcal_calibration::load::declared_camera;
+use depthcal_calibration::observe::Capture;
 use depthcal_report::render_comparison;
+use depthcal_rig::diagnose::examined;
+use depthcal_rig::load::LoadedRig;
+use depthcal_rig::{RigOptions, calibrate_rig};
 
 /// Compares depth models on held-out data.
 ///
 /// Each model is fitted to TRAIN and evaluated on the datasets of --verify or, without any, by cross-validation on TRAIN.
 /// Prints the ranking with intervals from resampled frames, which differences are significant, and the tables of Sjöholm
-/// 2017 for all subsets of D. Writes comparison.json and report.html.
+/// 2017 for all subsets of D. Writes comparison.json and report.html; of a rig of several cameras, of each with depth in a folder of
+/// its name.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal compare captures/ --out compared/                       cross-validation
@@ -79,28 +85,74 @@ impl Compare {
     }
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
+        if RigDataset::is_rig(&self.train) {
+            return self.run_rig(&models, session);
+        }
         let (effects, held) = session.effects(&self.with)?;
         let mut base = CalibrateOptions { effects, held, ..session.calibrate_options() };
-        let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
         let train = self.reading.load(&self.train, session)?;
         let verify = self.verify.iter().map(|path| self.reading.load(path, session)).collect::<Result<Vec<_>, _>>()?;
-        for loaded in std::iter::once(&train).chain(&verify) {
-            if !loaded.capture.has_depth() {
-                let name = &loaded.capture.name;
-                return Err(Failure::Input(format!("the dataset '{name}' has no depth images: nothing to compare")));
-            }
-        }
-        if verify.is_empty() && train.capture.frames.len() < usize::from(self.folds) {
-            return Err(Failure::Input(format!(
-                "--folds {} needs as many frames, but the board was found in {}: give fewer folds or --verify",
-                self.folds,
-                train.capture.frames.len()
-            )));
-        }
         let (width, height) = (train.capture.width, train.capture.height);
         base.lens = lens_of(self.lens.as_deref(), &train.dataset);
         base.camera =
             declared_camera(&train.dataset, width, height, self.lens.as_deref(), &base.register).map_err(input)?;
+        let captures: Vec<Capture> = verify.into_iter().map(|v| v.capture).collect();
+        self.compare(&train.capture, &captures, models, base, &self.output.out, session)
+    }
+
+    /// Compares models on every camera of a rig that has depth, each in a folder of its name.
+    fn run_rig(&self, models: &[ModelSpec], session: &Session) -> Result<Value, Failure> {
+        let rig = rig::load(&self.train, &self.reading, session)?;
+        let verify =
+            self.verify.iter().map(|path| rig::load(path, &self.reading, session)).collect::<Result<Vec<_>, _>>()?;
+        let mut options =
+            RigOptions { each: session.calibrate_options(), lens: self.lens.clone(), ..RigOptions::default() };
+        rig::add_effects(&self.with, &rig, &mut options, session)?;
+        let fit = calibrate_rig(&rig.capture, &options)?;
+        let mut cameras = Vec::new();
+        for own in rig.capture.cameras.iter().filter(|c| c.capture.has_depth()) {
+            say!("\n[{}]", own.name);
+            let Some((train, base)) = examined(own, &fit, &options)? else { continue };
+            // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
+            let of = |v: &LoadedRig| v.capture.cameras.iter().find(|c| c.name == own.name).map(|c| c.capture.clone());
+            let captures: Vec<Capture> =
+                if own.has_markers() { verify.iter().filter_map(of).collect() } else { Vec::new() };
+            let out = self.output.out.join(&own.name);
+            let mut value = self.compare(&train, &captures, models.to_vec(), base, &out, session)?;
+            value["camera"] = json!(own.name);
+            cameras.push(value);
+        }
+        if cameras.is_empty() {
+            let name = &rig.dataset.name;
+            return Err(Failure::Input(format!("no camera of '{name}' has depth: nothing to compare")));
+        }
+        Ok(json!({ "cameras": cameras }))
+    }
+
+    /// Compares models on the captures of one camera and writes the files into `out`.
+    fn compare(
+        &self,
+        train: &Capture,
+        captures: &[Capture],
+        models: Vec<ModelSpec>,
+        base: CalibrateOptions,
+        out: &Path,
+        session: &Session,
+    ) -> Result<Value, Failure> {
+        for capture in std::iter::once(train).chain(captures) {
+            if !capture.has_depth() {
+                let name = &capture.name;
+                return Err(Failure::Input(format!("the dataset '{name}' has no depth images: nothing to compare")));
+            }
+        }
+        if captures.is_empty() && train.frames.len() < usize::from(self.folds) {
+            return Err(Failure::Input(format!(
+                "--folds {} needs as many frames, but the board was found in {}: give fewer folds or --verify",
+                self.folds,
+                train.frames.len()
+            )));
+        }
         let options = CompareOptions {
             models,
             calibrate: base,
@@ -109,15 +161,14 @@ impl Compare {
             learning_fits: usize::from(self.learning),
             ..CompareOptions::default()
         };
-        let captures: Vec<_> = verify.into_iter().map(|v| v.capture).collect();
         let busy = Progress::busy("comparing models");
-        let comparison = compare(&train.capture, &captures, &options).map_err(input)?;
+        let comparison = compare(train, captures, &options).map_err(input)?;
         // Fitted again for its maps in the report: the comparison keeps no cameras.
         let stage = session.progress.stage("fitting the best model");
         let best = comparison.models.first().filter(|m| m.failed.is_none()).and_then(|best| {
             let model = session.register.model_spec(&best.model).ok()?;
             let options = CalibrateOptions { model, ..options.calibrate.clone() };
-            calibrate(&train.capture, &options).ok()
+            calibrate(train, &options).ok()
         });
         drop((stage, busy));
         let tables = tables(&comparison);
@@ -127,22 +178,20 @@ impl Compare {
         for sentence in &comparison.verdict {
             say!("{sentence}");
         }
-        let path = self.output.file("comparison.json");
+        let path = out.join("comparison.json");
         comparison.write(&path).map_err(input)?;
         let times = session.progress.stage_times();
         let stage = session.progress.stage("report");
         let html = render_comparison(&comparison, &tables, best.as_ref(), &command_line(), &times).map_err(input)?;
-        let report = self.output.file("report.html");
+        let report = out.join("report.html");
         write_atomically(&report, |file| file.write_all(html.as_bytes())).map_err(input)?;
         drop(stage);
         say!("written: {} and {}", path.display(), report.display());
         if comparison.models.iter().all(|m| m.failed.is_some()) {
             return Err(Failure::Untrusted(comparison.verdict.join(" ")));
         }
-        let frames: Vec<Value> = std::iter::once(&train.capture)
-            .chain(&captures)
-            .map(|c| frames_of(&c.name, c.frames.len(), &c.dropped))
-            .collect();
+        let frames: Vec<Value> =
+            std::iter::once(train).chain(captures).map(|c| frames_of(&c.name, c.frames.len(), &c.dropped)).collect();
         Ok(json!({ "frames": frames, "comparison": value_of(&comparison)?, "written": [path, report] }))
     }
 }

@@ -9,7 +9,7 @@ use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 use serde_json::Value;
 
 use super::common::Reading;
-use super::diagnose::{Told, tell};
+use super::diagnosis_output::{Told, tell};
 use super::failure::{Failure, input};
 use super::session::Session;
 use super::voice::say;

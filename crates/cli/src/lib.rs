@@ -26,6 +26,7 @@ mod completions;
 mod demo;
 mod detect;
 mod diagnose;
+mod diagnosis_output;
 mod evaluate;
 mod export;
 mod failure;

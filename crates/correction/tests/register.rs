@@ -86,3 +86,39 @@ fn the_nearest_surface_wins_and_hidden_points_have_no_colour() {
     let alone = depth_into(&[[f32::NAN; 3]; 4], 2, &colour, &colour_from_depth);
     assert_eq!(alone.holes, 480 * 360);
 }
+
+/// A board whose depth has holes, as on dark print: the wall behind is not seen through them, and its points that the board hides get none
+/// of the board's colours. Holes in the wall itself hide nothing.
+#[test]
+fn holes_in_a_surface_hide_what_is_behind() {
+    let (depth, colour, colour_from_depth) = cameras();
+    let on_board = |x: f64, y: f64| x.abs() < 0.3 && y.abs() < 0.3;
+    let scene = |x: f64, y: f64| if on_board(x, y) { 500.0 } else { 1500.0 };
+    let whole = points(&depth, scene);
+    let mut holed = whole.clone();
+    let is_hole = |i: usize| (i % 160) % 12 < 5 && (i / 160) % 12 < 5;
+    (0..holed.len()).filter(|i| is_hole(*i)).for_each(|i| holed[i] = [f32::NAN; 3]);
+    let expected = depth_into(&whole, depth.width, &colour, &colour_from_depth);
+    let registered = depth_into(&holed, depth.width, &colour, &colour_from_depth);
+    let (mut through, mut board, mut empty) = (0, 0, 0);
+    for (z, is) in registered.depth_mm.iter().zip(&expected.depth_mm) {
+        if *is > 0.0 && *is < 800.0 {
+            board += 1;
+            through += usize::from(*z > 800.0);
+            empty += usize::from(*z == 0.0);
+        }
+    }
+    assert!(board > 20_000 && empty > board / 10, "{board} {empty}");
+    assert!(through < board / 200, "the wall is seen through the board at {through} of {board} pixels");
+    // Away from the board nothing is lost that is measured.
+    let lost = registered.depth_mm.iter().zip(&expected.depth_mm).filter(|(z, is)| **is > 800.0 && **z == 0.0).count();
+    let wall = expected.depth_mm.iter().filter(|z| **z > 800.0).count();
+    assert!(lost < wall / 3, "{lost} of {wall}");
+    let paint = |z: &f32| if *z > 0.0 && *z < 800.0 { [200, 0, 0] } else { [0, 0, 200] };
+    let image = RgbImage { width: 480, height: 360, data: expected.depth_mm.iter().map(paint).collect() };
+    let colours = colours_of(&holed, &colour, &colour_from_depth, &registered, &image);
+    let wrong =
+        |(point, found): (&[f32; 3], &Option<[u8; 3]>)| point[2] > 800.0 && found.is_some_and(|[red, _, _]| red > 100);
+    let red = holed.iter().zip(&colours).filter(|pair| wrong((pair.0, pair.1))).count();
+    assert!(red < 60, "{red} points of the wall have the board's colour");
+}

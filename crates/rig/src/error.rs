@@ -1,6 +1,7 @@
 //! Why there is no calibration of a rig.
 
 use depthcal_calibration::calibrate::CalibrateError;
+use depthcal_calibration::diagnose::DiagnoseError;
 use depthcal_calibration::load::{DeclaredCameraError, LoadError};
 use depthcal_io::{DatasetError, ImageError};
 use depthcal_model::CameraError;
@@ -99,6 +100,28 @@ pub enum RigError {
         /// What is lacking, and the remedy.
         reason: String,
     },
+    /// No camera has depth.
+    #[error(
+        "no camera of '{rig}' has depth: a diagnosis needs it; add depth to a section [cameras.NAME] of dataset.toml"
+    )]
+    NoDepth {
+        /// The rig.
+        rig: String,
+    },
+    /// A calibration of the rig lacks a camera that was captured.
+    #[error("the calibration of the rig has no camera {camera} although it was captured: please report this as a bug")]
+    NotFitted {
+        /// The camera.
+        camera: String,
+    },
+    /// A camera cannot be diagnosed.
+    #[error("camera {camera}: {source}")]
+    Diagnose {
+        /// The camera.
+        camera: String,
+        /// Why.
+        source: Box<DiagnoseError>,
+    },
     /// An image has become unreadable.
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -149,6 +172,11 @@ impl RigError {
     pub fn is_untrusted_fit(&self) -> bool {
         match self {
             Self::Camera { source, .. } => source.is_untrusted_fit(),
+            Self::Diagnose { source, .. } => match &**source {
+                DiagnoseError::Calibrate(error) => error.is_untrusted_fit(),
+                DiagnoseError::NoDepth { .. } => false,
+                DiagnoseError::Score(_) | DiagnoseError::NotFitted { .. } => true,
+            },
             Self::Solve(_)
             | Self::NotConverged { .. }
             | Self::Undetermined { .. }

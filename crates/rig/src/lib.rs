@@ -7,12 +7,14 @@
 //! | what every camera of a rig observed | [`capture`] |
 //! | from the files of a dataset to detected boards of every camera | [`load`] |
 //! | relative poses from shared views, the graph of views, frames that contradict | [`views`] |
+//! | places that change with time or temperature | [`drift`] |
 //! | what an adjustment changes: cameras, places, poses | [`state`] |
 //! | a depth camera without images: its start from planes | [`depth_only`] |
 //! | one joint adjustment on the solver | [`adjust`] |
 //! | the driver: cameras alone, places, everything jointly until noise and outliers settle | [`calibrate`] |
 //! | cameras with their places, for those who use them | [`placed`] |
 //! | errors of every camera, and from camera to camera | [`judge`] |
+//! | what the cameras' models lack | [`diagnose`] |
 //! | fits as records for files | [`record`] |
 //!
 //! Every camera is a chain of pieces, as in `depthcal-model`, behind its place `camera_from_rig`. The frame of the rig is that
@@ -23,6 +25,8 @@ pub mod adjust;
 pub mod calibrate;
 pub mod capture;
 pub mod depth_only;
+pub mod diagnose;
+pub mod drift;
 mod error;
 pub mod judge;
 pub mod load;

@@ -3,6 +3,8 @@
 use depthcal_model::Camera;
 use nalgebra::{Isometry3, Point3};
 
+use crate::drift::{PlaceDrift, Taken};
+
 /// A camera on a rig.
 #[derive(Debug, Clone)]
 pub struct PlacedCamera {
@@ -12,9 +14,18 @@ pub struct PlacedCamera {
     pub camera: Camera,
     /// Its place: maps the rig's frame to its own, mm.
     pub camera_from_rig: Isometry3<f64>,
+    /// How its place changes; `None` where it does not.
+    pub drift: Option<PlaceDrift>,
 }
 
 impl PlacedCamera {
+    /// The camera as it is placed when something is taken so.
+    #[must_use]
+    pub fn at(&self, taken: &Taken) -> Self {
+        let place = self.drift.map_or(self.camera_from_rig, |drift| drift.place(&self.camera_from_rig, taken));
+        Self { camera_from_rig: place, drift: None, ..self.clone() }
+    }
+
     /// A point of this camera's frame in the rig's, mm.
     pub fn in_rig(&self, point_mm: [f64; 3]) -> [f64; 3] {
         let point = self.camera_from_rig.inverse() * Point3::from(point_mm);

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 
 use depthcal_calibration::calibration_record::{RecordError, camera_from_record, noise_record, piece_records};
 use depthcal_io::{
-    Calibration, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, PlaceRecord, PlaceStdDev,
-    RigCameraRecord,
+    Calibration, CovarianceRecord, DriftRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, PlaceRecord,
+    PlaceStdDev, RigCameraRecord,
 };
 use depthcal_model::Register;
 use depthcal_statistics::rms;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::calibrate::{CameraFit, RigCalibrated};
+use crate::drift::PlaceDrift;
 use crate::judge::EvaluatedRig;
 use crate::placed::PlacedCamera;
 
@@ -62,15 +63,13 @@ pub fn rig_record(result: &RigCalibrated, fitted: &EvaluatedRig, dataset: FileRe
 
 fn camera_record(camera: &CameraFit) -> RigCameraRecord {
     let fit = &camera.calibrated;
-    let std_dev = camera
-        .place_std_dev
-        .map(|[rx, ry, rz, tx, ty, tz]| PlaceStdDev { rotation_rad: [rx, ry, rz], translation_mm: [tx, ty, tz] });
+    let std_dev = camera.place_std_dev.map(place_std_dev);
     let (rotation, translation_mm) = numbers(&camera.camera_from_rig);
     RigCameraRecord {
         name: camera.name.clone(),
         width: fit.camera.width,
         height: fit.camera.height,
-        camera_from_rig: PlaceRecord { rotation, translation_mm, std_dev },
+        camera_from_rig: PlaceRecord { rotation, translation_mm, std_dev, drift: camera.drift.map(drift_record) },
         pieces: piece_records(&fit.camera, &fit.std_devs()),
         noise: noise_record(fit),
         depth_unit_mm: fit.capture.depth_unit_mm,
@@ -79,6 +78,29 @@ fn camera_record(camera: &CameraFit) -> RigCameraRecord {
         depth_rms_mm: fit.depth_rms_mm,
         left_open: camera.left_open.clone(),
     }
+}
+
+fn place_std_dev([rx, ry, rz, tx, ty, tz]: [f64; 6]) -> PlaceStdDev {
+    PlaceStdDev { rotation_rad: [rx, ry, rz], translation_mm: [tx, ty, tz] }
+}
+
+/// The record of a place that changes, with the standard deviations of the change.
+pub fn drift_record((drift, std_devs): (PlaceDrift, [f64; 6])) -> DriftRecord {
+    let [rx, ry, rz, tx, ty, tz] = drift.change;
+    DriftRecord {
+        over: drift.over,
+        reference: drift.reference,
+        range: drift.range,
+        rotation_rad: [rx, ry, rz],
+        translation_mm: [tx, ty, tz],
+        std_dev: Some(place_std_dev(std_devs)),
+    }
+}
+
+fn drift_of(record: &DriftRecord) -> PlaceDrift {
+    let ([rx, ry, rz], [tx, ty, tz]) = (record.rotation_rad, record.translation_mm);
+    let DriftRecord { over, reference, range, .. } = *record;
+    PlaceDrift { over, reference, range, change: [rx, ry, rz, tx, ty, tz] }
 }
 
 fn numbers(pose: &Isometry3<f64>) -> ([f64; 4], [f64; 3]) {
@@ -121,7 +143,12 @@ fn frame_records(result: &RigCalibrated, fitted: &EvaluatedRig) -> Vec<FrameReco
 pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<Vec<PlacedCamera>, RecordError> {
     if record.cameras.is_empty() {
         let camera = camera_from_record(&record.camera, register)?;
-        return Ok(vec![PlacedCamera { name: "camera".to_owned(), camera, camera_from_rig: Isometry3::identity() }]);
+        return Ok(vec![PlacedCamera {
+            name: "camera".to_owned(),
+            camera,
+            camera_from_rig: Isometry3::identity(),
+            drift: None,
+        }]);
     }
     let placed = |camera: &RigCameraRecord| {
         let [w, x, y, z] = camera.camera_from_rig.rotation;
@@ -131,6 +158,7 @@ pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<
             name: camera.name.clone(),
             camera: camera_from_record(&camera.camera(), register)?,
             camera_from_rig: Isometry3::from_parts(translation, rotation),
+            drift: camera.camera_from_rig.drift.as_ref().map(drift_of),
         })
     };
     record.cameras.iter().map(placed).collect()
@@ -143,6 +171,7 @@ impl RigCalibrated {
             name: camera.name.clone(),
             camera: camera.calibrated.camera.clone(),
             camera_from_rig: camera.camera_from_rig,
+            drift: camera.drift.map(|(drift, _)| drift),
         };
         self.cameras.iter().map(placed).collect()
     }

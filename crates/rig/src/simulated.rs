@@ -73,6 +73,7 @@ pub fn true_cameras(truth: &RigTruth, register: &Register) -> Result<Vec<PlacedC
             name: camera.name.clone(),
             camera: Camera::new(own.width, own.height, pinhole, blocks),
             camera_from_rig: pose(&camera.camera_from_rig),
+            drift: None,
         })
     };
     truth.cameras.iter().map(placed).collect()
@@ -87,7 +88,7 @@ pub fn errors(fit: &RigCalibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
         let Some(own) = truth.cameras.iter().find(|t| t.name == camera.name) else { continue };
         if camera.place_std_dev.is_some() {
             errors.extend(place_error(camera, own).iter().enumerate().map(|(i, e)| (row + i, *e)));
-            row += 6;
+            row += if camera.drift.is_some() { 12 } else { 6 };
         }
         let model = &camera.calibrated.camera;
         let names = depthcal_calibration::calibration_record::parameter_names(model);

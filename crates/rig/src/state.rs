@@ -7,6 +7,8 @@ use depthcal_io::FrameMetadata;
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
+use crate::drift::{PlaceDrift, Taken};
+
 /// A frame of a rig: one pose of the board, whichever cameras saw it.
 #[derive(Debug, Clone)]
 pub struct RigFrame {
@@ -16,6 +18,8 @@ pub struct RigFrame {
     pub rig_from_board: Isometry3<f64>,
     /// Its row of the dataset's table.
     pub metadata: FrameMetadata,
+    /// When it was taken, and at which temperature.
+    pub taken: Taken,
 }
 
 /// A camera of a rig in the course of its calibration.
@@ -27,6 +31,8 @@ pub struct CameraState {
     pub camera: Camera,
     /// Its place; the identity for the reference.
     pub camera_from_rig: Isometry3<f64>,
+    /// How its place changes.
+    pub drift: Option<PlaceDrift>,
     /// The noise that weights its residuals.
     pub noise: NoiseModel,
     /// The prior of its fields.
@@ -66,6 +72,11 @@ pub struct RigState {
 }
 
 impl CameraState {
+    /// Its place in a frame.
+    pub fn place_in(&self, frame: &RigFrame) -> Isometry3<f64> {
+        self.drift.as_ref().map_or(self.camera_from_rig, |drift| drift.place(&self.camera_from_rig, &frame.taken))
+    }
+
     /// Whether it has depth samples.
     pub fn has_depth(&self) -> bool {
         self.capture.frames.iter().any(|frame| !frame.samples.is_empty())
@@ -78,11 +89,35 @@ impl CameraState {
 }
 
 impl RigState {
+    /// The frames, given by their numbers, for which `keep` is true, with what the cameras observed in them.
+    #[must_use]
+    pub fn subset(&self, keep: impl Fn(usize) -> bool) -> Self {
+        let mut number = 0;
+        let renumbered: Vec<Option<usize>> = (0..self.frames.len())
+            .map(|i| {
+                keep(i).then(|| {
+                    number += 1;
+                    number - 1
+                })
+            })
+            .collect();
+        let frames = self.frames.iter().zip(&renumbered).filter(|(_, n)| n.is_some()).map(|(f, _)| f.clone());
+        let camera = |camera: &CameraState| CameraState {
+            capture: camera.capture.subset(|i, _| renumbered[camera.frames[i]].is_some()),
+            frames: camera.frames.iter().filter_map(|f| renumbered[*f]).collect(),
+            ..camera.clone()
+        };
+        Self { frames: frames.collect(), cameras: self.cameras.iter().map(camera).collect() }
+    }
+
     /// Gives the frames of every camera the poses that follow from the rig's.
     pub fn place_boards(&mut self) {
         for camera in &mut self.cameras {
-            let poses: Vec<Isometry3<f64>> =
-                camera.frames.iter().map(|f| camera.camera_from_rig * self.frames[*f].rig_from_board).collect();
+            let poses: Vec<Isometry3<f64>> = camera
+                .frames
+                .iter()
+                .map(|f| camera.place_in(&self.frames[*f]) * self.frames[*f].rig_from_board)
+                .collect();
             camera.capture.set_poses(&poses);
         }
     }

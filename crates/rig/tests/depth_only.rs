@@ -2,9 +2,10 @@
 
 mod support;
 
+use depthcal_model::Camera;
 use depthcal_rig::simulated::{errors, rig_capture};
 use depthcal_rig::{RigError, RigOptions, calibrate_rig};
-use depthcal_simulate::{Kind, PointOptions, RigPoints, RigSimulation};
+use depthcal_simulate::{Kind, PointOptions, Pose, RigPoints, RigSimulation};
 
 fn observed(seed: u64) -> RigPoints {
     let rig = RigSimulation::new(vec![support::infrared(), support::depth_only()], Kind::General(1), seed);
@@ -57,4 +58,39 @@ fn few_frames_say_less_and_too_few_are_refused() {
     let error = calibrate_rig(&capture, &options()).unwrap_err();
     assert!(matches!(&error, RigError::DepthStart { camera, .. } if camera == "depth"), "{error}");
     assert!(error.to_string().contains("frames"), "{error}");
+}
+
+/// Boards at one distance with small tilts leave the pinhole open: with declared intrinsics the fit stays near them, and says what the
+/// boards did not determine. The same boards at many distances and tilts leave nothing open.
+#[test]
+fn what_small_tilts_at_one_distance_leave_open_is_named() {
+    let poses: Vec<Pose> = (0..14)
+        .map(|i| {
+            let a = f64::from(i);
+            let turn = [0.12 * a.sin(), 0.12 * (1.7 * a).cos(), 0.3 * a];
+            let centre = Pose::from_rotation_vector([0.0; 3], [-40.0, -85.0, 0.0]);
+            let place = [60.0 * (0.9 * a).cos(), 40.0 * (1.3 * a).sin(), 800.0 + 4.0 * a];
+            Pose::from_rotation_vector(turn, place).after(&centre)
+        })
+        .collect();
+    let fit = |poses: Option<Vec<Pose>>, seed: u64| {
+        let rig = RigSimulation::new(vec![support::infrared(), support::depth_only()], Kind::General(1), seed);
+        let rig = poses.map_or(rig.clone(), |poses| rig.poses(poses));
+        let mut capture = rig_capture(&rig.observe_points(&PointOptions::default()).unwrap());
+        capture.cameras[1].declared = Some(Camera::new(512, 424, [365.0, 365.0, 258.0, 208.0, 0.0], vec![]));
+        calibrate_rig(&capture, &options()).expect("a calibration")
+    };
+    for seed in 0..3 {
+        let narrow = fit(Some(poses.clone()), seed);
+        let camera = narrow.camera("depth").expect("the camera");
+        let open: Vec<&str> = camera.left_open.iter().map(|open| open.parameter.as_str()).collect();
+        for parameter in ["pinhole.fx", "pinhole.fy", "pinhole.cx", "pinhole.cy"] {
+            assert!(open.contains(&parameter), "seed {seed}: {parameter} is not among {open:?}");
+        }
+        let fx = camera.calibrated.camera.pinhole()[0];
+        assert!((fx / 365.0 - 1.0).abs() < 0.06, "seed {seed}: {fx}");
+        let wide = fit(None, seed);
+        let open = &wide.camera("depth").expect("the camera").left_open;
+        assert!(open.is_empty(), "seed {seed}: {open:?}");
+    }
 }

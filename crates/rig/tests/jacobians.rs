@@ -8,8 +8,8 @@ use depthcal_rig::adjust::{CameraVariables, Observations, RigBatch, RigGroup};
 use depthcal_solver::{Graph, Loss, Values, check_jacobians};
 use nalgebra::{DVector, Isometry3, Vector3};
 
-/// Derivatives by both poses and by the camera's parameters are those of finite differences, for markers and for depth, of the
-/// reference and of another camera.
+/// Derivatives by both poses, by the drift of the place and by the camera's parameters are those of finite differences, for markers and
+/// for depth, of the reference and of another camera, whose place drifts or not.
 #[test]
 fn derivatives_are_those_of_finite_differences() {
     let register = Register::builtin();
@@ -26,10 +26,12 @@ fn derivatives_are_those_of_finite_differences() {
     let frame = values.insert(turned([-60.0, 30.0, 700.0], [0.3, -0.4, 0.2]));
     let place = values.insert(turned([-80.0, 20.0, 30.0], [0.1, 0.25, -0.05]));
     let blocks: Vec<_> = camera.blocks().iter().map(|b| values.insert(DVector::from_column_slice(&b.theta))).collect();
-    for place in [None, Some(place)] {
+    let drift = values.insert(DVector::from_column_slice(&[0.2, -0.1, 0.3, 4.0, -2.0, 1.0]));
+    for (place, drift) in [(None, None), (Some(place), None), (Some(place), Some(drift))] {
         let variables = CameraVariables {
             chain: Arc::new(camera.chain()),
             place,
+            drift,
             blocks: blocks.clone(),
             image_blocks: blocks.len() - 1,
         };
@@ -47,7 +49,7 @@ fn derivatives_are_those_of_finite_differences() {
             sigmas: vec![2e-6; 3],
         };
         let mut graph = Graph::new();
-        let group = |observed| vec![RigGroup { frame, observed }];
+        let group = |observed| vec![RigGroup { frame, drifted: 0.7, observed }];
         graph.add_batch(RigBatch::of_markers("image".into(), variables.clone(), group(markers), Loss::Trivial));
         graph.add_batch(RigBatch::of_depth("depth".into(), variables, group(depth), Loss::Trivial));
         for error in check_jacobians(&graph, &values, 1e-5).unwrap() {

@@ -134,6 +134,28 @@ fn frames_that_contradict_are_found_and_named() {
     assert_eq!(fit.pairs[0].contradicting, 1);
 }
 
+/// Two frames whose colour images are exchanged are both named, and the places are those of the other frames.
+#[test]
+fn exchanged_images_are_both_named() {
+    let points = support::two_cameras(7, Kind::General(1));
+    let mut capture = rig_capture(&points);
+    let infrared: Vec<String> = capture.cameras[0].capture.frames.iter().map(|f| f.name.clone()).collect();
+    let frames = &mut capture.cameras[1].capture.frames;
+    let shared: Vec<usize> = (0..frames.len()).filter(|i| infrared.contains(&frames[*i].name)).collect();
+    let (a, b) = (shared[3], shared[11]);
+    let names = [frames[a].name.clone(), frames[b].name.clone()];
+    let markers = std::mem::take(&mut frames[a].markers);
+    frames[a].markers = std::mem::replace(&mut frames[b].markers, markers);
+    let fit = calibrate_rig(&capture, &options()).unwrap();
+    let mut dropped: Vec<&str> = fit.cameras[1].calibrated.capture.dropped.iter().map(|d| d.name.as_str()).collect();
+    dropped.sort_unstable();
+    assert_eq!(dropped, names);
+    assert_eq!(fit.pairs[0].contradicting, 2);
+    let errors = errors(&fit, &points.truth);
+    let within = errors.iter().filter(|(i, e)| e.abs() <= 3.5 * fit.covariance[(*i, *i)].sqrt()).count();
+    assert_eq!(within, errors.len());
+}
+
 /// A camera that was bumped in the middle of the session is found, with both places.
 #[test]
 fn a_camera_that_moved_is_found() {

@@ -10,6 +10,7 @@ use depthcal_io::{
 };
 use depthcal_report::format::count;
 use depthcal_rig::PlacedCamera;
+use depthcal_rig::drift::Taken;
 use depthcal_rig::record::cameras_from_record;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -145,7 +146,12 @@ fn register_frame(
         amplitude: amplitude.as_ref(),
     };
     let points = points_of(&depth, camera.unit_mm, &camera.corrector, &context).map_err(|e| of_frame(&e))?;
-    let target_from_camera = target.from(camera.placed);
+    let taken = Taken {
+        time_s: frame.metadata.timestamp_s.unwrap_or(f64::NAN),
+        temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
+    };
+    let placed = camera.placed.at(&taken);
+    let target_from_camera = target.at(&taken).from(&placed);
     let registered = depth_into(&points, depth.width, &target.camera, &target_from_camera);
     let name = &camera.placed.name;
     let file = |folder: String| asked.out.join(folder).join(format!("{}.png", frame.name));
@@ -181,7 +187,7 @@ fn register_frame(
     };
     if let Some(format) = asked.cloud {
         let seen = || (0..points.len()).filter(|i| !points[*i][2].is_nan());
-        let in_rig = |i: usize| camera.placed.in_rig(points[i].map(f64::from)).map(|c| c as f32);
+        let in_rig = |i: usize| placed.in_rig(points[i].map(f64::from)).map(|c| c as f32);
         let cloud = Cloud {
             points: seen().map(in_rig).collect(),
             intensity: None,

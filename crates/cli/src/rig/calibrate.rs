@@ -8,6 +8,7 @@ use depthcal_io::{Calibration, Evaluation};
 use depthcal_model::ModelSpec;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role};
 use depthcal_rig::judge::evaluate_rig;
+use depthcal_rig::load::LoadedRig;
 use depthcal_rig::record::rig_record;
 use depthcal_rig::{EffectOf, HeldOf, RigError, RigOptions, calibrate_rig};
 use serde_json::{Value, json};
@@ -48,10 +49,7 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
     let mut options =
         RigOptions { each: session.calibrate_options(), lens: asked.lens.map(str::to_owned), ..RigOptions::default() };
     options.each.model.clone_from(&asked.model);
-    let names: Vec<&str> = rig.capture.cameras.iter().map(|c| c.name.as_str()).collect();
-    for text in asked.with {
-        add_effect(text, &names, &mut options, session)?;
-    }
+    add_effects(asked.with, &rig, &mut options, session)?;
     let (fitted, held) = match asked.hold_out {
         Some([every, first]) => {
             let all = rig.capture.frame_names();
@@ -124,6 +122,17 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
         "transfer": value_of(&evaluation.transfer)?,
         "written": [path, report],
     }))
+}
+
+/// Effects and held parameters of `--with`.
+pub(crate) fn add_effects(
+    with: &[String],
+    rig: &LoadedRig,
+    options: &mut RigOptions,
+    session: &Session,
+) -> Result<(), Failure> {
+    let names: Vec<&str> = rig.capture.cameras.iter().map(|c| c.name.as_str()).collect();
+    with.iter().try_for_each(|text| add_effect(text, &names, options, session))
 }
 
 /// An effect or a held parameter of `--with`: of one camera where it begins with its name and a colon.

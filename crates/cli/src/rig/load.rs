@@ -12,7 +12,7 @@ use crate::session::Session;
 use crate::voice::say;
 
 /// Reads a dataset and prints in how many frames each camera found the board.
-pub(super) fn load(path: &Path, reading: &Reading, session: &Session) -> Result<LoadedRig, Failure> {
+pub(crate) fn load(path: &Path, reading: &Reading, session: &Session) -> Result<LoadedRig, Failure> {
     let busy = Progress::busy("reading");
     let rig = load_rig(path, &reading.options(session)).map_err(input)?;
     drop(busy);

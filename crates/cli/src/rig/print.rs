@@ -1,6 +1,6 @@
 //! Rigs in words.
 
-use depthcal_io::TransferError;
+use depthcal_io::{DriftOver, TransferError};
 use depthcal_report::format::{count, number, quantity};
 use depthcal_rig::{CameraFit, RigCalibrated};
 
@@ -41,6 +41,24 @@ fn print_place(camera: &CameraFit) {
     }
     for (i, axis) in ["x", "y", "z"].iter().enumerate() {
         say!("  t{axis}     {:>12.3} ± {:<12} mm", shift[i], number(std_dev[3 + i]));
+    }
+    if let Some((drift, std_dev)) = &camera.drift {
+        say!("extrinsics_drift over {}", drift_range(drift.over, drift.range));
+        for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+            let (value, std) = (drift.change[i].to_degrees(), std_dev[i].to_degrees());
+            say!("  r{axis}     {value:>12.4} ± {:<12} °", number(std));
+        }
+        for (i, axis) in ["x", "y", "z"].iter().enumerate() {
+            say!("  t{axis}     {:>12.3} ± {:<12} mm", drift.change[3 + i], number(std_dev[3 + i]));
+        }
+    }
+}
+
+/// What a drift depends on, and over which range of it the place changes by its values.
+pub(super) fn drift_range(over: DriftOver, range: f64) -> String {
+    match over {
+        DriftOver::Time => format!("time, in {}", quantity(range, "s")),
+        DriftOver::Temperature => format!("temperature, in {}", quantity(range, "°C")),
     }
 }
 

@@ -4,10 +4,7 @@ use depthcal_io::RgbImage;
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
-use super::depth::{RegisteredDepth, seen};
-
-/// A point is hidden where the surface that the colour camera sees there is nearer by more than this share.
-const HIDDEN: f32 = 0.015;
+use super::depth::{HIDDEN, RegisteredDepth, seen};
 
 /// The colour of every point of a depth camera (mm, its frame, NaN where there is none), by interpolation in another camera's
 /// image; `None` where there is no point, outside that image, and where another surface hides the point: `registered` is the
@@ -26,7 +23,7 @@ pub fn colours_of(
         if !inside || (registered.width, registered.height) != (width, height) {
             return None;
         }
-        let surface = registered.depth_mm[v.round() as usize * width + u.round() as usize];
+        let surface = registered.surface_mm[v.round() as usize * width + u.round() as usize];
         if surface > 0.0 && s.depth_mm > (1.0 + HIDDEN) * surface {
             return None;
         }

@@ -4,10 +4,14 @@ use depthcal_model::Camera;
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 
+use super::gaps::closed_gaps;
+
 /// Neighbouring pixels whose depths differ by a larger share are not of one surface: a surface seen at 80° has a hundredth.
 const JOINED: f32 = 0.025;
 /// Rows of the image that one thread fills.
 const BAND: usize = 64;
+/// Depth that is larger than that of the surface in front of it by more than this share is hidden.
+pub(super) const HIDDEN: f32 = 0.015;
 
 /// Depth in another camera's image.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,8 +20,11 @@ pub struct RegisteredDepth {
     pub width: usize,
     /// Height, px.
     pub height: usize,
-    /// Depth in the other camera, mm, row by row; 0 where no depth pixel shows anything.
+    /// Depth in the other camera, mm, row by row; 0 where no depth pixel shows anything, and where what one shows lies behind a
+    /// surface whose own depth is missing there.
     pub depth_mm: Vec<f32>,
+    /// The nearest surface, with its gaps closed, mm: what hides points behind it; 0 where there is none.
+    pub surface_mm: Vec<f32>,
     /// Number of pixels without depth.
     pub holes: usize,
 }
@@ -56,10 +63,26 @@ pub fn depth_into(
     camera: &Camera,
     camera_from_depth: &Isometry3<f64>,
 ) -> RegisteredDepth {
-    let seen = seen(points, camera, camera_from_depth);
-    let rows = points.len() / width.max(1);
-    // Triangles and single points, with the rows that they reach.
-    let mut shapes: Vec<[Seen; 3]> = Vec::with_capacity(2 * points.len());
+    let measured = nearest(&shapes(&seen(points, camera, camera_from_depth), width), camera);
+    // Gaps are joined with each other and with the points about them, which are what they are interpolated from.
+    let mut whole = closed_gaps(points, width);
+    whole.iter_mut().zip(points).filter(|(_, p)| !p[2].is_nan()).for_each(|(own, p)| *own = *p);
+    let whole = nearest(&shapes(&seen(&whole, camera, camera_from_depth), width), camera);
+    let depth = |rho: f32| if rho > 0.0 { 1.0 / rho } else { 0.0 };
+    let surface_mm: Vec<f32> = whole.into_iter().map(depth).collect();
+    let visible = |(rho, surface): (f32, &f32)| {
+        let z = depth(rho);
+        if *surface > 0.0 && z > (1.0 + HIDDEN) * surface { 0.0 } else { z }
+    };
+    let depth_mm: Vec<f32> = measured.into_iter().zip(&surface_mm).map(visible).collect();
+    let holes = depth_mm.iter().filter(|z| **z == 0.0).count();
+    RegisteredDepth { width: camera.width, height: camera.height, depth_mm, surface_mm, holes }
+}
+
+/// Triangles between neighbouring pixels on one surface, and every point by itself.
+fn shapes(seen: &[Option<Seen>], width: usize) -> Vec<[Seen; 3]> {
+    let rows = seen.len() / width.max(1);
+    let mut shapes: Vec<[Seen; 3]> = Vec::with_capacity(2 * seen.len());
     for row in 0..rows {
         for column in 0..width {
             let at = |r: usize, c: usize| (r < rows && c < width).then(|| seen[r * width + c]).flatten();
@@ -81,21 +104,24 @@ pub fn depth_into(
             shape.iter().fold((f32::INFINITY, 0.0_f32), |(a, b), s| (a.min(s.depth_mm), b.max(s.depth_mm)));
         far <= (1.0 + JOINED) * near
     });
+    shapes
+}
+
+/// Inverse depth of the nearest shape at every pixel of the camera, 1/mm; 0 where there is none.
+fn nearest(shapes: &[[Seen; 3]], camera: &Camera) -> Vec<f32> {
     let mut inverse = vec![0.0_f32; camera.width * camera.height];
     let bands = inverse.par_chunks_mut(camera.width * BAND).enumerate();
     bands.for_each(|(number, band)| {
         let first = (number * BAND) as f32;
         let rows = (band.len() / camera.width) as f32;
-        for shape in &shapes {
+        for shape in shapes {
             let (low, high) = bounds(shape, 1);
             if high + 0.5 >= first && low - 0.5 < first + rows {
                 fill(band, camera.width, number * BAND, shape);
             }
         }
     });
-    let depth_mm: Vec<f32> = inverse.into_iter().map(|rho| if rho > 0.0 { 1.0 / rho } else { 0.0 }).collect();
-    let holes = depth_mm.iter().filter(|z| **z == 0.0).count();
-    RegisteredDepth { width: camera.width, height: camera.height, depth_mm, holes }
+    inverse
 }
 
 fn bounds(shape: &[Seen; 3], axis: usize) -> (f32, f32) {

@@ -16,6 +16,7 @@ mod prior;
 mod pure_error;
 mod reference;
 mod rig_camera;
+mod rig_diagnosis;
 mod scores;
 
 #[cfg(test)]
@@ -53,5 +54,6 @@ pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observ
 pub use prior::{Prior, PriorUse, UsedPriorParameter};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;
-pub use rig_camera::{LeftOpen, PlaceRecord, PlaceStdDev, RigCameraRecord};
+pub use rig_camera::{DriftOver, DriftRecord, LeftOpen, PlaceRecord, PlaceStdDev, RigCameraRecord};
+pub use rig_diagnosis::{RigCameraDiagnosis, RigDiagnosisFile, RigDriftLeftOut, RigDriftTest, RigHeldOut};
 pub use scores::{ModelValue, ScoredEffect, ScoredParameter, Scores};

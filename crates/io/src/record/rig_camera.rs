@@ -46,6 +46,38 @@ pub struct PlaceRecord {
     /// Standard deviations; absent for the reference, whose place is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std_dev: Option<PlaceStdDev>,
+    /// How the place changes; absent where it does not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<DriftRecord>,
+}
+
+/// What a drift depends on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub enum DriftOver {
+    /// The frames' `timestamp_s`.
+    #[serde(rename = "timestamp_s")]
+    Time,
+    /// The frames' `temperature_c`.
+    #[serde(rename = "temperature_c")]
+    Temperature,
+}
+
+/// A place (R, t) that changes in proportion to time or temperature x: (R Exp(s ω), t + s τ) with s = (x − `reference`) / `range`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct DriftRecord {
+    /// x.
+    pub over: DriftOver,
+    /// Value of x at which the camera has its place, s or °C.
+    pub reference: f64,
+    /// Range of x over which the place changes by the rotation and the translation here, s or °C.
+    pub range: f64,
+    /// ω: about the axes of the rig, rad.
+    pub rotation_rad: [f64; 3],
+    /// τ: along the axes of the camera, mm.
+    pub translation_mm: [f64; 3],
+    /// Standard deviations of ω and τ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub std_dev: Option<PlaceStdDev>,
 }
 
 /// Standard deviations of a place: of the rotation vector ω and of τ in R Exp(ω), t + τ.

@@ -8,7 +8,9 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Value, json};
 
 use crate::file::Versioned;
-use crate::record::{Calibration, Comparison, DiagnosisFile, Evaluation, Fleet, Observations, Prior, Scores};
+use crate::record::{
+    Calibration, Comparison, DiagnosisFile, Evaluation, Fleet, Observations, Prior, RigDiagnosisFile, Scores,
+};
 
 /// The files that have a schema.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,6 +27,8 @@ pub enum SchemaName {
     Evaluation,
     /// `diagnosis.json`.
     Diagnosis,
+    /// `diagnosis.json` of a rig.
+    RigDiagnosis,
     /// `comparison.json`.
     Comparison,
     /// `fleet.json`.
@@ -46,13 +50,14 @@ struct EffectFile {
 
 impl SchemaName {
     /// All files that have a schema.
-    pub const ALL: [SchemaName; 10] = [
+    pub const ALL: [SchemaName; 11] = [
         SchemaName::Dataset,
         SchemaName::Effects,
         SchemaName::Observations,
         SchemaName::Calibration,
         SchemaName::Evaluation,
         SchemaName::Diagnosis,
+        SchemaName::RigDiagnosis,
         SchemaName::Comparison,
         SchemaName::Fleet,
         SchemaName::Prior,
@@ -68,6 +73,7 @@ impl SchemaName {
             SchemaName::Calibration => "calibration",
             SchemaName::Evaluation => "evaluation",
             SchemaName::Diagnosis => "diagnosis",
+            SchemaName::RigDiagnosis => "rig_diagnosis",
             SchemaName::Comparison => "comparison",
             SchemaName::Fleet => "fleet",
             SchemaName::Prior => "prior",
@@ -85,6 +91,7 @@ impl SchemaName {
             SchemaName::Calibration => versioned::<Calibration>(),
             SchemaName::Evaluation => of::<Evaluation>(),
             SchemaName::Diagnosis => of::<DiagnosisFile>(),
+            SchemaName::RigDiagnosis => of::<RigDiagnosisFile>(),
             SchemaName::Comparison => of::<Comparison>(),
             SchemaName::Fleet => of::<Fleet>(),
             SchemaName::Prior => versioned::<Prior>(),
@@ -93,6 +100,7 @@ impl SchemaName {
         let file = match self {
             SchemaName::Dataset => "dataset.toml of depthcal".to_owned(),
             SchemaName::Effects => "Formulas of depthcal (effects/*.toml)".to_owned(),
+            SchemaName::RigDiagnosis => "diagnosis.json of depthcal, of a rig".to_owned(),
             other => format!("{}.json of depthcal", other.name()),
         };
         schema["title"] = json!(file);

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use depthcal_calibration::adjust::adjustment::{HUBER, batch_redundancy};
 use depthcal_calibration::adjust::blocks::is_depth_only;
 use depthcal_calibration::adjust::smoothness_prior::SmoothnessBatch;
-use depthcal_calibration::observe::{DepthSample, PosedFrame};
+use depthcal_calibration::observe::{DepthSample, PosedFrame, SampledFrame};
 use depthcal_model::Target;
-use depthcal_model::chain::DepthQuery;
+use depthcal_model::chain::{DepthQuery, Workspace};
 use depthcal_model::hook::HookKind;
 use depthcal_solver::{
     BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, NoiseError, Options, Prior, Report,
@@ -31,9 +31,12 @@ pub struct RigAdjustment {
 /// Variables and batches of a camera.
 struct OfCamera {
     place: Option<Key<Isometry3<f64>>>,
+    drift: Option<Key<DVector<f64>>>,
     blocks: Vec<Key<DVector<f64>>>,
     image: Option<BatchId>,
     depth: Option<BatchId>,
+    /// Standard deviations of its depth samples, 1/mm, frame after frame.
+    depth_sigmas: Vec<f64>,
 }
 
 /// A solved adjustment.
@@ -42,14 +45,35 @@ pub struct Adjusted {
     pub rig_from_board: Vec<Isometry3<f64>>,
     /// `camera_from_rig` of every camera.
     pub camera_from_rig: Vec<Isometry3<f64>>,
+    /// How the place of every camera changes, ω and τ; `None` where it does not.
+    pub drift: Vec<Option<[f64; 6]>>,
     /// Parameters of every camera, in the order of [`depthcal_model::Camera::theta`].
     pub theta: Vec<Vec<f64>>,
     /// Whitened residuals of every camera's markers, u, v per marker, frame after frame.
     pub image_residuals: Vec<Vec<f64>>,
-    /// Whitened residuals of every camera's depth samples, frame after frame.
+    /// Residuals of every camera's depth samples in inverse depth, predicted minus measured, 1/mm, frame after frame.
     pub depth_residuals: Vec<Vec<f64>>,
     /// How the solver went.
     pub report: Report,
+}
+
+impl Adjusted {
+    /// Gives a state the values of its adjustment.
+    pub fn give(&self, state: &mut RigState) {
+        for (frame, pose) in state.frames.iter_mut().zip(&self.rig_from_board) {
+            frame.rig_from_board = *pose;
+        }
+        for ((camera, theta), place) in state.cameras.iter_mut().zip(&self.theta).zip(&self.camera_from_rig) {
+            camera.camera = camera.camera.with_theta(theta);
+            camera.camera_from_rig = *place;
+        }
+        for (camera, change) in state.cameras.iter_mut().zip(&self.drift) {
+            if let (Some(drift), Some(change)) = (&mut camera.drift, change) {
+                drift.change = *change;
+            }
+        }
+        state.place_boards();
+    }
 }
 
 impl RigAdjustment {
@@ -71,6 +95,10 @@ impl RigAdjustment {
             let place = (number > 0).then(|| values.insert(camera.camera_from_rig));
             if let Some(place) = place {
                 graph.label(place, format!("{}/camera_from_rig", camera.name));
+            }
+            let drift = place.and(camera.drift.as_ref()).map(|d| values.insert(DVector::from_column_slice(&d.change)));
+            if let Some(drift) = drift {
+                graph.label(drift, format!("{}/extrinsics_drift", camera.name));
             }
             let has_depth = camera.has_depth();
             let mut variable = |block: &depthcal_model::Block| {
@@ -112,19 +140,21 @@ impl RigAdjustment {
             }
             let image_blocks = camera.camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
             let chain = Arc::new(camera.camera.chain());
-            let variables = CameraVariables { chain, place, blocks: blocks.clone(), image_blocks };
+            let variables = CameraVariables { chain, place, drift, blocks: blocks.clone(), image_blocks };
             let loss = || Loss::Huber { delta: HUBER };
-            let groups = markers(camera, &frames);
+            let drifted = drifted_shares(camera, state);
+            let groups = markers(camera, &frames, &drifted);
             let image = (!groups.is_empty()).then(|| {
                 let name = format!("{}/image", camera.name);
                 graph.add_batch(RigBatch::of_markers(name, variables.clone(), groups, loss()))
             });
-            let groups = depth(camera, &frames);
+            let groups = depth(camera, &frames, &drifted);
+            let depth_sigmas = groups.iter().flat_map(|group| group.observed.sigmas()).copied().collect();
             let depth = (!groups.is_empty()).then(|| {
                 let name = format!("{}/depth", camera.name);
                 graph.add_batch(RigBatch::of_depth(name, variables, groups, loss()))
             });
-            cameras.push(OfCamera { place, blocks, image, depth });
+            cameras.push(OfCamera { place, drift, blocks, image, depth, depth_sigmas });
         }
         Ok(Self { graph, values, frames, cameras })
     }
@@ -140,15 +170,20 @@ impl RigAdjustment {
         self.values = solution.values;
         let residuals =
             |batch: Option<BatchId>| batch.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default();
+        let in_inverse_depth = |camera: &OfCamera| {
+            residuals(camera.depth).iter().zip(&camera.depth_sigmas).map(|(r, sigma)| r * sigma).collect()
+        };
         let theta =
             |camera: &OfCamera| camera.blocks.iter().flat_map(|k| self.values.get(*k).iter().copied()).collect();
         let place = |camera: &OfCamera| camera.place.map_or_else(Isometry3::identity, |key| *self.values.get(key));
+        let drift = |camera: &OfCamera| camera.drift.map(|key| std::array::from_fn(|i| self.values.get(key)[i]));
         Ok(Adjusted {
             rig_from_board: self.frames.iter().map(|key| *self.values.get(*key)).collect(),
             camera_from_rig: self.cameras.iter().map(place).collect(),
+            drift: self.cameras.iter().map(drift).collect(),
             theta: self.cameras.iter().map(theta).collect(),
             image_residuals: self.cameras.iter().map(|c| residuals(c.image)).collect(),
-            depth_residuals: self.cameras.iter().map(|c| residuals(c.depth)).collect(),
+            depth_residuals: self.cameras.iter().map(in_inverse_depth).collect(),
             report: solution.report,
         })
     }
@@ -162,10 +197,32 @@ impl RigAdjustment {
         Covariance::compute(&self.graph, &self.values, &CovarianceOptions::default())
     }
 
-    /// Variables of the cameras in order: of each its place, but of the reference, and its blocks.
+    /// Holds everything but the poses of the board.
+    pub fn hold_cameras(&mut self) {
+        for camera in &self.cameras {
+            camera.place.iter().for_each(|key| self.graph.fix(*key));
+            camera.drift.iter().for_each(|key| self.graph.fix(*key));
+            camera.blocks.iter().for_each(|key| self.graph.fix(*key));
+        }
+    }
+
+    /// Whitened residuals of a camera's markers and depth samples at the present values.
+    pub fn whitened(&self, camera: usize) -> [Vec<f64>; 2] {
+        let of = |b: Option<BatchId>| b.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default();
+        [of(self.cameras[camera].image), of(self.cameras[camera].depth)]
+    }
+
+    /// The variable of a camera's drift.
+    pub fn drift_variable(&self, camera: usize) -> Option<VariableId> {
+        self.cameras[camera].drift.map(|key| key.id())
+    }
+
+    /// Variables of the cameras in order: of each its place, but of the reference, the drift of the place where it has one, and its
+    /// blocks.
     pub fn variables(&self) -> Vec<VariableId> {
         let of = |camera: &OfCamera| {
-            camera.place.iter().map(|k| k.id()).chain(camera.blocks.iter().map(|k| k.id())).collect::<Vec<_>>()
+            let place = camera.place.iter().map(|k| k.id()).chain(camera.drift.iter().map(|k| k.id()));
+            place.chain(camera.blocks.iter().map(|k| k.id())).collect::<Vec<_>>()
         };
         self.cameras.iter().flat_map(of).collect()
     }
@@ -180,30 +237,49 @@ impl RigAdjustment {
     }
 }
 
-fn markers(camera: &CameraState, frames: &[Key<Isometry3<f64>>]) -> Vec<RigGroup> {
-    let group = |(frame, number): (&PosedFrame, &usize)| {
+/// How far the place of a camera has drifted in each of its frames.
+fn drifted_shares(camera: &CameraState, state: &RigState) -> Vec<f64> {
+    let share = |number: &usize| camera.drift.as_ref().map_or(0.0, |drift| drift.share(&state.frames[*number].taken));
+    camera.frames.iter().map(share).collect()
+}
+
+fn markers(camera: &CameraState, frames: &[Key<Isometry3<f64>>], drifted: &[f64]) -> Vec<RigGroup> {
+    let group = |((frame, number), drifted): ((&PosedFrame, &usize), &f64)| {
         let target: &Target = &camera.capture.target;
         let observed = Observations::Markers {
             points: frame.markers.iter().map(|m| target.point(m.index)).collect(),
             pixels: frame.markers.iter().map(|m| m.pixel).collect(),
             sigmas: frame.markers.iter().map(|m| m.std_px * camera.noise.pixel_sigma).collect(),
         };
-        RigGroup { frame: frames[*number], observed }
+        RigGroup { frame: frames[*number], drifted: *drifted, observed }
     };
-    let posed = camera.capture.frames.iter().map(|f| &f.posed).zip(&camera.frames);
-    posed.filter(|(frame, _)| !frame.markers.is_empty()).map(group).collect()
+    let posed = camera.capture.frames.iter().map(|f| &f.posed).zip(&camera.frames).zip(drifted);
+    posed.filter(|((frame, _), _)| !frame.markers.is_empty()).map(group).collect()
 }
 
-fn depth(camera: &CameraState, frames: &[Key<Isometry3<f64>>]) -> Vec<RigGroup> {
-    let group = |(samples, number): (&[DepthSample], &usize)| {
+/// Groups of depth samples. Their standard deviations are those at the inverse depth that the state predicts: at the measured one,
+/// samples with an error towards far would have more weight than those towards near.
+fn depth(camera: &CameraState, frames: &[Key<Isometry3<f64>>], drifted: &[f64]) -> Vec<RigGroup> {
+    let chain = camera.camera.chain();
+    let theta = camera.camera.theta();
+    let mut work = Workspace::default();
+    let mut group = |((frame, number), drifted): ((&SampledFrame, &usize), &f64)| {
+        let samples: &[DepthSample] = &frame.samples;
         let inverse_depths: Vec<f64> = samples.iter().map(|s| 1.0 / s.depth_mm).collect();
-        let observed = Observations::Depth {
-            queries: samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect(),
-            sigmas: inverse_depths.iter().map(|rho| camera.noise.depth.sigma(*rho)).collect(),
-            inverse_depths,
+        let queries: Vec<DepthQuery> =
+            samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect();
+        let mut predicted = vec![0.0; queries.len()];
+        let mut points = vec![[0.0; 2]; queries.len()];
+        let pose = &frame.camera_from_board;
+        let at = match chain.depth(&mut work, &theta, pose, &queries, &mut predicted, &mut points, None) {
+            Ok(()) => &predicted,
+            // The solver meets the same error and says which.
+            Err(_) => &inverse_depths,
         };
-        RigGroup { frame: frames[*number], observed }
+        let sigmas = at.iter().map(|rho| camera.noise.depth.sigma(*rho)).collect();
+        let observed = Observations::Depth { queries, inverse_depths, sigmas };
+        RigGroup { frame: frames[*number], drifted: *drifted, observed }
     };
-    let sampled = camera.capture.frames.iter().map(|f| f.samples.as_slice()).zip(&camera.frames);
-    sampled.filter(|(samples, _)| !samples.is_empty()).map(group).collect()
+    let sampled = camera.capture.frames.iter().zip(&camera.frames).zip(drifted);
+    sampled.filter(|((frame, _), _)| !frame.samples.is_empty()).map(&mut group).collect()
 }

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use depthcal_model::chain::{Chain, DepthQuery, POSE, Workspace};
 use depthcal_solver::{EvaluationError, FactorBatch, Key, Loss, Values, VariableId};
-use nalgebra::{DVector, Isometry3, Vector3};
+use nalgebra::{DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
+
+use crate::drift::drifted;
 
 /// Scratch of a thread: nothing is allocated per evaluation once it has grown to the largest frame.
 #[derive(Default)]
@@ -30,6 +32,8 @@ pub struct CameraVariables {
     pub chain: Arc<Chain>,
     /// `camera_from_rig`; `None` for the reference.
     pub place: Option<Key<Isometry3<f64>>>,
+    /// How the place changes with time or temperature ([`PlaceDrift`](crate::drift::PlaceDrift)); `None` where it does not.
+    pub drift: Option<Key<DVector<f64>>>,
     /// One variable per block, in the chain's order.
     pub blocks: Vec<Key<DVector<f64>>>,
     /// How many leading blocks an image observation depends on.
@@ -66,6 +70,13 @@ impl Observations {
             Self::Depth { queries, .. } => queries.len(),
         }
     }
+
+    /// Standard deviations, one per marker or depth pixel.
+    pub fn sigmas(&self) -> &[f64] {
+        match self {
+            Self::Markers { sigmas, .. } | Self::Depth { sigmas, .. } => sigmas,
+        }
+    }
 }
 
 /// A frame's observations of one kind.
@@ -73,6 +84,8 @@ impl Observations {
 pub struct RigGroup {
     /// The frame's pose, rig from board.
     pub frame: Key<Isometry3<f64>>,
+    /// How far the camera's place has drifted in this frame, in units of its drift; 0 without one.
+    pub drifted: f64,
     /// What was observed.
     pub observed: Observations,
 }
@@ -109,37 +122,71 @@ impl RigBatch {
         (residual_dim, blocks): (usize, usize),
     ) -> Self {
         camera.blocks.truncate(blocks);
-        let shared: Vec<VariableId> =
-            camera.place.iter().map(|k| k.id()).chain(camera.blocks.iter().map(|k| k.id())).collect();
+        let place = camera.place.iter().map(|k| k.id()).chain(camera.drift.iter().map(|k| k.id()));
+        let shared: Vec<VariableId> = place.chain(camera.blocks.iter().map(|k| k.id())).collect();
         let variables =
             groups.iter().map(|g| std::iter::once(g.frame.id()).chain(shared.iter().copied()).collect()).collect();
         Self { name, camera, groups, variables, residual_dim, loss }
     }
 }
 
-/// Writes the rows of a chain's Jacobian by `camera_from_board` = `camera_from_rig` · `rig_from_board` as rows by both.
+/// A place under a drift, with what its rows take.
+#[derive(Debug, Clone, Copy)]
+struct DriftedPlace {
+    /// Of the frame.
+    camera_from_rig: Isometry3<f64>,
+    /// The rotation that the drift adds, Exp(s ω).
+    turned: UnitQuaternion<f64>,
+    /// s times the transposed right Jacobian of SO(3) at s ω, and s; `None` without a drift.
+    of_drift: Option<(Matrix3<f64>, f64)>,
+}
+
+impl DriftedPlace {
+    fn new(place: &Isometry3<f64>, drift: Option<(&DVector<f64>, f64)>) -> Self {
+        let Some((drift, s)) = drift else {
+            return Self { camera_from_rig: *place, turned: UnitQuaternion::identity(), of_drift: None };
+        };
+        let turn = Vector3::new(drift[0], drift[1], drift[2]) * s;
+        let camera_from_rig = drifted(place, drift.as_slice(), s);
+        let jacobian = right_jacobian(&turn).transpose() * s;
+        Self { camera_from_rig, turned: UnitQuaternion::from_scaled_axis(turn), of_drift: Some((jacobian, s)) }
+    }
+}
+
+/// J with Exp(φ + δ) ≈ Exp(φ) Exp(J δ) (Chirikjian 2012, 10.86).
+fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
+    let (cross, angle) = (phi.cross_matrix(), phi.norm());
+    let (a, b) = match angle < 1e-4 {
+        true => (0.5, 1.0 / 6.0),
+        false => ((1.0 - angle.cos()) / angle.powi(2), (angle - angle.sin()) / angle.powi(3)),
+    };
+    Matrix3::identity() - cross * a + cross * cross * b
+}
+
+/// Writes the rows of a chain's Jacobian by `camera_from_board` = `camera_from_rig` · `rig_from_board` as rows by both, and by the
+/// drift of `camera_from_rig` where it has one.
 ///
 /// With (R, t) = (A B, A b + a) and tangents R Exp(ω), t + τ of each: a change (ω_b, τ_b) of `rig_from_board` is (ω_b, A τ_b)
 /// of the product, and (ω_a, τ_a) of `camera_from_rig` is (Bᵀ ω_a, τ_a − A [b]× ω_a).
-fn write_rows(
-    inner: &[f64],
-    outer: &mut [f64],
-    camera_from_rig: &Isometry3<f64>,
-    rig_from_board: &Isometry3<f64>,
-    columns: usize,
-) {
-    let to_rig = camera_from_rig.rotation.inverse();
+fn write_rows(inner: &[f64], outer: &mut [f64], place: &DriftedPlace, rig_from_board: &Isometry3<f64>, columns: usize) {
+    let to_rig = place.camera_from_rig.rotation.inverse();
     let b = rig_from_board.translation.vector;
-    for (inner, outer) in inner.chunks_exact(columns).zip(outer.chunks_exact_mut(columns + POSE)) {
+    let blocks = 2 * POSE + if place.of_drift.is_some() { POSE } else { 0 };
+    for (inner, outer) in inner.chunks_exact(columns).zip(outer.chunks_exact_mut(columns - POSE + blocks)) {
         let by_turn = Vector3::new(inner[0], inner[1], inner[2]);
         let by_shift = Vector3::new(inner[3], inner[4], inner[5]);
         let shift_in_rig = to_rig * by_shift;
+        // By ω of the drifted place.
         let turn_of_place = rig_from_board.rotation * by_turn + b.cross(&shift_in_rig);
         outer[0..3].copy_from_slice(by_turn.as_slice());
         outer[3..6].copy_from_slice(shift_in_rig.as_slice());
-        outer[6..9].copy_from_slice(turn_of_place.as_slice());
+        outer[6..9].copy_from_slice((place.turned * turn_of_place).as_slice());
         outer[9..12].copy_from_slice(by_shift.as_slice());
-        outer[12..].copy_from_slice(&inner[POSE..]);
+        if let Some((jacobian, s)) = &place.of_drift {
+            outer[12..15].copy_from_slice((jacobian * turn_of_place).as_slice());
+            outer[15..18].copy_from_slice((by_shift * *s).as_slice());
+        }
+        outer[blocks..].copy_from_slice(&inner[POSE..]);
     }
 }
 
@@ -181,17 +228,18 @@ impl FactorBatch for RigBatch {
         residuals: &mut [f64],
         mut jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError> {
-        let RigGroup { frame, observed } = &self.groups[group];
+        let RigGroup { frame, drifted, observed } = &self.groups[group];
         let rig_from_board = values.get(*frame);
-        let camera_from_rig = self.camera.place.map(|place| values.get(place));
-        let pose = camera_from_rig.map_or(*rig_from_board, |place| place * rig_from_board);
+        let drift = self.camera.drift.map(|drift| (values.get(drift), *drifted));
+        let place = self.camera.place.map(|place| DriftedPlace::new(values.get(place), drift));
+        let pose = place.map_or(*rig_from_board, |place| place.camera_from_rig * rig_from_board);
         SCRATCH.with_borrow_mut(|scratch| {
             let Scratch { work, theta, points, inverse_depths, rows } = scratch;
             theta.clear();
             self.camera.blocks.iter().for_each(|key| theta.extend(values.get(*key).iter()));
             let columns = POSE + theta.len();
             // The reference's rows are the chain's own.
-            let mut own = match (&mut jacobian, camera_from_rig) {
+            let mut own = match (&mut jacobian, place) {
                 (Some(_), Some(_)) => {
                     rows.resize(residuals.len() * columns, 0.0);
                     Some(&mut rows[..])
@@ -227,7 +275,7 @@ impl FactorBatch for RigBatch {
                     }
                 }
             }
-            if let (Some(jacobian), Some(place)) = (jacobian, camera_from_rig) {
+            if let (Some(jacobian), Some(place)) = (jacobian, &place) {
                 write_rows(rows, jacobian, place, rig_from_board, columns);
             }
             Ok(())

@@ -22,7 +22,18 @@ use crate::state::{CameraState, RigState};
 ///
 /// [`RigError`]; see [`RigError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCalibrated, RigError> {
-    let Started { mut state, pairs, alone, is_declared } = start(capture, options)?;
+    let mut started = start(capture, options)?;
+    for (camera, drift) in &options.drifts {
+        if let Some(own) = started.state.cameras.iter_mut().skip(1).find(|c| c.name == *camera) {
+            own.drift = Some(*drift);
+        }
+    }
+    fit(&capture.name, started, options)
+}
+
+/// From start values to a calibrated rig.
+fn fit(name: &str, started: Started, options: &RigOptions) -> Result<RigCalibrated, RigError> {
+    let Started { mut state, pairs, alone, is_declared } = started;
     let _stage = options.each.progress.stage("joint adjustment of the rig");
     let Settled { adjustment, adjusted, covariance } = settle(&mut state)?;
     let covariance = covariance.joint(&adjustment.variables());
@@ -39,14 +50,15 @@ pub fn calibrate_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCa
         cameras.push(camera);
     }
     Ok(RigCalibrated {
-        name: capture.name.clone(),
+        name: name.to_owned(),
         cameras,
-        frames: state.frames,
+        frames: state.frames.clone(),
         covariance,
         pairs,
         cost: adjusted.report.cost,
         iterations: adjusted.report.iterations,
         termination: adjusted.report.termination.to_string(),
+        state,
     })
 }
 
@@ -54,7 +66,8 @@ pub fn calibrate_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCa
 fn ranges(state: &RigState) -> Vec<Range<usize>> {
     let mut first = 0;
     let range = |(number, camera): (usize, &CameraState)| {
-        let places = if number == 0 { 0 } else { PLACE.len() };
+        let drift = usize::from(number > 0 && camera.drift.is_some());
+        let places = if number == 0 { 0 } else { PLACE.len() * (1 + drift) };
         let start = first;
         first += places + camera.camera.theta().len();
         start..first
@@ -69,14 +82,15 @@ fn camera_fit(
     [image, depth]: [&[f64]; 2],
     alone: Calibrated,
 ) -> CameraFit {
-    let place_std_dev =
-        (number > 0).then(|| std::array::from_fn(|i| covariance[(range.start + i, range.start + i)].max(0.0).sqrt()));
+    let std_devs = |first: usize| std::array::from_fn(|i| covariance[(first + i, first + i)].max(0.0).sqrt());
+    let place_std_dev = (number > 0).then(|| std_devs(range.start));
+    let drift = camera.drift.filter(|_| number > 0).map(|drift| (drift, std_devs(range.start + PLACE.len())));
     let parameters = camera.camera.theta().len();
     let own = covariance.view((range.end - parameters, range.end - parameters), (parameters, parameters)).into_owned();
     let stds = camera.capture.frames.iter().flat_map(|f| f.markers.iter().map(|m| m.std_px));
     // The noise in which residuals are whitened is that of the round before; they differ by less than a per cent.
     let distances = image.chunks_exact(2).zip(stds).map(|(r, std)| r[0].hypot(r[1]) * std * camera.noise.pixel_sigma);
-    let depth_mm = inverse_depth_residuals(camera, depth).into_iter().map(|(rho, r)| 1.0 / rho - 1.0 / (rho + r));
+    let depth_mm = inverse_depth_residuals(camera, depth).into_iter().map(|(rho, r)| 1.0 / (rho - r) - 1.0 / rho);
     let with_depth = camera.has_depth();
     let calibrated = Calibrated {
         camera: camera.camera.clone(),
@@ -95,6 +109,7 @@ fn camera_fit(
         name: camera.name.clone(),
         camera_from_rig: camera.camera_from_rig,
         place_std_dev,
+        drift,
         calibrated,
         left_open: Vec::new(),
     }

@@ -4,7 +4,8 @@ use depthcal_calibration::calibrate::Calibrated;
 use depthcal_io::LeftOpen;
 use nalgebra::{DMatrix, Isometry3};
 
-use crate::state::RigFrame;
+use crate::drift::PlaceDrift;
+use crate::state::{RigFrame, RigState};
 use crate::views::PairSummary;
 
 /// A calibrated rig.
@@ -27,6 +28,8 @@ pub struct RigCalibrated {
     pub iterations: usize,
     /// Why it stopped.
     pub termination: String,
+    /// What was adjusted last, with the values that it ended with.
+    pub state: RigState,
 }
 
 /// One camera of a calibrated rig.
@@ -38,6 +41,8 @@ pub struct CameraFit {
     pub camera_from_rig: Isometry3<f64>,
     /// Standard deviations of the place's tangent (ω, τ), rad and mm; `None` for the reference.
     pub place_std_dev: Option<[f64; 6]>,
+    /// How the place changes with time or temperature, with standard deviations of the change; `None` where it does not.
+    pub drift: Option<(PlaceDrift, [f64; 6])>,
     /// The camera with its own part of the fit, as if it had been calibrated alone.
     pub calibrated: Calibrated,
     /// Parameters that the boards leave open.
@@ -55,12 +60,15 @@ impl CameraFit {
 }
 
 impl RigCalibrated {
-    /// `CAMERA/PIECE.PARAMETER` or `CAMERA/camera_from_rig.rx` of every row of the covariance, and whether it is free.
+    /// `CAMERA/PIECE.PARAMETER`, `CAMERA/camera_from_rig.rx` or `CAMERA/extrinsics_drift.rx` of every row of the covariance, and whether it is free.
     pub fn parameters(&self) -> Vec<(String, bool)> {
         let mut names = Vec::new();
         for camera in &self.cameras {
             if camera.place_std_dev.is_some() {
                 names.extend(PLACE.map(|p| (format!("{}/camera_from_rig.{p}", camera.name), true)));
+            }
+            if camera.drift.is_some() {
+                names.extend(PLACE.map(|p| (format!("{}/extrinsics_drift.{p}", camera.name), true)));
             }
             let own = depthcal_calibration::calibration_record::parameter_names(&camera.calibrated.camera);
             names.extend(own.into_iter().map(|(name, free)| (format!("{}/{name}", camera.name), free)));

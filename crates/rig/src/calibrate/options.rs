@@ -5,6 +5,7 @@ use depthcal_calibration::calibrate::{CalibrateOptions, HeldParameter};
 use depthcal_model::{ModelSpec, PieceSpec};
 
 use crate::capture::CameraCapture;
+use crate::drift::PlaceDrift;
 use crate::error::RigError;
 
 /// An effect of one camera, or of all.
@@ -37,6 +38,8 @@ pub struct RigOptions {
     pub effects: Vec<EffectOf>,
     /// Held parameters of single cameras or of all.
     pub held: Vec<HeldOf>,
+    /// Cameras whose place changes with time or temperature, and how; the change is where the fit starts.
+    pub drifts: Vec<(String, PlaceDrift)>,
 }
 
 impl RigOptions {

@@ -46,7 +46,7 @@ pub(super) fn settle(state: &mut RigState) -> Result<Settled, RigError> {
         let mut adjustment = RigAdjustment::new(state)?;
         let adjusted = adjustment.solve_within(if round == 1 { FIRST_DECREASE } else { LAST_DECREASE })?;
         debug!("round {round}: {} iterations", adjusted.report.iterations);
-        take(state, &adjusted);
+        adjusted.give(state);
         let covariance = adjustment.covariance().map_err(|error| undetermined(error, state))?;
         let (mut settled, mut dropped) = (true, 0);
         for (number, camera) in state.cameras.iter_mut().enumerate() {
@@ -72,23 +72,10 @@ pub(super) fn settle(state: &mut RigState) -> Result<Settled, RigError> {
     }
 }
 
-/// Takes the values of an adjustment over.
-fn take(state: &mut RigState, adjusted: &Adjusted) {
-    for (frame, pose) in state.frames.iter_mut().zip(&adjusted.rig_from_board) {
-        frame.rig_from_board = *pose;
-    }
-    for ((camera, theta), place) in state.cameras.iter_mut().zip(&adjusted.theta).zip(&adjusted.camera_from_rig) {
-        camera.camera = camera.camera.with_theta(theta);
-        camera.camera_from_rig = *place;
-    }
-    state.place_boards();
-}
-
-/// (inverse depth, residual in inverse depth) of every sample, 1/mm.
-pub(super) fn inverse_depth_residuals(camera: &CameraState, whitened: &[f64]) -> Vec<(f64, f64)> {
+/// (predicted inverse depth, residual in inverse depth) of every sample, 1/mm, of residuals frame after frame.
+pub(super) fn inverse_depth_residuals(camera: &CameraState, residuals: &[f64]) -> Vec<(f64, f64)> {
     let samples = camera.capture.frames.iter().flat_map(|f| f.samples.iter());
-    let pairs = samples.zip(whitened).map(|(s, r)| (1.0 / s.depth_mm, r));
-    pairs.map(|(rho, r)| (rho, r * camera.noise.depth.sigma(rho))).collect()
+    samples.zip(residuals).map(|(s, r)| (1.0 / s.depth_mm + r, *r)).collect()
 }
 
 /// Variance components of a camera's markers and depth with redundancies from the covariance.

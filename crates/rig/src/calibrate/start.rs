@@ -10,6 +10,7 @@ use nalgebra::Isometry3;
 use super::options::RigOptions;
 use crate::capture::RigCapture;
 use crate::depth_only::{DepthStart, priors_of, start_depth_camera};
+use crate::drift::Taken;
 use crate::error::RigError;
 use crate::state::{CameraState, RigFrame, RigState};
 use crate::views::{Node, PairSummary, connect};
@@ -76,6 +77,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             name: camera.name.clone(),
             camera: prepared.camera.clone(),
             camera_from_rig,
+            drift: None,
             noise: prepared.noise,
             smoothness: prepared.smoothness.clone(),
             capture: prepared.capture.clone(),
@@ -101,7 +103,9 @@ fn rig_frames(
         for frame in &own.frames {
             let markers = frame.markers.len();
             let rig_from_board = place.inverse() * frame.camera_from_board;
-            let rig_frame = || RigFrame { name: frame.name.clone(), rig_from_board, metadata: frame.metadata.clone() };
+            let taken = Taken::of(frame);
+            let (name, metadata) = (frame.name.clone(), frame.metadata.clone());
+            let rig_frame = || RigFrame { name, rig_from_board, metadata, taken };
             match best.get(&frame.name) {
                 Some((most, _)) if *most >= markers => {}
                 _ => _ = best.insert(frame.name.clone(), (markers, rig_frame())),

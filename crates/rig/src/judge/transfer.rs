@@ -9,6 +9,7 @@ use depthcal_statistics::rms;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::capture::CameraCapture;
+use crate::drift::Taken;
 use crate::placed::PlacedCamera;
 
 /// Ranges of distance in which errors are reported.
@@ -65,7 +66,6 @@ fn points(
     (to, capture): (&PlacedCamera, &CameraCapture),
     to_errors: &Evaluated,
 ) -> Vec<TransferPoint> {
-    let to_from = to.from(from);
     let seen: BTreeMap<&str, BTreeMap<usize, [f64; 2]>> = capture
         .capture
         .frames
@@ -76,6 +76,8 @@ fn points(
     let mut all = Vec::new();
     for frame in &from_errors.frames {
         let Some(pixels) = seen.get(frame.name.as_str()) else { continue };
+        let taken = capture.capture.frames.iter().find(|f| f.name == frame.name).map(|f| Taken::of(f));
+        let to_from = taken.map_or_else(|| to.from(from), |taken| to.at(&taken).from(&from.at(&taken)));
         for marker in &frame.markers {
             let Some(pixel) = pixels.get(&marker.index) else { continue };
             let error = |point: [f64; 3]| error(&to.camera, &to_from, point, *pixel);

@@ -194,6 +194,7 @@ fn a_rig_raises_the_version() {
             rotation: [1.0, 0.0, 0.0, 0.0],
             translation_mm: [-50.0, 0.0, 0.1],
             std_dev: Some(PlaceStdDev { rotation_rad: [1e-5; 3], translation_mm: [0.01; 3] }),
+            drift: None,
         },
         pieces,
         noise: NoiseRecord::default(),

@@ -1,0 +1,96 @@
+//! The files and words of a diagnosis of one camera.
+
+use std::path::Path;
+
+use depthcal_calibration::diagnose::Diagnosis;
+use depthcal_calibration::diagnose::record::to_file;
+use depthcal_calibration::diagnose::separability::separability;
+use depthcal_calibration::judge::evaluate::Evaluated;
+use depthcal_calibration::load::Loaded;
+use depthcal_formula::file_text;
+use depthcal_io::write_atomically;
+use depthcal_report::format::count;
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, formula_plot};
+use serde_json::{Value, json};
+
+use super::common::{frames_of, value_of, write_calibration, write_report};
+use super::failure::{Failure, input};
+use super::session::Session;
+use super::voice::say;
+
+/// What the results contain besides the diagnosis itself.
+pub(super) struct Told<'a> {
+    pub(super) title: String,
+    pub(super) command_line: String,
+    /// The declared model.
+    pub(super) model: &'a str,
+    /// Whether the errors are those of another dataset.
+    pub(super) verified: bool,
+    /// Sentences that introduce the report.
+    pub(super) story: Vec<String>,
+}
+
+/// Prints a diagnosis and writes its files: record, calibration of the last model, errors, report. `fitted` are the errors of the
+/// last model on the frames that it was fitted to.
+pub(super) fn tell(
+    d: &Diagnosis,
+    fitted: &Evaluated,
+    loaded: &Loaded,
+    told: Told<'_>,
+    session: &Session,
+    out: &Path,
+) -> Result<Value, Failure> {
+    let mut register = session.register.clone();
+    for formula in &d.formulas {
+        formula.effect.register(&mut register).map_err(input)?;
+    }
+    let mut record = to_file(d, loaded.reference.clone(), told.model);
+    // The matrix is optional in the record; the diagnosis itself has linearised the same model.
+    let stage = session.progress.stage("separability");
+    record.separability = separability(d, &register).ok();
+    drop(stage);
+    let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
+    say!("fitted to {used} of {}", count(all, "frame"));
+    say!("\n{}", diagnosis_text(&record));
+    let file = out.join("diagnosis.json");
+    record.write(&file).map_err(input)?;
+    let mut held_out = d.after.evaluated.record();
+    held_out.name = format!("{} (held out)", held_out.name);
+    let calibration = write_calibration(&d.last, fitted, loaded, vec![fitted.record(), held_out], &register, out)?;
+    let role = if told.verified { Role::Other } else { Role::HeldOut };
+    let shown = [
+        ReportDataset { evaluated: fitted, role: Role::Fitted },
+        ReportDataset { evaluated: &d.after.evaluated, role },
+    ];
+    let report = ReportInput {
+        title: told.title,
+        command_line: told.command_line,
+        stages: session.progress.stage_times(),
+        calibrated: Some(&d.last),
+        evaluations: &shown,
+        diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated, register: &register }),
+        story: &told.story,
+    };
+    let report = write_report(&report, session, out)?;
+    say!("written: {} and {}", file.display(), report.display());
+    let mut written = vec![file, calibration, report];
+    for formula in &d.formulas {
+        let folder = out.join("effects");
+        let name = formula.effect.name();
+        let files = [
+            (format!("{name}.toml"), file_text(std::slice::from_ref(&formula.effect))),
+            (format!("{name}.rs"), formula.effect.rust()),
+            (format!("{name}.svg"), formula_plot(&formula.effect)),
+        ];
+        for (file, text) in files {
+            let path = folder.join(file);
+            write_atomically(&path, |file| file.write_all(text.as_bytes())).map_err(input)?;
+            written.push(path);
+        }
+        say!("written: {} with .rs and .svg", folder.join(format!("{name}.toml")).display());
+    }
+    let capture = &d.last.capture;
+    let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
+    frames["left_out"] = value_of(&record.bad_frames)?;
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": written }))
+}
