@@ -3,26 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_formula::file_text;
 use depthcal_io::write_atomically;
 use depthcal_model::Register;
 
 use serde_json::{Value, json};
 
-use super::common::{Output, Reading, command_line, frames_of, value_of, write_calibration, write_report};
+use super::common::{Output, Reading, command_line, frames_of, value_of, write_report};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::recording::Recording;
-use super::session::{LENSES, Session, lens_of};
+use super::session::Session;
 use super::voice::say;
-use depthcal_calibration::calibrate::CalibrateOptions;
-use depthcal_calibration::diagnose::record::to_file;
-use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::Evaluated;
-use depthcal_calibration::load::{Loaded, declared_camera};
+use depthcal_calibration::load::Loaded;
+use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames, diagnosis_record, write_calibration};
 use depthcal_report::format::count;
-use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, formula_plot};
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files};
 
 /// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
 /// them, fits again, and reports held-out errors before and after.
@@ -69,12 +66,7 @@ pub(super) struct Diagnose {
 
 impl From<DiagnoseError> for Failure {
     fn from(error: DiagnoseError) -> Self {
-        match error {
-            DiagnoseError::Calibrate(error) => error.into(),
-            DiagnoseError::Score(error) => Failure::Untrusted(error.to_string()),
-            DiagnoseError::NotFitted { .. } => Failure::Untrusted(error.to_string()),
-            DiagnoseError::NoDepth { .. } => Failure::Input(error.to_string()),
-        }
+        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
     }
 }
 
@@ -87,20 +79,17 @@ impl Diagnose {
     }
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let (effects, held) = session.effects(&self.with)?;
-        let mut options = CalibrateOptions {
-            model: session.model("--model", &self.model)?,
-            effects,
-            held,
-            ..session.calibrate_options()
+        let request = ModelRequest {
+            names: OptionNames::COMMAND_LINE,
+            model: self.model.clone(),
+            with: self.with.clone(),
+            lens: self.lens.clone(),
         };
+        let options = request.options(session.calibrate_options())?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
-        let (width, height) = (loaded.capture.width, loaded.capture.height);
-        options.lens = lens_of(self.lens.as_deref(), &loaded.dataset);
-        options.camera =
-            declared_camera(&loaded.dataset, width, height, self.lens.as_deref(), &options.register).map_err(input)?;
+        let options = request.for_dataset(options, &loaded)?;
         let folds = usize::from(self.folds);
         let formulas = !self.no_discovery;
         let options = DiagnoseOptions { calibrate: options, folds, formulas, ..DiagnoseOptions::default() };
@@ -149,15 +138,9 @@ pub(super) fn tell(
     session: &Session,
     out: &Path,
 ) -> Result<Value, Failure> {
-    let mut register = session.register.clone();
-    for formula in &d.formulas {
-        formula.effect.register(&mut register).map_err(input)?;
-    }
-    let mut record = to_file(d, loaded.reference.clone(), told.model);
-    // The matrix is optional in the record; the diagnosis itself has linearised the same model.
-    let stage = session.progress.stage("separability");
-    record.separability = separability(d, &register).ok();
-    drop(stage);
+    let reference = loaded.reference.clone();
+    let (record, register) =
+        diagnosis_record(d, reference, told.model, &session.register, &session.progress).map_err(input)?;
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
     say!("\n{}", diagnosis_text(&record));
@@ -165,7 +148,8 @@ pub(super) fn tell(
     record.write(&file).map_err(input)?;
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
-    let calibration = write_calibration(&d.last, fitted, loaded, vec![fitted.record(), held_out], &register, out)?;
+    let datasets = vec![fitted.record(), held_out];
+    let calibration = write_calibration(&d.last, fitted, loaded, datasets, &register, out).map_err(input)?;
     let role = if told.verified { Role::Other } else { Role::HeldOut };
     let shown = [
         ReportDataset { evaluated: fitted, role: Role::Fitted },
@@ -186,12 +170,7 @@ pub(super) fn tell(
     for formula in &d.formulas {
         let folder = out.join("effects");
         let name = formula.effect.name();
-        let files = [
-            (format!("{name}.toml"), file_text(std::slice::from_ref(&formula.effect))),
-            (format!("{name}.rs"), formula.effect.rust()),
-            (format!("{name}.svg"), formula_plot(&formula.effect)),
-        ];
-        for (file, text) in files {
+        for (file, text) in effect_files(&formula.effect) {
             let path = folder.join(file);
             write_atomically(&path, |file| file.write_all(text.as_bytes())).map_err(input)?;
             written.push(path);
