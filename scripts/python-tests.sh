@@ -56,8 +56,10 @@ sources=$target/python/sources
 rm -rf "$sources" && mkdir -p "$sources"
 "$tools/bin/maturin" sdist --quiet --manifest-path crates/python/Cargo.toml --out "$sources"
 tar -xzf "$sources"/depthcal-*.tar.gz -C "$sources"
-CARGO_TARGET_DIR=$(realpath "$target") "$tools/bin/maturin" build --quiet --profile "$profile" --out "$sources" \
-    --manifest-path "$sources"/depthcal-*/crates/python/Cargo.toml
+maturin=$(realpath "$tools/bin/maturin")
+out=$(realpath "$sources")
+shared=$(realpath "$target") # so that dependencies are not built again
+(cd "$sources"/depthcal-*/ && CARGO_TARGET_DIR="$shared" "$maturin" build --quiet --profile "$profile" --out "$out")
 "$python" -m venv --clear "$fresh"
 "$fresh/bin/pip" install --quiet "$sources"/depthcal-*.whl
 "$fresh/bin/python" -c 'import depthcal; print("from the source distribution:", depthcal.simulate_points(frames=6))'

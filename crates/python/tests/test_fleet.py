@@ -82,7 +82,7 @@ def test_an_array_task_does_its_part_and_no_more(tmp_path):
     assert done.stdout.count("was done") == 2
     subprocess.run([*run, "table", tmp_path / "out"], check=True)
     table = pyarrow.parquet.read_table(tmp_path / "out" / "results.parquet").to_pandas().set_index("unit")
-    assert len(table) == 3 and (table["verdict"] == "explained").all() and (table["effects"] == "cyclic_depth").all()
+    assert len(table) == 3 and (table["verdict"] == "effect").all() and (table["effects"] == "cyclic_depth").all()
     assert (table["depth_rms_mm"] < table["depth_rms_before_mm"]).all()
     assert (tmp_path / "out" / "simulated_1" / "report.html").exists()
 

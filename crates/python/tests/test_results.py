@@ -75,7 +75,7 @@ def test_evaluation_on_another_capture(tmp_path):
 def test_a_diagnosis_names_what_was_planted():
     planted = depthcal.simulate_points(frames=24, samples=300, effects=["cyclic_depth=6"], seed=1)
     diagnosis = depthcal.diagnose(planted, discovery=False)
-    assert diagnosis.verdict == "explained" and diagnosis.steps[0].effect == "cyclic_depth"
+    assert diagnosis.verdict == "effect" and diagnosis.steps[0].effect == "cyclic_depth"
     step = diagnosis.steps[0]
     assert step.depth_rms_after_mm < step.depth_rms_before_mm and step.gain_low_percent > 0
     assert any(row.name.startswith("cyclic_depth.") for row in diagnosis.calibration.parameters)

@@ -191,7 +191,7 @@ def effect(
     of some hundred points, by one thread at a time, 1 + 2 · (parameters) times for every linearisation. :attr:`Effect.cost` counts calls and seconds. Write a formula where the effect is one (:meth:`Effect.formula`).
 
     Raises :class:`InputError` where the function is not zero at nominal parameters, gives something else than finite numbers, lets points
-    depend on each other, or is too rough to be differentiated (single precision, tables without interpolation).
+    depend on each other, or is too rough to be differentiated (half precision, tables without interpolation).
     """
 
     def make(function: Callable[..., Any]) -> Effect:
@@ -340,7 +340,9 @@ def _check_derivatives(
     checks += [(names[k], lambda step, k=k: by_parameter(k, step)) for k in range(len(names))]
     for what, derivative in checks:
         fine, coarse = derivative(_STEP), derivative(_SECOND_STEP)
-        size = max(float(np.sqrt(np.mean(coarse**2))), float(np.sqrt(np.mean(fine**2))))
+        # Derivatives of a millionth of the values themselves are rounding.
+        typical = 1e-6 * float(np.sqrt(np.mean(at(theta) ** 2)))
+        size = max(float(np.sqrt(np.mean(coarse**2))), float(np.sqrt(np.mean(fine**2))), typical)
         if size == 0.0:
             continue
         apart = np.abs(fine - coarse) / size
