@@ -188,7 +188,7 @@ def effect(
     ...     return (a * (u - 320) / 640 + b * (v - 240) / 480) * z / range
 
     The function is differentiated by central differences, which are checked here against those of another step. It is called in batches
-    of some hundred points, by one thread at a time, 1 + 2 · (parameters) times for every linearisation. :attr:`Effect.cost` counts calls and seconds. Write a formula where the effect is one (:meth:`Effect.formula`).
+    of some dozens of points, by one thread at a time, 1 + 2 · (parameters) times for every linearisation. :attr:`Effect.cost` counts calls and seconds. Write a formula where the effect is one (:meth:`Effect.formula`).
 
     Raises :class:`InputError` where the function is not zero at nominal parameters, gives something else than finite numbers, lets points
     depend on each other, or is too rough to be differentiated (half precision, tables without interpolation).
