@@ -7,7 +7,7 @@ SKIPPED := $(CURDIR)/target/skipped-tests
 # Tests compare with OpenCV; the demo, whose board has dots, does not need it.
 OPENCV := depthcal-detect/opencv
 
-.PHONY: help setup test demo check recordings bench
+.PHONY: help setup test demo check recordings python bench
 
 help: ## this list
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */  make \1	/' | expand -t 16
@@ -34,6 +34,9 @@ check: setup ## formatting, clippy and rustdoc without warnings, and the build w
 recordings: setup ## clippy and tests of --rrd, which brings some 230 more crates
 	$(CARGO) clippy -p depthcal-report --all-targets --features rerun -- -D warnings
 	$(CARGO) test -p depthcal-report --features rerun --lib rerun::
+
+python: ## build the wheel of the Python package and run its tests in a fresh environment
+	@./scripts/python-tests.sh
 
 bench: setup ## run the benchmarks
 	$(CARGO) bench --workspace

@@ -75,7 +75,7 @@ fn frames(c: &mut Criterion) {
     let n = width * height;
     let depth = DepthImage { width, height, data: (0..n).map(|i| 300 + (i * 7 % 3000) as u16).collect() };
     let amplitude = GrayImage { width, height, data: (0..n).map(|i| 500 + (i * 13 % 4000) as u16).collect(), bits: 16 };
-    let context = FrameContext { amplitude: Some(&amplitude), ..FrameContext::default() };
+    let context = FrameContext { amplitude: Some((&amplitude).into()), ..FrameContext::default() };
     let mut group = c.benchmark_group("apply");
     group.sample_size(10).throughput(Throughput::Elements(n as u64));
     for (name, pieces, theta) in effects() {

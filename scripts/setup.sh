@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs what depthcal needs in addition to the Rust toolchain: OpenCV with its headers, libclang and clang (the opencv crate
-# generates its bindings with them), pkg-config and a C++ compiler. Quiet and fast when everything is there already.
+# generates its bindings with them), pkg-config and a C++ compiler. Quiet and fast when everything is there already. On Debian, numpy and
+# pytest for the tests of the Python package as well, which are skipped where these cannot be installed.
 set -euo pipefail
 
 say() { printf 'setup: %s\n' "$*" >&2; }
@@ -24,6 +25,14 @@ have_opencv() {
     have_command pkg-config && { pkg-config --exists opencv4 || pkg-config --exists opencv5; }
 }
 
+have_python_tests() {
+    local python
+    for python in ${DEPTHCAL_PYTHON:-python3 /usr/bin/python3}; do
+        "$python" -c 'import numpy, pytest' >/dev/null 2>&1 && return 0
+    done
+    return 1
+}
+
 missing=()
 have_command pkg-config || missing+=(pkg-config)
 have_opencv || missing+=(libopencv-dev)
@@ -35,7 +44,12 @@ if ! have_command cargo; then
     say "cargo was not found; install the Rust toolchain from https://rustup.rs and run this again"
     exit 1
 fi
-[ "${#missing[@]}" -eq 0 ] && exit 0
+# Nobody is asked for a password for what is not necessary.
+optional=()
+if have_command apt-get && [ "$(id -u)" -eq 0 ] && ! have_python_tests; then
+    optional=(python3-numpy python3-pytest)
+fi
+[ "${#missing[@]}" -eq 0 ] && [ "${#optional[@]}" -eq 0 ] && exit 0
 
 if have_command apt-get; then
     as_root=()
@@ -43,21 +57,26 @@ if have_command apt-get; then
         have_command sudo || { say "missing: ${missing[*]}; as root: apt-get install ${missing[*]}"; exit 1; }
         as_root=(sudo)
     fi
-    say "installing ${missing[*]} with apt-get (a few minutes the first time)"
+    wanted=("${missing[@]}" "${optional[@]}")
+    say "installing ${wanted[*]} with apt-get (a few minutes the first time)"
     log=$(mktemp)
     trap 'rm -f "$log"' EXIT
     install() {
         "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-            apt-get install -y --no-install-recommends "${missing[@]}" >>"$log" 2>&1
+            apt-get install -y --no-install-recommends "$@" >>"$log" 2>&1
+    }
+    update_and_install() {
+        : >"$log"
+        "${as_root[@]}" apt-get update >>"$log" 2>&1 && install "$@"
     }
     # The package lists of a fresh container are empty: update only when the first attempt fails.
-    if ! install; then
-        : >"$log"
-        if ! { "${as_root[@]}" apt-get update >>"$log" 2>&1 && install; }; then
-            cat "$log" >&2
-            say "apt-get could not install ${missing[*]}; its messages are above"
-            exit 1
-        fi
+    if [ "${#missing[@]}" -gt 0 ] && ! install "${missing[@]}" && ! update_and_install "${missing[@]}"; then
+        cat "$log" >&2
+        say "apt-get could not install ${missing[*]}; its messages are above"
+        exit 1
+    fi
+    if [ "${#optional[@]}" -gt 0 ] && ! install "${optional[@]}" && ! update_and_install "${optional[@]}"; then
+        say "apt-get could not install ${optional[*]}: the tests of the Python package will be skipped"
     fi
     if ! have_opencv; then
         say "OpenCV was installed, but pkg-config does not find opencv4; see PKG_CONFIG_PATH"

@@ -119,7 +119,7 @@ fn stray_light_is_recovered_and_taken_off() {
         let of = |data: Vec<u16>| DepthImage { width, height, data };
         let (depth, expected) = (of(frame.depth), of(expected.depth));
         let correct = |corrector: &Corrector, depth: &DepthImage| {
-            let context = FrameContext { amplitude: Some(&amplitude), ..FrameContext::default() };
+            let context = FrameContext { amplitude: Some((&amplitude).into()), ..FrameContext::default() };
             let mut out = vec![0.0; width * height];
             corrector.correct_u16_to_f32(depth, 0.125, &context, &mut out).unwrap();
             out

@@ -1,5 +1,5 @@
-//! Other programs as oracles, by way of Python: the interpreter that `DEPTHCAL_PYTHON` names, else `python3`. A test whose modules are
-//! not there passes, but prints a line that begins with SKIPPED.
+//! Other programs as oracles, by way of Python: the interpreter that `DEPTHCAL_PYTHON` names, else `python3`, else the system's own, for
+//! which `make setup` installs numpy and pytest. A test whose modules are not there passes, but prints a line that begins with SKIPPED.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 #[path = "measured.rs"]
@@ -16,20 +16,29 @@ pub struct Python {
     program: PathBuf,
 }
 
-/// The interpreter, where it has all `modules`; otherwise the test is reported as skipped.
+/// The first interpreter that has all `modules`; where there is none the test is reported as skipped.
 pub fn with_modules(modules: &[&str]) -> Option<Python> {
-    let program = std::env::var_os("DEPTHCAL_PYTHON").map_or_else(|| PathBuf::from("python3"), PathBuf::from);
+    let programs = match std::env::var_os("DEPTHCAL_PYTHON") {
+        Some(program) => vec![PathBuf::from(program)],
+        None => ["python3", "/usr/bin/python3"].map(PathBuf::from).to_vec(),
+    };
     let imports = format!("import {}", modules.join(", "));
-    match Command::new(&program).args(["-c", &imports]).output() {
-        Ok(output) if output.status.success() => Some(Python { program }),
-        _ => {
-            skipped(&format!("{} has not all of {}", program.display(), modules.join(", ")));
-            None
-        }
+    let has_all = |program: &PathBuf| {
+        Command::new(program).args(["-c", &imports]).output().is_ok_and(|output| output.status.success())
+    };
+    let found = programs.iter().find(|program| has_all(program)).cloned();
+    if found.is_none() {
+        skipped(&format!("{} has not all of {}", programs[0].display(), modules.join(", ")));
     }
+    Some(Python { program: found? })
 }
 
 impl Python {
+    /// The interpreter, to be run in another way.
+    pub fn command(&self) -> Command {
+        Command::new(&self.program)
+    }
+
     /// Runs a script with arguments; returns what it prints. Panics, with what it complains of, where it fails.
     pub fn run(&self, code: &str, arguments: &[&Path]) -> String {
         let output = Command::new(&self.program).arg("-c").arg(code).args(arguments).output().expect("the interpreter");

@@ -14,6 +14,7 @@
 //! | depth models on equal terms | [`compare`] |
 //! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
 //! | fits as records for files | [`calibration_record`] |
+//! | whole tasks, from options in words to result files | [`task`] |
 //!
 //! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options, whose handle
 //! also measures the time of every stage ([`stage_clock`]).
@@ -32,3 +33,4 @@ pub mod progress;
 pub mod simulated;
 pub mod stage_clock;
 pub mod start;
+pub mod task;

@@ -6,9 +6,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::stage_clock::{Stage, StageClock, StageTimes};
 
 /// Receives the progress of long jobs. A command line draws bars; [`Silent`] does nothing.
+///
+/// A receiver may end the work by unwinding (`std::panic::resume_unwind`) from any of these functions, or from those of a [`Job`]: the
+/// library keeps no state that an unwound call could leave half changed.
 pub trait Progress: fmt::Debug + Send + Sync {
     /// A job begins; `steps` is how many it has, where that is known.
     fn begin(&self, job: &'static str, steps: Option<usize>) -> Box<dyn Job>;
+    /// A stage begins of which only the time is of interest: a moment to look whether the work is still wanted.
+    fn stage(&self, _stage: &str) {}
 }
 
 /// A job in progress. It ends when this is dropped.
@@ -66,6 +71,7 @@ impl ProgressHandle {
     /// A stage begins of which only the time is of interest; it ends when the result is dropped. Within another stage
     /// it is a part of that one.
     pub fn stage(&self, stage: &str) -> Stage {
+        self.progress.stage(stage);
         self.clock.begin(stage)
     }
 

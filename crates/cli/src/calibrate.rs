@@ -5,37 +5,28 @@ use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use depthcal_io::{Calibration, LensComparison, Prior, RigDataset};
-use depthcal_model::{ModelSpec, Register};
-
+use depthcal_model::Register;
 use serde_json::{Value, json};
 
-use super::common::{
-    Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_calibration, write_report,
-};
+use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_report};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::parameters::print_parameters;
 use super::recording::Recording;
 use super::rig::{self, RigCalibrate};
-use super::session::{LENSES, Session, lens_of};
+use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::adjust::camera_prior::CameraPrior;
-use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, Estimator, calibrate};
+use depthcal_calibration::calibrate::{Calibrated, Estimator};
 use depthcal_calibration::calibration_record::prior_use;
-use depthcal_calibration::judge::cross_validation::{cross_validate, split};
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
-use depthcal_calibration::load::declared_camera;
+use depthcal_calibration::task::{
+    FitRequest, HoldOut, JudgedFit, LENSES, ModelRequest, OptionNames, write_calibration,
+};
 use depthcal_report::format::{count, number, p_equals, percent, quantity};
 use depthcal_report::{ReportDataset, ReportInput, Role};
-
-/// Every `every`-th frame, beginning with number `first` (from 0).
-#[derive(Debug, Clone, Copy)]
-struct HoldOut {
-    every: usize,
-    first: usize,
-}
 
 fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
     let (every, first) = text.split_once(':').unwrap_or((text, "1"));
@@ -115,6 +106,21 @@ pub(super) struct Calibrate {
 }
 
 impl Calibrate {
+    fn request(&self) -> FitRequest {
+        FitRequest {
+            model: ModelRequest {
+                names: OptionNames::COMMAND_LINE,
+                model: self.model.clone(),
+                with: self.with.clone(),
+                lens: self.lens.clone(),
+            },
+            estimator: self.estimator(),
+            hold_out: self.hold_out,
+            cross_validate: self.cross_validate.map(usize::from),
+            parts: if self.blocks { Parts::Blocks } else { Parts::Interleaved },
+        }
+    }
+
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         self.model = formula_files::resolve_model("--model", &self.model, register)?;
@@ -158,70 +164,44 @@ impl Calibrate {
         if RigDataset::is_rig(&self.dataset) {
             return self.run_rig(session);
         }
-        let (effects, held) = session.effects(&self.with)?;
-        let mut options = CalibrateOptions {
-            model: session.model("--model", &self.model)?,
-            effects,
-            held,
-            estimator: self.estimator(),
-            ..session.calibrate_options()
-        };
+        let request = self.request();
+        let mut options = request.options(session.calibrate_options())?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
-        let (fitted, held) = match self.hold_out {
-            Some(hold_out) => {
-                let (fitted, held) = split(&loaded.capture, hold_out.every, hold_out.first);
-                (fitted, Some(held))
-            }
-            None => (loaded.capture.clone(), None),
-        };
-        let (width, height) = (loaded.capture.width, loaded.capture.height);
-        options.prior = self.prior.as_deref().map(|path| read_prior(path, [width, height])).transpose()?;
-        options.lens = lens_of(self.lens.as_deref(), &loaded.dataset);
-        options.camera =
-            declared_camera(&loaded.dataset, width, height, self.lens.as_deref(), &options.register).map_err(input)?;
-        if !fitted.has_depth() && self.model == "projective" && self.with.is_empty() {
+        let size = [loaded.capture.width, loaded.capture.height];
+        options.prior = self.prior.as_deref().map(|path| read_prior(path, size)).transpose()?;
+        let prepared = request.prepare(&loaded, options)?;
+        if prepared.images_only {
             say!("no depth images: only camera and lens are fitted");
-            options.model = ModelSpec::none();
         }
         let busy = Progress::busy("fitting");
-        let result = calibrate(&fitted, &options)?;
+        let fit = prepared.fit()?;
         drop(busy);
+        let result = &fit.result;
         if let Some(comparison) = &result.lens_comparison {
             print_lenses(comparison);
-            // Parts of a cross-validation are fitted with the lens of the whole.
-            options.lens.clone_from(&comparison.chosen);
         }
-        print_parameters(&result);
-        let prior = prior_sentences(&result);
+        print_parameters(result);
+        let prior = prior_sentences(result);
         prior.iter().for_each(|sentence| say!("{sentence}"));
-        let fitted = session.evaluate(&result.camera, &result.capture);
-        let mut datasets = vec![fitted.record()];
-        let held_out = match (&held, self.cross_validate) {
-            (Some(held), _) => Some(("held out", session.evaluate(&result.camera, held))),
-            (None, Some(folds)) => {
-                let how = if self.blocks { Parts::Blocks } else { Parts::Interleaved };
-                Some(("cross-validated", cross_validate(&result, usize::from(folds), how, &options)?))
-            }
-            (None, None) => None,
-        };
-        print_not_evaluated(&fitted, &result.capture.dropped);
-        if let Some((how, evaluated)) = &held_out {
+        let judged = fit.judge()?;
+        let JudgedFit { fitted, held_out } = &judged;
+        print_not_evaluated(fitted, &result.capture.dropped);
+        if let Some((_, evaluated)) = held_out {
             print_not_evaluated(evaluated, &loaded.capture.dropped);
-            let mut record = evaluated.record();
-            record.name = format!("{} ({how})", record.name);
-            datasets.push(record);
         }
+        let datasets = judged.records();
         say!("\n{}", table(&datasets, Some(&result.capture.name)));
         let evaluation = value_of(&datasets)?;
-        let written = write_calibration(&result, &fitted, &loaded, datasets, &session.register, &self.output.out)?;
-        let mut shown = vec![ReportDataset { evaluated: &fitted, role: Role::Fitted }];
+        let written =
+            write_calibration(result, fitted, &loaded, datasets, &session.register, &self.output.out).map_err(input)?;
+        let mut shown = vec![ReportDataset { evaluated: fitted, role: Role::Fitted }];
         shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
         let report = ReportInput {
             title: result.capture.name.clone(),
             command_line: command_line(),
             stages: session.progress.stage_times(),
-            calibrated: Some(&result),
+            calibrated: Some(result),
             evaluations: &shown,
             diagnosis: None,
             story: &prior,
@@ -230,8 +210,8 @@ impl Calibrate {
         say!("written: {} and {}", written.display(), report.display());
         // A recording is of one camera; cross-validation has one for every part.
         let detected = result.capture.detected();
-        let mut recorded = vec![(&detected, &fitted)];
-        recorded.extend(held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));
+        let mut recorded = vec![(&detected, fitted)];
+        recorded.extend(fit.held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));
         let recording = self.recording.write(&result.camera, &recorded)?;
         Ok(json!({
             "frames": frames_of(&result.capture.name, result.capture.frames.len(), &result.capture.dropped),

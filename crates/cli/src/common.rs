@@ -3,20 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{Calibration, Dataset, DatasetEvaluation, Evaluation, FileReference, Pairing, write_atomically};
+use depthcal_io::{Calibration, Dataset, Pairing, write_atomically};
 use depthcal_model::{Camera, Register};
 
 use crate::progress::Progress;
-use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::calibration_record::{calibration_record, camera_from_record};
-use depthcal_calibration::diagnose::effect_scores::effect_scores;
+use depthcal_calibration::calibration_record::camera_from_record;
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
 use depthcal_calibration::observe::DroppedFrame;
 use depthcal_report::format::count;
 use depthcal_report::{ReportInput, ReportRig, render, render_rig};
 use serde_json::{Value, json};
-use tracing::warn;
 
 use super::failure::{Failure, input};
 use super::session::Session;
@@ -118,43 +115,6 @@ impl Reading {
             say!("  {measured}");
         }
         Ok(loaded)
-    }
-}
-
-/// Writes `observations.json`, `calibration.json`, `evaluation.json` and, where effects can be scored, `scores.json` of a calibration into a
-/// folder; returns the path of the calibration. `fitted` is the evaluation of the fitted frames, `datasets` what the evaluation file lists,
-/// `register` has the effects to score.
-pub(super) fn write_calibration(
-    result: &Calibrated,
-    fitted: &Evaluated,
-    loaded: &Loaded,
-    datasets: Vec<DatasetEvaluation>,
-    register: &Register,
-    out: &Path,
-) -> Result<PathBuf, Failure> {
-    const OBSERVATIONS: &str = "observations.json";
-    loaded.observations().write(out.join(OBSERVATIONS)).map_err(input)?;
-    let observations = FileReference { path: OBSERVATIONS.to_owned(), digest: loaded.reference.digest.clone() };
-    let path = out.join("calibration.json");
-    calibration_record(result, fitted, loaded.reference.clone(), Some(observations)).write(&path).map_err(input)?;
-    write_scores(result, loaded.reference.clone(), register, out)?;
-    Evaluation { datasets, ..Evaluation::default() }.write(out.join("evaluation.json")).map_err(input)?;
-    Ok(path)
-}
-
-/// Writes `scores.json`, for fleets; where there are none, one of an earlier calibration does not stay.
-fn write_scores(result: &Calibrated, dataset: FileReference, register: &Register, out: &Path) -> Result<(), Failure> {
-    let path = out.join("scores.json");
-    // A calibration is as good without scores.
-    let scores = effect_scores(result, register, dataset).unwrap_or_else(|error| {
-        warn!("no scores.json: {error}");
-        None
-    });
-    match scores {
-        Some(scores) => scores.write(&path).map_err(input),
-        None if path.exists() => std::fs::remove_file(&path)
-            .map_err(|error| Failure::Input(format!("{}: cannot be removed: {error}", path.display()))),
-        None => Ok(()),
     }
 }
 

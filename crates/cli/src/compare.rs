@@ -12,14 +12,14 @@ use super::common::{Output, Reading, command_line, frames_of, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::rig;
-use super::session::{LENSES, Session, lens_of};
+use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal_calibration::compare::tables::tables;
 use depthcal_calibration::compare::{CompareOptions, compare};
-use depthcal_calibration::load::declared_camera;
 use depthcal_calibration::observe::Capture;
+use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames};
 use depthcal_report::render_comparison;
 use depthcal_rig::diagnose::examined;
 use depthcal_rig::load::LoadedRig;
@@ -89,14 +89,17 @@ impl Compare {
         if RigDataset::is_rig(&self.train) {
             return self.run_rig(&models, session);
         }
-        let (effects, held) = session.effects(&self.with)?;
-        let mut base = CalibrateOptions { effects, held, ..session.calibrate_options() };
+        let request = ModelRequest {
+            names: OptionNames::COMMAND_LINE,
+            // Replaced by those that are compared.
+            model: "projective".to_owned(),
+            with: self.with.clone(),
+            lens: self.lens.clone(),
+        };
+        let base = request.options(session.calibrate_options())?;
         let train = self.reading.load(&self.train, session)?;
         let verify = self.verify.iter().map(|path| self.reading.load(path, session)).collect::<Result<Vec<_>, _>>()?;
-        let (width, height) = (train.capture.width, train.capture.height);
-        base.lens = lens_of(self.lens.as_deref(), &train.dataset);
-        base.camera =
-            declared_camera(&train.dataset, width, height, self.lens.as_deref(), &base.register).map_err(input)?;
+        let base = request.for_dataset(base, &train)?;
         let captures: Vec<Capture> = verify.into_iter().map(|v| v.capture).collect();
         self.compare(&train.capture, &captures, models, base, &self.output.out, session)
     }

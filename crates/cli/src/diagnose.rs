@@ -10,14 +10,13 @@ use serde_json::{Value, json};
 
 use super::common::{Output, Reading, command_line};
 use super::diagnosis_output::{Told, tell};
-use super::failure::{Failure, input};
+use super::failure::Failure;
 use super::formula_files;
 use super::recording::Recording;
 use super::rig::{self, RigDiagnose};
-use super::session::{LENSES, Session, lens_of};
-use depthcal_calibration::calibrate::CalibrateOptions;
+use super::session::Session;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, diagnose};
-use depthcal_calibration::load::declared_camera;
+use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames};
 
 /// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
 /// them, fits again, and reports held-out errors before and after.
@@ -65,12 +64,7 @@ pub(super) struct Diagnose {
 
 impl From<DiagnoseError> for Failure {
     fn from(error: DiagnoseError) -> Self {
-        match error {
-            DiagnoseError::Calibrate(error) => error.into(),
-            DiagnoseError::Score(error) => Failure::Untrusted(error.to_string()),
-            DiagnoseError::NotFitted { .. } => Failure::Untrusted(error.to_string()),
-            DiagnoseError::NoDepth { .. } => Failure::Input(error.to_string()),
-        }
+        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
     }
 }
 
@@ -102,20 +96,17 @@ impl Diagnose {
         if RigDataset::is_rig(&self.dataset) {
             return self.run_rig(session);
         }
-        let (effects, held) = session.effects(&self.with)?;
-        let mut options = CalibrateOptions {
-            model: session.model("--model", &self.model)?,
-            effects,
-            held,
-            ..session.calibrate_options()
+        let request = ModelRequest {
+            names: OptionNames::COMMAND_LINE,
+            model: self.model.clone(),
+            with: self.with.clone(),
+            lens: self.lens.clone(),
         };
+        let options = request.options(session.calibrate_options())?;
         self.recording.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
-        let (width, height) = (loaded.capture.width, loaded.capture.height);
-        options.lens = lens_of(self.lens.as_deref(), &loaded.dataset);
-        options.camera =
-            declared_camera(&loaded.dataset, width, height, self.lens.as_deref(), &options.register).map_err(input)?;
+        let options = request.for_dataset(options, &loaded)?;
         let folds = usize::from(self.folds);
         let formulas = !self.no_discovery;
         let options = DiagnoseOptions { calibrate: options, folds, formulas, ..DiagnoseOptions::default() };

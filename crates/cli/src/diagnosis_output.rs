@@ -3,17 +3,15 @@
 use std::path::Path;
 
 use depthcal_calibration::diagnose::Diagnosis;
-use depthcal_calibration::diagnose::record::to_file;
-use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::Loaded;
-use depthcal_formula::file_text;
+use depthcal_calibration::task::{diagnosis_record, write_calibration};
 use depthcal_io::write_atomically;
 use depthcal_report::format::count;
-use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, formula_plot};
+use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files};
 use serde_json::{Value, json};
 
-use super::common::{frames_of, value_of, write_calibration, write_report};
+use super::common::{frames_of, value_of, write_report};
 use super::failure::{Failure, input};
 use super::session::Session;
 use super::voice::say;
@@ -40,15 +38,9 @@ pub(super) fn tell(
     session: &Session,
     out: &Path,
 ) -> Result<Value, Failure> {
-    let mut register = session.register.clone();
-    for formula in &d.formulas {
-        formula.effect.register(&mut register).map_err(input)?;
-    }
-    let mut record = to_file(d, loaded.reference.clone(), told.model);
-    // The matrix is optional in the record; the diagnosis itself has linearised the same model.
-    let stage = session.progress.stage("separability");
-    record.separability = separability(d, &register).ok();
-    drop(stage);
+    let reference = loaded.reference.clone();
+    let (record, register) =
+        diagnosis_record(d, reference, told.model, &session.register, &session.progress).map_err(input)?;
     let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
     say!("\n{}", diagnosis_text(&record));
@@ -56,7 +48,8 @@ pub(super) fn tell(
     record.write(&file).map_err(input)?;
     let mut held_out = d.after.evaluated.record();
     held_out.name = format!("{} (held out)", held_out.name);
-    let calibration = write_calibration(&d.last, fitted, loaded, vec![fitted.record(), held_out], &register, out)?;
+    let datasets = vec![fitted.record(), held_out];
+    let calibration = write_calibration(&d.last, fitted, loaded, datasets, &register, out).map_err(input)?;
     let role = if told.verified { Role::Other } else { Role::HeldOut };
     let shown = [
         ReportDataset { evaluated: fitted, role: Role::Fitted },
@@ -77,12 +70,7 @@ pub(super) fn tell(
     for formula in &d.formulas {
         let folder = out.join("effects");
         let name = formula.effect.name();
-        let files = [
-            (format!("{name}.toml"), file_text(std::slice::from_ref(&formula.effect))),
-            (format!("{name}.rs"), formula.effect.rust()),
-            (format!("{name}.svg"), formula_plot(&formula.effect)),
-        ];
-        for (file, text) in files {
+        for (file, text) in effect_files(&formula.effect) {
             let path = folder.join(file);
             write_atomically(&path, |file| file.write_all(text.as_bytes())).map_err(input)?;
             written.push(path);

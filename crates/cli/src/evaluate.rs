@@ -18,6 +18,7 @@ use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::judge::table::table;
+use depthcal_calibration::task::{OptionNames, with_effects};
 use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportInput, Role};
 
@@ -55,24 +56,10 @@ impl Evaluate {
         Ok(())
     }
 
-    /// The camera with the effects of `--with`.
-    fn with_effects(&self, mut camera: Camera, register: &Register) -> Result<Camera, Failure> {
-        for text in &self.with {
-            let wrong = |e: &dyn std::fmt::Display| Failure::Input(format!("--with {text}: {e}"));
-            let spec = register.piece_spec(text).map_err(|e| wrong(&e))?;
-            let mut block = register.make(&spec, None).map_err(|e| wrong(&e))?;
-            let values = block.piece().and_then(|piece| formula_files::values(&**piece));
-            let Some(values) = values else {
-                let remedy = "give a file of formulas with a value of every parameter, parameters = { a = { unit = \"mm\", value = 2 } }";
-                return Err(wrong(&format!("its parameters have no values: {remedy}")));
-            };
-            if camera.block(&spec.name).is_some() {
-                return Err(wrong(&format!("the calibration has '{}' already", spec.name)));
-            }
-            block.theta = values;
-            camera = camera.with_block(block);
-        }
-        Ok(camera)
+    /// The given camera with the effects of `--with`.
+    fn camera(&self, given: &GivenCamera, size: [usize; 2], session: &Session) -> Result<Camera, Failure> {
+        let camera = given.camera(size, &session.register)?;
+        Ok(with_effects(camera, OptionNames::COMMAND_LINE.with, &self.with, &session.register)?)
     }
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
@@ -91,8 +78,7 @@ impl Evaluate {
             };
             return rig::evaluate(&asked, session);
         }
-        let known =
-            given.size().map(|size| self.with_effects(given.camera(size, &session.register)?, &session.register));
+        let known = given.size().map(|size| self.camera(&given, size, session));
         let mut known: Option<Camera> = known.transpose()?;
         let (mut datasets, mut all) = (Vec::new(), Vec::new());
         let (mut fitted, mut frames) = (None, Vec::new());
@@ -102,7 +88,7 @@ impl Evaluate {
             // A camera file may have no size: that of the first images then holds for all.
             let camera = match known.take() {
                 Some(camera) => camera,
-                None => self.with_effects(given.camera([size.0, size.1], &session.register)?, &session.register)?,
+                None => self.camera(&given, [size.0, size.1], session)?,
             };
             let camera = &*known.insert(camera);
             if size != (camera.width, camera.height) {

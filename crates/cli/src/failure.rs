@@ -3,6 +3,7 @@
 use std::fmt::Display;
 
 use depthcal_calibration::calibrate::CalibrateError;
+use depthcal_calibration::task::TaskError;
 
 /// Why a command fails, by exit code.
 #[derive(Debug)]
@@ -20,6 +21,12 @@ pub(super) fn input(error: impl Display) -> Failure {
 
 impl From<CalibrateError> for Failure {
     fn from(error: CalibrateError) -> Self {
+        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
+    }
+}
+
+impl From<TaskError> for Failure {
+    fn from(error: TaskError) -> Self {
         if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
     }
 }

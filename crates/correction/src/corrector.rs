@@ -107,8 +107,23 @@ impl Corrector {
         context: &FrameContext<'_>,
     ) -> Result<CorrectionSummary, CorrectorError> {
         self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
+        self.correct_u16_buffer_in_place(&mut depth.data, unit_mm, context)
+    }
+
+    /// [`Corrector::correct_u16_in_place`] of a raw buffer: row-major, one value per pixel.
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::correct_u16`].
+    pub fn correct_u16_buffer_in_place(
+        &self,
+        depth: &mut [u16],
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_length("the depth", depth.len())?;
         self.check_frame(unit_mm, context)?;
-        Ok(pass::correct(&self.prepared, Input::Output, unit_mm, context, Output::U16(&mut depth.data)))
+        Ok(pass::correct(&self.prepared, Input::Output, unit_mm, context, Output::U16(depth)))
     }
 
     /// Corrects a depth image with steps of `unit_mm` into mm, one value per pixel, not rounded to steps.
@@ -124,9 +139,25 @@ impl Corrector {
         out_mm: &mut [f32],
     ) -> Result<CorrectionSummary, CorrectorError> {
         self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
+        self.correct_u16_buffer_to_f32(&depth.data, unit_mm, context, out_mm)
+    }
+
+    /// [`Corrector::correct_u16_to_f32`] of a raw buffer: row-major, one value per pixel.
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::correct_u16`].
+    pub fn correct_u16_buffer_to_f32(
+        &self,
+        depth: &[u16],
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+        out_mm: &mut [f32],
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_length("the depth", depth.len())?;
         self.check_length("the output", out_mm.len())?;
         self.check_frame(unit_mm, context)?;
-        Ok(pass::correct(&self.prepared, Input::U16(&depth.data), unit_mm, context, Output::F32(out_mm)))
+        Ok(pass::correct(&self.prepared, Input::U16(depth), unit_mm, context, Output::F32(out_mm)))
     }
 
     /// Corrects depth in mm into `out_mm`; both are row-major with one value per pixel.
@@ -176,9 +207,25 @@ impl Corrector {
         out: PointsMut<'_>,
     ) -> Result<CorrectionSummary, CorrectorError> {
         self.check_size("the depth image", (depth.width, depth.height), depth.data.len())?;
+        self.correct_u16_buffer_to_points(&depth.data, unit_mm, context, out)
+    }
+
+    /// [`Corrector::correct_to_points`] of a raw buffer: row-major, one value per pixel.
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::correct_u16`].
+    pub fn correct_u16_buffer_to_points(
+        &self,
+        depth: &[u16],
+        unit_mm: f64,
+        context: &FrameContext<'_>,
+        out: PointsMut<'_>,
+    ) -> Result<CorrectionSummary, CorrectorError> {
+        self.check_length("the depth", depth.len())?;
         self.check_points(&out)?;
         self.check_frame(unit_mm, context)?;
-        Ok(pass::correct(&self.prepared, Input::U16(&depth.data), unit_mm, context, Output::Points(out)))
+        Ok(pass::correct(&self.prepared, Input::U16(depth), unit_mm, context, Output::Points(out)))
     }
 
     /// The points of a depth image that is corrected already, with steps of `unit_mm`: one per pixel, row-major, [x, y,

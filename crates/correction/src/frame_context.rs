@@ -14,7 +14,24 @@ pub struct FrameContext<'a> {
     /// Temperature, °C; NaN where unknown.
     pub temperature_c: f64,
     /// Infrared amplitude on the pixel grid of the depth image.
-    pub amplitude: Option<&'a GrayImage>,
+    pub amplitude: Option<AmplitudeImage<'a>>,
+}
+
+/// An infrared image that is borrowed from whoever has it.
+#[derive(Debug, Clone, Copy)]
+pub struct AmplitudeImage<'a> {
+    /// Width, px.
+    pub width: usize,
+    /// Height, px.
+    pub height: usize,
+    /// `height` × `width` values, row-major, in steps of the images that the camera was calibrated with.
+    pub data: &'a [u16],
+}
+
+impl<'a> From<&'a GrayImage> for AmplitudeImage<'a> {
+    fn from(image: &'a GrayImage) -> Self {
+        Self { width: image.width, height: image.height, data: &image.data }
+    }
 }
 
 impl Default for FrameContext<'_> {

@@ -79,7 +79,7 @@ mod tests;
 
 pub use corrector::Corrector;
 pub use error::CorrectorError;
-pub use frame_context::FrameContext;
+pub use frame_context::{AmplitudeImage, FrameContext};
 pub use needs::Needs;
 pub use points::PointsMut;
 pub use rays::Rays;

@@ -1,13 +1,12 @@
 //! A camera with everything of its correction that does not change from frame to frame.
 
-use depthcal_io::GrayImage;
 use depthcal_model::{Camera, Context, Modulation};
 use rayon::prelude::*;
 
 use crate::conventions::{NO_RAY, TYPICAL_RHO, pixel};
 use crate::depth_u16::Bounds;
 use crate::error::CorrectorError;
-use crate::frame_context::FrameContext;
+use crate::frame_context::{AmplitudeImage, FrameContext};
 use crate::light::{FrameLight, MeasuredDepth};
 use crate::needs::Needs;
 use crate::plan::{F32_ROUNDING, FrameInputs, Plan, classify, slants};
@@ -130,19 +129,15 @@ impl PreparedCamera {
     /// beyond [`PLAN_TOLERANCE_MM`]. Pieces are classified one by one and at few depths only; this checks all of them
     /// together, at sampled pixels over the depths that cameras measure.
     fn error_of(&self, plan: &Plan) -> Option<f64> {
-        let amplitude = GrayImage {
-            width: self.camera.width,
-            height: self.camera.height,
-            data: if self.needs.amplitude { self.some_amplitudes() } else { Vec::new() },
-            bits: 16,
-        };
+        let amplitudes = if self.needs.amplitude { self.some_amplitudes() } else { Vec::new() };
+        let (width, height) = (self.camera.width, self.camera.height);
         let cosines = self.needs.incidence.then(|| vec![0.7; self.pixels()]);
-        let amplitude = self.needs.amplitude.then_some(&amplitude);
+        let amplitude = self.needs.amplitude.then_some(AmplitudeImage { width, height, data: &amplitudes });
         let context = FrameContext { time_s: 431.0, temperature_c: 37.5, amplitude };
         let depth_mm = vec![1234.0; if self.modulation.is_some() { self.pixels() } else { 0 }];
         let depth = MeasuredDepth::Millimetres(&depth_mm);
         let light = amplitude.zip(self.modulation).and_then(|(image, modulation)| {
-            FrameLight::new(modulation, self.camera.width, &self.slants, &image.data, depth)
+            FrameLight::new(modulation, self.camera.width, &self.slants, image.data, depth)
         });
         let inputs = plan.inputs(&context, cosines.as_deref(), light.as_ref());
         let cosine = cosines.as_ref().map_or(1.0, |c| f64::from(c[0]));

@@ -29,6 +29,7 @@ mod component_plot;
 mod content;
 mod covariates;
 mod diagnosis;
+mod effect_files;
 mod figures;
 mod finding;
 mod fleet;
@@ -55,6 +56,7 @@ mod uncertainty;
 
 pub use comparison::render_comparison;
 pub use diagnosis::{diagnosis_text, verdict_sentence};
+pub use effect_files::effect_files;
 pub use fleet::{fleet_text, render_fleet};
 pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};

@@ -19,8 +19,9 @@ const fn layer(package: &'static str, folder: &'static str) -> Layer {
 }
 
 /// From top to bottom: a crate may depend on those below it only.
-pub const LAYERS: [Layer; 16] = [
+pub const LAYERS: [Layer; 17] = [
     layer("depthcal", ""),
+    layer("depthcal-python", "crates/python"),
     layer("depthcal-cli", "crates/cli"),
     layer("depthcal-report", "crates/report"),
     layer("depthcal-fleet", "crates/fleet"),

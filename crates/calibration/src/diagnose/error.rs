@@ -29,3 +29,14 @@ pub enum DiagnoseError {
         effect: String,
     },
 }
+
+impl DiagnoseError {
+    /// Whether the fit itself cannot be trusted (rather than the input being at fault).
+    pub fn is_untrusted_fit(&self) -> bool {
+        match self {
+            Self::Calibrate(error) => error.is_untrusted_fit(),
+            Self::Score(_) | Self::NotFitted { .. } => true,
+            Self::NoDepth { .. } => false,
+        }
+    }
+}

@@ -17,6 +17,7 @@ use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
 use super::given_markers::given_markers;
+use super::marker_lists::{GivenMarkers, markers_of};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
@@ -143,7 +144,26 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
 /// # Errors
 ///
 /// [`LoadError`], naming the file or field, what is wrong and the remedy.
-pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+pub fn load_dataset(dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    read(dataset, path, None, options)
+}
+
+/// Reads a dataset whose markers were found by another program: positions by the names of frames. Frames without markers are dropped, as
+/// those are in which no board is found. Nothing is cached, and the diameter of dots is not measured.
+///
+/// # Errors
+///
+/// [`LoadError`]; [`LoadError::Marker`] where a name or a marker's number does not exist.
+pub fn load_with_markers(path: &Path, markers: &GivenMarkers, options: &LoadOptions) -> Result<Loaded, LoadError> {
+    read(Dataset::open(path)?, path, Some(markers), options)
+}
+
+fn read(
+    dataset: Dataset,
+    path: &Path,
+    given: Option<&GivenMarkers>,
+    options: &LoadOptions,
+) -> Result<Loaded, LoadError> {
     if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
         return Err(LoadError::NoImages { root: dataset.root });
     }
@@ -152,11 +172,16 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
     drop(digesting);
     let reference = FileReference { path: path.display().to_string(), digest: digest.clone() };
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
-    let given = options.markers.as_deref();
-    let cache = options.cache.as_ref().filter(|_| given.is_none()).map(|folder| folder.join(format!("{digest}.json")));
+    if let Some(given) = given {
+        let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
+        let found = Found { markers: markers_of(&names, &dataset.target, given)?, ..Found::default() };
+        return Ok(assemble(dataset, reference, frames, (width, height), found, None)?.0);
+    }
+    let file = options.markers.as_deref();
+    let cache = options.cache.as_ref().filter(|_| file.is_none()).map(|folder| folder.join(format!("{digest}.json")));
     let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
     let from_cache = cached.is_some();
-    let Found { markers, circle_diameter, charuco_layout } = match (cached, given) {
+    let found = match (cached, file) {
         (Some(found), _) => {
             debug!("markers of {} come from the cache", dataset.name);
             found
@@ -164,11 +189,40 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
         (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
         (None, None) => find_markers(&dataset, &frames, options)?,
     };
-    let file = given.map(|file| {
+    let file = file.map(|file| {
         let digest = digest_files(file.parent().unwrap_or(Path::new("")), &[file.to_owned()])?;
         Ok::<_, LoadError>(FileReference { path: file.display().to_string(), digest })
     });
-    let file = file.transpose()?;
+    let (mut loaded, without_board) = assemble(dataset, reference, frames, (width, height), found, file.transpose()?)?;
+    loaded.from_cache = from_cache;
+    if let (Some(path), false) = (cache, from_cache) {
+        let mut observations = loaded.observations();
+        // Frames without a board are part of the answer.
+        observations.frames.extend(loaded.capture.dropped[..without_board].iter().map(|d| FrameObservations {
+            name: d.name.clone(),
+            width,
+            height,
+            markers: Vec::new(),
+            depth: Vec::new(),
+            metadata: depthcal_io::FrameMetadata::default(),
+        }));
+        if let Err(error) = observations.write(&path) {
+            info!("the detections are not cached: {error}");
+        }
+    }
+    Ok(loaded)
+}
+
+/// A dataset from frames of one size and their markers, which come from `file` where another program found them, and the number of frames
+/// without a board, which come first among those that are dropped.
+pub(super) fn assemble(
+    mut dataset: Dataset,
+    reference: FileReference,
+    frames: Vec<RawFrame>,
+    (width, height): (usize, usize),
+    Found { markers, circle_diameter, charuco_layout }: Found,
+    file: Option<FileReference>,
+) -> Result<(Loaded, usize), LoadError> {
     if let Some(measured) = circle_diameter {
         if measured.contradicts_declaration() {
             warn!("{}: {measured}", dataset.name);
@@ -208,23 +262,9 @@ pub fn load_dataset(mut dataset: Dataset, path: &Path, options: &LoadOptions) ->
         frames: kept,
         dropped,
     };
-    let loaded = Loaded { dataset, reference, capture, from_cache, circle_diameter, charuco_layout, markers: file };
-    if let (Some(path), false) = (cache, from_cache) {
-        let mut observations = loaded.observations();
-        // Frames without a board are part of the answer.
-        observations.frames.extend(loaded.capture.dropped[..without_board].iter().map(|d| FrameObservations {
-            name: d.name.clone(),
-            width,
-            height,
-            markers: Vec::new(),
-            depth: Vec::new(),
-            metadata: depthcal_io::FrameMetadata::default(),
-        }));
-        if let Err(error) = observations.write(&path) {
-            info!("the detections are not cached: {error}");
-        }
-    }
-    Ok(loaded)
+    let loaded =
+        Loaded { dataset, reference, capture, from_cache: false, circle_diameter, charuco_layout, markers: file };
+    Ok((loaded, without_board))
 }
 
 /// Reads the depth images of a dataset that has no images: frames without markers.
@@ -320,14 +360,10 @@ fn read_frames(
             let depth_digest = depth.as_ref().and_then(depth_digest);
             let depth = frame.depth.as_ref().zip(depth).map(|(path, depth)| store(stays, path, depth));
             let frame = RawFrame {
-                name: frame.name.clone(),
-                time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
-                temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
-                metadata: frame.metadata.clone(),
                 depth: depth.map_or(MeasuredDepth::None, MeasuredDepth::Image),
                 image: frame.image.as_ref().zip(image).map(|(path, image)| store(stays, path, image)),
                 depth_digest,
-                light: None,
+                ..RawFrame::named(&frame.name, &frame.metadata)
             };
             Ok((frame, path, size))
         })
@@ -342,12 +378,16 @@ fn read_frames(
         }
         frames.push(frame);
     }
-    // Times since the first frame, so that a drift's start does not depend on the clock.
+    since_first(&mut frames);
+    Ok((frames, expected.unwrap_or_default()))
+}
+
+/// Times since the first frame, so that a drift's start does not depend on the clock.
+pub(super) fn since_first(frames: &mut [RawFrame]) {
     let first = frames.iter().map(|f| f.time_s).fold(f64::INFINITY, f64::min);
-    for frame in &mut frames {
+    for frame in frames {
         frame.time_s -= first;
     }
-    Ok((frames, expected.unwrap_or_default()))
 }
 
 #[cfg(not(feature = "detect"))]

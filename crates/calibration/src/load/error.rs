@@ -46,6 +46,14 @@ pub enum LoadError {
         /// Frames looked at.
         frames: usize,
     },
+    /// Markers of a frame that cannot be.
+    #[error("frame '{frame}': {problem}")]
+    Marker {
+        /// The frame.
+        frame: String,
+        /// What is wrong with it.
+        problem: String,
+    },
     /// This program was built without detection.
     #[error("{}: this program was built without detection (feature 'detect'), and no cached detection of this dataset \
              exists: run `depthcal detect` with a program that has it, or build with default features", root.display())]

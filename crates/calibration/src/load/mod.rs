@@ -9,9 +9,13 @@ mod error;
 mod found;
 mod given_markers;
 mod given_markers_error;
+mod in_memory;
+mod marker_lists;
 
 pub use circle_diameter::MeasuredDiameter;
-pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only};
+pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only, load_with_markers};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
 pub use given_markers_error::GivenMarkersError;
+pub use in_memory::{DatasetInMemory, FrameInMemory, load_from_memory};
+pub use marker_lists::GivenMarkers;

@@ -88,6 +88,17 @@ pub struct OpenFrame<'a> {
 }
 
 impl RawFrame {
+    /// A frame without image and depth, with the time and the temperature of its metadata.
+    pub fn named(name: &str, metadata: &FrameMetadata) -> Self {
+        Self {
+            name: name.to_owned(),
+            time_s: metadata.timestamp_s.unwrap_or(0.0),
+            temperature_c: metadata.temperature_c.unwrap_or(f64::NAN),
+            metadata: metadata.clone(),
+            ..Self::default()
+        }
+    }
+
     /// The frame with its images in memory, where they are read from their files if need be.
     ///
     /// # Errors

@@ -186,7 +186,7 @@ impl Apply {
         let context = FrameContext {
             time_s: job.time_s.unwrap_or(0.0),
             temperature_c: job.temperature_c.unwrap_or(f64::NAN),
-            amplitude: image.as_ref(),
+            amplitude: image.as_ref().map(Into::into),
         };
         if let Some(format) = self.written.cloud {
             // Not from the corrected image, whose values are rounded to its unit.

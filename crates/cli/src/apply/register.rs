@@ -143,7 +143,7 @@ fn register_frame(
     let context = FrameContext {
         time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
         temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
-        amplitude: amplitude.as_ref(),
+        amplitude: amplitude.as_ref().map(Into::into),
     };
     let points = points_of(&depth, camera.unit_mm, &camera.corrector, &context).map_err(|e| of_frame(&e))?;
     let taken = Taken {

@@ -216,7 +216,7 @@ impl<'a> Job<'a> {
         let context = FrameContext {
             time_s: args.stream_fps.map_or(0.0, |fps| index as f64 / fps),
             temperature_c: args.stream_temperature.unwrap_or(f64::NAN),
-            amplitude: args.stream_amplitude.then_some(&self.amplitude),
+            amplitude: args.stream_amplitude.then(|| (&self.amplitude).into()),
         };
         let unit_mm = *unit_mm;
         if args.stream_input == Raw::F32 {

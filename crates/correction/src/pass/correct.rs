@@ -53,7 +53,7 @@ fn frame_light(
         (Input::Output, Output::F32(depth_mm)) => MeasuredDepth::Millimetres(depth_mm),
         (Input::Output, Output::Points(_)) => return None,
     };
-    FrameLight::new(modulation, prepared.camera.width, &prepared.slants, &amplitude.data, depth)
+    FrameLight::new(modulation, prepared.camera.width, &prepared.slants, amplitude.data, depth)
 }
 
 /// A frame and its light, apart from its depth.

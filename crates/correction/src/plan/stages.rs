@@ -180,7 +180,7 @@ impl Plan {
                 *uniform = moebius::coefficients(piece.inverse(&of_frame, [0.0; 2], 1.0)).map(|k| k as f32);
             }
         }
-        FrameInputs { uniform, amplitudes: context.amplitude.map(|image| image.data.as_slice()), cosines, light }
+        FrameInputs { uniform, amplitudes: context.amplitude.map(|image| image.data), cosines, light }
     }
 
     /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 stays 0; NaN where the

@@ -153,7 +153,7 @@ fn effects_of_time_temperature_and_amplitude_are_taken_from_the_frame() {
     assert_eq!(corrector.needs(), Needs { time: true, temperature: true, amplitude: true, ..Needs::default() });
     let data = (0..WIDTH * HEIGHT).map(|i| 100 + (i % 3000) as u16).collect();
     let amplitude = GrayImage { width: WIDTH, height: HEIGHT, data, bits: 16 };
-    let known = FrameContext { time_s: 250.0, temperature_c: 41.0, amplitude: Some(&amplitude) };
+    let known = FrameContext { time_s: 250.0, temperature_c: 41.0, amplitude: Some((&amplitude).into()) };
     let measured: Vec<f32> = depths(300.0, 4000.0).map(|z| z as f32).collect();
     let mut results = [vec![0.0; measured.len()], vec![0.0; measured.len()]];
     for (context, out) in [known, FrameContext::default()].iter().zip(&mut results) {
@@ -253,7 +253,7 @@ fn wrong_sizes_units_and_cameras_are_refused() {
         assert_eq!(out, blank());
     }
     let amplitude = GrayImage { width: 2, height: 2, data: vec![0; 4], bits: 8 };
-    let context = FrameContext { amplitude: Some(&amplitude), ..context };
+    let context = FrameContext { amplitude: Some((&amplitude).into()), ..context };
     let error = corrector.correct_u16(&blank(), 1.0, &context, &mut blank()).unwrap_err();
     assert!(matches!(error, CorrectorError::Size { what: "the amplitude image", .. }));
 

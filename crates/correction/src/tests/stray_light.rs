@@ -55,7 +55,7 @@ fn expected(camera: &Camera, modulation: Modulation, depth: &DepthImage, amplitu
 #[test]
 fn frames_are_corrected_as_the_model_has_it() {
     let (amplitude, depth) = (amplitudes(), measured());
-    let context = FrameContext { amplitude: Some(&amplitude), ..FrameContext::default() };
+    let context = FrameContext { amplitude: Some((&amplitude).into()), ..FrameContext::default() };
     // The usual size; one at which dark pixels err by a decimetre; one frequency; the near light alone.
     let cases = [
         ("stray_light", [0.006, 0.057]),
@@ -105,7 +105,7 @@ fn frames_are_corrected_as_the_model_has_it() {
 #[test]
 fn threads_make_no_difference() {
     let (amplitude, depth) = (amplitudes(), measured());
-    let context = FrameContext { amplitude: Some(&amplitude), ..FrameContext::default() };
+    let context = FrameContext { amplitude: Some((&amplitude).into()), ..FrameContext::default() };
     let corrector = Corrector::new(&camera_of("stray_light", [0.006, 0.057])).unwrap();
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -128,7 +128,7 @@ fn frames_without_light_are_corrected_for_everything_else() {
     assert_eq!(with.correct_u16(&depth, 1.0, &context, &mut a), without.correct_u16(&depth, 1.0, &context, &mut b));
     assert_eq!(a, b);
     let (amplitude, none) = (amplitudes(), image(vec![0; WIDTH * HEIGHT]));
-    let context = FrameContext { amplitude: Some(&amplitude), ..context };
+    let context = FrameContext { amplitude: Some((&amplitude).into()), ..context };
     let summary = with.correct_u16(&none, 1.0, &context, &mut a).unwrap();
     assert_eq!((summary.corrected, summary.invalid), (0, WIDTH * HEIGHT));
 }

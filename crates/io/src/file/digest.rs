@@ -24,13 +24,22 @@ pub fn digest_files(root: &Path, files: &[PathBuf]) -> Result<String, FileError>
         .collect::<Result<Vec<_>, _>>()?;
     entries.sort_by(|a, b| a.0.cmp(&b.0).then_with(|| a.1.as_bytes().cmp(b.1.as_bytes())));
     entries.dedup();
+    Ok(digest_entries(&entries))
+}
 
+/// Digest of named contents in memory, in their order, as [`digest_files`] has it for files.
+pub fn digest_contents(contents: impl IntoIterator<Item = (String, Vec<u8>)>) -> String {
+    let entries: Vec<_> = contents.into_iter().map(|(name, bytes)| (name, blake3::hash(&bytes))).collect();
+    digest_entries(&entries)
+}
+
+fn digest_entries(entries: &[(String, blake3::Hash)]) -> String {
     let mut all = blake3::Hasher::new();
-    for (name, digest) in &entries {
+    for (name, digest) in entries {
         // The length separates a name from what follows it.
         all.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes()).update(digest.as_bytes());
     }
-    Ok(all.finalize().to_hex().to_string())
+    all.finalize().to_hex().to_string()
 }
 
 fn digest_file(path: &Path) -> std::io::Result<blake3::Hash> {

@@ -7,7 +7,7 @@ mod json;
 mod versioned;
 mod write;
 
-pub use digest::digest_files;
+pub use digest::{digest_contents, digest_files};
 pub use error::FileError;
 pub use json::{read_json, write_json, write_json_compact};
 #[cfg(test)]

@@ -1,0 +1,75 @@
+"""Calibration of depth cameras.
+
+The measurement: a camera frame as OpenCV has it (x right, y down, z forward), lengths in millimetres, pixels with centres at integers.
+Depth is the z coordinate, not the range; inverse depth is 1/z. Depth images are arrays (height, width): uint16 in steps of ``unit_mm``
+millimetres, 0 and 65535 where nothing was measured, or float32 in millimetres.
+
+>>> import depthcal
+>>> dataset = depthcal.load("captures/")                        # or depthcal.Dataset.from_arrays(...)
+>>> fit = depthcal.calibrate(dataset, cross_validate=3)
+>>> fit.calibration.parameters.to_pandas()
+>>> fit.save("result/")                                         # the files that the command line writes
+>>> corrector = depthcal.Corrector(fit.calibration)
+>>> corrected = corrector.correct(depth, unit_mm=1.0)
+
+Exceptions are those of the command line, with its messages: :class:`InputError` where files, arrays or arguments are at fault (exit
+code 1) and :class:`UntrustedFitError` where a fit cannot be trusted (exit code 2), both of the class :class:`Error`.
+"""
+
+from ._calibration import Calibration, Parameter
+from ._compare import ComparedModel, Comparison, compare
+from ._dataset import Board, Dataset, Frame, FrameInfo, load
+from ._depthcal import (
+    Corrector,
+    Error,
+    InputError,
+    UntrustedFitError,
+    __version__,
+    has_detection,
+    set_threads,
+)
+from ._diagnose import Diagnosis, Step, diagnose
+from ._effects import Effect, EffectCost, EffectWarning, effect, read_effects
+from ._evaluate import DatasetErrors, Evaluation, FrameErrors, evaluate
+from ._fit import Fit, calibrate
+from ._report import Report
+from ._simulate import simulate, simulate_points
+from ._tables import Table
+
+__all__ = [
+    "Board",
+    "Calibration",
+    "ComparedModel",
+    "Comparison",
+    "Corrector",
+    "Dataset",
+    "DatasetErrors",
+    "Diagnosis",
+    "Effect",
+    "EffectCost",
+    "EffectWarning",
+    "Error",
+    "Evaluation",
+    "Fit",
+    "Frame",
+    "FrameErrors",
+    "FrameInfo",
+    "InputError",
+    "Parameter",
+    "Report",
+    "Step",
+    "Table",
+    "UntrustedFitError",
+    "__version__",
+    "calibrate",
+    "compare",
+    "diagnose",
+    "effect",
+    "evaluate",
+    "has_detection",
+    "load",
+    "read_effects",
+    "set_threads",
+    "simulate",
+    "simulate_points",
+]

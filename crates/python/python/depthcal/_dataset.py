@@ -1,0 +1,291 @@
+"""Datasets: folders of captures, or arrays in memory."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Optional, Union
+
+import numpy as np
+
+from . import _depthcal, _progress
+from ._depthcal import InputError
+from ._tables import Table
+
+Corners = Union[np.ndarray, "tuple[np.ndarray, np.ndarray]", "tuple[np.ndarray, np.ndarray, np.ndarray]", None]
+"""Markers of one frame; see :class:`Frame`."""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A printed board. Lengths in mm.
+
+    Marker ``i`` lies in row ``i // columns`` and column ``i % columns``, as OpenCV's functions return markers.
+    """
+
+    kind: str
+    """``asymmetric-circles``, ``symmetric-circles``, ``chessboard``, ``charuco`` or ``aprilgrid``."""
+    columns: int
+    """Markers in a row; squares for ChArUco, tags for an AprilGrid."""
+    rows: int
+    """Rows of them."""
+    spacing_mm: float
+    """Spacing of the grid; for asymmetric circles the distance of neighbouring rows."""
+    circle_diameter_mm: float = 0.0
+    """Diameter of a dot; 0 where it is not known."""
+    marker_mm: float = 0.0
+    """Side of an ArUco marker or tag."""
+    dictionary: str = ""
+    """OpenCV's name of the ArUco dictionary."""
+
+    @classmethod
+    def chessboard(cls, columns: int, rows: int, spacing_mm: float) -> Board:
+        """A chessboard of ``columns`` × ``rows`` inner corners, as ``cv2.findChessboardCorners`` counts."""
+        return cls("chessboard", columns, rows, spacing_mm)
+
+    @classmethod
+    def asymmetric_circles(cls, columns: int, rows: int, spacing_mm: float, diameter_mm: float = 0.0) -> Board:
+        """Dots whose odd rows are shifted, as ``cv2.findCirclesGrid`` with CALIB_CB_ASYMMETRIC_GRID finds them."""
+        return cls("asymmetric-circles", columns, rows, spacing_mm, circle_diameter_mm=diameter_mm)
+
+    @classmethod
+    def symmetric_circles(cls, columns: int, rows: int, spacing_mm: float, diameter_mm: float = 0.0) -> Board:
+        """Dots on a square grid."""
+        return cls("symmetric-circles", columns, rows, spacing_mm, circle_diameter_mm=diameter_mm)
+
+    @classmethod
+    def charuco(cls, columns: int, rows: int, spacing_mm: float, marker_mm: float, dictionary: str) -> Board:
+        """A ChArUco board of ``columns`` × ``rows`` squares. Markers are its inner corners with OpenCV's ids."""
+        return cls("charuco", columns, rows, spacing_mm, marker_mm=marker_mm, dictionary=dictionary)
+
+    def _json(self) -> str:
+        fields: dict[str, Any] = {
+            "kind": self.kind,
+            "columns": self.columns,
+            "rows": self.rows,
+            "spacing_mm": self.spacing_mm,
+        }
+        if self.circle_diameter_mm:
+            fields["circle_diameter_mm"] = self.circle_diameter_mm
+        if self.kind in ("charuco", "aprilgrid"):
+            fields["marker_mm"] = self.marker_mm
+        if self.kind == "charuco":
+            fields["dictionary"] = self.dictionary
+        return json.dumps(fields)
+
+    @classmethod
+    def _of(cls, fields: Mapping[str, Any]) -> Board:
+        return cls(**fields)
+
+
+@dataclass
+class Frame:
+    """One capture in memory."""
+
+    corners: Corners
+    """Markers that were found: an array (n, 2) or, as OpenCV has it, (n, 1, 2), of (u, v) in px, all markers of the board in its order; or
+    (ids, array) where only some were found; or (ids, array, standard deviations in px). None where the board was not found."""
+    depth: Optional[np.ndarray] = None
+    """Depth image (height, width): uint16 steps or float32, both in units of the dataset's ``unit_mm``."""
+    image: Optional[np.ndarray] = None
+    """Infrared or grey image (height, width) on the same pixel grid: uint8 or uint16. Effects of the amplitude need it."""
+    name: Optional[str] = None
+    """Its name; its number where there is none."""
+    timestamp_s: Optional[float] = None
+    """Time of the capture, s."""
+    temperature_c: Optional[float] = None
+    """Temperature of the camera, °C."""
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """What is known of a frame with a board."""
+
+    name: str
+    markers: int
+    has_depth: bool
+    time_s: float
+    """Time since the first frame, s."""
+    temperature_c: float
+    """°C; NaN where unknown."""
+
+
+@dataclass(frozen=True)
+class DroppedFrame:
+    """A frame that is not used."""
+
+    name: str
+    reason: str
+
+
+def _arrays(frame: str, corners: Corners) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Numbers (n), positions (n, 2) and standard deviations (n) of markers."""
+    stds = None
+    if corners is None:
+        return np.empty(0, np.int64), np.empty((0, 2)), None
+    if isinstance(corners, tuple):
+        ids = np.ascontiguousarray(np.asarray(corners[0]).reshape(-1), dtype=np.int64)
+        positions = corners[1]
+        if len(corners) > 2:
+            stds = np.ascontiguousarray(np.asarray(corners[2]).reshape(-1), dtype=np.float64)
+    else:
+        positions, ids = corners, None
+    positions = np.asarray(positions, dtype=np.float64)
+    if positions.size == 0:
+        return np.empty(0, np.int64), np.empty((0, 2)), None
+    if positions.shape[-1] != 2:
+        raise InputError(
+            f"frame '{frame}': markers have the shape {positions.shape}: give (u, v) in px, an array (n, 2) or (n, 1, 2)"
+        )
+    positions = np.ascontiguousarray(positions.reshape(-1, 2))
+    if ids is None:
+        ids = np.arange(len(positions), dtype=np.int64)
+    return ids, positions, stds
+
+
+class Dataset:
+    """Captures of a board by one camera, with the markers of every frame. Made by :func:`load` or :meth:`from_arrays`."""
+
+    def __init__(self, native: _depthcal.Dataset) -> None:
+        self._native = native
+
+    @classmethod
+    def from_arrays(
+        cls,
+        board: Board,
+        frames: Iterable[Frame],
+        *,
+        unit_mm: float | None = None,
+        size: tuple[int, int] | None = None,
+        intrinsics: tuple[float, ...] | np.ndarray | None = None,
+        distortion: Sequence[float] | np.ndarray = (),
+        lens: str | None = None,
+        fixed: bool = False,
+        name: str = "arrays",
+    ) -> Dataset:
+        """A dataset from arrays and markers, for example those of OpenCV.
+
+        >>> found, corners = cv2.findChessboardCorners(gray, (9, 6))
+        >>> frames.append(depthcal.Frame(corners if found else None, depth, gray))
+        >>> dataset = depthcal.Dataset.from_arrays(depthcal.Board.chessboard(9, 6, 25.0), frames, unit_mm=1.0)
+
+        ``unit_mm`` is the millimetres per step of depth (or per unit of float32 depth: 1000 for metres); it is required where there is
+        depth, never guessed. ``size`` is (width, height) where there is no image. ``intrinsics`` are fx, fy, cx, cy (px) or a matrix
+        (3, 3) to start from, or to keep where ``fixed``; ``distortion`` as OpenCV has it.
+        Markers may lie the other way round in other frames (OpenCV's chessboards do); effects of the board's shape then find nothing.
+        Raises :class:`InputError` with the frame, what is wrong and the remedy.
+        """
+        listed = []
+        for number, frame in enumerate(frames):
+            own = frame.name if frame.name is not None else f"{number:04d}"
+            listed.append(
+                (own, frame.image, frame.depth, _arrays(own, frame.corners), frame.timestamp_s, frame.temperature_c)
+            )
+            for array in (frame.image, frame.depth):
+                if size is None and array is not None and np.ndim(array) == 2:
+                    size = (int(array.shape[1]), int(array.shape[0]))
+        if size is None:
+            raise InputError("the size of the images is unknown: give size=(width, height), an image or a depth image")
+        given = None
+        if intrinsics is not None:
+            k = np.asarray(intrinsics, dtype=np.float64)
+            numbers = [k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]] if k.shape == (3, 3) else [*k.reshape(-1), 0.0][:5]
+            if len(numbers) < 5:
+                raise InputError("intrinsics: give fx, fy, cx, cy in px, or a matrix (3, 3)")
+            given = (*(float(n) for n in numbers), [float(d) for d in np.asarray(distortion).reshape(-1)])
+        return cls(_depthcal.from_memory(name, board._json(), size, unit_mm, given, lens, fixed, listed))
+
+    @property
+    def name(self) -> str:
+        """Name of its folder, or as it was given."""
+        return self._native.name
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of its images, px."""
+        return self._native.size
+
+    @property
+    def unit_mm(self) -> float | None:
+        """Millimetres per step of its depth images; None without depth."""
+        return self._native.unit_mm
+
+    @property
+    def digest(self) -> str:
+        """Digest of its contents (BLAKE3), the same wherever the folder lies."""
+        return self._native.digest
+
+    @property
+    def from_cache(self) -> bool:
+        """Whether its markers came from the cache of detections."""
+        return self._native.from_cache
+
+    @property
+    def board(self) -> Board:
+        """Its board."""
+        return Board._of(json.loads(self._native.board))
+
+    @property
+    def frames(self) -> Table[FrameInfo]:
+        """The frames with a board."""
+        return Table([FrameInfo(*row) for row in self._native.frames()], "name", FrameInfo)
+
+    @property
+    def dropped(self) -> Table[DroppedFrame]:
+        """The frames that are not used, with reasons."""
+        return Table([DroppedFrame(*row) for row in self._native.dropped()], "name", DroppedFrame)
+
+    def markers(self, frame: str) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers (n,) and positions (n, 2) in px of a frame's markers."""
+        return self._native.markers(frame)
+
+    def image(self, frame: str) -> np.ndarray | None:
+        """A frame's image (height, width), uint16."""
+        return self._native.image(frame)
+
+    def depth(self, frame: str) -> np.ndarray | None:
+        """A frame's depth image (height, width), in units of ``unit_mm``."""
+        return self._native.depth(frame)
+
+    def write_observations(self, path: str | os.PathLike[str]) -> None:
+        """Writes ``observations.json``: the markers of every frame."""
+        self._native.write_observations(os.fspath(path))
+
+    def __len__(self) -> int:
+        return len(self._native.frames())
+
+    def __repr__(self) -> str:
+        width, height = self.size
+        dropped = len(self._native.dropped())
+        return (
+            f"<depthcal.Dataset {self.name}: {len(self)} frames with a board, {dropped} without, {width}×{height} px>"
+        )
+
+    def plot(self, ax: Any = None) -> Any:
+        """Where the markers of all frames lie in the image. Returns matplotlib's axes."""
+        from ._plots import coverage
+
+        return coverage(self, ax)
+
+
+def load(
+    path: str | os.PathLike[str],
+    *,
+    corners: Mapping[str, Corners] | None = None,
+    cache: bool = True,
+    refresh: bool = False,
+    image_memory_mib: int = 1024,
+    progress: _progress.Progress = None,
+) -> Dataset:
+    """Reads the dataset in a folder with a ``dataset.toml`` (docs/formats.md).
+
+    ``corners`` are markers that another program found, by the names of frames, as :class:`Frame` has them. Without them the board is looked
+    for (without OpenCV; ``depthcal.has_detection`` tells whether this package was built with detection), or its markers are taken from the
+    cache of an earlier call or of ``depthcal detect``. ``image_memory_mib`` limits the images that stay in memory.
+    Raises :class:`InputError` with the file, what is wrong and the remedy.
+    """
+    given = None if corners is None else [(name, _arrays(name, found)) for name, found in corners.items()]
+    native = _depthcal.load(os.fspath(path), given, cache, refresh, image_memory_mib, _progress.show(progress))
+    return Dataset(native)

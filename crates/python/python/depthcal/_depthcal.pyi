@@ -1,0 +1,302 @@
+"""The native module. Its users are the other files of this package; :class:`Corrector` and the exceptions are public."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Optional, Union, overload
+
+import numpy as np
+import numpy.typing as npt
+
+__version__: str
+has_detection: bool
+"""Whether this package was built with detection of boards in images."""
+
+Show = Optional[Callable[[str, int, str, int | None], None]]
+Markers = tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64] | None]
+Depth = Union[npt.NDArray[np.uint16], npt.NDArray[np.float32]]
+Amplitude = Union[npt.NDArray[np.uint16], npt.NDArray[np.uint8], None]
+PerFrame = Union[float, Sequence[float], npt.NDArray[np.float64], None]
+Counts = tuple[int, int, int, int]
+
+class Error(Exception):
+    """Why depthcal has no result; the class of all its exceptions."""
+
+class InputError(Error):
+    """Files, arrays or arguments are at fault: exit code 1 of the command line. The message names what, and the remedy."""
+
+class UntrustedFitError(Error):
+    """The fit cannot be trusted: exit code 2 of the command line."""
+
+def set_threads(threads: int) -> None:
+    """Sets the number of threads of all further calls. Works once, before anything else; RAYON_NUM_THREADS does the same."""
+
+class Corrector:
+    """Corrects the depth images of a calibrated camera.
+
+    Built once, then used for every frame; may be used from several threads at a time. Arrays are read and written in place, without
+    copies and without the GIL.
+    """
+
+    def __init__(self, calibration: Any, threads: int | None = None) -> None:
+        """Prepares the correction for a :class:`Calibration`: rays of all pixels, and tables of its depth pieces.
+
+        ``threads`` gives it a pool of its own; otherwise it uses the threads of the process. Raises :class:`InputError`.
+        """
+
+    @property
+    def width(self) -> int:
+        """Width of its images, px."""
+
+    @property
+    def height(self) -> int:
+        """Height of its images, px."""
+
+    @property
+    def has_tables(self) -> bool:
+        """Whether frames are corrected by tables; if not, every pixel is inverted, some hundred times slower."""
+
+    @property
+    def needs(self) -> list[str]:
+        """Arguments that its effects need: some of ``time_s``, ``temperature_c``, ``amplitude``. Without them these effects stay."""
+
+    @overload
+    def correct(
+        self,
+        depth: npt.NDArray[np.uint16],
+        unit_mm: float = 1.0,
+        *,
+        amplitude: Amplitude = None,
+        time_s: PerFrame = None,
+        temperature_c: PerFrame = None,
+        out: npt.NDArray[np.uint16] | None = None,
+    ) -> npt.NDArray[np.uint16]: ...
+    @overload
+    def correct(
+        self,
+        depth: npt.NDArray[np.float32],
+        unit_mm: float = 1.0,
+        *,
+        amplitude: Amplitude = None,
+        time_s: PerFrame = None,
+        temperature_c: PerFrame = None,
+        out: npt.NDArray[np.float32] | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Corrected depth, of the shape and type of ``depth``: (height, width), or (frames, height, width).
+
+        uint16 is in steps of ``unit_mm`` millimetres, 0 and 65535 where nothing was measured; float32 is in millimetres, 0, NaN and
+        infinity where nothing was. What cannot be corrected is 0. ``amplitude`` is the infrared image, of the shape of ``depth``;
+        ``time_s`` (since the start of the recording) and ``temperature_c`` are numbers, or one per frame. ``out`` receives the result;
+        it may be ``depth`` itself. Arrays must be contiguous.
+        Raises :class:`InputError`; ``out`` is then unchanged, or holds the frames before the one at fault.
+        """
+
+    def correct_counting(
+        self,
+        depth: Depth,
+        unit_mm: float = 1.0,
+        *,
+        amplitude: Amplitude = None,
+        time_s: PerFrame = None,
+        temperature_c: PerFrame = None,
+        out: Depth | None = None,
+    ) -> tuple[Depth, Counts]:
+        """As :meth:`correct`, with numbers of pixels: corrected, of these beyond the range of the type, without depth, not correctable."""
+
+    def correct_to_mm(
+        self,
+        depth: Depth,
+        unit_mm: float = 1.0,
+        *,
+        amplitude: Amplitude = None,
+        time_s: PerFrame = None,
+        temperature_c: PerFrame = None,
+        out: npt.NDArray[np.float32] | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """As :meth:`correct`, in millimetres that are not rounded to steps: float32 of the shape of ``depth``."""
+
+    def points(
+        self,
+        depth: Depth,
+        unit_mm: float = 1.0,
+        *,
+        amplitude: Amplitude = None,
+        time_s: PerFrame = None,
+        temperature_c: PerFrame = None,
+        out: npt.NDArray[np.float32] | None = None,
+    ) -> npt.NDArray[np.float32]:
+        """Corrected points in the camera frame, mm: float32 of shape (…, height, width, 3), NaN where there is no corrected depth.
+
+        ``depth`` is as measured, as :meth:`correct` takes it.
+        """
+
+class Effect:
+    name: str
+    spec: str
+    is_formula: bool
+    equation: str
+    latex: str
+    parameters: list[tuple[str, str, float, float]]
+    cost: tuple[int, int, float]
+    @staticmethod
+    def read(path: str) -> list[Effect]: ...
+    @staticmethod
+    def formula(definition: str) -> Effect: ...
+    @staticmethod
+    def function(
+        name: str,
+        function: Callable[[Sequence[float], Sequence[np.ndarray]], np.ndarray],
+        covariates: Sequence[str],
+        parameters: Sequence[tuple[str, str, float, float, str]],
+        adds_to: str,
+        of: str,
+        summary: str,
+        source: str,
+    ) -> Effect: ...
+    def toml(self) -> str: ...
+
+class Dataset:
+    name: str
+    path: str
+    digest: str
+    size: tuple[int, int]
+    unit_mm: float | None
+    from_cache: bool
+    board: str
+    def frames(self) -> list[tuple[str, int, bool, float, float]]: ...
+    def dropped(self) -> list[tuple[str, str]]: ...
+    def markers(self, frame: str) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]: ...
+    def image(self, frame: str) -> npt.NDArray[np.uint16] | None: ...
+    def depth(self, frame: str) -> Depth | None: ...
+    def write_observations(self, path: str) -> None: ...
+
+class Calibration:
+    size: tuple[int, int]
+    @staticmethod
+    def read(path: str, effects: Sequence[Effect]) -> Calibration: ...
+    @staticmethod
+    def parse(text: str, effects: Sequence[Effect]) -> Calibration: ...
+    @staticmethod
+    def formats() -> list[str]: ...
+    def write(self, path: str) -> None: ...
+    def json(self) -> str: ...
+    def export(self, format: str) -> tuple[str, list[str]]: ...
+    def project(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
+    def rays(self, pixels: npt.NDArray[np.float64], depth_mm: float) -> npt.NDArray[np.float64]: ...
+
+class Fit:
+    def calibration(self) -> Calibration: ...
+    def evaluation(self) -> str: ...
+    def table(self) -> str: ...
+    def report_html(self) -> str: ...
+    def save(self, out: str) -> list[str]: ...
+
+class Evaluation:
+    def json(self) -> str: ...
+    def table(self) -> str: ...
+    def dropped(self) -> list[tuple[str, str, str]]: ...
+    def report_html(self) -> str: ...
+    def save(self, out: str) -> list[str]: ...
+
+class Comparison:
+    def json(self) -> str: ...
+    def tables(self) -> list[tuple[str, str]]: ...
+    def report_html(self) -> str: ...
+    def save(self, out: str) -> list[str]: ...
+
+class Diagnosis:
+    def json(self) -> str: ...
+    def text(self) -> str: ...
+    def sentence(self) -> str: ...
+    def calibration(self) -> Calibration: ...
+    def formulas(self) -> list[Effect]: ...
+    def evaluation(self) -> str: ...
+    def report_html(self) -> str: ...
+    def save(self, out: str) -> list[str]: ...
+
+def load(
+    path: str,
+    markers: Sequence[tuple[str, Markers]] | None,
+    cache: bool,
+    refresh: bool,
+    image_memory_mib: int,
+    progress: Show,
+) -> Dataset: ...
+def from_memory(
+    name: str,
+    board: str,
+    size: tuple[int, int],
+    unit_mm: float | None,
+    intrinsics: tuple[Any, ...] | None,
+    lens: str | None,
+    fixed: bool,
+    frames: Sequence[tuple[Any, ...]],
+) -> Dataset: ...
+def calibrate(
+    dataset: Dataset,
+    model: str,
+    with_: Sequence[str],
+    effects: Sequence[Effect],
+    lens: str | None,
+    estimator: str,
+    hold_out: tuple[int, int] | None,
+    cross_validate: int | None,
+    blocks: bool,
+    call: str,
+    progress: Show,
+    /,
+) -> Fit: ...
+def evaluate(
+    calibration: Calibration,
+    datasets: Sequence[Dataset],
+    with_: Sequence[str],
+    title: str,
+    call: str,
+    progress: Show,
+    /,
+) -> Evaluation: ...
+def compare(
+    train: Dataset,
+    verify: Sequence[Dataset],
+    models: Sequence[str],
+    with_: Sequence[str],
+    effects: Sequence[Effect],
+    lens: str | None,
+    folds: int,
+    thesis: bool,
+    learning: int,
+    call: str,
+    progress: Show,
+    /,
+) -> Comparison: ...
+def diagnose(
+    dataset: Dataset,
+    verify: Dataset | None,
+    model: str,
+    with_: Sequence[str],
+    effects: Sequence[Effect],
+    lens: str | None,
+    folds: int,
+    discovery: bool,
+    call: str,
+    progress: Show,
+    /,
+) -> Diagnosis: ...
+def simulate(
+    out: str,
+    camera: str,
+    kind: str,
+    effects: Sequence[str],
+    seed: int,
+    unit: int,
+    frames: int | None,
+    board: str | None,
+    truth: str | None,
+) -> int: ...
+def simulate_points(
+    camera: str,
+    kind: str,
+    effects: Sequence[str],
+    seed: int,
+    unit: int,
+    frames: int | None,
+    samples: int,
+) -> Dataset: ...

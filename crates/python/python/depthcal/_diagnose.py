@@ -1,0 +1,183 @@
+"""Search for what a model lacks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from . import _depthcal, _progress
+from ._calibration import Calibration
+from ._dataset import Dataset
+from ._effects import Effect, EffectLike, in_words, model_in_words
+from ._evaluate import DatasetErrors, FrameErrors, dataset_errors, frame_errors
+from ._report import Reported
+from ._tables import Table
+
+
+@dataclass(frozen=True)
+class Step:
+    """An effect that was missing and was added."""
+
+    effect: str
+    with_: str
+    """The effect as :func:`calibrate` takes it in ``effects``."""
+    size_mm: float
+    """Root mean square of the effect over the observations."""
+    p_value: float
+    depth_rms_before_mm: float | None
+    """On frames that the fit did not use."""
+    depth_rms_after_mm: float | None
+    gain_percent: float | None
+    gain_low_percent: float | None
+    gain_high_percent: float | None
+    indistinguishable: str
+    """Effects that these captures cannot tell from it."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that was tested in a round."""
+
+    round: int
+    effect: str
+    p_value: float
+    expected_size_mm: float | None
+    minimal_detectable_mm: float | None
+    """Smallest size that these captures would have shown."""
+    held_out_gain_percent: float
+
+
+class Diagnosis(Reported):
+    """What a model lacks: what ``depthcal diagnose`` writes."""
+
+    def __init__(self, native: _depthcal.Diagnosis) -> None:
+        self._native = native
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The contents of ``diagnosis.json``."""
+        return json.loads(self._native.json())
+
+    @property
+    def verdict(self) -> str:
+        """``adequate``, ``explained`` or ``unexplained``."""
+        return self.record["verdict"]
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in a sentence."""
+        return self._native.sentence()
+
+    @property
+    def steps(self) -> Table[Step]:
+        """The effects that were added, in order."""
+        rows = []
+        for s in self.record["steps"]:
+            gain = s.get("depth_gain_percent") or {}
+            rows.append(
+                Step(
+                    s["effects"][0],
+                    s["with"],
+                    s["size_mm"],
+                    s["p_value"],
+                    s["before"].get("depth_rms_mm"),
+                    s["after"].get("depth_rms_mm"),
+                    gain.get("value"),
+                    gain.get("low"),
+                    gain.get("high"),
+                    ", ".join(s["indistinguishable"]),
+                )
+            )
+        return Table(rows, "effect", Step)
+
+    @property
+    def candidates(self) -> Table[Candidate]:
+        """The tests of every round."""
+        rows = [
+            Candidate(
+                number + 1,
+                c["effect"],
+                c["p_value"],
+                c.get("expected_size_mm"),
+                c.get("minimal_detectable_mm"),
+                c["held_out_gain_percent"],
+            )
+            for number, found in enumerate(self.record["rounds"])
+            for c in found["effects"]
+        ]
+        return Table(rows, None, Candidate)
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration with everything that was added."""
+        return Calibration(self._native.calibration())
+
+    @property
+    def formulas(self) -> list[Effect]:
+        """Formulas that were found, for ``effects`` of further calls."""
+        return [Effect(native) for native in self._native.formulas()]
+
+    @property
+    def evaluation(self) -> dict[str, Any]:
+        """The contents of ``evaluation.json``: errors of the last model."""
+        return json.loads(self._native.evaluation())
+
+    @property
+    def errors(self) -> Table[DatasetErrors]:
+        """Errors of the last model on fitted and on held-out frames."""
+        return dataset_errors(self.evaluation)
+
+    @property
+    def frames(self) -> Table[FrameErrors]:
+        """The same for every frame."""
+        return frame_errors(self.evaluation)
+
+    def plot(self, ax: Any = None) -> Any:
+        """Held-out depth error before and after every step. Returns matplotlib's axes."""
+        from ._plots import steps
+
+        return steps(self, ax)
+
+    def __repr__(self) -> str:
+        return self._native.text()
+
+
+def diagnose(
+    dataset: Dataset,
+    *,
+    verify: Dataset | None = None,
+    model: EffectLike | Sequence[EffectLike] = "projective",
+    effects: Sequence[EffectLike] = (),
+    candidates: Sequence[Effect] = (),
+    lens: str | None = None,
+    folds: int = 5,
+    discovery: bool = True,
+    progress: _progress.Progress = None,
+) -> Diagnosis:
+    """Finds effects that a camera's model lacks: fits it, tests the residuals for every known effect, adds the one that explains them, and
+    so on; errors before and after are those of frames that the fits did not use.
+
+    ``model`` and ``effects`` are what it starts from, as in :func:`calibrate`. ``candidates`` are effects of your own that are tested like
+    those of the catalogue. ``verify`` is another dataset of the same camera, on which errors are reported. ``discovery=False`` searches no
+    formulas for what the known effects leave.
+    Raises :class:`InputError` and :class:`UntrustedFitError`.
+    """
+    model_text, natives = model_in_words(model)
+    texts, more = in_words(effects)
+    call = f"depthcal.diagnose(depthcal.load({dataset._native.path!r}), model={model_text!r})"
+    every = natives + more + in_words(candidates)[1]
+    native = _depthcal.diagnose(
+        dataset._native,
+        None if verify is None else verify._native,
+        model_text,
+        texts,
+        every,
+        lens,
+        folds,
+        discovery,
+        call,
+        _progress.show(progress),
+    )
+    return Diagnosis(native)

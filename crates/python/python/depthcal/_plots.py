@@ -1,0 +1,100 @@
+"""Figures of results, with matplotlib."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ._calibration import Calibration
+    from ._compare import ComparedModel
+    from ._dataset import Dataset
+    from ._diagnose import Diagnosis
+    from ._evaluate import FrameErrors
+    from ._tables import Table
+
+
+def _axes(ax: Any, size: tuple[float, float]) -> Any:
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(figsize=size, layout="constrained")[1]
+
+
+def coverage(dataset: Dataset, ax: Any = None) -> Any:
+    """Markers of all frames in the image."""
+    ax = _axes(ax, (6, 4.5))
+    for frame in dataset.frames:
+        _, pixels = dataset.markers(frame.name)
+        ax.plot(pixels[:, 0], pixels[:, 1], ".", markersize=3)
+    width, height = dataset.size
+    ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="u (px)", ylabel="v (px)")
+    ax.set_title(f"{dataset.name}: markers of {len(dataset)} frames")
+    return ax
+
+
+def errors_of_frames(frames: Table[FrameErrors], ax: Any = None) -> Any:
+    """Depth errors of every frame before and after correction; reprojection errors where there is no depth."""
+    ax = _axes(ax, (8, 4))
+    last = frames[len(frames) - 1].dataset if len(frames) else ""
+    rows = [row for row in frames if row.dataset == last]
+    places = np.arange(len(rows))
+    if any(row.depth_rms_mm is not None for row in rows):
+        value = lambda v: np.nan if v is None else v  # noqa: E731
+        ax.bar(places - 0.2, [value(row.depth_rms_before_mm) for row in rows], 0.4, label="as measured", color="0.75")
+        ax.bar(places + 0.2, [value(row.depth_rms_mm) for row in rows], 0.4, label="corrected", color="C0")
+        ax.set_ylabel("depth error, rms (mm)")
+        ax.legend()
+    else:
+        ax.bar(places, [row.reprojection_px for row in rows], 0.6, color="C0")
+        ax.set_ylabel("reprojection error, rms (px)")
+    ax.set_xticks(places, [row.frame for row in rows], rotation=90, fontsize=7)
+    ax.set_title(last)
+    return ax
+
+
+def correlations(calibration: Calibration, ax: Any = None) -> Any:
+    """Correlations of the free parameters."""
+    ax = _axes(ax, (6.5, 5.5))
+    found = calibration.correlation
+    if found is None:
+        ax.text(0.5, 0.5, "this estimator gives no covariance", ha="center", va="center", transform=ax.transAxes)
+        return ax
+    image = ax.imshow(found.to_numpy(), vmin=-1, vmax=1, cmap="RdBu_r")
+    places = range(len(found))
+    ax.set_xticks(places, found.columns, rotation=90, fontsize=7)
+    ax.set_yticks(places, found.columns, fontsize=7)
+    ax.figure.colorbar(image, ax=ax, label="correlation")
+    return ax
+
+
+def models(table: Table[ComparedModel], ax: Any = None) -> Any:
+    """Held-out errors of models with 95 % intervals."""
+    ax = _axes(ax, (7, 0.6 + 0.45 * max(len(table), 2)))
+    rows = [row for row in table if row.depth_rms_mm is not None][::-1]
+    for place, row in enumerate(rows):
+        low, high = row.depth_rms_low_mm, row.depth_rms_high_mm
+        ax.plot([low, high], [place, place], "-", color="0.4")
+        ax.plot(row.depth_rms_mm, place, "o", color="C3" if row.really_worse else "C0")
+    ax.set_yticks(range(len(rows)), [row.model for row in rows])
+    ax.set_xlabel("held-out depth error, rms (mm), with 95 % interval")
+    return ax
+
+
+def steps(diagnosis: Diagnosis, ax: Any = None) -> Any:
+    """Held-out depth error before the first and after every step."""
+    ax = _axes(ax, (7, 4))
+    rows = list(diagnosis.steps)
+    if not rows:
+        ax.text(0.5, 0.5, diagnosis.sentence, ha="center", va="center", wrap=True, transform=ax.transAxes)
+        ax.set_axis_off()
+        return ax
+    values = [rows[0].depth_rms_before_mm] + [row.depth_rms_after_mm for row in rows]
+    names = ["declared model"] + [f"+ {row.effect}" for row in rows]
+    ax.plot(range(len(values)), [np.nan if v is None else v for v in values], "o-")
+    ax.set_xticks(range(len(values)), names, rotation=20, ha="right")
+    ax.set_ylim(bottom=0)
+    ax.set_ylabel("held-out depth error, rms (mm)")
+    return ax

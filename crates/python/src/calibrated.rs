@@ -1,0 +1,117 @@
+//! Calibrations: cameras with their uncertainty, from fits or files.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use depthcal_calibration::calibration_record::camera_from_record;
+use depthcal_io::{Calibration as Record, CameraFormat, ExportCamera};
+use depthcal_model::{Camera, Register};
+use nalgebra::Vector3;
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use crate::effect::Effect;
+use crate::failure::input;
+use crate::request::{json, register_with};
+
+/// A calibrated camera.
+#[pyclass(frozen, module = "depthcal._depthcal")]
+#[derive(Debug)]
+pub(crate) struct Calibration {
+    pub record: Arc<Record>,
+    pub camera: Arc<Camera>,
+    pub register: Register,
+}
+
+impl Calibration {
+    pub fn new(record: Record, camera: Camera, register: Register) -> Self {
+        Self { record: Arc::new(record), camera: Arc::new(camera), register }
+    }
+}
+
+/// Rows (n, k) of an array.
+fn rows<const K: usize>(what: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; K]>> {
+    let array = array.as_array();
+    if array.shape()[1] != K {
+        return Err(input(format!("{what} have the shape {:?}: give an array (n, {K})", array.shape())).into());
+    }
+    Ok(array.rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect())
+}
+
+#[pymethods]
+impl Calibration {
+    /// Reads a `calibration.json`; `effects` are those of Python that it names.
+    #[staticmethod]
+    fn read(path: PathBuf, effects: Vec<PyRef<'_, Effect>>) -> PyResult<Self> {
+        let register = register_with(&effects)?;
+        let record = Record::read(&path).map_err(input)?;
+        let camera = camera_from_record(&record.camera, &register)
+            .map_err(|error| input(format!("{}: {error}", path.display())))?;
+        Ok(Self::new(record, camera, register))
+    }
+
+    /// A calibration from the JSON of its record, as [`Calibration::json`] gives it.
+    #[staticmethod]
+    fn parse(text: &str, effects: Vec<PyRef<'_, Effect>>) -> PyResult<Self> {
+        let register = register_with(&effects)?;
+        let record: Record = serde_json::from_str(text).map_err(|e| input(format!("calibration: {e}")))?;
+        let camera = camera_from_record(&record.camera, &register).map_err(input)?;
+        Ok(Self::new(record, camera, register))
+    }
+
+    /// Writes a `calibration.json`.
+    fn write(&self, path: PathBuf) -> PyResult<()> {
+        Ok(self.record.write(path).map_err(input)?)
+    }
+
+    /// The record as JSON.
+    fn json(&self) -> PyResult<String> {
+        json(&*self.record)
+    }
+
+    /// The text of a camera file of another program, and warnings of what it cannot hold.
+    fn export(&self, py: Python<'_>, format: &str) -> PyResult<(String, Vec<String>)> {
+        let format: CameraFormat = format.parse().map_err(input)?;
+        let export = py.detach(|| ExportCamera::new(&self.camera, &self.record).export(format)).map_err(input)?;
+        Ok((export.text, export.warnings.iter().map(ToString::to_string).collect()))
+    }
+
+    /// Names of the formats that `export` writes.
+    #[staticmethod]
+    fn formats() -> Vec<&'static str> {
+        CameraFormat::ALL.map(CameraFormat::name).to_vec()
+    }
+
+    /// Width and height, px.
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        (self.camera.width, self.camera.height)
+    }
+
+    /// Pixels (n, 2) of points (n, 3) in mm; NaN where a point has none.
+    fn project<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = rows::<3>("points", &points)?;
+        let camera = &self.camera;
+        let pixels: Vec<f64> = py.detach(|| {
+            let pixel = |p: &[f64; 3]| camera.project(&Vector3::from(*p)).unwrap_or([f64::NAN; 2]);
+            points.iter().flat_map(pixel).collect()
+        });
+        Ok(pixels.into_pyarray(py).reshape([points.len(), 2])?)
+    }
+
+    /// Rays (X/Z, Y/Z) (n, 2) of pixels (n, 2) at a depth; NaN where a pixel has none.
+    fn rays<'py>(
+        &self,
+        py: Python<'py>,
+        pixels: PyReadonlyArray2<'py, f64>,
+        depth_mm: f64,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let pixels = rows::<2>("pixels", &pixels)?;
+        let camera = &self.camera;
+        let rays: Vec<f64> = py.detach(|| {
+            let ray = |p: &[f64; 2]| camera.ray(*p, 1.0 / depth_mm).unwrap_or([f64::NAN; 2]);
+            pixels.iter().flat_map(ray).collect()
+        });
+        Ok(rays.into_pyarray(py).reshape([pixels.len(), 2])?)
+    }
+}

@@ -1,0 +1,230 @@
+//! Datasets: folders, or arrays in memory.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use depthcal_calibration::load::{
+    DatasetInMemory, FrameInMemory, GivenMarkers, LoadOptions, Loaded, default_cache, load_from_memory,
+    load_with_markers,
+};
+use depthcal_calibration::observe::RawFrame;
+use depthcal_io::{CameraHint, DepthValues, FrameMetadata, IntrinsicNumbers};
+use depthcal_model::{Register, Target};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+
+use crate::failure::{Failure, input};
+use crate::markers::{MarkerArrays, depth_of, gray_of, markers_of};
+use crate::request::json;
+use crate::running::run;
+
+/// A dataset with its markers.
+#[pyclass(frozen, module = "depthcal._depthcal")]
+#[derive(Debug)]
+pub(crate) struct Dataset {
+    pub loaded: Arc<Loaded>,
+}
+
+/// Reads the dataset in a folder. `markers` are those of another program by frame.
+#[pyfunction]
+#[pyo3(signature = (path, markers, cache, refresh, image_memory_mib, progress))]
+pub(crate) fn load(
+    py: Python<'_>,
+    path: PathBuf,
+    markers: Option<Vec<(String, MarkerArrays<'_>)>>,
+    cache: bool,
+    refresh: bool,
+    image_memory_mib: usize,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Dataset> {
+    let markers: Option<GivenMarkers> = match markers {
+        None => None,
+        Some(list) => {
+            let frames = list.iter().map(|(name, arrays)| Ok((name.clone(), markers_of(name, arrays)?)));
+            Some(frames.collect::<Result<_, Failure>>()?)
+        }
+    };
+    let loaded = run(py, progress.as_ref(), move |progress| {
+        let options = LoadOptions {
+            cache: if cache { default_cache() } else { None },
+            refresh,
+            markers: None,
+            register: Register::builtin(),
+            image_memory: image_memory_mib << 20,
+            progress: progress.clone(),
+        };
+        match &markers {
+            None => depthcal_calibration::load::load(&path, &options),
+            Some(markers) => load_with_markers(&path, markers, &options),
+        }
+        .map_err(input)
+    })?;
+    Ok(Dataset { loaded: Arc::new(loaded) })
+}
+
+/// A frame in memory: name, image, depth, markers, time in s, temperature in °C.
+type FrameArrays<'py> =
+    (String, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>, MarkerArrays<'py>, Option<f64>, Option<f64>);
+
+/// Focal lengths, centre, skew (px), distortion.
+type Intrinsics = (f64, f64, f64, f64, f64, Vec<f64>);
+
+/// A dataset from arrays.
+#[pyfunction]
+#[pyo3(signature = (name, board, size, unit_mm, intrinsics, lens, fixed, frames))]
+#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
+pub(crate) fn from_memory(
+    py: Python<'_>,
+    name: String,
+    board: &str,
+    size: (usize, usize),
+    unit_mm: Option<f64>,
+    intrinsics: Option<Intrinsics>,
+    lens: Option<String>,
+    fixed: bool,
+    frames: Vec<FrameArrays<'_>>,
+) -> PyResult<Dataset> {
+    let target = target_of(board)?;
+    if let Some(unit) = unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
+        return Err(input(format!("unit_mm is {unit}: give the millimetres per step, such as 1 or 0.25")).into());
+    }
+    let frames = frames.into_iter().map(|(name, image, depth, markers, timestamp_s, temperature_c)| {
+        Ok(FrameInMemory {
+            image: image.map(|image| gray_of(&name, &image)).transpose()?,
+            depth: depth.map(|depth| depth_of(&name, &depth)).transpose()?,
+            markers: markers_of(&name, &markers)?,
+            metadata: FrameMetadata { timestamp_s, temperature_c, ..FrameMetadata::default() },
+            name,
+        })
+    });
+    let frames = frames.collect::<Result<Vec<_>, Failure>>()?;
+    if unit_mm.is_none() && frames.iter().any(|frame| frame.depth.is_some()) {
+        return Err(input(
+            "unit_mm is missing: give the millimetres per step of the depth images; it is never guessed",
+        )
+        .into());
+    }
+    let numbers =
+        intrinsics.map(|(fx, fy, cx, cy, skew, distortion)| IntrinsicNumbers { fx, fy, cx, cy, skew, distortion });
+    let camera = (numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, intrinsics: None, lens, fixed });
+    let given = DatasetInMemory { name, target, size, depth_unit_mm: unit_mm, camera, frames };
+    let loaded = py.detach(|| load_from_memory(given)).map_err(input)?;
+    Ok(Dataset { loaded: Arc::new(loaded) })
+}
+
+/// The board of a JSON text.
+fn target_of(board: &str) -> Result<Target, Failure> {
+    let target: Target = serde_json::from_str(board).map_err(|e| input(format!("board: {e}")))?;
+    if target.is_empty() || target.columns < 2 || target.rows < 2 {
+        return Err(input(format!(
+            "board: {} columns and {} rows: give at least 2 of each",
+            target.columns, target.rows
+        )));
+    }
+    if !(target.spacing_mm.is_finite() && target.spacing_mm > 0.0) {
+        return Err(input(format!("board: spacing_mm is {}: give the spacing of the grid in mm", target.spacing_mm)));
+    }
+    Ok(target)
+}
+
+impl Dataset {
+    fn frame(&self, name: &str) -> Result<&depthcal_calibration::observe::DetectedFrame, Failure> {
+        let frames = &self.loaded.capture.frames;
+        frames
+            .iter()
+            .find(|frame| frame.name == name)
+            .ok_or_else(|| input(format!("there is no frame '{name}' with a board")))
+    }
+}
+
+#[pymethods]
+impl Dataset {
+    #[getter]
+    fn name(&self) -> &str {
+        &self.loaded.dataset.name
+    }
+
+    /// Path as it was given, or the name of a dataset in memory.
+    #[getter]
+    fn path(&self) -> &str {
+        &self.loaded.reference.path
+    }
+
+    #[getter]
+    fn digest(&self) -> &str {
+        &self.loaded.reference.digest
+    }
+
+    /// Width and height, px.
+    #[getter]
+    fn size(&self) -> (usize, usize) {
+        (self.loaded.capture.width, self.loaded.capture.height)
+    }
+
+    #[getter]
+    fn unit_mm(&self) -> Option<f64> {
+        self.loaded.capture.depth_unit_mm
+    }
+
+    #[getter]
+    fn from_cache(&self) -> bool {
+        self.loaded.from_cache
+    }
+
+    /// The board as JSON.
+    #[getter]
+    fn board(&self) -> PyResult<String> {
+        json(&self.loaded.capture.target)
+    }
+
+    /// (name, number of markers, whether it has depth, time in s, temperature in °C) of every frame with a board.
+    fn frames(&self) -> Vec<(String, usize, bool, f64, f64)> {
+        let frames = self.loaded.capture.frames.iter();
+        frames.map(|f| (f.name.clone(), f.markers.len(), f.has_depth(), f.time_s, f.temperature_c)).collect()
+    }
+
+    /// (name, reason) of every frame that is not used.
+    fn dropped(&self) -> Vec<(String, String)> {
+        self.loaded.capture.dropped.iter().map(|f| (f.name.clone(), f.reason.clone())).collect()
+    }
+
+    /// Numbers and positions of a frame's markers.
+    #[expect(clippy::type_complexity, reason = "two arrays")]
+    fn markers<'py>(
+        &self,
+        py: Python<'py>,
+        frame: &str,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>)> {
+        let markers = &self.frame(frame)?.markers;
+        let indices: Vec<i64> = markers.iter().map(|m| m.index as i64).collect();
+        let pixels: Vec<f64> = markers.iter().flat_map(|m| m.pixel).collect();
+        Ok((indices.into_pyarray(py), pixels.into_pyarray(py).reshape([markers.len(), 2])?))
+    }
+
+    /// The image of a frame, uint16.
+    fn image<'py>(&self, py: Python<'py>, frame: &str) -> PyResult<Option<Bound<'py, PyArray2<u16>>>> {
+        let raw: &RawFrame = self.frame(frame)?;
+        let Some(image) = raw.image.as_ref().map(|image| image.get()).transpose().map_err(input)? else {
+            return Ok(None);
+        };
+        Ok(Some(image.data.clone().into_pyarray(py).reshape([image.height, image.width])?))
+    }
+
+    /// The depth image of a frame: uint16 steps or float32 units.
+    fn depth<'py>(&self, py: Python<'py>, frame: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let raw: &RawFrame = self.frame(frame)?;
+        let Some(depth) = raw.depth_image().map(|depth| depth.get()).transpose().map_err(input)? else {
+            return Ok(None);
+        };
+        let shape = [depth.height, depth.width];
+        Ok(Some(match &depth.values {
+            DepthValues::Steps(values) => values.clone().into_pyarray(py).reshape(shape)?.into_any(),
+            DepthValues::Float(values) => values.clone().into_pyarray(py).reshape(shape)?.into_any(),
+        }))
+    }
+
+    /// Writes `observations.json`.
+    fn write_observations(&self, path: PathBuf) -> PyResult<()> {
+        Ok(self.loaded.observations().write(path).map_err(input)?)
+    }
+}

@@ -1,0 +1,136 @@
+//! `calibrate`: a dataset, fitted and judged.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use depthcal_calibration::calibration_record::calibration_record;
+use depthcal_calibration::judge::parts::Parts;
+use depthcal_calibration::judge::table::table;
+use depthcal_calibration::load::Loaded;
+use depthcal_calibration::stage_clock::StageTimes;
+use depthcal_calibration::task::{DatasetFit, FitRequest, HoldOut, JudgedFit, write_calibration};
+use depthcal_io::Evaluation;
+use depthcal_model::Register;
+use depthcal_report::{ReportDataset, ReportInput, Role};
+use pyo3::prelude::*;
+
+use crate::calibrated::Calibration;
+use crate::dataset::Dataset;
+use crate::effect::Effect;
+use crate::failure::{Failure, input};
+use crate::request::{base_options, estimator_of, json, model_request, register_with};
+use crate::running::run;
+use crate::written::{html, write_report};
+
+/// A fit with its errors.
+#[pyclass(frozen, module = "depthcal._depthcal")]
+#[derive(Debug)]
+pub(crate) struct Fit {
+    fit: DatasetFit,
+    judged: JudgedFit,
+    loaded: Arc<Loaded>,
+    register: Register,
+    stages: StageTimes,
+    call: String,
+}
+
+/// Fits a dataset and judges the fit.
+#[pyfunction]
+#[pyo3(signature = (dataset, model, with, effects, lens, estimator, hold_out, cross_validate, blocks, call, progress))]
+#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
+pub(crate) fn calibrate(
+    py: Python<'_>,
+    dataset: &Dataset,
+    model: String,
+    with: Vec<String>,
+    effects: Vec<PyRef<'_, Effect>>,
+    lens: Option<String>,
+    estimator: &str,
+    hold_out: Option<(usize, usize)>,
+    cross_validate: Option<usize>,
+    blocks: bool,
+    call: String,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Fit> {
+    if hold_out.is_some() && cross_validate.is_some() {
+        return Err(input("hold_out and cross_validate exclude each other: give one of them").into());
+    }
+    if cross_validate.is_some_and(|parts| parts < 2) {
+        return Err(input("cross_validate is the number of parts: give at least 2").into());
+    }
+    let hold_out = match hold_out {
+        Some((every, first)) if every < 2 || first < 1 || first > every => {
+            return Err(input(format!("hold_out ({every}, {first}): N must be at least 2 and K from 1 to N")).into());
+        }
+        other => other.map(|(every, first)| HoldOut { every, first: first - 1 }),
+    };
+    let mut register = register_with(&effects)?;
+    let request = FitRequest {
+        model: model_request(model, with, lens, &mut register)?,
+        estimator: estimator_of(estimator)?,
+        hold_out,
+        cross_validate,
+        parts: if blocks { Parts::Blocks } else { Parts::Interleaved },
+    };
+    let loaded = dataset.loaded.clone();
+    run(py, progress.as_ref(), move |progress| {
+        let options = request.options(base_options(&register, progress))?;
+        let fit = request.prepare(&loaded, options)?.fit()?;
+        let judged = fit.judge()?;
+        Ok(Fit { fit, judged, loaded, register, stages: progress.stage_times(), call })
+    })
+}
+
+impl Fit {
+    fn report<T>(&self, make: impl FnOnce(&ReportInput<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
+        let mut shown = vec![ReportDataset { evaluated: &self.judged.fitted, role: Role::Fitted }];
+        let held_out = self.judged.held_out.as_ref();
+        shown.extend(held_out.map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
+        make(&ReportInput {
+            title: self.fit.result.capture.name.clone(),
+            command_line: self.call.clone(),
+            stages: self.stages.clone(),
+            calibrated: Some(&self.fit.result),
+            evaluations: &shown,
+            diagnosis: None,
+            story: &[],
+        })
+    }
+}
+
+#[pymethods]
+impl Fit {
+    /// The calibration.
+    fn calibration(&self) -> Calibration {
+        let reference = self.loaded.reference.clone();
+        let record = calibration_record(&self.fit.result, &self.judged.fitted, reference, None);
+        Calibration::new(record, self.fit.result.camera.clone(), self.register.clone())
+    }
+
+    /// Errors of every dataset as JSON: `evaluation.json`.
+    fn evaluation(&self) -> PyResult<String> {
+        json(&Evaluation { datasets: self.judged.records(), ..Evaluation::default() })
+    }
+
+    /// The errors as a table of text.
+    fn table(&self) -> String {
+        table(&self.judged.records(), Some(&self.fit.result.capture.name))
+    }
+
+    /// The report as HTML.
+    fn report_html(&self, py: Python<'_>) -> PyResult<String> {
+        run(py, None, |_| self.report(html))
+    }
+
+    /// Writes `observations.json`, `calibration.json`, `evaluation.json` and `report.html` into a folder; returns the paths.
+    fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
+        run(py, None, |_| {
+            let (result, fitted) = (&self.fit.result, &self.judged.fitted);
+            let calibration =
+                write_calibration(result, fitted, &self.loaded, self.judged.records(), &self.register, &out)
+                    .map_err(input)?;
+            let report = self.report(|report| write_report(report, &out))?;
+            Ok(vec![calibration, out.join("evaluation.json"), out.join("observations.json"), report])
+        })
+    }
+}

@@ -1,0 +1,61 @@
+//! The Python package of depthcal: the native module `depthcal._depthcal`.
+//!
+//! Everything here is a thin layer: arguments become options of the library, long calls run without the GIL in a thread of their own
+//! (`running`), results are objects that keep the library's results and give its records as JSON. Tables, figures and documentation for
+//! users are in the package's Python files.
+//!
+//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work;
+//! - `corrector`: depth images on numpy arrays, in place of copies;
+//! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
+//! - `request`, `failure`, `running`: what all steps share.
+//!
+//! Invariants: the GIL is released in every call that may reach the chain, because a piece may call Python from any thread; no panic
+//! reaches Python but as an exception.
+// The macros of PyO3 expand to `unsafe` code for Python's C interface; this crate has none of its own.
+#![allow(unsafe_code)]
+
+mod calibrated;
+mod compared;
+mod corrector;
+mod dataset;
+mod diagnosed;
+mod effect;
+mod evaluated;
+mod failure;
+mod fitted;
+mod function_piece;
+mod markers;
+mod request;
+mod running;
+mod simulated;
+mod written;
+
+use pyo3::prelude::*;
+
+/// The native module.
+#[pymodule]
+fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("has_detection", cfg!(feature = "detect"))?;
+    module.add("Error", module.py().get_type::<failure::Error>())?;
+    module.add("InputError", module.py().get_type::<failure::InputError>())?;
+    module.add("UntrustedFitError", module.py().get_type::<failure::UntrustedFitError>())?;
+    module.add_class::<dataset::Dataset>()?;
+    module.add_class::<fitted::Fit>()?;
+    module.add_class::<evaluated::Evaluation>()?;
+    module.add_class::<compared::Comparison>()?;
+    module.add_class::<diagnosed::Diagnosis>()?;
+    module.add_class::<calibrated::Calibration>()?;
+    module.add_class::<corrector::Corrector>()?;
+    module.add_class::<effect::Effect>()?;
+    module.add_function(wrap_pyfunction!(dataset::load, module)?)?;
+    module.add_function(wrap_pyfunction!(dataset::from_memory, module)?)?;
+    module.add_function(wrap_pyfunction!(fitted::calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(evaluated::evaluate, module)?)?;
+    module.add_function(wrap_pyfunction!(compared::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(diagnosed::diagnose, module)?)?;
+    module.add_function(wrap_pyfunction!(simulated::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(simulated::simulate_points, module)?)?;
+    module.add_function(wrap_pyfunction!(running::set_threads, module)?)?;
+    Ok(())
+}

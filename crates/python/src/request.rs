@@ -1,0 +1,51 @@
+//! What is asked for: the register of a call, and the model in words.
+
+use depthcal_calibration::calibrate::{CalibrateOptions, Estimator};
+use depthcal_calibration::progress::ProgressHandle;
+use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames};
+use depthcal_model::Register;
+use pyo3::prelude::*;
+
+use crate::effect::Effect;
+use crate::failure::{Failure, input};
+
+/// The register of a call: depthcal's pieces and the given effects.
+pub(crate) fn register_with(effects: &[PyRef<'_, Effect>]) -> PyResult<Register> {
+    let mut register = Register::builtin();
+    for effect in effects {
+        effect.register(&mut register)?;
+    }
+    Ok(register)
+}
+
+/// The model in words, with its files of formulas loaded into the register.
+pub(crate) fn model_request(
+    model: String,
+    with: Vec<String>,
+    lens: Option<String>,
+    register: &mut Register,
+) -> Result<ModelRequest, Failure> {
+    if let Some(lens) = lens.as_ref().filter(|lens| !LENSES.contains(&lens.as_str())) {
+        return Err(Failure::Input(format!("lens '{lens}' is unknown; known are {}", LENSES.join(", "))));
+    }
+    let mut request = ModelRequest { names: OptionNames::ARGUMENTS, model, with, lens };
+    request.load_formulas(register)?;
+    Ok(request)
+}
+
+/// Default options with a register and progress.
+pub(crate) fn base_options(register: &Register, progress: &ProgressHandle) -> CalibrateOptions {
+    CalibrateOptions { register: register.clone(), progress: progress.clone(), ..CalibrateOptions::default() }
+}
+
+/// The estimator of that name.
+pub(crate) fn estimator_of(name: &str) -> Result<Estimator, Failure> {
+    let all = [Estimator::Joint, Estimator::Linear, Estimator::Irls, Estimator::Nonlinear];
+    let known = || input(format!("estimator '{name}' is unknown; known are {}", all.map(Estimator::name).join(", ")));
+    all.into_iter().find(|estimator| estimator.name() == name).ok_or_else(known)
+}
+
+/// A record as JSON.
+pub(crate) fn json(record: &impl serde::Serialize) -> PyResult<String> {
+    Ok(serde_json::to_string(record).map_err(input)?)
+}

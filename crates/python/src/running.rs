@@ -1,0 +1,195 @@
+//! Long calls: without the GIL, in a thread of their own, while the calling thread shows progress and listens for Ctrl-C.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use depthcal_calibration::progress::{Job, Progress, ProgressHandle};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+
+use crate::failure::{Error, Failure, input};
+
+/// Memory of the thread that works, bytes: as much as a main thread usually has.
+const STACK: usize = 16 << 20;
+/// How often the calling thread looks for signals.
+const LISTENING: Duration = Duration::from_millis(50);
+
+/// What the thread that works tells the one that called.
+enum Event {
+    /// A job begins: its number, its name, its steps where they are known.
+    Begin(usize, &'static str, Option<usize>),
+    /// What a job is doing.
+    Doing(usize, String),
+    /// A step of a job is done.
+    Advance(usize),
+    /// A job ends.
+    End(usize),
+    /// All is done.
+    Done,
+}
+
+/// Unwinds the thread that works: Ctrl-C was pressed.
+struct Interrupted;
+
+/// Unwinds the thread that works: Python code that it called raised an exception.
+struct Raised(PyErr);
+
+/// Leaves the library at once with an exception of Python code that it called. Only within [`run`].
+pub(crate) fn raise(error: PyErr) -> ! {
+    resume_unwind(Box::new(Raised(error)))
+}
+
+#[derive(Debug)]
+struct Reporter {
+    sender: Sender<Event>,
+    interrupted: Arc<AtomicBool>,
+    jobs: AtomicUsize,
+}
+
+/// Leaves the library where Ctrl-C was pressed.
+fn check(interrupted: &AtomicBool) {
+    if interrupted.load(Ordering::Relaxed) && !std::thread::panicking() {
+        resume_unwind(Box::new(Interrupted));
+    }
+}
+
+impl Progress for Reporter {
+    fn begin(&self, job: &'static str, steps: Option<usize>) -> Box<dyn Job> {
+        check(&self.interrupted);
+        let number = self.jobs.fetch_add(1, Ordering::Relaxed);
+        let _ = self.sender.send(Event::Begin(number, job, steps));
+        Box::new(ReportedJob { number, sender: self.sender.clone(), interrupted: self.interrupted.clone() })
+    }
+
+    fn stage(&self, _: &str) {
+        check(&self.interrupted);
+    }
+}
+
+#[derive(Debug)]
+struct ReportedJob {
+    number: usize,
+    sender: Sender<Event>,
+    interrupted: Arc<AtomicBool>,
+}
+
+impl Job for ReportedJob {
+    fn doing(&self, what: String) {
+        check(&self.interrupted);
+        let _ = self.sender.send(Event::Doing(self.number, what));
+    }
+
+    fn advance(&self) {
+        check(&self.interrupted);
+        let _ = self.sender.send(Event::Advance(self.number));
+    }
+}
+
+impl Drop for ReportedJob {
+    fn drop(&mut self) {
+        let _ = self.sender.send(Event::End(self.number));
+    }
+}
+
+/// Runs `work` without the GIL in a thread of its own. Progress goes to `show`, called with (event, number of the job, text, steps) in the
+/// calling thread. Ctrl-C ends the work at its next stage and raises KeyboardInterrupt; an exception of `show` or of Python code that
+/// the work calls ends it as well.
+pub(crate) fn run<T: Send>(
+    py: Python<'_>,
+    show: Option<&Py<PyAny>>,
+    work: impl FnOnce(&ProgressHandle) -> Result<T, Failure> + Send,
+) -> PyResult<T> {
+    let (sender, receiver) = channel();
+    let receiver = Mutex::new(receiver);
+    let interrupted = Arc::new(AtomicBool::new(false));
+    let reporter = Reporter { sender: sender.clone(), interrupted: interrupted.clone(), jobs: AtomicUsize::new(0) };
+    let mut raised = None;
+    let outcome = std::thread::scope(|scope| {
+        let worker =
+            std::thread::Builder::new().name("depthcal".to_owned()).stack_size(STACK).spawn_scoped(scope, move || {
+                let handle = ProgressHandle::new(reporter);
+                let outcome = catch_unwind(AssertUnwindSafe(|| work(&handle)));
+                let _ = sender.send(Event::Done);
+                outcome
+            });
+        let worker = match worker {
+            Ok(worker) => worker,
+            Err(error) => return Ok(Err(input(format!("no thread can be started: {error}")))),
+        };
+        listen(py, show, &receiver, &interrupted, &mut raised);
+        py.detach(|| worker.join().unwrap_or_else(Err))
+    });
+    if let Some(error) = raised {
+        return Err(error);
+    }
+    match outcome {
+        Ok(result) => Ok(result?),
+        Err(payload) => Err(exception_of(payload)),
+    }
+}
+
+/// Shows progress and listens for signals until all is done.
+fn listen(
+    py: Python<'_>,
+    show: Option<&Py<PyAny>>,
+    receiver: &Mutex<Receiver<Event>>,
+    interrupted: &AtomicBool,
+    raised: &mut Option<PyErr>,
+) {
+    loop {
+        let event = py.detach(|| receiver.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(LISTENING));
+        let shown = match (&event, show) {
+            (Ok(Event::Done) | Err(RecvTimeoutError::Disconnected), _) => return,
+            (Err(RecvTimeoutError::Timeout), _) | (_, None) => Ok(()),
+            (Ok(event), Some(show)) if raised.is_none() => tell(py, show, event),
+            _ => Ok(()),
+        };
+        if raised.is_none()
+            && let Err(error) = shown.and_then(|()| py.check_signals())
+        {
+            *raised = Some(error);
+            interrupted.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+fn tell(py: Python<'_>, show: &Py<PyAny>, event: &Event) -> PyResult<()> {
+    let told = match event {
+        Event::Begin(job, text, steps) => ("begin", *job, *text, *steps),
+        Event::Doing(job, text) => ("doing", *job, text.as_str(), None),
+        Event::Advance(job) => ("advance", *job, "", None),
+        Event::End(job) => ("end", *job, "", None),
+        Event::Done => return Ok(()),
+    };
+    show.call1(py, told).map(drop)
+}
+
+/// What the thread that worked was unwound with, as an exception.
+fn exception_of(payload: Box<dyn Any + Send>) -> PyErr {
+    let payload = match payload.downcast::<Raised>() {
+        Ok(raised) => return raised.0,
+        Err(payload) => payload,
+    };
+    if payload.is::<Interrupted>() {
+        return PyKeyboardInterrupt::new_err(());
+    }
+    let words = payload.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    let words = words.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
+    Error::new_err(format!("depthcal failed where it must not: {words}; please report this as a bug"))
+}
+
+/// Sets the number of threads of all further calls. Works once, before the first call that uses several threads.
+#[pyfunction]
+pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
+    if threads == 0 {
+        return Err(input("threads is 0; give at least 1").into());
+    }
+    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    Ok(built.map_err(|_| {
+        input("the threads are running already: call set_threads before anything else, or set RAYON_NUM_THREADS")
+    })?)
+}

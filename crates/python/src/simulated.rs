@@ -1,0 +1,129 @@
+//! Simulated captures, for examples and tests.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use depthcal_calibration::load::Loaded;
+use depthcal_calibration::simulated::capture;
+use depthcal_io::{Dataset as Declared, FileReference, Pairing, digest_contents, write_json};
+use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
+use pyo3::prelude::*;
+
+use crate::dataset::Dataset;
+use crate::failure::{Failure, input};
+use crate::running::run;
+
+/// A simulation from words.
+fn simulation(
+    camera: &str,
+    kind: &str,
+    effects: &[String],
+    seed: u64,
+    unit: u64,
+    frames: Option<usize>,
+    board: Option<&str>,
+) -> Result<Simulation, Failure> {
+    let camera = if camera == "fisheye" {
+        CameraTruth::fisheye_150()
+    } else {
+        let number = camera.parse().map_err(|_| input(format!("camera {camera}: write 1, 2, 3, 4 or fisheye")))?;
+        CameraTruth::published(number).map_err(|e| input(format!("camera: {e}")))?
+    };
+    let kind: Kind = kind.parse().map_err(|e| input(format!("kind: {e}")))?;
+    let effects = effects.iter().filter_map(|text| Effect::parse(text).transpose());
+    let effects: Vec<Effect> = effects.collect::<Result<_, _>>().map_err(|e| input(format!("effects: {e}")))?;
+    let mut simulation = Simulation::new(camera, kind, &effects, seed).unit(unit);
+    match board {
+        None | Some("asymmetric-circles") => {}
+        Some("chessboard") => {
+            let board =
+                Board { pattern: Pattern::Chessboard, columns: 9, rows: 6, spacing_mm: 25.0, ..Board::default() };
+            simulation = simulation.board(board);
+        }
+        Some(other) => return Err(input(format!("board '{other}': write asymmetric-circles or chessboard"))),
+    }
+    if let Some(frames) = frames {
+        simulation = simulation.frames(frames);
+    }
+    // Errors of the simulation show before a folder is created.
+    simulation.truth().map_err(input)?;
+    Ok(simulation)
+}
+
+/// Renders a dataset into a new or empty folder; returns the number of frames.
+#[pyfunction]
+#[pyo3(signature = (out, camera, kind, effects, seed, unit, frames, board, truth))]
+#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
+pub(crate) fn simulate(
+    py: Python<'_>,
+    out: PathBuf,
+    camera: &str,
+    kind: &str,
+    effects: Vec<String>,
+    seed: u64,
+    unit: u64,
+    frames: Option<usize>,
+    board: Option<&str>,
+    truth: Option<PathBuf>,
+) -> PyResult<usize> {
+    let simulation = simulation(camera, kind, &effects, seed, unit, frames, board)?;
+    let is_used = std::fs::read_dir(&out).is_ok_and(|mut entries| entries.next().is_some());
+    if is_used {
+        return Err(input(format!("{} is not empty: give a new or an empty folder", out.display())).into());
+    }
+    run(py, None, move |_| {
+        let written = simulation.write_dataset(&out).map_err(input)?;
+        if let Some(path) = truth {
+            write_json(&path, &written).map_err(input)?;
+        }
+        Ok(written.frames.len())
+    })
+}
+
+/// A dataset of simulated markers and depth pixels without images.
+#[pyfunction]
+#[pyo3(signature = (camera, kind, effects, seed, unit, frames, samples))]
+#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
+pub(crate) fn simulate_points(
+    py: Python<'_>,
+    camera: &str,
+    kind: &str,
+    effects: Vec<String>,
+    seed: u64,
+    unit: u64,
+    frames: Option<usize>,
+    samples: usize,
+) -> PyResult<Dataset> {
+    let simulation = simulation(camera, kind, &effects, seed, unit, frames, None)?;
+    run(py, None, move |_| {
+        let options = PointOptions { depth_samples: samples, ..PointOptions::default() };
+        let observed = simulation.observe_points(&options).map_err(input)?;
+        let capture = capture(&observed);
+        let name = format!("{}-{unit}-{seed}", capture.name);
+        let declared = Declared {
+            root: PathBuf::from(&name),
+            name: name.clone(),
+            target: capture.target.clone(),
+            frames: Vec::new(),
+            depth_unit_mm: capture.depth_unit_mm,
+            camera: None,
+            metadata: None,
+            pairing: Pairing::default(),
+            strays: Vec::new(),
+            lists: Vec::new(),
+        };
+        let content = serde_json::to_vec(&observed).map_err(input)?;
+        let reference = FileReference { path: name.clone(), digest: digest_contents([(name.clone(), content)]) };
+        let capture = depthcal_calibration::observe::Capture { name, ..capture };
+        let loaded = Loaded {
+            dataset: declared,
+            reference,
+            capture,
+            from_cache: false,
+            circle_diameter: None,
+            charuco_layout: None,
+            markers: None,
+        };
+        Ok(Dataset { loaded: Arc::new(loaded) })
+    })
+}
