@@ -42,7 +42,7 @@ pub enum NamedFileError {
         /// The file.
         path: String,
         /// Why.
-        error: FormulaError,
+        error: Box<FormulaError>,
     },
 }
 
@@ -73,7 +73,7 @@ pub fn resolve(option: &str, texts: &[String], register: &mut Register) -> Resul
             effect.register(register).map_err(|error| NamedFileError::Register {
                 option: option.to_owned(),
                 path: path.to_owned(),
-                error,
+                error: Box::new(error),
             })?;
             let mut spec = effect.spec().to_string();
             if !suffix.is_empty() {

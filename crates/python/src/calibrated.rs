@@ -96,7 +96,7 @@ impl Calibration {
             let pixel = |p: &[f64; 3]| camera.project(&Vector3::from(*p)).unwrap_or([f64::NAN; 2]);
             points.iter().flat_map(pixel).collect()
         });
-        Ok(pixels.into_pyarray(py).reshape([points.len(), 2])?)
+        pixels.into_pyarray(py).reshape([points.len(), 2])
     }
 
     /// Rays (X/Z, Y/Z) (n, 2) of pixels (n, 2) at a depth; NaN where a pixel has none.
@@ -112,6 +112,6 @@ impl Calibration {
             let ray = |p: &[f64; 2]| camera.ray(*p, 1.0 / depth_mm).unwrap_or([f64::NAN; 2]);
             pixels.iter().flat_map(ray).collect()
         });
-        Ok(rays.into_pyarray(py).reshape([pixels.len(), 2])?)
+        rays.into_pyarray(py).reshape([pixels.len(), 2])
     }
 }

@@ -166,8 +166,8 @@ impl Dataset {
         self.loaded.capture.depth_unit_mm
     }
 
-    #[getter]
-    fn from_cache(&self) -> bool {
+    #[getter(from_cache)]
+    fn is_from_cache(&self) -> bool {
         self.loaded.from_cache
     }
 

@@ -342,7 +342,7 @@ fn formula_instead(
     model.compared_with_formula = true;
     model.report("searching a formula instead", model.declared());
     // With the noise that the effects leave: under the declared model what it lacks counts as noise, most where noise is least.
-    let fit = &Calibrated { noise: present.fit.noise.clone(), ..first.fit.clone() };
+    let fit = &Calibrated { noise: present.fit.noise, ..first.fit.clone() };
     let examination = examine(fit, &model.declared().register, thresholds)?;
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
     let verify = model.verify_under(fit);
