@@ -157,7 +157,7 @@ fn parse(text: &str) -> Result<Calibration, FileError> {
 fn another_format_or_version_is_refused() {
     let message = parse("{\"datasets\": []}").unwrap_err().to_string();
     assert!(message.contains("c.json") && message.contains("missing"), "{message}");
-    let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 3}").unwrap_err().to_string();
+    let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 4}").unwrap_err().to_string();
     assert!(message.contains("version") && message.contains("versions 1 to 3"), "{message}");
     let message = parse("{\"format\": \"depthcal-calibration\", \"version\": 1}").unwrap_err().to_string();
     assert!(message.contains("camera"), "{message}");
