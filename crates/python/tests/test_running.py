@@ -39,6 +39,8 @@ def test_an_exception_of_the_progress_ends_the_work(points):
 def test_ctrl_c_ends_the_work():
     program = textwrap.dedent("""
         import os, signal, depthcal
+        # Shells start programs in the background with SIGINT ignored.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         points = depthcal.simulate_points(frames=24, samples=400, effects=["cyclic_depth=6"], seed=1)
         begun = []
         def show(event, *rest):
