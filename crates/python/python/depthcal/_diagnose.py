@@ -11,8 +11,7 @@ from . import _depthcal, _progress
 from ._calibration import Calibration
 from ._dataset import Dataset
 from ._effects import Effect, EffectLike, in_words, model_in_words
-from ._evaluate import DatasetErrors, FrameErrors, dataset_errors, frame_errors
-from ._report import Reported
+from ._evaluate import Judged
 from ._tables import Table
 
 
@@ -49,7 +48,7 @@ class Candidate:
     held_out_gain_percent: float
 
 
-class Diagnosis(Reported):
+class Diagnosis(Judged):
     """What a model lacks: what ``depthcal diagnose`` writes."""
 
     def __init__(self, native: _depthcal.Diagnosis) -> None:
@@ -118,21 +117,6 @@ class Diagnosis(Reported):
     def formulas(self) -> list[Effect]:
         """Formulas that were found, for ``effects`` of further calls."""
         return [Effect(native) for native in self._native.formulas()]
-
-    @property
-    def evaluation(self) -> dict[str, Any]:
-        """The contents of ``evaluation.json``: errors of the last model."""
-        return json.loads(self._native.evaluation())
-
-    @property
-    def errors(self) -> Table[DatasetErrors]:
-        """Errors of the last model on fitted and on held-out frames."""
-        return dataset_errors(self.evaluation)
-
-    @property
-    def frames(self) -> Table[FrameErrors]:
-        """The same for every frame."""
-        return frame_errors(self.evaluation)
 
     def plot(self, ax: Any = None) -> Any:
         """Held-out depth error before and after every step. Returns matplotlib's axes."""

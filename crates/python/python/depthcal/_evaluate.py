@@ -103,6 +103,25 @@ def frame_errors(record: dict[str, Any]) -> Table[FrameErrors]:
     return Table(rows, None, FrameErrors)
 
 
+class Judged(Reported):
+    """A result with the errors of its last fit."""
+
+    @property
+    def evaluation(self) -> dict[str, Any]:
+        """The contents of ``evaluation.json``: errors of the last fit."""
+        return json.loads(self._native.evaluation())
+
+    @property
+    def errors(self) -> Table[DatasetErrors]:
+        """Errors on the fitted frames and, in a second row, on frames that were held out or cross-validated."""
+        return dataset_errors(self.evaluation)
+
+    @property
+    def frames(self) -> Table[FrameErrors]:
+        """Errors of every frame."""
+        return frame_errors(self.evaluation)
+
+
 class Evaluation(Reported):
     """Errors of a calibration on datasets, before and after correction."""
 

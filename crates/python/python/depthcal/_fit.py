@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,12 +9,10 @@ from . import _depthcal, _progress
 from ._calibration import Calibration
 from ._dataset import Dataset
 from ._effects import EffectLike, in_words, model_in_words
-from ._evaluate import DatasetErrors, FrameErrors, dataset_errors, frame_errors
-from ._report import Reported
-from ._tables import Table
+from ._evaluate import Judged
 
 
-class Fit(Reported):
+class Fit(Judged):
     """A dataset, fitted and judged: what ``depthcal calibrate`` writes."""
 
     def __init__(self, native: _depthcal.Fit) -> None:
@@ -28,21 +25,6 @@ class Fit(Reported):
         if self._calibration is None:
             self._calibration = Calibration(self._native.calibration())
         return self._calibration
-
-    @property
-    def evaluation(self) -> dict[str, Any]:
-        """The contents of ``evaluation.json``."""
-        return json.loads(self._native.evaluation())
-
-    @property
-    def errors(self) -> Table[DatasetErrors]:
-        """Errors on the fitted frames and, in a second row, on frames that were held out or cross-validated."""
-        return dataset_errors(self.evaluation)
-
-    @property
-    def frames(self) -> Table[FrameErrors]:
-        """Errors of every frame."""
-        return frame_errors(self.evaluation)
 
     def plot(self, ax: Any = None) -> Any:
         """Depth errors of every frame before and after correction. Returns matplotlib's axes."""
