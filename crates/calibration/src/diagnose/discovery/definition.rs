@@ -90,7 +90,6 @@ fn text_of(function: &Function, constants: &mut Constants) -> String {
         constants.name(wanted, function)
     };
     match function.kind {
-        Kind::Power(0) => "1".to_owned(),
         Kind::Power(1) => v.to_owned(),
         Kind::Power(-1) => format!("1 / {v}"),
         Kind::Power(n) => format!("{v}^{n}"),
@@ -111,6 +110,9 @@ fn text_of(function: &Function, constants: &mut Constants) -> String {
 
 /// The text of a product with the names of its parameters.
 fn product_text(product: &Product, parameters: &[&str], constants: &mut Constants) -> String {
+    if *product == Product::OFFSET {
+        return parameters[0].to_owned();
+    }
     let factor = product.factor.map(|factor| text_of(&factor, constants));
     let function = text_of(&product.function, constants);
     if product.function.kind == Kind::Wave {
@@ -118,9 +120,6 @@ fn product_text(product: &Product, parameters: &[&str], constants: &mut Constant
         return factor.map_or(wave.clone(), |factor| format!("{factor} * ({wave})"));
     }
     let a = parameters[0];
-    if product.function.kind == Kind::Power(0) {
-        return factor.map_or(a.to_owned(), |factor| format!("{a} * {factor}"));
-    }
     match (factor, function.strip_prefix("1 / ")) {
         (None, None) => format!("{a} * {function}"),
         (None, Some(below)) => format!("{a} / {below}"),
@@ -179,17 +178,14 @@ pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<Formul
     })
 }
 
-/// A name for the formula of a term: `found_y_rho`, or `found_offset` where it depends on nothing.
+/// A name for the formula of a term: `found_y_rho`.
 pub(super) fn name_of(term: &Term) -> String {
     let short = |covariate: C| match covariate {
         C::Time => "time",
         C::Temperature => "temperature",
         other => other.name(),
     };
-    let mut names: Vec<&str> = term.covariates().into_iter().map(short).collect();
-    if names.is_empty() {
-        names.push("offset");
-    }
+    let names: Vec<&str> = term.covariates().into_iter().map(short).collect();
     format!("found_{}", names.join("_"))
 }
 

@@ -38,7 +38,7 @@ use self::free::gain_of_free_function;
 use self::observations::Observations;
 use self::places::places_not_told_apart;
 use self::screening::{Screened, screen};
-use self::selection::{Judged, choose, compared};
+use self::selection::{Judged, by_merit, choose, compared};
 use self::significance::{Stability, p_value};
 use self::term::Term;
 use super::examination::Examination;
@@ -171,8 +171,9 @@ fn search_among(all: &Observations, by_chance: Option<&Observations>, given: Giv
 fn chosen_of(all: &Observations, searched: &Observations, screened: &[Screened], p: f64, given: Given<'_>) -> Search {
     let Given { examination, taken, thresholds } = given;
     let nothing = |reason: &str| Search::Nothing(reason.to_owned());
-    let judged = compared(searched, screened);
-    let Some(simplest) = choose(searched, screened, &judged, None) else {
+    let order = by_merit(screened);
+    let judged = compared(searched, &order);
+    let Some(simplest) = choose(searched, &order, &judged, None) else {
         return nothing("no term predicts frames that were left out");
     };
     for judged in std::iter::once(&simplest).chain(&judged).take(TOLD) {
@@ -195,7 +196,7 @@ fn chosen_of(all: &Observations, searched: &Observations, screened: &[Screened],
     let mut found = with_stability(simplest);
     if found.2 < thresholds.least_stability
         && let Some(families) = resampled.most_frequent().filter(|families| *families != found.0.term.families())
-        && let Some(chosen) = choose(searched, screened, &judged, Some(&families))
+        && let Some(chosen) = choose(searched, &order, &judged, Some(&families))
     {
         // The simplest of those that predict alike, but other frames would have shown other covariates.
         let other = with_stability(chosen);

@@ -65,13 +65,12 @@ impl Judged {
     }
 }
 
-/// Terms to choose from, the best of each set of covariates first.
-pub(super) fn compared(observations: &Observations, screened: &[Screened]) -> Vec<Judged> {
-    let order = by_merit(screened);
+/// Terms to choose from, the best of each set of covariates first; `order` are the screened ones by merit.
+pub(super) fn compared(observations: &Observations, order: &[&Screened]) -> Vec<Judged> {
     // The best of each kind for every set of families, in the order of their merit.
     let mut sets: BTreeMap<BTreeSet<C>, Vec<&Screened>> = BTreeMap::new();
     let mut first: Vec<BTreeSet<C>> = Vec::new();
-    for candidate in &order {
+    for candidate in order {
         let families = candidate.term.families();
         if !first.contains(&families) {
             if first.len() == SETS {
@@ -87,13 +86,13 @@ pub(super) fn compared(observations: &Observations, screened: &[Screened]) -> Ve
     }
     let terms: Vec<Term> = sets.into_values().flatten().map(|s| s.term.clone()).collect();
     let mut judged: Vec<Judged> = terms.into_par_iter().map(|term| Judged::refined(observations, term)).collect();
-    judged.extend(sums(observations, &order));
+    judged.extend(sums(observations, order));
     judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
     judged
 }
 
 /// Screened terms, those that explain most first.
-fn by_merit(screened: &[Screened]) -> Vec<&Screened> {
+pub(super) fn by_merit(screened: &[Screened]) -> Vec<&Screened> {
     let mut order: Vec<(f64, &Screened)> = screened.par_iter().map(|s| (s.merit(|_| 1.0), s)).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     order.into_iter().map(|(_, s)| s).collect()
@@ -102,13 +101,13 @@ fn by_merit(screened: &[Screened]) -> Vec<&Screened> {
 /// The term that is chosen of those with the covariates of `families`, or of all, extended by further products.
 pub(super) fn choose(
     observations: &Observations,
-    screened: &[Screened],
+    order: &[&Screened],
     judged: &[Judged],
     families: Option<&BTreeSet<C>>,
 ) -> Option<Judged> {
     let members: Vec<&Judged> =
         judged.iter().filter(|j| families.is_none_or(|families| j.term.families() == *families)).collect();
-    Some(extended(observations, simplest(&members)?.clone(), &by_merit(screened)))
+    Some(extended(observations, simplest(&members)?.clone(), order))
 }
 
 /// Plain functions that are summed in pairs.
