@@ -40,6 +40,15 @@ use depthcal::calibration::observe::Capture;
 use depthcal::calibration::simulated;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 
+/// Tables that are made without being asked for.
+const USUAL: &str = "single,placed,clean,heavy,bad,beyond,absent,pairs";
+
+const USAGE: &str = "\
+power_study [--what TABLES] [--level points|images] [--seeds N] [--first K] [--effects a,b] [--factors 1,2,4] [--thresholds a,b]
+
+tables: single, placed, clean, heavy, bad, beyond, absent, pairs; on request: faultless, nature, fine, formulas, rediscovered,
+coverage, sensitivity";
+
 /// Anything that can go wrong in a run: it is said, and the run is left out.
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -113,6 +122,10 @@ fn main() {
     let filter = tracing_subscriber::EnvFilter::from_default_env();
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
     let arguments: Vec<String> = std::env::args().collect();
+    if arguments.iter().any(|a| a == "--help" || a == "-h") {
+        println!("{USAGE}");
+        return;
+    }
     let value = |key: &str, default: &str| -> String {
         let at = arguments.iter().position(|a| a == key);
         at.and_then(|i| arguments.get(i + 1)).cloned().unwrap_or_else(|| default.to_owned())
@@ -127,7 +140,7 @@ fn main() {
         factors: list(value("--factors", "1,2,4")).iter().filter_map(|f| f.parse().ok()).collect(),
     };
     let start = Instant::now();
-    for what in list(value("--what", "single,placed,clean,heavy,bad,beyond,absent,pairs")) {
+    for what in list(value("--what", USUAL)) {
         match what.as_str() {
             "single" => study.single(),
             "placed" => study.placed(),
@@ -144,10 +157,7 @@ fn main() {
             "rediscovered" => study.rediscovered(),
             "coverage" => study.coverage(),
             "sensitivity" => study.sensitivity(),
-            other => eprintln!(
-                "there is no table '{other}': single, placed, clean, heavy, bad, beyond, absent, pairs, faultless, nature, fine, \
-                 formulas, rediscovered, coverage, sensitivity"
-            ),
+            other => eprintln!("there is no table '{other}'\n\n{USAGE}"),
         }
     }
     eprintln!("{:.0} s", start.elapsed().as_secs_f64());
