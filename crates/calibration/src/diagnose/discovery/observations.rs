@@ -195,6 +195,12 @@ impl Observations {
         self.frames.iter().fold(DMatrix::zeros(self.shared, self.shared), |sum, frame| sum + &frame.hessian)
     }
 
+    /// The rows with residuals that are changed by columns, given by frame, times their parameters.
+    pub fn shifted(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync, theta: &DVector<f64>) -> Self {
+        let frames = self.frames.par_iter().map(|frame| frame.shifted(&columns(frame), theta));
+        Self { frames: frames.collect(), shared: self.shared }
+    }
+
     /// The frames' normal equations over the shared columns and those of a term.
     pub fn normals(&self, term: &Term) -> Vec<Normal> {
         self.normals_of(|frame| frame.columns(term))
@@ -265,6 +271,19 @@ impl FrameRows {
             }
         }
         columns
+    }
+
+    /// The rows with residuals that are changed by columns times their parameters.
+    fn shifted(&self, columns: &DMatrix<f64>, theta: &DVector<f64>) -> Self {
+        let shared = self.hessian.nrows();
+        let change = columns * theta;
+        let products = self.matrix.tr_mul(&change);
+        let mut frame = self.clone();
+        let left = change - self.matrix.columns(0, POSE) * products.rows(0, POSE);
+        let mut residuals = frame.matrix.column_mut(POSE + shared);
+        residuals += left;
+        frame.gradient += products.rows(POSE, shared);
+        frame
     }
 
     /// Normal equations over the shared columns and others.
