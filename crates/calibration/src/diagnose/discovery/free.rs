@@ -31,8 +31,8 @@ pub(super) fn gain_of_free_function(observations: &Observations, term: &Term) ->
 /// The observations without the best smooth function of a term's covariates; `None` where none predicts left-out frames.
 pub(super) fn without_free_function(observations: &Observations, term: &Term) -> Option<Observations> {
     let free = FreeFunction::of(observations, term)?;
-    let (_, theta) = free.estimate(observations)?;
-    Some(observations.shifted(|frame| free.columns(frame), &theta))
+    let (_, step) = free.estimate(observations)?;
+    Some(observations.shifted(|frame| free.columns(frame), &step))
 }
 
 impl FreeFunction {
@@ -50,7 +50,7 @@ impl FreeFunction {
         Some(Self { covariates, axes, of: term.of, on: term.on })
     }
 
-    /// Its gain on left-out frames, and its coefficients.
+    /// Its gain on left-out frames, and the step of the shared columns and of its coefficients.
     fn estimate(&self, observations: &Observations) -> Option<(f64, DVector<f64>)> {
         let normals = observations.normals_of(|frame| self.columns(frame));
         smooth_estimate(&normals, observations.shared, &smoothness_precision(&self.axes))

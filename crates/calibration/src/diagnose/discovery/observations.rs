@@ -195,9 +195,9 @@ impl Observations {
         self.frames.iter().fold(DMatrix::zeros(self.shared, self.shared), |sum, frame| sum + &frame.hessian)
     }
 
-    /// The rows with residuals that are changed by columns, given by frame, times their parameters.
-    pub fn shifted(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync, theta: &DVector<f64>) -> Self {
-        let frames = self.frames.par_iter().map(|frame| frame.shifted(&columns(frame), theta));
+    /// The rows with the residuals after a step of the shared columns and of others, which are given by frame.
+    pub fn shifted(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync, step: &DVector<f64>) -> Self {
+        let frames = self.frames.par_iter().map(|frame| frame.shifted(&columns(frame), step));
         Self { frames: frames.collect(), shared: self.shared }
     }
 
@@ -273,16 +273,18 @@ impl FrameRows {
         columns
     }
 
-    /// The rows with residuals that are changed by columns times their parameters.
-    fn shifted(&self, columns: &DMatrix<f64>, theta: &DVector<f64>) -> Self {
+    /// The rows with the residuals after a step of the shared columns and of others.
+    fn shifted(&self, columns: &DMatrix<f64>, step: &DVector<f64>) -> Self {
         let shared = self.hessian.nrows();
-        let change = columns * theta;
+        let (of_shared, of_others) = (step.rows(0, shared), step.rows(shared, step.len() - shared));
+        let change = columns * of_others;
         let products = self.matrix.tr_mul(&change);
+        let change = change - self.matrix.columns(0, POSE) * products.rows(0, POSE)
+            + self.matrix.columns(POSE, shared) * of_shared;
         let mut frame = self.clone();
-        let left = change - self.matrix.columns(0, POSE) * products.rows(0, POSE);
         let mut residuals = frame.matrix.column_mut(POSE + shared);
-        residuals += left;
-        frame.gradient += products.rows(POSE, shared);
+        residuals += change;
+        frame.gradient += products.rows(POSE, shared) + &self.hessian * of_shared;
         frame
     }
 

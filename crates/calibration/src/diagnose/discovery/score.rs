@@ -71,8 +71,8 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the columns' estimates with it;
-/// `None` where nothing is gained.
+/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
+/// columns first; `None` where nothing is gained.
 pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
     let mut whole = sum(normals)?;
@@ -89,7 +89,7 @@ pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix
     }
     let mut block = whole.hessian.view_mut((shared, shared), (more, more));
     block += prior;
-    Some((gain, step(&whole).rows(shared, more).into_owned()))
+    Some((gain, step(&whole)))
 }
 
 /// The score of columns against the shared ones: its parts by frame, and its information.
