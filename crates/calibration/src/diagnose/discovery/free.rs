@@ -1,10 +1,11 @@
 //! The free function of a term's covariates, in its place and form: what any formula of them could explain.
 
 use depthcal_formula::FormulaCovariate as C;
-use nalgebra::DMatrix;
+use depthcal_model::{Of, On};
+use nalgebra::{DMatrix, DVector};
 
 use super::observations::{FrameRows, Observations};
-use super::score::smooth_gain;
+use super::score::smooth_estimate;
 use super::term::Term;
 use crate::diagnose::free_functions::smoothness_precision;
 use crate::diagnose::spline_piece::{Axis, CUBIC};
@@ -13,27 +14,56 @@ use crate::diagnose::spline_piece::{Axis, CUBIC};
 const ALONE: usize = 24;
 const PAIRED: usize = 9;
 
-/// Gain on left-out frames of the best smooth function of a term's covariates, of which there are one or two.
+/// A smooth function of a term's covariates, of which there are one or two, in its place and form.
+struct FreeFunction {
+    covariates: Vec<C>,
+    axes: Vec<Axis>,
+    of: Of,
+    on: On,
+}
+
+/// Gain on left-out frames of the best smooth function of a term's covariates.
 pub(super) fn gain_of_free_function(observations: &Observations, term: &Term) -> f64 {
-    let covariates: Vec<C> = term.covariates().into_iter().collect();
-    let count = if covariates.len() == 1 { ALONE } else { PAIRED };
-    // Amplitudes spread over decades.
-    let scaled = |covariate: C, value: f64| if covariate == C::Amplitude { value.ln() } else { value };
-    let axes: Option<Vec<Axis>> = covariates
-        .iter()
-        .take(2)
-        .map(|c| {
-            let span = observations.span(*c, term.of)?;
-            Some(Axis { low: scaled(*c, span.low), high: scaled(*c, span.high), count, degree: CUBIC })
-        })
-        .collect();
-    let Some(axes) = axes.filter(|axes| !axes.is_empty()) else { return 0.0 };
-    let width: usize = axes.iter().map(|axis| axis.count).product();
-    let columns = |frame: &FrameRows| {
+    let estimate = FreeFunction::of(observations, term).and_then(|free| free.estimate(observations));
+    estimate.map_or(0.0, |(gain, _)| gain)
+}
+
+/// The observations without the best smooth function of a term's covariates; `None` where none predicts left-out frames.
+pub(super) fn without_free_function(observations: &Observations, term: &Term) -> Option<Observations> {
+    let free = FreeFunction::of(observations, term)?;
+    let (_, step) = free.estimate(observations)?;
+    Some(observations.shifted(|frame| free.columns(frame), &step))
+}
+
+impl FreeFunction {
+    fn of(observations: &Observations, term: &Term) -> Option<Self> {
+        let covariates: Vec<C> = term.covariates().into_iter().take(2).collect();
+        let count = if covariates.len() == 1 { ALONE } else { PAIRED };
+        let axes: Option<Vec<Axis>> = covariates
+            .iter()
+            .map(|c| {
+                let span = observations.span(*c, term.of)?;
+                Some(Axis { low: scaled(*c, span.low), high: scaled(*c, span.high), count, degree: CUBIC })
+            })
+            .collect();
+        let axes = axes.filter(|axes| !axes.is_empty())?;
+        Some(Self { covariates, axes, of: term.of, on: term.on })
+    }
+
+    /// Its gain on left-out frames, and the step of the shared columns and of its coefficients.
+    fn estimate(&self, observations: &Observations) -> Option<(f64, DVector<f64>)> {
+        let normals = observations.normals_of(|frame| self.columns(frame));
+        smooth_estimate(&normals, observations.shared, &smoothness_precision(&self.axes))
+    }
+
+    /// The columns of its coefficients.
+    fn columns(&self, frame: &FrameRows) -> DMatrix<f64> {
+        let axes = &self.axes;
+        let width: usize = axes.iter().map(|axis| axis.count).product();
         let mut columns = DMatrix::zeros(frame.samples.len(), width);
         for (row, sample) in frame.samples.iter().enumerate() {
-            let slope = sample.slope(term.of, term.on);
-            let at = |i: usize| scaled(covariates[i], sample.value(covariates[i], term.of));
+            let slope = sample.slope(self.of, self.on);
+            let at = |i: usize| scaled(self.covariates[i], sample.value(self.covariates[i], self.of));
             if !at(0).is_finite() || (axes.len() > 1 && !at(1).is_finite()) {
                 continue;
             }
@@ -51,6 +81,10 @@ pub(super) fn gain_of_free_function(observations: &Observations, term: &Term) ->
             }
         }
         columns
-    };
-    smooth_gain(&observations.normals_of(columns), observations.shared, &smoothness_precision(&axes))
+    }
+}
+
+/// Amplitudes spread over decades.
+fn scaled(covariate: C, value: f64) -> f64 {
+    if covariate == C::Amplitude { value.ln() } else { value }
 }

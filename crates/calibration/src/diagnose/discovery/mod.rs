@@ -34,7 +34,7 @@ pub use self::component::{Component, ComponentBin, components};
 use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
 use self::exchange::exchanges;
-use self::free::gain_of_free_function;
+use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
 use self::places::places_not_told_apart;
 use self::screening::{Screened, screen};
@@ -117,13 +117,14 @@ const REPEATED: f64 = 10.0;
 /// Searches a formula for what a fit leaves unexplained. Frames of another capture, sampled under the same camera, confirm it; without
 /// them a third of the frames is set aside. Where the others show something, but not what, the search is repeated with all frames: what it
 /// finds then nothing confirms. `complete` is a fit of the same frames that leaves nothing unexplained, where there is one: its residuals
-/// tell what chance explains.
+/// tell what chance explains. `is_shown` says that something is left for certain.
 pub fn search(
     fit: &Calibrated,
     complete: Option<&Calibrated>,
     verify: Option<&Calibrated>,
     examination: &Examination,
     taken: &[String],
+    is_shown: bool,
     thresholds: &Thresholds,
 ) -> Search {
     let nothing = |reason: &str| Search::Nothing(reason.to_owned());
@@ -132,7 +133,7 @@ pub fn search(
         return nothing("there are too few frames");
     }
     let complete = complete.and_then(Observations::of);
-    let given = Given { examination, taken, thresholds };
+    let given = Given { examination, taken, is_shown, thresholds };
     let (all, by_chance) = match verify.and_then(Observations::of) {
         Some(other) => (own.clone().with_set_aside(Some(other)), complete.clone()),
         None => (own.clone().with_set_aside(None), complete.clone().map(|rest| rest.with_set_aside(None).searched())),
@@ -152,14 +153,23 @@ pub fn search(
 struct Given<'a> {
     examination: &'a Examination,
     taken: &'a [String],
+    is_shown: bool,
     thresholds: &'a Thresholds,
+}
+
+/// The terms without what a smooth function of the best term's covariates explains, where it is certain that something is left: this counts
+/// as chance for all terms else.
+fn without_best(searched: &Observations, screened: &[Screened], given: Given<'_>) -> Option<Vec<Screened>> {
+    let merit = |s: &Screened| s.merit(|_| 1.0);
+    let best = screened.iter().filter(|_| given.is_shown).max_by(|a, b| merit(a).total_cmp(&merit(b)))?;
+    without_free_function(searched, &best.term).map(|rest| screen(&rest))
 }
 
 /// A formula for the residuals of the frames that are not set aside, and how often chance explains as much.
 fn search_among(all: &Observations, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
     let searched = all.searched();
     let screened = screen(&searched);
-    let p = p_value(&screened, by_chance.map(screen).as_deref());
+    let p = p_value(&screened, by_chance.map(screen).or_else(|| without_best(&searched, &screened, given)).as_deref());
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
     if p <= given.thresholds.level {
         return (p, chosen_of(all, &searched, &screened, p, given));
@@ -169,7 +179,7 @@ fn search_among(all: &Observations, by_chance: Option<&Observations>, given: Giv
 
 /// The formula that is chosen of screened terms, where it is stable, explains enough and can be inverted.
 fn chosen_of(all: &Observations, searched: &Observations, screened: &[Screened], p: f64, given: Given<'_>) -> Search {
-    let Given { examination, taken, thresholds } = given;
+    let Given { examination, taken, thresholds, .. } = given;
     let nothing = |reason: &str| Search::Nothing(reason.to_owned());
     let order = by_merit(screened);
     let judged = compared(searched, &order);

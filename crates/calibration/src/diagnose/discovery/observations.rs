@@ -195,6 +195,12 @@ impl Observations {
         self.frames.iter().fold(DMatrix::zeros(self.shared, self.shared), |sum, frame| sum + &frame.hessian)
     }
 
+    /// The rows with the residuals after a step of the shared columns and of others, which are given by frame.
+    pub fn shifted(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync, step: &DVector<f64>) -> Self {
+        let frames = self.frames.par_iter().map(|frame| frame.shifted(&columns(frame), step));
+        Self { frames: frames.collect(), shared: self.shared }
+    }
+
     /// The frames' normal equations over the shared columns and those of a term.
     pub fn normals(&self, term: &Term) -> Vec<Normal> {
         self.normals_of(|frame| frame.columns(term))
@@ -265,6 +271,21 @@ impl FrameRows {
             }
         }
         columns
+    }
+
+    /// The rows with the residuals after a step of the shared columns and of others.
+    fn shifted(&self, columns: &DMatrix<f64>, step: &DVector<f64>) -> Self {
+        let shared = self.hessian.nrows();
+        let (of_shared, of_others) = (step.rows(0, shared), step.rows(shared, step.len() - shared));
+        let change = columns * of_others;
+        let products = self.matrix.tr_mul(&change);
+        let change = change - self.matrix.columns(0, POSE) * products.rows(0, POSE)
+            + self.matrix.columns(POSE, shared) * of_shared;
+        let mut frame = self.clone();
+        let mut residuals = frame.matrix.column_mut(POSE + shared);
+        residuals += change;
+        frame.gradient += products.rows(POSE, shared) + &self.hessian * of_shared;
+        frame
     }
 
     /// Normal equations over the shared columns and others.

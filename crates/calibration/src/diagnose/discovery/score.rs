@@ -71,15 +71,25 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// The largest total gain over some strengths of a prior, relative to the columns' own information.
-pub(super) fn smooth_gain(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> f64 {
+/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
+/// columns first; `None` where nothing is gained.
+pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-    let Some(whole) = sum(normals) else { return 0.0 };
-    let information: f64 = (shared..whole.gradient.len()).map(|i| whole.hessian[(i, i)]).sum();
+    let mut whole = sum(normals)?;
+    let more = whole.gradient.len() - shared;
+    let information: f64 = (shared..shared + more).map(|i| whole.hessian[(i, i)]).sum();
     let scale = information / prior.trace().max(f64::MIN_POSITIVE);
-    let total =
-        |strength: f64| -> f64 { held_out_gains(normals, shared, Some(&(prior * (strength * scale)))).iter().sum() };
-    STRENGTHS.into_iter().map(total).fold(0.0, f64::max)
+    let of = |strength: f64| {
+        let prior = prior * (strength * scale);
+        (held_out_gains(normals, shared, Some(&prior)).iter().sum::<f64>(), prior)
+    };
+    let (gain, prior) = STRENGTHS.into_iter().map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    if !(gain > 0.0) {
+        return None;
+    }
+    let mut block = whole.hessian.view_mut((shared, shared), (more, more));
+    block += prior;
+    Some((gain, step(&whole)))
 }
 
 /// The score of columns against the shared ones: its parts by frame, and its information.
