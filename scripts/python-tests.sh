@@ -17,6 +17,9 @@ if [ "${1:-}" = --release ]; then
     profile=release
     shift
 fi
+# A stripped build of the development profile would build all dependencies again.
+export MATURIN_STRIP=false
+[ "$profile" = dev ] || MATURIN_STRIP=true
 python=${PYTHON:-python3}
 command -v "$python" >/dev/null || skip "there is no $python"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 9))' || skip "$python is older than 3.9"
