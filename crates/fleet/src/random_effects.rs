@@ -367,8 +367,7 @@ impl RandomEffects {
     pub fn gain_over_nothing(&self, units: &[UnitEstimate]) -> Option<f64> {
         let mut gain = 0.0;
         for unit in units {
-            let (own, whole) =
-                (Scaled::new(&unit.covariance)?, Scaled::new(&(&unit.covariance + &self.between))?);
+            let (own, whole) = (Scaled::new(&unit.covariance)?, Scaled::new(&(&unit.covariance + &self.between))?);
             let residual = &unit.value - &self.mean;
             gain += unit.value.dot(&(own.inverse() * &unit.value)) + own.log_determinant();
             gain -= residual.dot(&(whole.inverse() * &residual)) + whole.log_determinant();

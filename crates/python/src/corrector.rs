@@ -161,7 +161,11 @@ fn target<'py, T: numpy::Element>(
         .cast_into::<PyArrayDyn<T>>()
         .map_err(|_| InputError::new_err(format!("out is no array of {}: {why}", T::get_dtype(py))))?;
     if out.shape() != shape {
-        return Err(input(format!("out has the shape {:?}: give an array {shape:?}", out.shape())).into());
+        let found = out.shape();
+        return Err(input(format!(
+            "out has the shape {found:?}, the result {shape:?}: give an array of the same shape"
+        ))
+        .into());
     }
     Ok(out)
 }

@@ -1,6 +1,8 @@
 //! Depth and colour of a rig's cameras on each other's pixels, on numpy arrays.
 
-use depthcal_correction::{AmplitudeImage, Corrector, FrameContext, PointsMut, RegisteredDepth, colours_of, depth_into};
+use depthcal_correction::{
+    AmplitudeImage, Corrector, FrameContext, PointsMut, RegisteredDepth, colours_of, depth_into,
+};
 use depthcal_io::RgbImage;
 use depthcal_rig::PlacedCamera;
 use depthcal_rig::drift::Taken;
@@ -28,11 +30,7 @@ enum Depth {
 }
 
 /// The values of an array of this type and shape, row by row; `None` where its type is another.
-fn values<T: Element + Copy>(
-    what: &str,
-    array: &Bound<'_, PyAny>,
-    shape: &[usize],
-) -> Result<Option<Vec<T>>, Failure> {
+fn values<T: Element + Copy>(what: &str, array: &Bound<'_, PyAny>, shape: &[usize]) -> Result<Option<Vec<T>>, Failure> {
     let Ok(array) = array.cast::<PyArrayDyn<T>>() else { return Ok(None) };
     if array.shape() != shape {
         return Err(input(format!("{what} has the shape {:?}, but the calibration is for {shape:?}", array.shape())));
@@ -123,7 +121,10 @@ impl Registration {
                 Some(data) => Some(data),
                 None => values::<u8>("amplitude", array, &[height, width])?
                     .map(|data| data.into_iter().map(u16::from).collect())
-                    .map_or_else(|| Err(input("amplitude must be an array of uint16 or uint8")), |data| Ok(Some(data)))?,
+                    .map_or_else(
+                        || Err(input("amplitude must be an array of uint16 or uint8")),
+                        |data| Ok(Some(data)),
+                    )?,
             },
         };
         let image = match &image {

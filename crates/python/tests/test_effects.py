@@ -143,7 +143,7 @@ def test_functions_that_cannot_be_fitted_are_refused(make, words):
         (lambda x, z, a: a * z * np.abs(x), "by 'x' jumps.*a kink"),
         (lambda z, a: np.abs(a) * z, "by 'a' jumps.*a kink"),
         (lambda z, a: a * np.interp(z, np.linspace(0, 5000, 26), np.sin(np.arange(26))), "a kink"),
-        (lambda z, a: a * np.sin(z / 2.0), "a fast wave"),
+        (lambda z, a: a * np.sin(z / 8.0), "a fast wave"),
     ],
 )
 def test_a_kink_is_a_warning_with_its_place(function, words):

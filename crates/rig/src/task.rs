@@ -154,8 +154,7 @@ pub fn missing_cameras(cameras: &[PlacedCamera], rig: &LoadedRig, path: &Path) -
             missing.push(camera.name.clone());
             continue;
         };
-        let (found, expected) =
-            ([own.capture.width, own.capture.height], [camera.camera.width, camera.camera.height]);
+        let (found, expected) = ([own.capture.width, own.capture.height], [camera.camera.width, camera.camera.height]);
         if found != expected {
             return Err(UnlikeRig::Size { path, camera: camera.name.clone(), found, expected });
         }

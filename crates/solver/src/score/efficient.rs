@@ -54,12 +54,7 @@ impl Linearization {
             }
             scatter.ger(1.0, &left, &left, 1.0);
         }
-        EfficientScores {
-            score,
-            information: (&information + information.transpose()) * 0.5,
-            scatter,
-            response,
-        }
+        EfficientScores { score, information: (&information + information.transpose()) * 0.5, scatter, response }
     }
 
     /// For every candidate, its place among the candidates' parameters, and its own Gauss–Newton step V⁻¹ U with what the shared
