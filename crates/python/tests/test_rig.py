@@ -80,18 +80,19 @@ def test_depth_is_registered_as_by_the_command_line(command_line, rig_folder, tm
     cv2 = pytest.importorskip("cv2", reason="SKIPPED: registration; OpenCV is not installed")
     path = rig_folder.parent / "calibrated" / "calibration.json"
     command_line("apply", path, rig_folder, "--register", "colour", "--out", tmp_path / "cli")
-    onto_colour = depthcal.Registration(depthcal.Calibration.load(path), "infrared", "colour")
+    calibration = depthcal.Calibration.load(path)
+    onto_colour = depthcal.Registration(calibration, "infrared", "colour")
     names = sorted(p.name for p in (tmp_path / "cli" / "infrared_in_colour").glob("*.png"))
     assert names
     for name in names[:2]:
         depth = cv2.imread(str(next(rig_folder.rglob(f"*depth*/{name}"))), cv2.IMREAD_UNCHANGED)
-        registered = onto_colour(depth, 1.0)
+        registered = onto_colour(depth, calibration.unit_mm)
         expected = cv2.imread(str(tmp_path / "cli" / "infrared_in_colour" / name), cv2.IMREAD_UNCHANGED)
         assert registered.depth.dtype == np.uint16 and (expected > 0).mean() > 0.1
         np.testing.assert_array_equal(registered.depth, expected)
         assert registered.holes <= (expected == 0).sum() and registered.colours is None
     rgb = np.random.default_rng(1).integers(1, 255, (*registered.depth.shape, 3), dtype=np.uint8)
-    coloured = onto_colour(depth, 1.0, image=rgb).colours
+    coloured = onto_colour(depth, calibration.unit_mm, image=rgb).colours
     assert coloured.shape == (*depth.shape, 3) and (coloured.max(axis=2) > 0).mean() > 0.1
     with pytest.raises(depthcal.InputError, match="shape"):
         onto_colour(depth[:, :-1].copy())

@@ -233,7 +233,7 @@ fn scatter_of_bend(bend: f64, shake: f64) -> f64 {
 #[test]
 fn runs_scatter_by_their_noise_and_not_by_the_effect_itself() {
     // Twenty problems of 24 runs: the mean of their factors has a standard deviation of √(2/23/20) = 0.066. An effect of this size raises the
-    // scatter about the mean score to some hundreds, because x² says more in some runs than in others.
+    // scatter about the mean score to some tens, because x² says more in some runs than in others.
     for bend in [0.0, 3.0] {
         let factor = scatter_of_bend(bend, 0.0);
         assert!((factor - 1.0).abs() < 0.25, "{bend}: {factor}");
