@@ -68,8 +68,13 @@ def remove_leftovers(out: Path) -> None:
 
 def peak_mib() -> float:
     """The most memory that this process has had, MiB, pages of mapped files included."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
+    try:
+        # Linux counts to getrusage's peak what the parent had before it became this program.
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) / 1024
+    except (OSError, IndexError):
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
 
 
 # --- Cameras ------------------------------------------------------------------------------------------------------------------------
