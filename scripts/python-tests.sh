@@ -57,7 +57,7 @@ DEPTHCAL_BIN=$(realpath -m "$DEPTHCAL_BIN")
 # The source distribution has all that the wheel is built from.
 sources=$target/python/sources
 rm -rf "$sources" && mkdir -p "$sources"
-"$tools/bin/maturin" sdist --quiet --manifest-path crates/python/Cargo.toml --out "$sources"
+"$tools/bin/maturin" sdist --manifest-path crates/python/Cargo.toml --out "$sources"
 tar -xzf "$sources"/depthcal-*.tar.gz -C "$sources"
 maturin=$(realpath "$tools/bin/maturin")
 out=$(realpath "$sources")
