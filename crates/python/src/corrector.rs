@@ -269,7 +269,7 @@ impl Corrector {
     }
 
     /// Depth into another array, of `components` numbers for each pixel.
-    fn into_other<T: numpy::Element + Send + Sync>(
+    fn to_other<T: numpy::Element + Send + Sync>(
         &self,
         depth: &Bound<'_, PyArrayDyn<T>>,
         out: &Bound<'_, PyArrayDyn<f32>>,
@@ -438,7 +438,7 @@ impl Corrector {
         let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
         let out = target::<f32>(py, out, call.depth.shape(), "it receives millimetres")?;
         if let Depth::Steps(depth) = call.depth {
-            self.into_other(depth, &out, 1, &call, |native, source, context, out| {
+            self.to_other(depth, &out, 1, &call, |native, source, context, out| {
                 native.correct_u16_buffer_to_f32(source, unit_mm, context, out)
             })?;
         }
@@ -463,13 +463,13 @@ impl Corrector {
         let out = target::<f32>(py, out, &shape, "points are in millimetres")?;
         match call.depth {
             Depth::Steps(depth) => {
-                self.into_other(depth, &out, 3, &call, |native, source, context, out| {
+                self.to_other(depth, &out, 3, &call, |native, source, context, out| {
                     native.correct_u16_buffer_to_points(source, unit_mm, context, PointsMut::Interleaved(out))
                 })?;
             }
             Depth::Millimetres(depth) => {
                 let mut corrected = vec![0.0; self.native.width() * self.native.height()];
-                self.into_other(depth, &out, 3, &call, |native, source, context, out| {
+                self.to_other(depth, &out, 3, &call, |native, source, context, out| {
                     let summary = native.correct_f32(source, context, &mut corrected)?;
                     native.points_f32_into(&corrected, PointsMut::Interleaved(out))?;
                     Ok(summary)
