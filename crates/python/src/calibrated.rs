@@ -33,6 +33,13 @@ impl Calibration {
         let camera = camera_from_record(&record.camera, &register).map_err(input)?;
         Ok(Self::new(record, camera, register))
     }
+
+    /// Says that a rig has no camera of this name, and which it has.
+    pub fn no_camera(&self, name: &str) -> Failure {
+        let known = self.cameras().join(", ");
+        let known = if known.is_empty() { "none: it is of one camera" } else { &known };
+        input(format!("the calibration has no camera '{name}'; it has {known}"))
+    }
 }
 
 /// Rows (n, k) of an array.
@@ -71,13 +78,8 @@ impl Calibration {
 
     /// One camera of a rig as a calibration of its own, without what it has in common with the others: covariance, poses.
     fn camera(&self, name: &str) -> PyResult<Self> {
-        let found = self.record.cameras.iter().find(|camera| camera.name == name).ok_or_else(|| {
-            let known = self.cameras().join(", ");
-            input(format!(
-                "the calibration has no camera '{name}'; it has {}",
-                if known.is_empty() { "none: it is of one camera" } else { &known }
-            ))
-        })?;
+        let found = self.record.cameras.iter().find(|camera| camera.name == name);
+        let found = found.ok_or_else(|| self.no_camera(name))?;
         let record = Record {
             camera: found.camera(),
             covariance: None,

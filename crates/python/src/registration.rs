@@ -74,6 +74,16 @@ impl Registration {
         mm.map(Depth::Millimetres)
             .ok_or_else(|| input("depth must be an array of uint16 (steps of unit_mm) or float32 (millimetres)"))
     }
+
+    fn amplitude_of(&self, amplitude: &Bound<'_, PyAny>) -> Result<Vec<u16>, Failure> {
+        let shape = [self.corrector.height(), self.corrector.width()];
+        if let Some(amplitude) = values::<u16>("amplitude", amplitude, &shape)? {
+            return Ok(amplitude);
+        }
+        let narrow = values::<u8>("amplitude", amplitude, &shape)?;
+        let narrow = narrow.ok_or_else(|| input("amplitude must be an array of uint16 or uint8"))?;
+        Ok(narrow.into_iter().map(u16::from).collect())
+    }
 }
 
 /// What registration gives: depth in the target's image, colours on the pixels of depth, and the number of pixels without depth.
@@ -85,11 +95,8 @@ impl Registration {
     fn new(py: Python<'_>, calibration: &Calibration, source: &str, target: &str) -> PyResult<Self> {
         let cameras = cameras_from_record(&calibration.record, &calibration.register).map_err(input)?;
         let of = |name: &str| {
-            cameras.iter().find(|camera| camera.name == name).cloned().ok_or_else(|| {
-                let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-                let known = if known.is_empty() { "none: it is of one camera".to_owned() } else { known.join(", ") };
-                input(format!("the calibration has no camera '{name}'; it has {known}"))
-            })
+            let found = cameras.iter().find(|camera| camera.name == name).cloned();
+            found.ok_or_else(|| calibration.no_camera(name))
         };
         let (source, target) = (of(source)?, of(target)?);
         let camera = source.camera.clone();
@@ -115,18 +122,7 @@ impl Registration {
         let (across, down) = (self.target.camera.width, self.target.camera.height);
         let depth = self.depth_of(depth, unit_mm)?;
         let in_steps = matches!(depth, Depth::Steps(..));
-        let amplitude = match &amplitude {
-            None => None,
-            Some(array) => match values::<u16>("amplitude", array, &[height, width])? {
-                Some(data) => Some(data),
-                None => values::<u8>("amplitude", array, &[height, width])?
-                    .map(|data| data.into_iter().map(u16::from).collect())
-                    .map_or_else(
-                        || Err(input("amplitude must be an array of uint16 or uint8")),
-                        |data| Ok(Some(data)),
-                    )?,
-            },
-        };
+        let amplitude = amplitude.map(|array| self.amplitude_of(&array)).transpose()?;
         let image = match &image {
             None => None,
             Some(array) => {

@@ -233,8 +233,8 @@ pub(crate) fn evaluate_rigs(
         for (rig, path) in rigs {
             missing_cameras(&placed, &rig, &path).map_err(input)?;
             let _stage = progress.stage("evaluation");
-            let is_fitted = rig.cameras.first().is_some_and(|c| c.reference.digest == record.dataset.digest);
-            evaluated.push((evaluate_rig(&placed, &rig.capture), if is_fitted { Role::Fitted } else { Role::Other }));
+            let role = if rig.is_fitted_by(&record) { Role::Fitted } else { Role::Other };
+            evaluated.push((evaluate_rig(&placed, &rig.capture), role));
         }
         Ok(RigEvaluation { evaluated, placed, record, title, stages: progress.stage_times(), call })
     })

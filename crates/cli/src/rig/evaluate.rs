@@ -45,8 +45,8 @@ pub(crate) fn evaluate(asked: &RigEvaluate<'_>, session: &Session) -> Result<Val
             print_not_evaluated(camera, &[]);
             frames.push(frames_of(&camera.name, camera.frames.len(), &camera.dropped));
         }
-        let is_fitted = rig.cameras.first().is_some_and(|c| c.reference.digest == asked.record.dataset.digest);
-        all.push((evaluated, if is_fitted { Role::Fitted } else { Role::Other }));
+        let role = if rig.is_fitted_by(asked.record) { Role::Fitted } else { Role::Other };
+        all.push((evaluated, role));
     }
     let evaluation = evaluation_of(&all.iter().map(|(rig, _)| rig).collect::<Vec<_>>(), "");
     say!("\n{}", table(&evaluation.datasets, None));

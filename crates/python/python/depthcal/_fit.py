@@ -20,19 +20,28 @@ Prior = Union[Fleet, str, "os.PathLike[str]", Mapping[str, Any], None]
 """What other units say of a camera: a fleet, the path of a ``prior.json``, or its contents."""
 
 
-class Fit(Judged):
-    """A dataset, fitted and judged: what ``depthcal calibrate`` writes."""
+class Fitted(Judged):
+    """What a fit gives."""
 
-    def __init__(self, native: _depthcal.Fit) -> None:
+    def __init__(self, native: Any) -> None:
         self._native = native
         self._calibration: Calibration | None = None
 
     @property
     def calibration(self) -> Calibration:
-        """The calibrated camera."""
+        """The calibrated camera; of a rig all cameras, of which ``calibration.camera(name)`` is one."""
         if self._calibration is None:
             self._calibration = Calibration(self._native.calibration())
         return self._calibration
+
+
+def arguments_in_words(**given: Any) -> str:
+    """Arguments of a call as they are written, those that are None left out."""
+    return "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+
+
+class Fit(Fitted):
+    """A dataset, fitted and judged: what ``depthcal calibrate`` writes."""
 
     @property
     def prior_use(self) -> list[str]:
@@ -79,17 +88,16 @@ def calibrate(
     model_text, natives = model_in_words(model)
     texts, more = in_words(effects)
     held = (hold_out, 1) if isinstance(hold_out, int) else hold_out
-    given = {
-        "model": model_text if model_text != "projective" else None,
-        "effects": texts or None,
-        "lens": lens,
-        "estimator": estimator if estimator != "joint" else None,
-        "hold_out": hold_out,
-        "cross_validate": cross_validate,
-        "blocks": blocks or None,
-        "prior": None if prior is None else os.fspath(prior) if isinstance(prior, (str, os.PathLike)) else "…",
-    }
-    words = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+    words = arguments_in_words(
+        model=model_text if model_text != "projective" else None,
+        effects=texts or None,
+        lens=lens,
+        estimator=estimator if estimator != "joint" else None,
+        hold_out=hold_out,
+        cross_validate=cross_validate,
+        blocks=blocks or None,
+        prior=None if prior is None else os.fspath(prior) if isinstance(prior, (str, os.PathLike)) else "…",
+    )
     call = f"depthcal.calibrate(depthcal.load({dataset._native.path!r}){words})"
     native = _depthcal.calibrate(
         dataset._native,

@@ -12,7 +12,8 @@ import numpy as np
 from . import _depthcal, _progress
 from ._calibration import Calibration
 from ._effects import EffectLike, in_words, model_in_words
-from ._evaluate import DatasetErrors, Evaluation, Judged, dataset_errors
+from ._evaluate import DatasetErrors, Evaluation, dataset_errors
+from ._fit import Fitted, arguments_in_words
 from ._tables import Table
 
 
@@ -76,19 +77,8 @@ def _transfers(record: dict[str, Any]) -> Table[TransferError]:
     return Table(rows, None, TransferError)
 
 
-class RigFit(Judged):
+class RigFit(Fitted):
     """A rig, fitted and judged: what ``depthcal calibrate`` writes of a dataset of several cameras."""
-
-    def __init__(self, native: _depthcal.RigFit) -> None:
-        self._native = native
-        self._calibration: Calibration | None = None
-
-    @property
-    def calibration(self) -> Calibration:
-        """All cameras; ``calibration.camera(name)`` is one of them."""
-        if self._calibration is None:
-            self._calibration = Calibration(self._native.calibration())
-        return self._calibration
 
     @property
     def transfers(self) -> Table[TransferError]:
@@ -151,13 +141,12 @@ def calibrate_rig(
     model_text, natives = model_in_words(model)
     texts, more = in_words(effects)
     held = (hold_out, 1) if isinstance(hold_out, int) else hold_out
-    given = {
-        "model": model_text if model_text != "projective" else None,
-        "effects": texts or None,
-        "lens": lens,
-        "hold_out": hold_out,
-    }
-    words = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+    words = arguments_in_words(
+        model=model_text if model_text != "projective" else None,
+        effects=texts or None,
+        lens=lens,
+        hold_out=hold_out,
+    )
     call = f"depthcal.calibrate_rig(depthcal.load_rig({rig._native.path!r}){words})"
     show = _progress.show(progress)
     return RigFit(_depthcal.calibrate_rig(rig._native, model_text, texts, natives + more, lens, held, call, show))
