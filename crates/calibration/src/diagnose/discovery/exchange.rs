@@ -8,7 +8,7 @@ use depthcal_statistics::{mean_to_standard_error, rank_correlation};
 use tracing::debug;
 
 use super::observations::Observations;
-use super::screening::Screened;
+use super::screened::Screened;
 use super::selection::Judged;
 use super::term::Term;
 use crate::diagnose::thresholds::Thresholds;

@@ -17,6 +17,7 @@ mod library;
 mod observations;
 mod places;
 mod score;
+mod screened;
 mod screening;
 mod selection;
 mod significance;
@@ -24,6 +25,8 @@ mod term;
 
 #[cfg(all(test, feature = "simulate"))]
 mod null_tests;
+
+use std::cell::OnceCell;
 
 use depthcal_formula::FormulaEffect;
 use depthcal_io::DiagnosisPlace;
@@ -37,7 +40,8 @@ use self::exchange::exchanges;
 use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
 use self::places::places_not_told_apart;
-use self::screening::{Screened, screen};
+use self::screened::Screened;
+use self::screening::screen;
 use self::selection::{Judged, by_merit, choose, compared};
 use self::significance::{Stability, p_value};
 use self::term::Term;
@@ -144,17 +148,46 @@ pub fn search(
     let complete = if let Chance::Complete(fit) = chance { Observations::of(fit) } else { None };
     let without_best = matches!(chance, Chance::WithoutBest);
     let given = Given { examination, taken, without_best, thresholds };
-    let (all, by_chance) = match verify.and_then(Observations::of) {
-        Some(other) => (own.clone().with_set_aside(Some(other)), complete.clone()),
-        None => (own.clone().with_set_aside(None), complete.clone().map(|rest| rest.with_set_aside(None).searched())),
+    let other = verify.and_then(Observations::of);
+    let by_chance = match &other {
+        Some(_) => complete.clone(),
+        None => complete.clone().map(|rest| rest.with_set_aside(None).searched()),
     };
+    let mut all = AllFrames::new(own.with_set_aside(other));
     let (p, found) = search_among(&all, by_chance.as_ref(), given);
     match found {
         Search::Nothing(_) if verify.is_none() && p <= REPEATED * thresholds.level => {
             info!("formulas: searching with all frames");
-            search_among(&own, complete.as_ref(), given).1
+            all.search_all();
+            search_among(&all, complete.as_ref(), given).1
         }
         found => found,
+    }
+}
+
+/// The frames of a search, those that are set aside among them.
+struct AllFrames {
+    observations: Observations,
+    screened: OnceCell<Vec<Screened>>,
+}
+
+impl AllFrames {
+    fn new(observations: Observations) -> Self {
+        Self { observations, screened: OnceCell::new() }
+    }
+
+    /// The terms of the library with their scores in all frames.
+    fn screened(&self) -> &[Screened] {
+        self.screened.get_or_init(|| screen(&self.observations))
+    }
+
+    /// From now on no frame is set aside.
+    fn search_all(&mut self) {
+        self.observations.frames.iter_mut().for_each(|frame| frame.is_set_aside = false);
+    }
+
+    fn are_all_searched(&self) -> bool {
+        self.observations.frames.iter().all(|frame| !frame.is_set_aside)
     }
 }
 
@@ -176,25 +209,32 @@ fn without_best(searched: &Observations, screened: &[Screened]) -> Option<Vec<Sc
 }
 
 /// A formula for the residuals of the frames that are not set aside, and how often chance explains as much.
-fn search_among(all: &Observations, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
-    let searched = all.searched();
-    let screened = screen(&searched);
+fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
+    let searched = all.observations.searched();
+    let of_searched: Vec<Screened>;
+    let screened = if all.are_all_searched() {
+        all.screened()
+    } else {
+        of_searched = screen(&searched);
+        &of_searched
+    };
     let by_chance = match by_chance {
         Some(complete) => Some(screen(complete)),
-        None if given.without_best => without_best(&searched, &screened),
+        None if given.without_best => without_best(&searched, screened),
         None => None,
     };
-    let p = p_value(&screened, by_chance.as_deref());
+    let p = p_value(screened, by_chance.as_deref());
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
     if p <= given.thresholds.level {
-        return (p, chosen_of(all, &searched, &screened, p, given));
+        return (p, chosen_of(all, &searched, screened, p, given));
     }
     (p, Search::Nothing(format!("the best of {} terms could be chance (p = {p:.2})", screened.len())))
 }
 
 /// The formula that is chosen of screened terms, where it is stable, explains enough and can be inverted.
-fn chosen_of(all: &Observations, searched: &Observations, screened: &[Screened], p: f64, given: Given<'_>) -> Search {
+fn chosen_of(frames: &AllFrames, searched: &Observations, screened: &[Screened], p: f64, given: Given<'_>) -> Search {
     let Given { examination, taken, thresholds, .. } = given;
+    let all = &frames.observations;
     let nothing = |reason: &str| Search::Nothing(reason.to_owned());
     let order = by_merit(screened);
     let judged = compared(searched, &order);
@@ -209,7 +249,7 @@ fn chosen_of(all: &Observations, searched: &Observations, screened: &[Screened],
     // Resamples are of all frames: whether other frames would show the same is no matter of those that were searched.
     let resampled = {
         let refined: Vec<&Term> = std::iter::once(&simplest).chain(&judged).map(|judged| &judged.term).collect();
-        Stability::new(all, &refined)
+        Stability::new(all, frames.screened(), &refined)
     };
     let with_stability = |chosen: Judged| {
         let others: Vec<&Term> = judged.iter().map(|judged| &judged.term).filter(|t| **t != chosen.term).collect();

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::library::Kind;
 use super::observations::Observations;
 use super::score::{Score, held_out_gains};
-use super::screening::Screened;
+use super::screened::Screened;
 use super::term::{Product, Term};
 
 /// Terms of one set of covariates that are compared on left-out frames.

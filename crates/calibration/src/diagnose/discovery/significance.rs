@@ -5,15 +5,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_statistics::mean_to_standard_error;
+use nalgebra::{DMatrix, DVectorView};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rayon::prelude::*;
 use tracing::debug;
 
 use super::exchange::Exchange;
+use super::library::MOST_COLUMNS;
 use super::observations::Observations;
 use super::score::Score;
-use super::screening::{PENALTY, Screened, screen};
+use super::screened::{PENALTY, Screened};
 use super::term::Term;
 
 /// Signs of frames that are drawn.
@@ -35,17 +37,41 @@ pub(super) fn p_value(screened: &[Screened], by_chance: Option<&[Screened]>) -> 
     let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
     let by_chance = by_chance.filter(|terms| !terms.is_empty()).unwrap_or(screened);
     let groups = by_chance.first().map_or(0, |s| s.parts.len());
-    let draws: Vec<Vec<f64>> = {
+    let signs = {
         let mut random = StdRng::seed_from_u64(17);
-        (0..DRAWS).map(|_| (0..groups).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect()).collect()
+        let mut signs = DMatrix::zeros(groups, DRAWS);
+        signs.iter_mut().for_each(|sign| *sign = if random.random::<bool>() { 1.0 } else { -1.0 });
+        signs
     };
-    let as_good = draws.par_iter().filter(|signs| by_chance.iter().any(|s| s.merit_by_chance(signs) >= best)).count();
+    let of_terms = |terms: &[Screened]| best_by_chance(terms, &signs);
+    let larger = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| a.max(b)).collect();
+    let by_draw = by_chance.par_chunks(TERMS_AT_ONCE).map(of_terms).reduce(|| vec![f64::MIN; DRAWS], larger);
+    let as_good = by_draw.iter().filter(|merit| **merit >= best).count();
     (as_good + 1) as f64 / (DRAWS + 1) as f64
+}
+
+/// Terms whose merits by chance are computed together.
+const TERMS_AT_ONCE: usize = 256;
+
+/// The largest merit of terms for every draw of `signs`, one column each.
+fn best_by_chance(terms: &[Screened], signs: &DMatrix<f64>) -> Vec<f64> {
+    let mut parts = DMatrix::zeros(MOST_COLUMNS * terms.len(), signs.nrows());
+    for (i, term) in terms.iter().enumerate() {
+        for (group, part) in term.unexplained().iter().enumerate() {
+            parts.fixed_view_mut::<MOST_COLUMNS, 1>(MOST_COLUMNS * i, group).copy_from_slice(part);
+        }
+    }
+    let sums = parts * signs;
+    let of_draw = |sums: DVectorView<'_, f64>| {
+        let merit = |(i, term): (usize, &Screened)| term.merit_of_sum([0, 1].map(|c| sums[MOST_COLUMNS * i + c]));
+        terms.iter().enumerate().map(merit).fold(f64::MIN, f64::max)
+    };
+    sums.column_iter().map(of_draw).collect()
 }
 
 /// The best term for weights of the frames; of terms that are nearly as good one with the fewest covariates. A simpler shape is no reason to
 /// take other covariates.
-fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
+fn best(screened: &[&Screened], weights: &[f64]) -> Option<usize> {
     let merits: Vec<f64> = screened.iter().map(|s| s.merit(|i| weights[i])).collect();
     let most = merits.iter().copied().fold(f64::MIN, f64::max);
     let first = merits.iter().position(|merit| *merit == most)?;
@@ -64,27 +90,38 @@ fn best(screened: &[Screened], weights: &[f64]) -> Option<usize> {
 
 /// How often which covariates are those of the best term, over resamples of the frames.
 pub(super) struct Stability {
-    screened: Vec<Screened>,
-    weights: Vec<Vec<f64>>,
+    resamples: Vec<Resample>,
+}
+
+/// The best term of a resample.
+struct Resample {
+    /// How often each group of frames was drawn.
+    weights: Vec<f64>,
+    families: BTreeSet<C>,
+    merit: f64,
 }
 
 impl Stability {
-    /// The terms of the library, those with `refined` constants, and resamples.
-    pub fn new(observations: &Observations, refined: &[&Term]) -> Self {
-        let mut screened = screen(observations);
-        let groups = screened.first().map_or(0, |s| s.parts.len());
-        let more: Vec<Screened> =
+    /// The best of the terms of the library and of those with `refined` constants in resamples of the frames.
+    pub fn new(observations: &Observations, of_library: &[Screened], refined: &[&Term]) -> Self {
+        let groups = of_library.first().map_or(0, |s| s.parts.len());
+        let refined: Vec<Screened> =
             refined.par_iter().filter_map(|term| Screened::of(observations, term, groups)).collect();
-        screened.extend(more);
+        let screened: Vec<&Screened> = of_library.iter().chain(&refined).collect();
         let mut random = StdRng::seed_from_u64(23);
-        let weights = (0..RESAMPLES)
+        let drawn: Vec<Vec<f64>> = (0..RESAMPLES)
             .map(|_| {
                 let mut weights = vec![0.0; groups];
                 (0..groups).for_each(|_| weights[random.random_range(0..groups)] += 1.0);
                 weights
             })
             .collect();
-        Self { screened, weights }
+        let of_resample = |weights: Vec<f64>| {
+            let best = screened[best(&screened, &weights)?];
+            let merit = best.merit(|group| weights[group]);
+            Some(Resample { weights, families: best.term.families(), merit })
+        };
+        Self { resamples: drawn.into_par_iter().filter_map(of_resample).collect() }
     }
 
     /// Share of resamples in which the best term has the same families of covariates as a term, or with one of the exchanges those that
@@ -93,13 +130,15 @@ impl Stability {
         let of_sum =
             (found.products.len() > 1).then(|| Score::of(&observations.normals(found), observations.shared)).flatten();
         let families = found.families();
-        let counts = self.counts(|weights, merit| {
-            // A sum is not among the terms that are screened.
-            let of_sum = of_sum.as_ref()?;
-            let (frames, groups) = (of_sum.parts.len(), weights.len());
-            let statistic = of_sum.statistic(|frame| weights[frame * groups / frames]);
-            (statistic - PENALTY * (found.columns() as f64 - 1.0) >= merit).then(|| families.clone())
-        });
+        // A sum is not among the terms that are screened.
+        let is_better = |resample: &Resample| {
+            of_sum.as_ref().is_some_and(|of_sum| {
+                let (frames, groups) = (of_sum.parts.len(), resample.weights.len());
+                let statistic = of_sum.statistic(|frame| resample.weights[frame * groups / frames]);
+                statistic - PENALTY * (found.columns() as f64 - 1.0) >= resample.merit
+            })
+        };
+        let counts = self.counts(|resample| if is_better(resample) { &families } else { &resample.families });
         debug!("formulas: best of resamples {counts:?}");
         let of = |set: &BTreeSet<C>| counts.get(set).copied().unwrap_or(0);
         let alike: usize = exchanges.iter().map(|exchange| of(&exchange.of(&families))).sum();
@@ -108,19 +147,13 @@ impl Stability {
 
     /// The covariates that are those of the best term most often.
     pub fn most_frequent(&self) -> Option<BTreeSet<C>> {
-        let counts = self.counts(|_, _| None);
-        counts.into_iter().max_by_key(|(_, count)| *count).map(|(families, _)| families)
+        let counts = self.counts(|resample| &resample.families);
+        counts.into_iter().max_by_key(|(_, count)| *count).map(|(families, _)| families.clone())
     }
 
-    /// Resamples by the covariates of their best term, or those that `instead` gives for their weights and its merit.
-    fn counts(&self, instead: impl Fn(&[f64], f64) -> Option<BTreeSet<C>> + Sync) -> BTreeMap<BTreeSet<C>, usize> {
-        let families_of = |weights: &Vec<f64>| {
-            let found = &self.screened[best(&self.screened, weights)?];
-            Some(instead(weights, found.merit(|group| weights[group])).unwrap_or_else(|| found.term.families()))
-        };
-        let best: Vec<BTreeSet<C>> = self.weights.par_iter().filter_map(families_of).collect();
+    fn counts<'a>(&'a self, families: impl Fn(&'a Resample) -> &'a BTreeSet<C>) -> BTreeMap<&'a BTreeSet<C>, usize> {
         let mut counts = BTreeMap::new();
-        best.into_iter().for_each(|set| *counts.entry(set).or_default() += 1);
+        self.resamples.iter().for_each(|resample| *counts.entry(families(resample)).or_default() += 1);
         counts
     }
 }
