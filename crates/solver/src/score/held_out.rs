@@ -1,6 +1,7 @@
 //! Gain of candidates on held-out clusters.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::linearization::{Cluster, Linearization};
 use super::pseudo_inverse::{NEGLIGIBLE, pseudo_solve};
@@ -43,7 +44,7 @@ impl Linearization {
         let (mut whole, gradient) = pick(&self.total);
         self.add_priors(candidates, strength, &mut whole);
         self.clusters
-            .iter()
+            .par_iter()
             .map(|cluster| {
                 let (h, g) = pick(cluster);
                 let step = -pseudo_solve(&(&whole - &h), &(&gradient - &g), NEGLIGIBLE);

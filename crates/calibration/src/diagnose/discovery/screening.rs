@@ -37,14 +37,19 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
         .into_iter()
         .flat_map(|of| {
             let spans: Vec<_> = COVARIATES.iter().filter_map(|c| Some((*c, observations.span(*c, of)?))).collect();
-            let of_density = |density: Density| {
-                let functions = spans.iter().flat_map(|(c, span)| functions(*c, *span, density)).collect();
-                Columns::of(observations, of, functions)
-            };
-            let (alone, multiplied) = (of_density(Density::Fine), of_density(Density::Coarse));
+            let mut screened: Vec<Screened> = Vec::new();
+            for (c, span) in &spans {
+                // Columns of one covariate at a time: those of all would be the largest table of a diagnosis.
+                let alone = Columns::of(observations, of, functions(*c, *span, Density::Fine));
+                let takes_part = vec![true; alone.functions.len()];
+                let jobs =
+                    On::ALL.map(|on| Job { of, on, factor: None, takes_part: takes_part.clone(), columns: &alone });
+                screened.par_extend(jobs.par_iter().flat_map_iter(|job| job.scores(observations, &groups, &of_shared)));
+            }
+            let of_all = spans.iter().flat_map(|(c, span)| functions(*c, *span, Density::Coarse)).collect();
+            let multiplied = Columns::of(observations, of, of_all);
             let mut jobs = Vec::new();
             for on in On::ALL {
-                jobs.push(Job { of, on, factor: None, takes_part: vec![true; alone.functions.len()], columns: &alone });
                 for (c, span) in spans.iter().filter(|(c, _)| FACTORS.contains(c)) {
                     // Two factors in either order are one product.
                     let place = |c: &C| FACTORS.iter().position(|f| f == c);
@@ -63,7 +68,8 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
                     }));
                 }
             }
-            jobs.par_iter().flat_map_iter(|job| job.scores(observations, &groups, &of_shared)).collect::<Vec<_>>()
+            screened.par_extend(jobs.par_iter().flat_map_iter(|job| job.scores(observations, &groups, &of_shared)));
+            screened
         })
         .collect()
 }
