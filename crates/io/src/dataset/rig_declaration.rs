@@ -6,8 +6,9 @@ use depthcal_model::Target;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::boards::{BOARDS, boards_of};
 use super::camera_hint::CameraHint;
-use super::declaration::{CAMERA_KEYS, board_of, camera_from};
+use super::declaration::{CAMERA_KEYS, camera_from};
 use super::error::DatasetError;
 use super::section::{Field, Section, Source};
 use super::text::{CAMERAS, read_text};
@@ -15,7 +16,7 @@ use super::text::{CAMERAS, read_text};
 /// The contents of a `dataset.toml` that declares several cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigFile {
-    /// The board; the diameter of its dots is 0 where it is not declared.
+    /// The board, or several; the diameter of dots is 0 where it is not declared.
     pub board: Target,
     /// Name of a table with one row per frame, and with the files of every frame where it has columns `NAME.image`, `NAME.depth`.
     pub metadata: Option<String>,
@@ -40,7 +41,7 @@ pub struct CameraSection {
     pub camera: Option<CameraHint>,
 }
 
-const RIG_SECTIONS: &[&str] = &["board", "frames", CAMERAS];
+const RIG_SECTIONS: &[&str] = &["board", BOARDS, "frames", CAMERAS];
 const RIG_FRAMES_KEYS: &[&str] = &["metadata", "within_s"];
 const MEMBER_KEYS: &[&str] =
     &["image", "depth", "unit_mm", "fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
@@ -79,7 +80,7 @@ impl RigFile {
         let source = Source { path, text: text.strip_prefix('\u{feff}').unwrap_or(text) };
         let root = source.parse()?;
         source.deny_unknown(&root, "", RIG_SECTIONS, &[])?;
-        let board = board_of(source, &root)?;
+        let board = boards_of(source, &root)?;
         let frames = match root.get("frames") {
             Some(value) => Some(section(source, value, "frames.", RIG_FRAMES_KEYS)?),
             None => None,
