@@ -124,7 +124,10 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
     }))
 }
 
-/// Effects and held parameters of `--with`.
+/// What `--with` calls the time by which a camera exposes later than its times say.
+const TIME_OFFSET: &str = "time_offset";
+
+/// Effects, time offsets and held parameters of `--with`.
 pub(crate) fn add_effects(
     with: &[String],
     rig: &LoadedRig,
@@ -146,7 +149,13 @@ fn add_effect(text: &str, cameras: &[&str], options: &mut RigOptions, session: &
         Some((name, rest)) if cameras.contains(&name) => (Some(name.to_owned()), rest),
         _ => (None, rest),
     };
-    if is_held {
+    if !is_held && rest == TIME_OFFSET {
+        let camera = camera.ok_or_else(|| {
+            let example = cameras.last().copied().unwrap_or("CAMERA");
+            wrong(&format_args!("name the camera whose offset is estimated, such as {example}:{TIME_OFFSET}"))
+        })?;
+        options.time_offsets.push(camera);
+    } else if is_held {
         let parameter = rest.parse().map_err(|e: HeldError| wrong(&e))?;
         options.held.push(HeldOf { camera, parameter });
     } else {
