@@ -47,7 +47,7 @@ fn of_depth_without_images() {
     let (fitted, std_devs) = (camera.calibrated.camera.pinhole(), camera.calibrated.std_devs());
     let truth = [365.4, 365.9, 258.6, 208.2];
     for i in 0..4 {
-        // Lens and pinhole come first among the parameters; without images no lens is fitted.
+        // Without images no lens is fitted: the parameters of the pinhole come first.
         let sigma = std_devs[i].unwrap();
         assert!((fitted[i] - truth[i]).abs() < 4.0 * sigma, "{i}: {} ± {sigma}, not {}", fitted[i], truth[i]);
     }

@@ -5,7 +5,7 @@ use depthcal_io::{Calibration, DepthImage, GrayImage, RgbImage};
 use depthcal_rig::PlacedCamera;
 use depthcal_rig::drift::Taken;
 
-use super::stream::{FrameJob, Raw, StreamArgs, StreamContext, Written, bytes_of, f32_from_bytes, u16_from_bytes};
+use super::stream_args::{FrameJob, Raw, StreamArgs, Written, bytes_of, f32_from_bytes, u16_from_bytes};
 use crate::failure::Failure;
 
 /// The two cameras of a stream.
@@ -65,17 +65,17 @@ pub(super) struct RegisterJob<'a> {
 impl<'a> RegisterJob<'a> {
     pub(super) fn new(
         args: &'a StreamArgs,
-        context: &StreamContext<'a>,
+        (corrector, unit_mm): (&'a Corrector, f64),
         cameras: &'a Registered,
         written: Written,
     ) -> Self {
-        let (width, height) = (context.corrector.width(), context.corrector.height());
+        let (width, height) = (corrector.width(), corrector.height());
         let n = width * height;
         let target = &cameras.target.camera;
         Self {
             args,
-            corrector: context.corrector,
-            unit_mm: context.unit_mm.unwrap_or(1.0),
+            corrector,
+            unit_mm,
             written,
             cameras,
             steps: DepthImage { width, height, data: vec![0; n] },

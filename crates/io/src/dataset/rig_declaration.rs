@@ -182,4 +182,35 @@ mod tests {
         assert!(complaint("").contains("[cameras.NAME]"));
         assert!(complaint("[depth]\nunit_mm = 1\n[cameras.a]\nimage = \"*\"\n").contains("depth"));
     }
+
+    fn with_boards(boards: &str) -> Result<RigFile, DatasetError> {
+        RigFile::parse(Path::new("set/dataset.toml"), &format!("{boards}[cameras.a]\nimage = \"*.png\"\n"))
+    }
+
+    fn tags(name: &str, first_tag: usize) -> String {
+        format!(
+            "[boards.{name}]\nkind = \"aprilgrid\"\ncolumns = 6\nrows = 5\nspacing_mm = 39\nmarker_mm = 30\nfirst_tag = {first_tag}\n"
+        )
+    }
+
+    #[test]
+    fn several_boards_are_told_apart_by_the_numbers_of_their_tags() {
+        let board = with_boards(&(tags("wall", 0) + &tags("floor", 30))).unwrap().board;
+        let names: Vec<(String, usize, std::ops::Range<usize>)> =
+            board.parts().iter().map(|p| (p.name.to_owned(), p.first_tag, p.markers.clone())).collect();
+        assert_eq!(names, [("wall".to_owned(), 0, 0..120), ("floor".to_owned(), 30, 120..240)]);
+    }
+
+    #[test]
+    fn boards_that_look_alike_are_refused() {
+        let complaint = |boards: &str| with_boards(boards).unwrap_err().to_string();
+        let same = complaint(&(tags("wall", 0) + &tags("floor", 29)));
+        assert!(same.contains("floor") && same.contains("wall") && same.contains("first_tag"), "{same}");
+        let plain = "[boards.wall]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n";
+        assert!(complaint(plain).contains("without tags"));
+        let both =
+            format!("[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n{}", tags("wall", 0));
+        assert!(complaint(&both).contains("and so is board"));
+        assert!(complaint("[boards]\n").contains("no section"));
+    }
 }
