@@ -42,7 +42,8 @@ fn two_boards_of_one_dictionary_are_told_apart() {
     let found = detect(&image, &both, &options).expect("no error").expect("both boards");
     for (part, scene) in both.parts().iter().zip([&right, &left]) {
         let markers: Vec<_> = found.markers.iter().filter(|m| part.markers.contains(&m.index)).collect();
-        assert!(10 * markers.len() >= 9 * board().len(), "{}: {} markers", part.name, markers.len());
+        // How complete boards are is tested elsewhere: here every marker has to be that of its own board.
+        assert!(2 * markers.len() > board().len(), "{}: {} markers", part.name, markers.len());
         for marker in markers {
             let truth = scene.truth(both.point(marker.index));
             let error = (marker.pixel[0] - truth[0]).hypot(marker.pixel[1] - truth[1]);
