@@ -12,15 +12,14 @@ use depthcal::calibration::adjust::camera_prior::CameraPrior;
 use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::diagnose::Thresholds;
 use depthcal::calibration::diagnose::effect_scores::effect_scores;
-use depthcal::calibration::diagnose::examination::scores;
 use depthcal::calibration::observe::Capture;
 use depthcal::calibration::simulated;
 use depthcal::fleet::{FleetOptions, Joined, Unit, join};
-use depthcal::io::{FileReference, Prior};
-use depthcal::model::{PieceSpec, Register};
+use depthcal::io::{FileReference, FleetEffectUnit, Prior};
+use depthcal::model::Register;
 use depthcal::{calibration_record, evaluate};
 use depthcal_simulate::{CameraTruth, Effect, Kind, Noise, PointOptions, Simulation};
-use depthcal_statistics::noncentrality;
+use depthcal_statistics::{chi_squared_tail, noncentrality};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -97,58 +96,120 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
     Ok(join(units?, Vec::new(), &FleetOptions::default())?)
 }
 
-/// Size of the shared effect that one unit detects with 80 % power at the 1 % level, in the simulator's unit.
+/// Size of the shared effect that one unit detects with 80 % power at the 1 % level, in the simulator's unit, which is that of the
+/// effect's only parameter: from the information that a unit without the effect has on it. A unit with an effect so large that its score
+/// can be measured will not do: what the effect leaves in the residuals is then taken for noise.
 fn detectable_size() -> Result<f64, Failure> {
     let thresholds = Thresholds::default();
-    let register = Register::builtin();
-    // Planes of whole frames would take up part of the effect.
-    let options = CalibrateOptions { frame_planes: false, ..same_lens() };
-    let mut size = Effect::with_default_size(SHARED)?.size;
-    let mut found = (1.0, 1);
-    for _ in 0..6 {
-        let effect = [Effect::new(SHARED, size)?];
-        let fit = calibrate(&capture(CameraTruth::published(1)?, &effect, FRAMES, 5)?, &options)?;
-        let tests = effect_scores(&fit, &register, FileReference::default())?.map_or(1, |s| s.effects.len());
-        let score = scores(&fit, &register, &[PieceSpec::new(SHARED)])?.remove(0);
-        let lambda = (score.statistic - score.rank as f64).max(1.0);
-        let sufficient = noncentrality(score.rank, thresholds.level / tests as f64, thresholds.power);
-        found = (lambda / sufficient, score.rank);
-        if (200.0..800.0).contains(&lambda) {
-            break;
-        }
-        size *= (400.0 / lambda).sqrt().clamp(0.1, 10.0);
-    }
-    Ok(size / found.0.sqrt())
+    let fit = calibrate(&capture(CameraTruth::published(1)?, &[], FRAMES, 5)?, &same_lens())?;
+    let scores = effect_scores(&fit, &Register::builtin(), FileReference::default())?.ok_or("no scores")?;
+    let at = scores.effects.iter().position(|e| e.effect == SHARED).ok_or("the effect is not scored")?;
+    let place: usize = scores.effects[..at].iter().map(|e| e.parameters.len()).sum();
+    let sufficient = noncentrality(1, thresholds.level / scores.effects.len() as f64, thresholds.power);
+    Ok((sufficient / scores.information[place][place]).sqrt())
 }
 
-/// A shared effect at half of what one unit detects.
+/// Fleets without an effect, and with a shared one at a quarter and at half of what one unit detects; the last with two planted outliers.
 fn shared(repeats: u64) -> Result<(), Failure> {
     let size = detectable_size()?;
     println!(
         "\n{SHARED} of {size:.3} (simulator's unit) is what one unit of {FRAMES} frames detects with 80 % power.\n"
     );
     println!(
-        "| size, of the detectable one | fleets | found as shared | another found | p, median | size found / true, median |"
+        "| size, of the detectable one | fleets | units that show it alone, median | found as shared | another found as well | another in its place | p, median | size found / true, median | outliers planted | found | in the planted parameter | falsely |"
     );
-    println!("|---|---|---|---|---|---|");
-    for factor in [0.0, 0.25, 0.5] {
-        let (mut found, mut others, mut p, mut sizes) = (0, 0, Vec::new(), Vec::new());
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for (factor, planted) in [(0.0, false), (0.25, false), (0.5, true)] {
+        let (mut found, mut others, mut instead) = (0, 0, 0);
+        let (mut p, mut sizes, mut alone) = (Vec::new(), Vec::new(), Vec::new());
+        let mut outliers = Outliers::default();
         for repeat in 0..repeats {
             let effects = if factor > 0.0 { vec![Effect::new(SHARED, factor * size)?] } else { Vec::new() };
-            let joined = fleet(10 + repeat, &effects, |_, _| {})?;
+            let joined = fleet(10 + repeat, &effects, |i, camera| {
+                if planted {
+                    plant(i, camera);
+                }
+            })?;
+            outliers.add(&joined, planted);
             let named: Vec<&str> =
                 joined.fleet.effects.iter().filter(|e| e.shared).map(|e| e.effect.as_str()).collect();
-            found += usize::from(named.contains(&SHARED));
-            others += usize::from(named.iter().any(|n| *n != SHARED));
+            let (has_it, has_another) = (named.contains(&SHARED), named.iter().any(|n| *n != SHARED));
+            found += usize::from(has_it);
+            others += usize::from(has_it && has_another);
+            instead += usize::from(!has_it && has_another);
             if let Some(e) = joined.fleet.effects.iter().find(|e| e.effect == SHARED) {
                 p.push(e.shared_p_value);
                 sizes.push(e.mean[0] / (factor * size));
+                let tests = joined.fleet.effects.len() as f64;
+                let shows = |u: &&FleetEffectUnit| {
+                    chi_squared_tail((u.values[0] / u.std_dev[0]).powi(2), 1) * tests < Thresholds::default().level
+                };
+                alone.push(e.units.iter().filter(shows).count() as f64);
             }
             eprintln!("shared {factor} fleet {repeat}: {named:?} {:?}", p.last());
+            for e in joined.fleet.effects.iter().take(6) {
+                eprintln!(
+                    "    {} p {:.1e} differs {:.1e} overdispersion {:.2} of detectable {:.2?} explained by {:?} not told apart {:?}",
+                    e.effect,
+                    e.shared_p_value,
+                    e.differs_p_value,
+                    e.overdispersion,
+                    e.of_detectable,
+                    e.explained_by,
+                    e.indistinguishable
+                );
+            }
         }
-        println!("| {factor} | {repeats} | {found} | {others} | {:.1e} | {:.2} |", median(&mut p), median(&mut sizes));
+        println!(
+            "| {factor} | {repeats} | {} | {found} | {others} | {instead} | {:.1e} | {:.2} | {} |",
+            median(&mut alone),
+            median(&mut p),
+            median(&mut sizes),
+            outliers.columns(if planted { 2 * repeats } else { 0 })
+        );
     }
     Ok(())
+}
+
+/// Makes two units of a fleet unlike the others.
+fn plant(unit: usize, camera: &mut CameraTruth) {
+    match unit {
+        7 => camera.focal_px = camera.focal_px.map(|f| f + OUTLYING * FOCAL_PX),
+        15 => camera.depth[3] += OUTLYING * DEPTH[3],
+        _ => {}
+    }
+}
+
+/// Outliers that were found.
+#[derive(Default)]
+struct Outliers {
+    found: usize,
+    /// Of these, in the planted parameter.
+    right: usize,
+    falsely: usize,
+}
+
+impl Outliers {
+    fn add(&mut self, joined: &Joined, planted: bool) {
+        for outlier in &joined.fleet.outliers {
+            let first = outlier.parts.first().map_or("", |p| p.parameter.as_str());
+            match outlier.unit {
+                7 | 15 if planted && outlier.within == "model" => {
+                    self.found += 1;
+                    let expected: &[&str] =
+                        if outlier.unit == 7 { &["pinhole.fx", "pinhole.fy"] } else { &["projective.dw"] };
+                    self.right += usize::from(expected.contains(&first));
+                }
+                7 | 15 if planted => {}
+                _ => self.falsely += 1,
+            }
+            eprintln!("  outlier {} in {} {first} p {:.1e}", outlier.name, outlier.within, outlier.p_value);
+        }
+    }
+
+    fn columns(&self, planted: u64) -> String {
+        format!("{planted} | {} | {} | {}", self.found, self.right, self.falsely)
+    }
 }
 
 /// Root mean square error of depth and of markers without noise, of a camera that was fitted: what its parameters do.
@@ -209,34 +270,16 @@ fn outliers(repeats: u64) -> Result<(), Failure> {
     println!("\n| fleets | planted | found | in the planted parameter | falsely |");
     println!("|---|---|---|---|---|");
     for planted in [true, false] {
-        let (mut found, mut right, mut falsely) = (0, 0, 0);
+        let mut found = Outliers::default();
         for repeat in 0..repeats {
-            let change = |i: usize, camera: &mut CameraTruth| match i {
-                7 if planted => camera.focal_px = camera.focal_px.map(|f| f + OUTLYING * FOCAL_PX),
-                15 if planted => camera.depth[3] += OUTLYING * DEPTH[3],
-                _ => {}
-            };
-            let joined = fleet(200 + repeat, &[], change)?;
-            for outlier in &joined.fleet.outliers {
-                let first = outlier.parts.first().map_or("", |p| p.parameter.as_str());
-                match outlier.unit {
-                    7 | 15 if planted && outlier.within == "model" => {
-                        found += 1;
-                        let expected: &[&str] =
-                            if outlier.unit == 7 { &["pinhole.fx", "pinhole.fy"] } else { &["projective.dw"] };
-                        right += usize::from(expected.contains(&first));
-                    }
-                    7 | 15 if planted => {}
-                    _ => falsely += 1,
+            let joined = fleet(200 + repeat, &[], |i, camera| {
+                if planted {
+                    plant(i, camera);
                 }
-                eprintln!(
-                    "outliers {planted} fleet {repeat}: {} in {} {first} p {:.1e}",
-                    outlier.name, outlier.within, outlier.p_value
-                );
-            }
+            })?;
+            found.add(&joined, planted);
         }
-        let expected = if planted { 2 * repeats } else { 0 };
-        println!("| {repeats} | {expected} | {found} | {right} | {falsely} |");
+        println!("| {repeats} | {} |", found.columns(if planted { 2 * repeats } else { 0 }));
     }
     Ok(())
 }

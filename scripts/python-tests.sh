@@ -17,6 +17,9 @@ if [ "${1:-}" = --release ]; then
     profile=release
     shift
 fi
+# A stripped build of the development profile would build all dependencies again.
+export MATURIN_STRIP=false
+[ "$profile" = dev ] || MATURIN_STRIP=true
 python=${PYTHON:-python3}
 command -v "$python" >/dev/null || skip "there is no $python"
 "$python" -c 'import sys; sys.exit(sys.version_info < (3, 9))' || skip "$python is older than 3.9"
@@ -54,7 +57,7 @@ DEPTHCAL_BIN=$(realpath -m "$DEPTHCAL_BIN")
 # The source distribution has all that the wheel is built from.
 sources=$target/python/sources
 rm -rf "$sources" && mkdir -p "$sources"
-"$tools/bin/maturin" sdist --quiet --manifest-path crates/python/Cargo.toml --out "$sources"
+"$tools/bin/maturin" sdist --manifest-path crates/python/Cargo.toml --out "$sources"
 tar -xzf "$sources"/depthcal-*.tar.gz -C "$sources"
 maturin=$(realpath "$tools/bin/maturin")
 out=$(realpath "$sources")

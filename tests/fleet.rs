@@ -11,11 +11,13 @@ use std::sync::Arc;
 use depthcal::calibration::adjust::camera_prior::CameraPrior;
 use depthcal::calibration::diagnose::effect_scores::effect_scores;
 use depthcal::calibration::simulated;
-use depthcal::fleet::{Unit, read_units};
+use depthcal::fleet::{FleetOptions, Unit, join, read_units};
 use depthcal::io::{Calibration, FileReference, Fleet, Prior, Scores};
 use depthcal::model::Register;
 use depthcal::{CalibrateOptions, Calibrated, Capture, calibrate, calibration_record, evaluate};
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+use depthcal_statistics::{chi_squared_tail, noncentrality};
+use rayon::prelude::*;
 use support::{Folder, stdout, succeeds};
 
 const EFFECT: &str = "range_offset";
@@ -97,6 +99,36 @@ fn scores_and_conditioning_are_what_adjusting_gives() {
             assert!((0.8..1.25).contains(&ratio), "{name}: standard deviations differ by {ratio}");
         }
     }
+}
+
+/// A unit with few observations.
+fn small(number: usize, size: f64) -> (Unit, Scores) {
+    let effects = if size > 0.0 { vec![Effect::new(EFFECT, size).unwrap()] } else { Vec::new() };
+    let simulation = Simulation::new(camera(number % 7), Kind::General(1), &effects, 900 + number as u64).frames(12);
+    let options = PointOptions { depth_samples: 100, ..PointOptions::default() };
+    let fit = calibrate(&simulated::capture(&simulation.observe_points(&options).unwrap()), &plain()).unwrap();
+    let (mut record, scores) = records(0, &fit);
+    record.dataset.digest = format!("{number:x}");
+    (Unit::new(&format!("unit{number}"), "", &record, Some(&scores), &Register::builtin()).unwrap(), scores)
+}
+
+/// The noncentrality of 24 units' test is 24/4 = 6 times that with which one unit detects an effect with a probability of 80 %.
+#[test]
+fn units_find_together_what_none_shows_alone() {
+    let (_, scores) = small(30, 0.0);
+    let at = scores.effects.iter().position(|e| e.effect == EFFECT).unwrap();
+    let place: usize = scores.effects[..at].iter().map(|e| e.parameters.len()).sum();
+    let tests = scores.effects.len() as f64;
+    let size = 0.5 * (noncentrality(1, 0.01 / tests, 0.8) / scores.information[place][place]).sqrt();
+    let units: Vec<Unit> = (0..24).into_par_iter().map(|number| small(number, size).0).collect();
+    let found = join(units, Vec::new(), &FleetOptions::default()).unwrap().fleet.effects;
+    let shared: Vec<&str> = found.iter().filter(|e| e.shared).map(|e| e.effect.as_str()).collect();
+    assert_eq!(shared, [EFFECT]);
+    let effect = &found[0];
+    assert!((effect.mean[0] / size - 1.0).abs() < 0.4, "{} mm instead of {size}", effect.mean[0]);
+    let shows = |value: f64, std: f64| chi_squared_tail((value / std).powi(2), 1) * tests < 0.01;
+    let alone = effect.units.iter().filter(|u| shows(u.values[0], u.std_dev[0])).count();
+    assert!(alone < 8, "{alone} of 24 units show it alone");
 }
 
 #[test]

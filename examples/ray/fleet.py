@@ -102,9 +102,11 @@ def main() -> int:
     if arguments.task == "correct":
         arguments.calibration = str(Path(arguments.calibration).absolute())
     Path(arguments.out).mkdir(parents=True, exist_ok=True)
+    work.remove_leftovers(Path(arguments.out))
     function, todo = pending(arguments)
     print(f"{len(arguments.sources) - len(todo)} of {len(arguments.sources)} units are done", flush=True)
     failures = run(function, todo, arguments) if todo else []
+    work.remove_leftovers(Path(arguments.out))
     for failure in failures:
         print(f"failed: {failure}", file=sys.stderr)
     print(f"{work.table(arguments.out).num_rows} rows in {arguments.out}/results.parquet")

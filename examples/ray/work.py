@@ -10,8 +10,11 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
+import mmap
 import os
+import resource
 import shutil
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -52,6 +55,26 @@ def write_row(out: Path, unit: str, row: dict[str, Any]) -> None:
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist([row]), temporary)
     os.replace(temporary, path)
+
+
+def remove_leftovers(out: Path) -> None:
+    """Removes what interrupted units left behind. Nobody may be at work in ``out``."""
+    for path in [*out.glob(".*.tmp"), *(out / "rows").glob("*.tmp")]:
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def peak_mib() -> float:
+    """The most memory that this process has had, MiB, pages of mapped files included."""
+    try:
+        # Linux counts to getrusage's peak what the parent had before it became this program.
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) / 1024
+    except (OSError, IndexError):
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak / (1 << 20) if sys.platform == "darwin" else peak / (1 << 10)
 
 
 # --- Cameras ------------------------------------------------------------------------------------------------------------------------
@@ -114,7 +137,7 @@ def calibrate_camera(source: str, out: str, diagnose: bool = True) -> dict[str, 
         row |= {f"{p.name}.std": p.std_dev for p in result.calibration.parameters if p.std_dev is not None}
         if diagnose:
             row |= {"verdict": result.verdict, "effects": ",".join(step.effect for step in result.steps)}
-    row |= {"seconds": time.time() - started, "worker": os.getpid()}
+    row |= {"seconds": time.time() - started, "worker": os.getpid(), "peak_mib": peak_mib()}
     write_row(folder, unit, row)
     return row
 
@@ -139,7 +162,8 @@ def correct_shard(shard: str, calibration: str, out: str, unit_mm: float = 1.0, 
     """Corrects a shard: a file ``NAME.npy`` of frames (n, height, width), uint16. The result is a Zarr array ``out/NAME.zarr`` with a chunk
     for some frames, or a folder ``out/NAME`` of PNG files.
 
-    The shard is mapped, not read: a frame is read from the page cache by the correction itself, and never copied.
+    The shard is mapped, not read: a frame is read from the page cache by the correction itself, and never copied. Pages are let go after
+    their frames, so that memory does not grow with the shard.
     """
     folder, unit, started = Path(out), Path(shard).stem, time.time()
     frames = np.load(shard, mmap_mode="r")
@@ -157,6 +181,8 @@ def correct_shard(shard: str, calibration: str, out: str, unit_mm: float = 1.0, 
         correcting += time.perf_counter() - begin
         counts += some
         write(first, corrected)
+        if hasattr(mmap, "MADV_DONTNEED"):
+            frames._mmap.madvise(mmap.MADV_DONTNEED)
     final = folder / (f"{unit}.zarr" if form == "zarr" else unit)
     shutil.rmtree(final, ignore_errors=True)
     os.replace(temporary, final)
@@ -170,6 +196,7 @@ def correct_shard(shard: str, calibration: str, out: str, unit_mm: float = 1.0, 
         "correcting_s": correcting,
         "seconds": time.time() - started,
         "worker": os.getpid(),
+        "peak_mib": peak_mib(),
     }
     write_row(folder, unit, row)
     return row

@@ -33,6 +33,7 @@ def main() -> int:
     arguments = parser.parse_args()
     out = Path(arguments.paths[-1]).absolute()
     if arguments.task == "table":
+        work.remove_leftovers(out)
         print(f"{work.table(str(out)).num_rows} rows in {out}/results.parquet")
         return 0
     if len(arguments.paths) != 2 or (arguments.task == "correct" and not arguments.calibration):

@@ -18,15 +18,14 @@ use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::adjust::camera_prior::CameraPrior;
-use depthcal_calibration::calibrate::{Calibrated, Estimator};
-use depthcal_calibration::calibration_record::prior_use;
+use depthcal_calibration::calibrate::Estimator;
 use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{
-    FitRequest, HoldOut, JudgedFit, LENSES, ModelRequest, OptionNames, write_calibration,
+    FitRequest, HoldOut, JudgedFit, LENSES, ModelRequest, OptionNames, prior_for, write_calibration,
 };
-use depthcal_report::format::{count, number, p_equals, percent, quantity};
-use depthcal_report::{ReportDataset, ReportInput, Role};
+use depthcal_report::format::{number, quantity};
+use depthcal_report::{ReportDataset, ReportInput, Role, prior_sentences};
 
 fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
     let (every, first) = text.split_once(':').unwrap_or((text, "1"));
@@ -225,58 +224,14 @@ impl Calibrate {
 }
 
 /// The prior in a file, for images of this size.
-fn read_prior(path: &Path, [width, height]: [usize; 2]) -> Result<Arc<CameraPrior>, Failure> {
+fn read_prior(path: &Path, size: [usize; 2]) -> Result<Arc<CameraPrior>, Failure> {
     let prior = Prior::read(path).map_err(input)?;
-    if [prior.width, prior.height] != [width, height] {
-        return Err(Failure::Input(format!(
-            "{}: is for images of {}×{} px, but those of the dataset have {width}×{height}: give the prior of this camera type",
-            path.display(),
-            prior.width,
-            prior.height
-        )));
-    }
+    let own = prior_for(&path.display().to_string(), &prior, size)?;
     if !prior.with.is_empty() {
         say!("the prior's units have these effects in their models: --with {}", prior.with.join(","));
     }
-    Ok(Arc::new(CameraPrior::from(&prior)))
+    Ok(Arc::new(own))
 }
-
-/// What a fit's prior did, in sentences; none without a prior.
-fn prior_sentences(result: &Calibrated) -> Vec<String> {
-    let Some(prior) = &result.prior else { return Vec::new() };
-    let Some(used) = prior_use(result) else {
-        return vec!["The prior concerns no parameter of this model: it was not used.".to_owned()];
-    };
-    let mut sentences = vec![format!(
-        "A prior from {} was used for {}. In its terms this camera is {} standard deviations from the mean of the others in all ({}).",
-        count(used.units, "unit"),
-        count(used.parameters.len(), "parameter"),
-        number(used.distance_squared.sqrt()),
-        p_equals(used.p_value)
-    )];
-    if used.p_value < UNLIKE_THE_OTHERS {
-        sentences.push(
-            "This camera is not like the others: calibrate it with more frames and without the prior, and compare."
-                .to_owned(),
-        );
-    }
-    let unused: Vec<&str> = prior
-        .names
-        .iter()
-        .filter(|name| used.parameters.iter().all(|p| p.name != **name))
-        .map(String::as_str)
-        .collect();
-    if !unused.is_empty() {
-        sentences.push(format!("The prior also names {}, which are not fitted here.", unused.join(", ")));
-    }
-    let shares: Vec<String> =
-        used.parameters.iter().map(|p| format!("{} {}", p.name, percent(100.0 * p.own_share))).collect();
-    sentences.push(format!("Information from this camera's own frames: {}.", shares.join(", ")));
-    sentences
-}
-
-/// p-value below which a camera is said to be unlike the units of its prior.
-const UNLIKE_THE_OTHERS: f64 = 0.001;
 
 /// The comparison of lenses, as a table.
 fn print_lenses(comparison: &LensComparison) {

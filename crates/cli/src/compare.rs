@@ -111,7 +111,7 @@ impl Compare {
             self.verify.iter().map(|path| rig::load(path, &self.reading, session)).collect::<Result<Vec<_>, _>>()?;
         let mut options =
             RigOptions { each: session.calibrate_options(), lens: self.lens.clone(), ..RigOptions::default() };
-        rig::add_effects(&self.with, &rig, &mut options, session)?;
+        rig::add_effects(&self.with, &rig, &mut options)?;
         let fit = calibrate_rig(&rig.capture, &options)?;
         let mut cameras = Vec::new();
         for own in rig.capture.cameras.iter().filter(|c| c.capture.has_depth()) {

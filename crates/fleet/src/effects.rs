@@ -17,7 +17,7 @@ use crate::error::FEWEST_UNITS;
 use crate::outliers::{OutlierSearch, find_outliers};
 use crate::random_effects::{RandomEffects, UnitEstimate};
 use crate::scaled::{Scaled, part};
-use crate::significance::{holm, homogeneity_p_value, shared_p_value, shared_statistic};
+use crate::significance::{holm, homogeneity_p_value, shared_p_value};
 use crate::unit::{EffectKey, Unit};
 
 /// Most effects that are found one after another.
@@ -71,8 +71,8 @@ pub(crate) struct Evidence {
     /// The fit in the coordinates.
     fit: RandomEffects,
     coordinates: Coordinates,
-    /// Squared distance of the mean from nothing.
-    statistic: f64,
+    /// How well it explains the observations: twice the rise of their log-likelihood, less the price of its parameters.
+    merit: f64,
     /// p-value of no shared effect; 1 with too few units.
     shared_p_value: f64,
     /// p-value of units not differing.
@@ -162,24 +162,34 @@ impl<'a> Effects<'a> {
         }
         let overdispersion = free.iter().map(|key| self.overdispersion(key)).fold(1.0, f64::max);
         let nominal = DVector::from_column_slice(effect.nominal);
-        let estimate = |unit: &Unit| {
-            let mut estimate = unit.estimate_with(effect.names, &free, overdispersion)?;
-            estimate.value -= &nominal;
-            Some(estimate)
+        let estimates = |overdispersion: f64| -> Vec<Option<UnitEstimate>> {
+            let estimate = |unit: &Unit| {
+                let mut estimate = unit.estimate_with(effect.names, &free, overdispersion)?;
+                estimate.value -= &nominal;
+                Some(estimate)
+            };
+            self.units.iter().map(estimate).collect()
         };
-        let estimates: Vec<Option<UnitEstimate>> = self.units.iter().map(estimate).collect();
-        let own: Vec<UnitEstimate> =
-            estimates.iter().zip(self.kept).filter(|(_, kept)| **kept).filter_map(|(e, _)| e.clone()).collect();
+        let of_kept = |estimates: &[Option<UnitEstimate>]| -> Vec<UnitEstimate> {
+            estimates.iter().zip(self.kept).filter(|(_, kept)| **kept).filter_map(|(e, _)| e.clone()).collect()
+        };
+        // The noise model is that of all effects; factors of their own would make their merits those of different data.
+        let by_noise = of_kept(&estimates(1.0));
+        let estimates = estimates(overdispersion);
+        let own = of_kept(&estimates);
         if own.len() < FEWEST_UNITS {
             return None;
         }
         let coordinates = Coordinates::new(&own)?;
-        let own: Vec<UnitEstimate> = own.iter().map(|e| coordinates.of(e)).collect();
+        let in_coordinates =
+            |estimates: &[UnitEstimate]| -> Vec<UnitEstimate> { estimates.iter().map(|e| coordinates.of(e)).collect() };
+        let (own, by_noise) = (in_coordinates(&own), in_coordinates(&by_noise));
         let fit = RandomEffects::diagonal(&own)?;
+        let merit = self.merit(&by_noise)?;
         let rank = fit.mean.len();
         let (all, zero) = ((0..rank).collect::<Vec<_>>(), DVector::zeros(rank));
         Some(Evidence {
-            statistic: shared_statistic(&fit, &all, &zero)?,
+            merit,
             shared_p_value: shared_p_value(&fit, &all, &zero).unwrap_or(1.0),
             differs_p_value: homogeneity_p_value(&own)?,
             estimates,
@@ -189,24 +199,34 @@ impl<'a> Effects<'a> {
         })
     }
 
+    /// Twice the rise of the log-likelihood by a mean and a scatter of these estimates, less the logarithm of the number of frames for
+    /// each of its numbers (Schwarz 1978). A false effect that resembles the true one explains every unit a little differently, and
+    /// pays for that with its scatter.
+    fn merit(&self, estimates: &[UnitEstimate]) -> Option<f64> {
+        let fit = RandomEffects::diagonal(estimates)?;
+        let kept = self.units.iter().zip(self.kept).filter(|(_, kept)| **kept);
+        let frames: usize = kept.map(|(unit, _)| unit.frames).sum();
+        let numbers = fit.mean.len() + fit.between.diagonal().iter().filter(|v| **v > 0.0).count();
+        Some(fit.gain_over_nothing(estimates)? - numbers as f64 * (frames.max(1) as f64).ln())
+    }
+
     /// All effects with what was found of them, by rising p-value, and the keys of the shared ones in the order in which they
     /// were found.
     pub fn all(&self, common: &[EffectKey]) -> (Vec<FleetEffect>, Vec<EffectKey>) {
         let described = self.described(common);
         let marginal: Vec<(&Described<'_>, Evidence)> =
             described.iter().filter_map(|d| Some((d, self.evidence(d, &[])?))).collect();
-        let frames: usize = self.units.iter().map(|u| u.frames).sum();
         let first = holm(&marginal.iter().map(|(_, e)| e.shared_p_value).collect::<Vec<_>>());
         let differs = holm(&marginal.iter().map(|(_, e)| e.differs_p_value).collect::<Vec<_>>());
         let mut found: Vec<EffectKey> = Vec::new();
         let mut indistinguishable: Vec<Vec<String>> = Vec::new();
         let mut explained: Vec<Option<String>> = vec![None; marginal.len()];
-        let mut present: Vec<Option<(f64, f64, usize)>> =
-            marginal.iter().map(|(_, e)| Some((e.shared_p_value, e.statistic, e.fit.mean.len()))).collect();
+        let mut present: Vec<Option<(f64, f64)>> =
+            marginal.iter().map(|(_, e)| Some((e.shared_p_value, e.merit))).collect();
         while found.len() < MOST_FOUND {
             let p: Vec<f64> = present.iter().map(|e| e.map_or(1.0, |e| e.0)).collect();
             let corrected = holm(&p);
-            let merit = |i: usize| present[i].map_or(f64::NEG_INFINITY, |e| e.1 - e.2 as f64 * (frames as f64).ln());
+            let merit = |i: usize| present[i].map_or(f64::NEG_INFINITY, |e| e.1);
             let significant: Vec<usize> = (0..marginal.len()).filter(|i| corrected[*i] < self.level).collect();
             let Some(best) = significant.iter().copied().max_by(|a, b| merit(*a).total_cmp(&merit(*b))) else { break };
             let rivals: Vec<usize> = significant.iter().copied().filter(|i| *i != best).collect();
@@ -217,7 +237,7 @@ impl<'a> Effects<'a> {
             for (i, (effect, _)) in marginal.iter().enumerate() {
                 if present[i].is_some() {
                     let left = self.evidence(effect, &found);
-                    present[i] = left.map(|e| (e.shared_p_value, e.statistic, e.fit.mean.len()));
+                    present[i] = left.map(|e| (e.shared_p_value, e.merit));
                 }
             }
             let left = holm(&present.iter().map(|e| e.map_or(1.0, |e| e.0)).collect::<Vec<_>>());
@@ -232,7 +252,7 @@ impl<'a> Effects<'a> {
             .enumerate()
             .map(|(i, (effect, evidence))| {
                 let at = found.iter().position(|key| key == effect.key);
-                let (level_each, statistic) = (self.level / marginal.len() as f64, evidence.statistic);
+                let (level_each, merit) = (self.level / marginal.len() as f64, evidence.merit);
                 // Shared effects are told with each other in the model.
                 let others: Vec<EffectKey> = found.iter().filter(|key| *key != effect.key).cloned().collect();
                 let last = at.and_then(|_| self.evidence(effect, &others));
@@ -245,7 +265,7 @@ impl<'a> Effects<'a> {
                     indistinguishable: at.map(|at| indistinguishable[at].clone()).unwrap_or_default(),
                     ..self.record(effect, evidence, level_each)
                 };
-                (statistic, record)
+                (merit, record)
             })
             .collect();
         records.sort_by(|(a, x), (b, y)| {

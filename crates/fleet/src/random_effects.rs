@@ -362,6 +362,19 @@ impl RandomEffects {
         best
     }
 
+    /// Twice the rise of the log-likelihood of the units' observations over that of parameters that are zero in every unit; `units`
+    /// are departures from nothing. Unlike statistics of the mean alone it can be compared between models with different parameters.
+    pub fn gain_over_nothing(&self, units: &[UnitEstimate]) -> Option<f64> {
+        let mut gain = 0.0;
+        for unit in units {
+            let (own, whole) = (Scaled::new(&unit.covariance)?, Scaled::new(&(&unit.covariance + &self.between))?);
+            let residual = &unit.value - &self.mean;
+            gain += unit.value.dot(&(own.inverse() * &unit.value)) + own.log_determinant();
+            gain -= residual.dot(&(whole.inverse() * &residual)) + whole.log_determinant();
+        }
+        Some(gain)
+    }
+
     /// The estimate of a unit with the others as prior: μ + T (C + T)⁻¹ (y − μ).
     pub fn shrunken(&self, unit: &UnitEstimate) -> DVector<f64> {
         match Scaled::new(&(&unit.covariance + &self.between)) {

@@ -1,6 +1,6 @@
 """Time of a Corrector call at 640×480, and the part of it that is not correction: the time of the same call for a camera of 4×3 pixels.
 
-python overhead.py [--threads N]
+python overhead.py; python overhead.py --threads 1
 """
 
 import argparse
@@ -13,7 +13,7 @@ import numpy as np
 import depthcal
 
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("--threads", type=int, default=1)
+parser.add_argument("--threads", type=int, help="of the corrector's own; those of the process otherwise")
 parser.add_argument("--calls", type=int, default=2000)
 arguments = parser.parse_args()
 

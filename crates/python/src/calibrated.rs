@@ -11,7 +11,7 @@ use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::effect::Effect;
-use crate::failure::input;
+use crate::failure::{Failure, input};
 use crate::request::{json, register_with};
 
 /// A calibrated camera.
@@ -26,6 +26,19 @@ pub(crate) struct Calibration {
 impl Calibration {
     pub fn new(record: Record, camera: Camera, register: Register) -> Self {
         Self { record: Arc::new(record), camera: Arc::new(camera), register }
+    }
+
+    /// A calibration from its record: of one camera, or of a rig, whose camera is then the reference.
+    pub fn of_record(record: Record, register: Register) -> Result<Self, Failure> {
+        let camera = camera_from_record(&record.camera, &register).map_err(input)?;
+        Ok(Self::new(record, camera, register))
+    }
+
+    /// Says that a rig has no camera of this name, and which it has.
+    pub fn no_camera(&self, name: &str) -> Failure {
+        let known = self.cameras().join(", ");
+        let known = if known.is_empty() { "none: it is of one camera" } else { &known };
+        input(format!("the calibration has no camera '{name}'; it has {known}"))
     }
 }
 
@@ -55,8 +68,26 @@ impl Calibration {
     fn parse(text: &str, effects: Vec<PyRef<'_, Effect>>) -> PyResult<Self> {
         let register = register_with(&effects)?;
         let record: Record = serde_json::from_str(text).map_err(|e| input(format!("calibration: {e}")))?;
-        let camera = camera_from_record(&record.camera, &register).map_err(input)?;
-        Ok(Self::new(record, camera, register))
+        Ok(Self::of_record(record, register)?)
+    }
+
+    /// Names of the cameras of a rig, the reference first; none of one camera.
+    fn cameras(&self) -> Vec<String> {
+        self.record.cameras.iter().map(|camera| camera.name.clone()).collect()
+    }
+
+    /// One camera of a rig as a calibration of its own, without what it has in common with the others: covariance, poses.
+    fn camera(&self, name: &str) -> PyResult<Self> {
+        let found = self.record.cameras.iter().find(|camera| camera.name == name);
+        let found = found.ok_or_else(|| self.no_camera(name))?;
+        let record = Record {
+            camera: found.camera(),
+            covariance: None,
+            frames: Vec::new(),
+            cameras: Vec::new(),
+            ..(*self.record).clone()
+        };
+        Ok(Self::of_record(record, self.register.clone())?)
     }
 
     /// Writes a `calibration.json`.

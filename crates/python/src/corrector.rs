@@ -6,7 +6,8 @@ use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };
 use numpy::{
-    PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
+    PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -30,10 +31,66 @@ pub(crate) struct Corrector {
     pool: Option<ThreadPool>,
 }
 
-/// What the frames of a call share, and what each has of its own.
-struct Frames<'a> {
+/// Depth of a call: steps or millimetres.
+#[derive(Clone, Copy)]
+enum Depth<'a, 'py> {
+    Steps(&'a Bound<'py, PyArrayDyn<u16>>),
+    Millimetres(&'a Bound<'py, PyArrayDyn<f32>>),
+}
+
+impl Depth<'_, '_> {
+    fn shape(&self) -> &[usize] {
+        match self {
+            Self::Steps(depth) => depth.shape(),
+            Self::Millimetres(depth) => depth.shape(),
+        }
+    }
+}
+
+fn depth_of<'a, 'py>(depth: &'a Bound<'py, PyAny>) -> PyResult<Depth<'a, 'py>> {
+    if let Ok(depth) = depth.cast::<PyArrayDyn<u16>>() {
+        return Ok(Depth::Steps(depth));
+    }
+    if let Ok(depth) = depth.cast::<PyArrayDyn<f32>>() {
+        return Ok(Depth::Millimetres(depth));
+    }
+    let found = match depth.cast::<PyUntypedArray>() {
+        Ok(array) => array.dtype().to_string(),
+        Err(_) => depth.get_type().to_string(),
+    };
+    Err(InputError::new_err(format!(
+        "depth is {found}: give an array of uint16 (steps of unit_mm) or float32 (millimetres)"
+    )))
+}
+
+/// Arguments of a call besides depth, as they are given.
+struct Given<'a, 'py> {
+    amplitude: Option<&'a Bound<'py, PyAny>>,
+    time_s: Option<PerFrame>,
+    temperature_c: Option<PerFrame>,
+}
+
+/// A call: depth of the calibrated size, and what comes with its frames. Arrays stay borrowed while it lives.
+struct Call<'a, 'py> {
+    depth: Depth<'a, 'py>,
+    count: usize,
     times: Vec<f64>,
     temperatures: Vec<f64>,
+    amplitude: Option<PyReadonlyArrayDyn<'py, u16>>,
+}
+
+impl Call<'_, '_> {
+    /// What the frames share, and what each has of its own, without the GIL.
+    fn frames(&self) -> Result<Frames<'_>, Failure> {
+        let amplitudes = self.amplitude.as_ref().map(|amplitude| slice("amplitude", amplitude)).transpose()?;
+        Ok(Frames { times: &self.times, temperatures: &self.temperatures, amplitudes })
+    }
+}
+
+/// What the frames of a call share, and what each has of its own.
+struct Frames<'a> {
+    times: &'a [f64],
+    temperatures: &'a [f64],
     amplitudes: Option<&'a [u16]>,
 }
 
@@ -43,8 +100,8 @@ impl Frames<'_> {
         let pixels = width * height;
         let of = |values: &[f64]| values.get(index).or(values.first()).copied();
         FrameContext {
-            time_s: of(&self.times).unwrap_or(0.0),
-            temperature_c: of(&self.temperatures).unwrap_or(f64::NAN),
+            time_s: of(self.times).unwrap_or(0.0),
+            temperature_c: of(self.temperatures).unwrap_or(f64::NAN),
             amplitude: self.amplitudes.map(|all| AmplitudeImage {
                 width,
                 height,
@@ -70,6 +127,14 @@ fn not_contiguous(what: &str) -> Failure {
     input(format!("{what} is not contiguous in memory: pass numpy.ascontiguousarray({what})"))
 }
 
+fn read<'py, T: numpy::Element>(depth: &Bound<'py, PyArrayDyn<T>>) -> Result<PyReadonlyArrayDyn<'py, T>, Failure> {
+    depth.try_readonly().map_err(|e| borrowed("depth", e))
+}
+
+fn write<'py, T: numpy::Element>(out: &Bound<'py, PyArrayDyn<T>>) -> Result<PyReadwriteArrayDyn<'py, T>, Failure> {
+    out.try_readwrite().map_err(|e| borrowed("out", e))
+}
+
 fn borrowed(what: &str, error: impl std::fmt::Display) -> Failure {
     input(format!(
         "{what}: {error}; depth and out must not overlap, but they may be the same array, and out must be writeable"
@@ -77,10 +142,32 @@ fn borrowed(what: &str, error: impl std::fmt::Display) -> Failure {
 }
 
 /// The function `numpy.empty`.
-fn empty<'py>(py: Python<'py>, shape: &[usize], dtype: &str) -> PyResult<Bound<'py, PyAny>> {
+fn empty<'py>(py: Python<'py>, shape: &[usize], dtype: &Bound<'py, PyArrayDescr>) -> PyResult<Bound<'py, PyAny>> {
     static EMPTY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let function = EMPTY.get_or_try_init(py, || py.import("numpy")?.getattr("empty").map(Bound::unbind))?;
     function.bind(py).call1((shape.to_vec(), dtype))
+}
+
+/// The array that receives a result: `out` where it is given, which must have the shape and type of the result, else a new one. `why` says
+/// what the type follows from.
+fn target<'py, T: numpy::Element>(
+    py: Python<'py>,
+    out: Option<Bound<'py, PyAny>>,
+    shape: &[usize],
+    why: &str,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let Some(out) = out else { return Ok(empty(py, shape, &T::get_dtype(py))?.cast_into()?) };
+    let out = out
+        .cast_into::<PyArrayDyn<T>>()
+        .map_err(|_| InputError::new_err(format!("out is no array of {}: {why}", T::get_dtype(py))))?;
+    if out.shape() != shape {
+        let found = out.shape();
+        return Err(input(format!(
+            "out has the shape {found:?}, the result {shape:?}: give an array of the same shape"
+        ))
+        .into());
+    }
+    Ok(out)
 }
 
 /// One number, or one per frame.
@@ -120,6 +207,22 @@ impl Corrector {
         }
     }
 
+    /// Checks the arguments of a call.
+    fn call<'a, 'py>(&self, depth: &'a Bound<'py, PyAny>, given: Given<'_, 'py>) -> PyResult<Call<'a, 'py>> {
+        let depth = depth_of(depth)?;
+        let count = self.frames("depth", depth.shape(), 1)?;
+        let amplitude = amplitude_of(given.amplitude)?;
+        if let Some(amplitude) = &amplitude {
+            let frames = self.frames("amplitude", amplitude.shape(), 1)?;
+            if frames != count {
+                return Err(input(format!("amplitude has {frames} frames, depth has {count}")).into());
+            }
+        }
+        let times = per_frame("time_s", given.time_s, count)?;
+        let temperatures = per_frame("temperature_c", given.temperature_c, count)?;
+        Ok(Call { depth, count, times, temperatures, amplitude })
+    }
+
     /// Takes the frames one by one without the GIL.
     fn each(
         &self,
@@ -144,57 +247,50 @@ impl Corrector {
     /// Depth into depth of the same type.
     fn same<T: numpy::Element + Send + Sync>(
         &self,
-        py: Python<'_>,
         depth: &Bound<'_, PyArrayDyn<T>>,
         out: &Bound<'_, PyArrayDyn<T>>,
-        frames: &Frames<'_>,
+        call: &Call<'_, '_>,
         correct: impl Fn(&Native, Option<&[T]>, &FrameContext<'_>, &mut [T]) -> Result<CorrectionSummary, CorrectorError>
         + Send
         + Sync,
     ) -> Result<CorrectionSummary, Failure> {
-        let count = self.frames("depth", depth.shape(), 1)?;
-        if depth.shape() != out.shape() {
-            return Err(input(format!(
-                "out has the shape {:?}, depth {:?}: give an array of the same shape",
-                out.shape(),
-                depth.shape()
-            )));
-        }
         let native = &*self.native;
         let pixels = native.width() * native.height();
-        let in_place = depth.is(out);
-        let source = if in_place { None } else { Some(depth.try_readonly().map_err(|e| borrowed("depth", e))?) };
+        let source = if depth.is(out) { None } else { Some(read(depth)?) };
         let source = source.as_ref().map(|source| slice("depth", source)).transpose()?;
-        let mut target = out.try_readwrite().map_err(|e| borrowed("out", e))?;
-        let target = slice_mut("out", &mut target)?;
-        self.each(py, count, |index| {
+        let mut out = write(out)?;
+        let out = slice_mut("out", &mut out)?;
+        let frames = call.frames()?;
+        self.each(depth.py(), call.count, |index| {
             let part = index * pixels..(index + 1) * pixels;
             let context = frames.context(native, index);
-            correct(native, source.map(|source| &source[part.clone()]), &context, &mut target[part])
+            correct(native, source.map(|source| &source[part.clone()]), &context, &mut out[part])
         })
     }
-}
 
-/// Depth of a call: steps or millimetres.
-enum Depth<'a, 'py> {
-    Steps(&'a Bound<'py, PyArrayDyn<u16>>),
-    Millimetres(&'a Bound<'py, PyArrayDyn<f32>>),
-}
-
-fn depth_of<'a, 'py>(depth: &'a Bound<'py, PyAny>) -> PyResult<Depth<'a, 'py>> {
-    if let Ok(depth) = depth.cast::<PyArrayDyn<u16>>() {
-        return Ok(Depth::Steps(depth));
+    /// Depth into another array, of `components` numbers for each pixel.
+    fn to_other<T: numpy::Element + Send + Sync>(
+        &self,
+        depth: &Bound<'_, PyArrayDyn<T>>,
+        out: &Bound<'_, PyArrayDyn<f32>>,
+        components: usize,
+        call: &Call<'_, '_>,
+        mut correct: impl FnMut(&Native, &[T], &FrameContext<'_>, &mut [f32]) -> Result<CorrectionSummary, CorrectorError>
+        + Send,
+    ) -> Result<CorrectionSummary, Failure> {
+        let native = &*self.native;
+        let pixels = native.width() * native.height();
+        let source = read(depth)?;
+        let source = slice("depth", &source)?;
+        let mut out = write(out)?;
+        let out = slice_mut("out", &mut out)?;
+        let frames = call.frames()?;
+        self.each(depth.py(), call.count, |index| {
+            let context = frames.context(native, index);
+            let out = &mut out[components * index * pixels..][..components * pixels];
+            correct(native, &source[index * pixels..][..pixels], &context, out)
+        })
     }
-    if let Ok(depth) = depth.cast::<PyArrayDyn<f32>>() {
-        return Ok(Depth::Millimetres(depth));
-    }
-    let found = match depth.cast::<PyUntypedArray>() {
-        Ok(array) => array.dtype().to_string(),
-        Err(_) => depth.get_type().to_string(),
-    };
-    Err(InputError::new_err(format!(
-        "depth is {found}: give an array of uint16 (steps of unit_mm) or float32 (millimetres)"
-    )))
 }
 
 /// Infrared amplitudes as an array of uint16.
@@ -300,34 +396,24 @@ impl Corrector {
         temperature_c: Option<PerFrame>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Counts)> {
-        let depth = depth_of(depth)?;
-        let (shape, dtype) = match &depth {
-            Depth::Steps(depth) => (depth.shape(), "uint16"),
-            Depth::Millimetres(depth) => (depth.shape(), "float32"),
-        };
-        let count = self.frames("depth", shape, 1)?;
-        let amplitude = amplitude_of(amplitude)?;
-        let frames = self.context_of(count, amplitude.as_ref(), time_s, temperature_c)?;
-        let out = match out {
-            Some(out) => out,
-            None => empty(py, shape, dtype)?,
-        };
-        let kind =
-            |_| InputError::new_err(format!("out is no array of {dtype}: corrected depth has the type of depth"));
-        let summary = match depth {
+        let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
+        let (shape, why) = (call.depth.shape(), "corrected depth has the type of depth");
+        let (out, summary) = match call.depth {
             Depth::Steps(depth) => {
-                let target = out.cast::<PyArrayDyn<u16>>().map_err(kind)?;
-                self.same(py, depth, target, &frames, |native, source, context, out| match source {
+                let out = target::<u16>(py, out, shape, why)?;
+                let summary = self.same(depth, &out, &call, |native, source, context, out| match source {
                     Some(source) => native.correct_u16_buffer(source, unit_mm, context, out),
                     None => native.correct_u16_buffer_in_place(out, unit_mm, context),
-                })?
+                })?;
+                (out.into_any(), summary)
             }
             Depth::Millimetres(depth) => {
-                let target = out.cast::<PyArrayDyn<f32>>().map_err(kind)?;
-                self.same(py, depth, target, &frames, |native, source, context, out| match source {
+                let out = target::<f32>(py, out, shape, why)?;
+                let summary = self.same(depth, &out, &call, |native, source, context, out| match source {
                     Some(source) => native.correct_f32(source, context, out),
                     None => native.correct_f32_in_place(out, context),
-                })?
+                })?;
+                (out.into_any(), summary)
             }
         };
         Ok((out, counts(summary)))
@@ -346,32 +432,17 @@ impl Corrector {
         temperature_c: Option<PerFrame>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let Depth::Steps(steps) = depth_of(depth)? else {
+        if matches!(depth_of(depth)?, Depth::Millimetres(_)) {
             return self.correct(py, depth, unit_mm, amplitude, time_s, temperature_c, out);
-        };
-        let count = self.frames("depth", steps.shape(), 1)?;
-        let amplitude = amplitude_of(amplitude)?;
-        let frames = self.context_of(count, amplitude.as_ref(), time_s, temperature_c)?;
-        let out = match out {
-            Some(out) => out,
-            None => empty(py, steps.shape(), "float32")?,
-        };
-        let target = out.cast::<PyArrayDyn<f32>>().map_err(|_| InputError::new_err("out is no array of float32"))?;
-        if target.shape() != steps.shape() {
-            return Err(input(format!("out has the shape {:?}, depth {:?}", target.shape(), steps.shape())).into());
         }
-        let pixels = self.native.width() * self.native.height();
-        let source = steps.try_readonly().map_err(|e| borrowed("depth", e))?;
-        let source = slice("depth", &source)?;
-        let mut target = target.try_readwrite().map_err(|e| borrowed("out", e))?;
-        let target = slice_mut("out", &mut target)?;
-        let native = &*self.native;
-        self.each(py, count, |index| {
-            let part = index * pixels..(index + 1) * pixels;
-            let context = frames.context(native, index);
-            native.correct_u16_buffer_to_f32(&source[part.clone()], unit_mm, &context, &mut target[part])
-        })?;
-        Ok(out)
+        let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
+        let out = target::<f32>(py, out, call.depth.shape(), "it receives millimetres")?;
+        if let Depth::Steps(depth) = call.depth {
+            self.to_other(depth, &out, 1, &call, |native, source, context, out| {
+                native.correct_u16_buffer_to_f32(source, unit_mm, context, out)
+            })?;
+        }
+        Ok(out.into_any())
     }
 
     /// Corrected points in the camera frame, mm: float32 of shape (…, height, width, 3), NaN where there is no corrected depth.
@@ -387,74 +458,24 @@ impl Corrector {
         temperature_c: Option<PerFrame>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let depth = depth_of(depth)?;
-        let shape = match &depth {
-            Depth::Steps(depth) => depth.shape(),
-            Depth::Millimetres(depth) => depth.shape(),
-        };
-        let count = self.frames("depth", shape, 1)?;
-        let amplitude = amplitude_of(amplitude)?;
-        let frames = self.context_of(count, amplitude.as_ref(), time_s, temperature_c)?;
-        let shape: Vec<usize> = shape.iter().copied().chain([3]).collect();
-        let out = match out {
-            Some(out) => out,
-            None => empty(py, &shape, "float32")?,
-        };
-        let target = out.cast::<PyArrayDyn<f32>>().map_err(|_| InputError::new_err("out is no array of float32"))?;
-        if target.shape() != shape {
-            return Err(input(format!("out has the shape {:?}: give an array {shape:?}", target.shape())).into());
-        }
-        let native = &*self.native;
-        let pixels = native.width() * native.height();
-        let mut target = target.try_readwrite().map_err(|e| borrowed("out", e))?;
-        let target = slice_mut("out", &mut target)?;
-        match depth {
+        let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
+        let shape: Vec<usize> = call.depth.shape().iter().copied().chain([3]).collect();
+        let out = target::<f32>(py, out, &shape, "points are in millimetres")?;
+        match call.depth {
             Depth::Steps(depth) => {
-                let source = depth.try_readonly().map_err(|e| borrowed("depth", e))?;
-                let source = slice("depth", &source)?;
-                self.each(py, count, |index| {
-                    let context = frames.context(native, index);
-                    let out = PointsMut::Interleaved(&mut target[3 * index * pixels..][..3 * pixels]);
-                    native.correct_u16_buffer_to_points(&source[index * pixels..][..pixels], unit_mm, &context, out)
+                self.to_other(depth, &out, 3, &call, |native, source, context, out| {
+                    native.correct_u16_buffer_to_points(source, unit_mm, context, PointsMut::Interleaved(out))
                 })?;
             }
             Depth::Millimetres(depth) => {
-                let source = depth.try_readonly().map_err(|e| borrowed("depth", e))?;
-                let source = slice("depth", &source)?;
-                let mut corrected = vec![0.0; pixels];
-                self.each(py, count, |index| {
-                    let context = frames.context(native, index);
-                    let summary = native.correct_f32(&source[index * pixels..][..pixels], &context, &mut corrected)?;
-                    let out = PointsMut::Interleaved(&mut target[3 * index * pixels..][..3 * pixels]);
-                    native.points_f32_into(&corrected, out)?;
+                let mut corrected = vec![0.0; self.native.width() * self.native.height()];
+                self.to_other(depth, &out, 3, &call, |native, source, context, out| {
+                    let summary = native.correct_f32(source, context, &mut corrected)?;
+                    native.points_f32_into(&corrected, PointsMut::Interleaved(out))?;
                     Ok(summary)
                 })?;
             }
         }
-        Ok(out)
-    }
-}
-
-impl Corrector {
-    fn context_of<'a>(
-        &self,
-        count: usize,
-        amplitude: Option<&'a PyReadonlyArrayDyn<'_, u16>>,
-        time_s: Option<PerFrame>,
-        temperature_c: Option<PerFrame>,
-    ) -> Result<Frames<'a>, Failure> {
-        let amplitudes = match amplitude {
-            None => None,
-            Some(amplitude) => {
-                let frames = self.frames("amplitude", amplitude.shape(), 1)?;
-                if frames != count {
-                    return Err(input(format!("amplitude has {frames} frames, depth has {count}")));
-                }
-                Some(slice("amplitude", amplitude)?)
-            }
-        };
-        let times = per_frame("time_s", time_s, count)?;
-        let temperatures = per_frame("temperature_c", temperature_c, count)?;
-        Ok(Frames { times, temperatures, amplitudes })
+        Ok(out.into_any())
     }
 }

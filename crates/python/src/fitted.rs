@@ -8,17 +8,17 @@ use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::Loaded;
 use depthcal_calibration::stage_clock::StageTimes;
-use depthcal_calibration::task::{DatasetFit, FitRequest, HoldOut, JudgedFit, write_calibration};
-use depthcal_io::Evaluation;
+use depthcal_calibration::task::{DatasetFit, FitRequest, JudgedFit, prior_for, write_calibration};
+use depthcal_io::{Evaluation, Prior};
 use depthcal_model::Register;
-use depthcal_report::{ReportDataset, ReportInput, Role};
+use depthcal_report::{ReportDataset, ReportInput, Role, prior_sentences};
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
-use crate::request::{base_options, estimator_of, json, model_request, register_with};
+use crate::request::{base_options, estimator_of, hold_out_of, json, model_request, register_with};
 use crate::running::run;
 use crate::written::{html, write_report};
 
@@ -36,7 +36,7 @@ pub(crate) struct Fit {
 
 /// Fits a dataset and judges the fit.
 #[pyfunction]
-#[pyo3(signature = (dataset, model, with, effects, lens, estimator, hold_out, cross_validate, blocks, call, progress))]
+#[pyo3(signature = (dataset, model, with, effects, lens, estimator, hold_out, cross_validate, blocks, prior, call, progress))]
 #[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn calibrate(
     py: Python<'_>,
@@ -49,6 +49,7 @@ pub(crate) fn calibrate(
     hold_out: Option<(usize, usize)>,
     cross_validate: Option<usize>,
     blocks: bool,
+    prior: Option<(String, String)>,
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Fit> {
@@ -58,12 +59,7 @@ pub(crate) fn calibrate(
     if cross_validate.is_some_and(|parts| parts < 2) {
         return Err(input("cross_validate is the number of parts: give at least 2").into());
     }
-    let hold_out = match hold_out {
-        Some((every, first)) if every < 2 || first < 1 || first > every => {
-            return Err(input(format!("hold_out ({every}, {first}): N must be at least 2 and K from 1 to N")).into());
-        }
-        other => other.map(|(every, first)| HoldOut { every, first: first - 1 }),
-    };
+    let hold_out = hold_out_of(hold_out)?;
     let mut register = register_with(&effects)?;
     let request = FitRequest {
         model: model_request(model, with, lens, &mut register)?,
@@ -73,8 +69,18 @@ pub(crate) fn calibrate(
         parts: if blocks { Parts::Blocks } else { Parts::Interleaved },
     };
     let loaded = dataset.loaded.clone();
+    let prior: Option<(String, Prior)> = match prior {
+        None => None,
+        Some((name, text)) => {
+            let prior = serde_json::from_str(&text).map_err(|e| input(format!("{name}: {e}")))?;
+            Some((name, prior))
+        }
+    };
     run(py, progress.as_ref(), move |progress| {
-        let options = request.options(base_options(&register, progress))?;
+        let mut options = request.options(base_options(&register, progress))?;
+        let size = [loaded.capture.width, loaded.capture.height];
+        let prior = prior.map(|(name, prior)| prior_for(&name, &prior, size)).transpose()?;
+        options.prior = prior.map(Arc::new);
         let fit = request.prepare(&loaded, options)?.fit()?;
         let judged = fit.judge()?;
         Ok(Fit { fit, judged, loaded, register, stages: progress.stage_times(), call })
@@ -86,6 +92,7 @@ impl Fit {
         let mut shown = vec![ReportDataset { evaluated: &self.judged.fitted, role: Role::Fitted }];
         let held_out = self.judged.held_out.as_ref();
         shown.extend(held_out.map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
+        let story = prior_sentences(&self.fit.result);
         make(&ReportInput {
             title: self.fit.result.capture.name.clone(),
             command_line: self.call.clone(),
@@ -93,7 +100,7 @@ impl Fit {
             calibrated: Some(&self.fit.result),
             evaluations: &shown,
             diagnosis: None,
-            story: &[],
+            story: &story,
         })
     }
 }
@@ -110,6 +117,11 @@ impl Fit {
     /// Errors of every dataset as JSON: `evaluation.json`.
     fn evaluation(&self) -> PyResult<String> {
         json(&Evaluation { datasets: self.judged.records(), ..Evaluation::default() })
+    }
+
+    /// What the prior of a fleet did, in sentences.
+    fn prior_sentences(&self) -> Vec<String> {
+        prior_sentences(&self.fit.result)
     }
 
     /// The errors as a table of text.

@@ -5,7 +5,8 @@
 //! users are in the package's Python files.
 //!
 //! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work;
-//! - `corrector`: depth images on numpy arrays, in place of copies;
+//! - `rig`, `fleet`: several cameras on one body, many of one type;
+//! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
 //! - `request`, `failure`, `running`: what all steps share.
 //!
@@ -23,9 +24,12 @@ mod effect;
 mod evaluated;
 mod failure;
 mod fitted;
+mod fleet;
 mod function_piece;
 mod markers;
+mod registration;
 mod request;
+mod rig;
 mod running;
 mod simulated;
 mod written;
@@ -47,6 +51,11 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<diagnosed::Diagnosis>()?;
     module.add_class::<calibrated::Calibration>()?;
     module.add_class::<corrector::Corrector>()?;
+    module.add_class::<registration::Registration>()?;
+    module.add_class::<rig::Rig>()?;
+    module.add_class::<rig::RigFit>()?;
+    module.add_class::<rig::RigEvaluation>()?;
+    module.add_class::<fleet::Fleet>()?;
     module.add_class::<effect::Effect>()?;
     module.add_function(wrap_pyfunction!(dataset::load, module)?)?;
     module.add_function(wrap_pyfunction!(dataset::from_memory, module)?)?;
@@ -54,6 +63,10 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(evaluated::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(compared::compare, module)?)?;
     module.add_function(wrap_pyfunction!(diagnosed::diagnose, module)?)?;
+    module.add_function(wrap_pyfunction!(rig::load_rig, module)?)?;
+    module.add_function(wrap_pyfunction!(rig::calibrate_rig, module)?)?;
+    module.add_function(wrap_pyfunction!(rig::evaluate_rigs, module)?)?;
+    module.add_function(wrap_pyfunction!(fleet::fleet, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate_points, module)?)?;
     module.add_function(wrap_pyfunction!(running::set_threads, module)?)?;

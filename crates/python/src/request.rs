@@ -2,7 +2,7 @@
 
 use depthcal_calibration::calibrate::{CalibrateOptions, Estimator};
 use depthcal_calibration::progress::ProgressHandle;
-use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{HoldOut, LENSES, ModelRequest, OptionNames};
 use depthcal_model::Register;
 use pyo3::prelude::*;
 
@@ -43,6 +43,16 @@ pub(crate) fn estimator_of(name: &str) -> Result<Estimator, Failure> {
     let all = [Estimator::Joint, Estimator::Linear, Estimator::Irls, Estimator::Nonlinear];
     let known = || input(format!("estimator '{name}' is unknown; known are {}", all.map(Estimator::name).join(", ")));
     all.into_iter().find(|estimator| estimator.name() == name).ok_or_else(known)
+}
+
+/// Frames that are held out: every so-manieth, beginning with this number from 1.
+pub(crate) fn hold_out_of(given: Option<(usize, usize)>) -> Result<Option<HoldOut>, Failure> {
+    match given {
+        Some((every, first)) if every < 2 || first < 1 || first > every => {
+            Err(input(format!("hold_out ({every}, {first}): N must be at least 2 and K from 1 to N")))
+        }
+        other => Ok(other.map(|(every, first)| HoldOut { every, first: first - 1 })),
+    }
 }
 
 /// A record as JSON.

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use depthcal_calibration::load::Loaded;
+use depthcal_calibration::load::{Loaded, declared_in_memory};
+use depthcal_calibration::observe::Capture;
 use depthcal_calibration::simulated::capture;
-use depthcal_io::{Dataset as Declared, FileReference, Pairing, digest_contents, write_json};
+use depthcal_io::{FileReference, digest_contents, write_json};
 use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
 use pyo3::prelude::*;
 
@@ -100,30 +101,10 @@ pub(crate) fn simulate_points(
         let observed = simulation.observe_points(&options).map_err(input)?;
         let capture = capture(&observed);
         let name = format!("{}-{unit}-{seed}", capture.name);
-        let declared = Declared {
-            root: PathBuf::from(&name),
-            name: name.clone(),
-            target: capture.target.clone(),
-            frames: Vec::new(),
-            depth_unit_mm: capture.depth_unit_mm,
-            camera: None,
-            metadata: None,
-            pairing: Pairing::default(),
-            strays: Vec::new(),
-            lists: Vec::new(),
-        };
+        let declared = declared_in_memory(&name, &capture.target, capture.depth_unit_mm);
         let content = serde_json::to_vec(&observed).map_err(input)?;
         let reference = FileReference { path: name.clone(), digest: digest_contents([(name.clone(), content)]) };
-        let capture = depthcal_calibration::observe::Capture { name, ..capture };
-        let loaded = Loaded {
-            dataset: declared,
-            reference,
-            capture,
-            from_cache: false,
-            circle_diameter: None,
-            charuco_layout: None,
-            markers: None,
-        };
+        let loaded = Loaded::of_capture(declared, reference, Capture { name, ..capture });
         Ok(Dataset { loaded: Arc::new(loaded) })
     })
 }

@@ -1,7 +1,5 @@
 """Datasets and calibrations: against the command line, the truth of the simulation, and each other."""
 
-import json
-
 import numpy as np
 import pytest
 from conftest import BOARD

@@ -121,7 +121,7 @@ def test_wrong_formulas_are_refused_with_the_place():
         (lambda z, a: a * z + 1.0, "zero there"),
         (lambda z, a: a * np.log(z - 1000.0), "finite"),
         (lambda z, a: a * (z - np.mean(z)), "other points"),
-        # Single precision differs by some 0.5 % between the steps, which fits stand; half precision is far beyond.
+        (lambda z, a: a * np.sin(np.float32(z) / np.float32(1000)), "too rough"),
         (lambda z, a: a * np.sin(np.float16(z) / np.float16(1000)), "too rough"),
         (lambda z, a: a * np.floor(z / 0.05) * 0.05, "too rough"),
         (lambda z, a: a * 0.0 * z, "typical deviation"),
@@ -135,9 +135,28 @@ def test_functions_that_cannot_be_fitted_are_refused(make, words):
             depthcal.effect(parameters={"a": "1"}, name="f")(make)
 
 
-def test_a_kink_is_a_warning():
-    with pytest.warns(depthcal.EffectWarning, match="kink"):
-        depthcal.effect(parameters={"a": "1"}, name="f")(lambda z, a: a * np.abs(np.sin(z / 10.0)))
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda z, a: a * np.abs(np.sin(z / 30.0)), "by 'z' jumps.*a kink"),
+        (lambda z, a: a * np.maximum(z - 1234.5, 0.0), "by 'z' jumps from 0 to .* at z = 1234.5: a kink"),
+        (lambda x, z, a: a * z * np.abs(x), "by 'x' jumps.*a kink"),
+        (lambda z, a: np.abs(a) * z, "by 'a' jumps.*a kink"),
+        (lambda z, a: a * np.interp(z, np.linspace(0, 5000, 26), np.sin(np.arange(26))), "a kink"),
+        (lambda z, a: a * np.sin(z / 8.0), "a fast wave"),
+    ],
+)
+def test_a_kink_is_a_warning_with_its_place(function, words):
+    with pytest.warns(depthcal.EffectWarning, match=words):
+        depthcal.effect(parameters={"a": "1"}, name="f")(function)
+
+
+def test_smooth_functions_give_no_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        depthcal.effect(parameters={"a": "1"}, name="f")(lambda z, a: a * np.sin(z / 30.0))
+        depthcal.effect(parameters={"a": "1"}, name="g")(lambda x, y, z, a: a * z * np.exp(-5 * (x * x + y * y)))
+        function()
 
 
 def test_exceptions_of_a_function_reach_the_caller(points):

@@ -33,6 +33,7 @@ def test_tables_are_data_frames(fit, dataset):
 
 
 def test_figures(fit, dataset, points):
+    pytest.importorskip("pandas")
     plt = pytest.importorskip("matplotlib.pyplot")
     evaluation = depthcal.evaluate(fit.calibration, [dataset])
     diagnosis = depthcal.diagnose(points, discovery=False)

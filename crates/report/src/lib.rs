@@ -4,6 +4,7 @@
 //! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]).
 //! - [`render_comparison`] makes the report of a comparison of depth models.
 //! - [`render_fleet`] makes the report of a fleet, [`fleet_text`] words it for a terminal.
+//! - [`prior_sentences`] says what the prior of a fleet did to a fit.
 //! - [`diagnosis_text`] and [`verdict_sentence`] word a diagnosis for a terminal.
 //! - [`mod@format`] writes numbers as people read them; the command line prints through it as well.
 //! - `rerun` (feature `rerun`) writes recordings for the rerun viewer.
@@ -45,6 +46,7 @@ mod made;
 mod page;
 mod parameters;
 mod pool;
+mod prior;
 mod render;
 #[cfg(feature = "rerun")]
 pub mod rerun;
@@ -60,6 +62,7 @@ pub use effect_files::effect_files;
 pub use fleet::{fleet_text, render_fleet};
 pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};
+pub use prior::prior_sentences;
 pub use render::render;
 pub use rig::{ReportRig, render_rig};
 

@@ -17,6 +17,7 @@
 //! | errors of every camera, and from camera to camera | [`judge`] |
 //! | what the cameras' models lack | [`diagnose`] |
 //! | fits as records for files | [`record`] |
+//! | whole tasks, from options in words to result files | [`task`] |
 //!
 //! Every camera is a chain of pieces, as in `depthcal-model`, behind its place `camera_from_rig`. The frame of the rig is that
 //! of its first camera. A frame has one pose of the board, `rig_from_board`, whichever cameras saw it. The crate prints
@@ -37,6 +38,7 @@ pub mod record;
 #[cfg(any(test, feature = "simulate"))]
 pub mod simulated;
 pub mod state;
+pub mod task;
 pub mod views;
 
 pub use calibrate::{CameraFit, EffectOf, HeldOf, RigCalibrated, RigOptions, TimeOffset, calibrate_rig};

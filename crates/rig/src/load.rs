@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use depthcal_calibration::load::{LoadOptions, Loaded, declared_camera, load_dataset, load_depth_only};
-use depthcal_io::RigDataset;
+use depthcal_io::{Calibration, RigDataset};
 use depthcal_model::Register;
 
 use crate::capture::{CameraCapture, RigCapture};
@@ -18,6 +18,13 @@ pub struct LoadedRig {
     pub cameras: Vec<Loaded>,
     /// What was observed.
     pub capture: RigCapture,
+}
+
+impl LoadedRig {
+    /// Whether a calibration was fitted to this dataset.
+    pub fn is_fitted_by(&self, calibration: &Calibration) -> bool {
+        self.cameras.first().is_some_and(|camera| camera.reference.digest == calibration.dataset.digest)
+    }
 }
 
 /// Reads a dataset: images and depth images of every camera, and the board in every image.

@@ -218,3 +218,26 @@ fn only_fixed_variables_are_candidates() {
     let error = Linearization::new(&p.graph, &p.values, &runs, &[Candidate::new("bend", p.bend)]).unwrap_err();
     assert!(error.to_string().contains("only fixed components"), "{error}");
 }
+
+/// The factor by which the runs' scores scatter more than their information says, over some problems.
+fn scatter_of_bend(bend: f64, shake: f64) -> f64 {
+    let of = |seed: u64| {
+        let mut p = problem(seed, bend, shake, None);
+        solve(&mut p);
+        let joint = linearize(&p).efficient_scores(&[0, 1]);
+        joint.scatter[(0, 0)] / joint.information[(0, 0)]
+    };
+    (0..20).map(|seed| of(300 + seed)).sum::<f64>() / 20.0
+}
+
+#[test]
+fn runs_scatter_by_their_noise_and_not_by_the_effect_itself() {
+    // Twenty problems of 24 runs: the mean of their factors has a standard deviation of √(2/23/20) = 0.066. An effect of this size raises the
+    // scatter about the mean score to some tens, because x² says more in some runs than in others.
+    for bend in [0.0, 3.0] {
+        let factor = scatter_of_bend(bend, 0.0);
+        assert!((factor - 1.0).abs() < 0.25, "{bend}: {factor}");
+    }
+    let shaken = scatter_of_bend(3.0, 0.5);
+    assert!(shaken > 3.0, "errors that rows of a run have in common are not seen: {shaken}");
+}

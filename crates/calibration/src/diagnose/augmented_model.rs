@@ -342,8 +342,10 @@ impl<'a> AugmentedModel<'a> {
         sampled.inspect_err(|error| info!("frames that verify cannot be sampled: {error}")).ok()
     }
 
-    /// Puts a formula in the place of all added effects: where the held-out errors with it alone are lower for certain, and where it says
-    /// the same with less, one formula of fewer parameters for several effects without which the errors are not lower for certain.
+    /// Puts a formula in the place of all added effects: where the held-out errors with it alone are lower for certain and the effects
+    /// lack a part that matters, and where it says the same with less, one formula of fewer parameters for several effects without which the
+    /// errors are not lower for certain. A formula that is a special case of an effect always predicts a little better, because it has fewer
+    /// parameters: that refutes no name.
     pub fn replace_by_formula(
         &mut self,
         discovery: Discovery,
@@ -356,7 +358,14 @@ impl<'a> AugmentedModel<'a> {
             return Ok(None);
         };
         let parameters = |effects: &[AddedEffect]| effects.iter().map(|e| e.evidence.block.theta.len()).sum::<usize>();
-        let is_better = matches!(self.gain(present, &fitted, &self.added), Gain::Certain);
+        let gained = |fitted: &Fitted| {
+            let [without, with] = [first, fitted].map(|f| &f.held_out.evaluated);
+            weighted_gain_percent(without, with, &present.fit.noise.depth).map_or(0.0, |gain| gain.value)
+        };
+        let (of_effects, of_formula) = (gained(present), gained(&fitted));
+        let is_better = matches!(self.gain(present, &fitted, &self.added), Gain::Certain)
+            && of_effects < self.thresholds().least_explained_of_own * of_formula;
+        info!("errors fall by {of_effects:.2} % with the effects, by {of_formula:.2} % with a formula instead");
         let says_it_with_less = before.len() > self.added.len()
             && parameters(&before) > parameters(&self.added)
             && !matches!(self.gain(&fitted, present, &before), Gain::Certain);

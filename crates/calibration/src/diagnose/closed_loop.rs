@@ -11,7 +11,7 @@ use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
-use super::discovery::{self, Discovery, Search, components};
+use super::discovery::{self, Chance, Discovery, Search, components};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::examination::{Examination, examine};
@@ -127,7 +127,7 @@ pub fn diagnose(
                     if options.formulas && rounds.len() < thresholds.most_rounds && model.formulas.len() < MOST_FORMULAS
                     {
                         model.report("searching a formula", &model.present());
-                        match find_formula(&mut model, &examination, &present, true, thresholds)? {
+                        match find_formula(&mut model, &examination, &present, Chance::WithoutBest, thresholds)? {
                             Ok((spec, fitted)) => {
                                 largest_share = largest_share.max(share_of_last(&model, examination.cost()));
                                 present = fitted;
@@ -227,7 +227,7 @@ pub fn diagnose(
             break examination;
         }
         model.report("searching a formula", &model.present());
-        match find_formula(&mut model, &examination, &present, false, thresholds)? {
+        match find_formula(&mut model, &examination, &present, Chance::Residuals, thresholds)? {
             Ok((_, fitted)) => {
                 largest_share = largest_share.max(share_of_last(&model, examination.cost()));
                 present = fitted;
@@ -310,19 +310,18 @@ fn find_formula(
     model: &mut AugmentedModel<'_>,
     examination: &Examination,
     present: &Fitted,
-    is_shown: bool,
+    chance: Chance<'_>,
     thresholds: &Thresholds,
 ) -> Result<Result<(PieceSpec, Fitted), String>, DiagnoseError> {
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
     let verify = model.verify_under(&present.fit);
-    let discovery =
-        match discovery::search(&present.fit, None, verify.as_ref(), examination, &taken, is_shown, thresholds) {
-            Search::Found(discovery) => discovery,
-            Search::Nothing(reason) => {
-                info!("no formula: {reason}");
-                return Ok(Err(reason));
-            }
-        };
+    let discovery = match discovery::search(&present.fit, chance, verify.as_ref(), examination, &taken, thresholds) {
+        Search::Found(discovery) => discovery,
+        Search::Nothing(reason) => {
+            info!("no formula: {reason}");
+            return Ok(Err(reason));
+        }
+    };
     let (spec, text) = (discovery.effect.spec(), discovery.effect.text());
     Ok(match model.add_formula(*discovery, present)? {
         Some(fitted) => Ok((spec, fitted)),
@@ -348,7 +347,8 @@ fn formula_instead(
     let examination = examine(fit, &model.declared().register, thresholds)?;
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
     let verify = model.verify_under(fit);
-    match discovery::search(fit, Some(&present.fit), verify.as_ref(), &examination, &taken, false, thresholds) {
+    let chance = Chance::Complete(&present.fit);
+    match discovery::search(fit, chance, verify.as_ref(), &examination, &taken, thresholds) {
         Search::Found(discovery) => Ok(model.replace_by_formula(*discovery, first, present)?),
         Search::Nothing(reason) => {
             info!("no formula instead: {reason}");

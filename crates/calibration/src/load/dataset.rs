@@ -93,6 +93,19 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// A capture whose markers, if it has any, are given: nothing was detected or measured in its images.
+    pub fn of_capture(dataset: Dataset, reference: FileReference, capture: Capture) -> Self {
+        Self {
+            dataset,
+            reference,
+            capture,
+            from_cache: false,
+            circle_diameter: None,
+            charuco_layout: None,
+            markers: None,
+        }
+    }
+
     /// The observations of markers, for `observations.json`.
     pub fn observations(&self) -> Observations {
         let frames = self.capture.frames.iter().map(|frame| FrameObservations {
@@ -268,9 +281,8 @@ pub(super) fn assemble(
         frames: kept,
         dropped,
     };
-    let loaded =
-        Loaded { dataset, reference, capture, from_cache: false, circle_diameter, charuco_layout, markers: file };
-    Ok((loaded, without_board))
+    let given = Loaded::of_capture(dataset, reference, capture);
+    Ok((Loaded { circle_diameter, charuco_layout, markers: file, ..given }, without_board))
 }
 
 /// Reads the depth images of a dataset that has no images: frames without markers.
@@ -293,15 +305,7 @@ pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> 
         frames: frames.into_iter().flat_map(|raw| per_board(raw, &dataset.target)).map(detected).collect(),
         dropped: strays.collect(),
     };
-    Ok(Loaded {
-        dataset,
-        reference,
-        capture,
-        from_cache: false,
-        circle_diameter: None,
-        charuco_layout: None,
-        markers: None,
-    })
+    Ok(Loaded::of_capture(dataset, reference, capture))
 }
 
 /// What the cache holds of a dataset; `None` where it is of another version, dataset or board.

@@ -81,19 +81,24 @@ pub fn load_from_memory(given: DatasetInMemory) -> Result<Loaded, LoadError> {
     }
     since_first(&mut raw);
     let reference = FileReference { path: name.clone(), digest: digest_contents(contents) };
-    let dataset = Dataset {
-        root: PathBuf::from(&name),
-        name,
-        target,
-        frames: listed,
+    let dataset = Dataset { frames: listed, camera, ..declared_in_memory(&name, &target, depth_unit_mm) };
+    Ok(assemble(dataset, reference, raw, size, Found { markers, ..Found::default() }, None)?.0)
+}
+
+/// What a dataset without files declares: the name stands for its folder, and no frames are listed.
+pub fn declared_in_memory(name: &str, target: &Target, depth_unit_mm: Option<f64>) -> Dataset {
+    Dataset {
+        root: PathBuf::from(name),
+        name: name.to_owned(),
+        target: target.clone(),
+        frames: Vec::new(),
         depth_unit_mm,
-        camera,
+        camera: None,
         metadata: None,
         pairing: Pairing::default(),
         strays: Vec::new(),
         lists: Vec::new(),
-    };
-    Ok(assemble(dataset, reference, raw, size, Found { markers, ..Found::default() }, None)?.0)
+    }
 }
 
 /// Everything of a frame, for the digest.

@@ -18,5 +18,5 @@ pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_d
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
 pub use given_markers_error::GivenMarkersError;
-pub use in_memory::{DatasetInMemory, FrameInMemory, load_from_memory};
+pub use in_memory::{DatasetInMemory, FrameInMemory, declared_in_memory, load_from_memory};
 pub use marker_lists::GivenMarkers;

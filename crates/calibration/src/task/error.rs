@@ -28,6 +28,19 @@ pub enum TaskError {
     /// The camera that the dataset declares is at fault.
     #[error(transparent)]
     Camera(#[from] DeclaredCameraError),
+    /// A prior is for another camera type.
+    #[error(
+        "{prior}: is for images of {}×{} px, but those of the dataset have {}×{}: give the prior of this camera type",
+        expected[0], expected[1], found[0], found[1]
+    )]
+    PriorSize {
+        /// The prior's file.
+        prior: String,
+        /// Width and height of the images that it is for, px.
+        expected: [usize; 2],
+        /// Those of the dataset.
+        found: [usize; 2],
+    },
     /// There is no calibration.
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),

@@ -6,6 +6,7 @@ mod diagnosis_record;
 mod error;
 mod fit;
 mod model_request;
+mod prior;
 mod result_files;
 
 pub use added_effects::with_effects;
@@ -13,4 +14,5 @@ pub use diagnosis_record::diagnosis_record;
 pub use error::TaskError;
 pub use fit::{DatasetFit, FitRequest, HoldOut, JudgedFit, PreparedFit};
 pub use model_request::{LENSES, ModelRequest, OptionNames, lens_of};
+pub use prior::prior_for;
 pub use result_files::write_calibration;

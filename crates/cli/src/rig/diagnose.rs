@@ -50,7 +50,7 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
         RigOptions { each: session.calibrate_options(), lens: asked.lens.map(str::to_owned), ..RigOptions::default() };
     options.each.model.clone_from(&asked.model.1);
     let names: Vec<&str> = rig.capture.cameras.iter().map(|c| c.name.as_str()).collect();
-    add_effects(asked.with, &rig, &mut options, session)?;
+    add_effects(asked.with, &rig, &mut options)?;
     let options = RigDiagnoseOptions {
         rig: options,
         folds: asked.folds,

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use depthcal_calibration::judge::table::table;
-use depthcal_io::{Calibration, Evaluation};
+use depthcal_io::Calibration;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role};
 use depthcal_rig::judge::evaluate_rig;
 use depthcal_rig::record::cameras_from_record;
+use depthcal_rig::task::{evaluation_of, missing_cameras};
 use serde_json::{Value, json};
 
 use super::load::load;
@@ -33,34 +34,8 @@ pub(crate) fn evaluate(asked: &RigEvaluate<'_>, session: &Session) -> Result<Val
     let (mut all, mut frames) = (Vec::new(), Vec::new());
     for path in asked.datasets {
         let rig = load(path, asked.reading, session)?;
-        for camera in &cameras {
-            let Some(own) = rig.capture.cameras.iter().find(|c| c.name == camera.name) else {
-                say!("  {}: the dataset has no camera of this name", camera.name);
-                continue;
-            };
-            let (found, expected) =
-                ([own.capture.width, own.capture.height], [camera.camera.width, camera.camera.height]);
-            if found != expected {
-                return Err(Failure::Input(format!(
-                    "{}: images of camera {} are {} × {} px, but its calibration is for {} × {} px",
-                    path.display(),
-                    camera.name,
-                    found[0],
-                    found[1],
-                    expected[0],
-                    expected[1]
-                )));
-            }
-        }
-        let known = cameras.iter().filter(|c| rig.capture.cameras.iter().any(|own| own.name == c.name)).count();
-        if known == 0 {
-            let has: Vec<&str> = rig.capture.cameras.iter().map(|c| c.name.as_str()).collect();
-            return Err(Failure::Input(format!(
-                "{}: none of its cameras ({}) is in the calibration ({}): give the sections [cameras.NAME] the names of the calibration",
-                path.display(),
-                has.join(", "),
-                cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")
-            )));
+        for name in missing_cameras(&cameras, &rig, path).map_err(input)? {
+            say!("  {name}: the dataset has no camera of this name");
         }
         let busy = Progress::busy("measuring");
         let stage = session.progress.stage("evaluation");
@@ -70,15 +45,13 @@ pub(crate) fn evaluate(asked: &RigEvaluate<'_>, session: &Session) -> Result<Val
             print_not_evaluated(camera, &[]);
             frames.push(frames_of(&camera.name, camera.frames.len(), &camera.dropped));
         }
-        let is_fitted = rig.cameras.first().is_some_and(|c| c.reference.digest == asked.record.dataset.digest);
-        all.push((evaluated, if is_fitted { Role::Fitted } else { Role::Other }));
+        let role = if rig.is_fitted_by(asked.record) { Role::Fitted } else { Role::Other };
+        all.push((evaluated, role));
     }
-    let datasets: Vec<_> = all.iter().flat_map(|(rig, _)| rig.records()).collect();
-    let transfer: Vec<_> = all.iter().flat_map(|(rig, _)| rig.transfer_records()).collect();
-    say!("\n{}", table(&datasets, None));
-    print_transfers(&transfer);
+    let evaluation = evaluation_of(&all.iter().map(|(rig, _)| rig).collect::<Vec<_>>(), "");
+    say!("\n{}", table(&evaluation.datasets, None));
+    print_transfers(&evaluation.transfer);
     let path = asked.output.file("evaluation.json");
-    let evaluation = Evaluation { datasets, transfer };
     evaluation.write(&path).map_err(input)?;
     let shown: Vec<ReportDataset<'_>> = all
         .iter()

@@ -32,7 +32,20 @@ from ._diagnose import Diagnosis, Step, diagnose
 from ._effects import Effect, EffectCost, EffectWarning, effect, read_effects
 from ._evaluate import DatasetErrors, Evaluation, FrameErrors, evaluate
 from ._fit import Fit, calibrate
+from ._fleet import Fleet, FleetEffect, FleetOutlier, FleetParameter, fleet
 from ._report import Report
+from ._rig import (
+    Registered,
+    Registration,
+    Rig,
+    RigEvaluation,
+    RigFit,
+    RigFrame,
+    TransferError,
+    calibrate_rig,
+    evaluate_rig,
+    load_rig,
+)
 from ._simulate import simulate, simulate_points
 from ._tables import Table
 
@@ -51,23 +64,38 @@ __all__ = [
     "Error",
     "Evaluation",
     "Fit",
+    "Fleet",
+    "FleetEffect",
+    "FleetOutlier",
+    "FleetParameter",
     "Frame",
     "FrameErrors",
     "FrameInfo",
     "InputError",
     "Parameter",
+    "Registered",
+    "Registration",
     "Report",
+    "Rig",
+    "RigEvaluation",
+    "RigFit",
+    "RigFrame",
     "Step",
     "Table",
+    "TransferError",
     "UntrustedFitError",
     "__version__",
     "calibrate",
+    "calibrate_rig",
     "compare",
     "diagnose",
     "effect",
     "evaluate",
+    "evaluate_rig",
+    "fleet",
     "has_detection",
     "load",
+    "load_rig",
     "read_effects",
     "set_threads",
     "simulate",

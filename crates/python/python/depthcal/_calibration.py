@@ -82,6 +82,15 @@ class Calibration:
         return self._record
 
     @property
+    def cameras(self) -> list[str]:
+        """Names of the cameras of a rig, the reference first; none of one camera."""
+        return self._native.cameras()
+
+    def camera(self, name: str) -> Calibration:
+        """One camera of a rig as a calibration of its own, for :class:`Corrector` and :meth:`export`. Raises :class:`InputError`."""
+        return Calibration(self._native.camera(name))
+
+    @property
     def size(self) -> tuple[int, int]:
         """Width and height of its images, px."""
         return self._native.size

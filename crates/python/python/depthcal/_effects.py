@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import json
 import os
@@ -37,6 +38,15 @@ _STEP = 6e-6
 _SECOND_STEP = 1e-3
 #: Relative difference of two derivatives that is still agreement, for the median probe.
 _AGREEMENT = 1e-2
+#: The same of a step that is a little longer: it has the same curvature, but less rounding. Double precision stays below a millionth.
+_LONGER_STEP = 4 * _STEP
+_ROUNDING = 1e-3
+#: Jump of a slope, relative to its root mean square along a line, that is a kink; lines on which kinks are sought for each variable; places
+#: of a line that are looked at closely, and how often: intervals of 1e-7 of the line are the smallest, far above rounding.
+_KINK = 0.02
+_LINES = 3
+_PLACES = 8
+_CLOSER = 4
 #: Size of an effect whose parameters have their typical deviation: about a millimetre at a metre.
 _TYPICAL = {"depth": 1.0, "inverse_depth": 1e-6, "factor": 1e-3}
 
@@ -191,7 +201,7 @@ def effect(
     of some dozens of points, by one thread at a time, 1 + 2 · (parameters) times for every linearisation. :attr:`Effect.cost` counts calls and seconds. Write a formula where the effect is one (:meth:`Effect.formula`).
 
     Raises :class:`InputError` where the function is not zero at nominal parameters, gives something else than finite numbers, lets points
-    depend on each other, or is too rough to be differentiated (half precision, tables without interpolation).
+    depend on each other, or is too rough to be differentiated (single precision, tables without interpolation). Warns of kinks, :class:`EffectWarning`.
     """
 
     def make(function: Callable[..., Any]) -> Effect:
@@ -339,26 +349,98 @@ def _check_derivatives(
     checks = [(key, lambda step, key=key: by_state(key, step)) for key in varied]
     checks += [(names[k], lambda step, k=k: by_parameter(k, step)) for k in range(len(names))]
     for what, derivative in checks:
-        fine, coarse = derivative(_STEP), derivative(_SECOND_STEP)
+        fine, longer, coarse = (derivative(step) for step in (_STEP, _LONGER_STEP, _SECOND_STEP))
         # Derivatives of a millionth of the values themselves are rounding.
         typical = 1e-6 * float(np.sqrt(np.mean(at(theta) ** 2)))
         size = max(float(np.sqrt(np.mean(coarse**2))), float(np.sqrt(np.mean(fine**2))), typical)
         if size == 0.0:
             continue
-        apart = np.abs(fine - coarse) / size
-        if np.median(apart) > _AGREEMENT:
-            i = int(np.argsort(apart)[len(apart) // 2])
-            raise InputError(
-                f"effect '{name}': its derivative by '{what}' is {fine[i]:.4g} over a step of {_STEP:g} and {coarse[i]:.4g} over one of "
-                f"{_SECOND_STEP:g}: the function is too rough to be differentiated; compute in float64, and interpolate tables smoothly"
-            )
+        for step, other, limit in ((_LONGER_STEP, longer, _ROUNDING), (_SECOND_STEP, coarse, _AGREEMENT)):
+            apart = np.abs(fine - other) / size
+            if np.median(apart) > limit:
+                i = int(np.argsort(apart)[len(apart) // 2])
+                raise InputError(
+                    f"effect '{name}': its derivative by '{what}' is {fine[i]:.6g} over a step of {_STEP:g} and {other[i]:.6g} over one of "
+                    f"{step:g}: the function is too rough to be differentiated; compute in float64, and interpolate tables smoothly"
+                )
         if np.mean(apart > _AGREEMENT) > 0.05:
-            warnings.warn(
+            _warn(
                 f"effect '{name}': its derivative by '{what}' depends on the step at {np.mean(apart > _AGREEMENT):.0%} of usual points: "
-                "a kink or a fast wave; standard deviations may be wrong",
-                EffectWarning,
-                stacklevel=5,
+                "a kink or a fast wave; standard deviations may be wrong"
             )
+            continue
+        for line in _lines(what, at, states, theta, scales, names):
+            kink = _kink(*line)
+            if kink is not None:
+                place, before, after = kink
+                _warn(
+                    f"effect '{name}': its derivative by '{what}' jumps from {before:.3g} to {after:.3g} at {what} = {place:.6g}: a kink; "
+                    "standard deviations may be wrong"
+                )
+                break
+
+
+def _warn(text: str) -> None:
+    """A warning at the line that makes the effect."""
+    warnings.warn(text, EffectWarning, stacklevel=6)
+
+
+#: Values of a function at places along a line, and the ends of the line.
+_Line = tuple[Callable[[np.ndarray], np.ndarray], float, float]
+
+
+def _lines(
+    what: str,
+    at: Callable[..., np.ndarray],
+    states: dict[str, np.ndarray],
+    theta: np.ndarray,
+    scales: Sequence[float],
+    names: Sequence[str],
+) -> list[_Line]:
+    """Lines along one number of the state, or along a parameter, with all else as at some of the usual points."""
+    if what in names:
+        k = names.index(what)
+
+        def by_parameter(values: np.ndarray) -> np.ndarray:
+            moved = theta.copy()
+            answers = []
+            for value in values:
+                moved[k] = value
+                answers.append(at(moved)[0])
+            return np.array(answers)
+
+        reach = 2 * scales[k]
+        return [(by_parameter, theta[k] - reach, theta[k] + reach)]
+
+    def by_state(probe: int, values: np.ndarray) -> np.ndarray:
+        line = {key: np.full(len(values), column[probe]) for key, column in states.items()}
+        return at(theta, {**line, what: values})
+
+    low, high = _RANGES[what]
+    return [(functools.partial(by_state, probe), low, high) for probe in range(_LINES)]
+
+
+def _kink(along: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> tuple[float, float, float] | None:
+    """Where a function of one number has a kink, with the slopes before and after it: where its slope still jumps over intervals so
+    short that those of a smooth function do not."""
+    places = np.linspace(low, high, _PROBES)[None, :]
+    size = None
+    for _ in range(1 + _CLOSER):
+        values = along(places.ravel()).reshape(places.shape)
+        slopes = np.diff(values, axis=1) / np.diff(places, axis=1)
+        if size is None:
+            size = max(float(np.sqrt(np.mean(slopes**2))), 1e-9 * float(np.max(np.abs(values))) / (high - low))
+        jumps = np.abs(np.diff(slopes, axis=1))
+        if size == 0.0 or jumps.max() <= _KINK * size:
+            return None
+        if places.shape[0] == 1:
+            found = [(0, i) for i in np.argsort(jumps[0])[::-1][:_PLACES]]
+        else:
+            found = list(enumerate(np.argmax(jumps, axis=1)))
+        row, i = max(found, key=lambda at: jumps[at])
+        answer = (float(places[row, i + 1]), float(slopes[row, i]), float(slopes[row, i + 1]))
+        places = np.stack([np.linspace(places[r, k], places[r, k + 2], _PROBES // _PLACES) for r, k in found])
+    return answer
 
 
 def _uses(covariates: Sequence[str], key: str) -> bool:

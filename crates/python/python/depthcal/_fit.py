@@ -2,29 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Union
 
 from . import _depthcal, _progress
 from ._calibration import Calibration
 from ._dataset import Dataset
+from ._depthcal import InputError
 from ._effects import EffectLike, in_words, model_in_words
 from ._evaluate import Judged
+from ._fleet import Fleet
+
+Prior = Union[Fleet, str, "os.PathLike[str]", Mapping[str, Any], None]
+"""What other units say of a camera: a fleet, the path of a ``prior.json``, or its contents."""
 
 
-class Fit(Judged):
-    """A dataset, fitted and judged: what ``depthcal calibrate`` writes."""
+class Fitted(Judged):
+    """What a fit gives."""
 
-    def __init__(self, native: _depthcal.Fit) -> None:
+    def __init__(self, native: Any) -> None:
         self._native = native
         self._calibration: Calibration | None = None
 
     @property
     def calibration(self) -> Calibration:
-        """The calibrated camera."""
+        """The calibrated camera; of a rig all cameras, of which ``calibration.camera(name)`` is one."""
         if self._calibration is None:
             self._calibration = Calibration(self._native.calibration())
         return self._calibration
+
+
+def arguments_in_words(**given: Any) -> str:
+    """Arguments of a call as they are written, those that are None left out."""
+    return "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+
+
+class Fit(Fitted):
+    """A dataset, fitted and judged: what ``depthcal calibrate`` writes."""
+
+    @property
+    def prior_use(self) -> list[str]:
+        """What the prior of a fleet did to the fit, in sentences; none without a prior."""
+        return self._native.prior_sentences()
 
     def plot(self, ax: Any = None) -> Any:
         """Depth errors of every frame before and after correction. Returns matplotlib's axes."""
@@ -46,6 +68,7 @@ def calibrate(
     hold_out: int | tuple[int, int] | None = None,
     cross_validate: int | None = None,
     blocks: bool = False,
+    prior: Prior = None,
     progress: _progress.Progress = None,
 ) -> Fit:
     """Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses, in one joint adjustment.
@@ -56,6 +79,7 @@ def calibrate(
     ``lens`` is as ``--lens`` takes it: brown-conrady, opencv8, kannala-brandt, auto, …
     ``hold_out=4`` holds out every fourth frame, ``(4, 2)`` beginning with the second; ``cross_validate=3`` judges every frame by
     a fit that did not use it, in ``blocks`` of consecutive frames where asked for.
+    ``prior`` is what a fleet says of its next unit (:func:`fleet`, docs/fleets.md).
     ``progress``: True shows bars of tqdm, a function receives the events; None shows them where somebody watches.
 
     The result is that of the command line, to the byte. Ctrl-C ends the fit.
@@ -64,16 +88,16 @@ def calibrate(
     model_text, natives = model_in_words(model)
     texts, more = in_words(effects)
     held = (hold_out, 1) if isinstance(hold_out, int) else hold_out
-    given = {
-        "model": model_text if model_text != "projective" else None,
-        "effects": texts or None,
-        "lens": lens,
-        "estimator": estimator if estimator != "joint" else None,
-        "hold_out": hold_out,
-        "cross_validate": cross_validate,
-        "blocks": blocks or None,
-    }
-    words = "".join(f", {name}={value!r}" for name, value in given.items() if value is not None)
+    words = arguments_in_words(
+        model=model_text if model_text != "projective" else None,
+        effects=texts or None,
+        lens=lens,
+        estimator=estimator if estimator != "joint" else None,
+        hold_out=hold_out,
+        cross_validate=cross_validate,
+        blocks=blocks or None,
+        prior=None if prior is None else os.fspath(prior) if isinstance(prior, (str, os.PathLike)) else "…",
+    )
     call = f"depthcal.calibrate(depthcal.load({dataset._native.path!r}){words})"
     native = _depthcal.calibrate(
         dataset._native,
@@ -85,7 +109,23 @@ def calibrate(
         held,
         cross_validate,
         blocks,
+        _prior_in_words(prior),
         call,
         _progress.show(progress),
     )
     return Fit(native)
+
+
+def _prior_in_words(prior: Prior) -> tuple[str, str] | None:
+    """Name and JSON of a prior."""
+    if prior is None:
+        return None
+    if isinstance(prior, Fleet):
+        return "prior", prior._native.prior()
+    if isinstance(prior, (str, os.PathLike)):
+        path = os.fspath(prior)
+        try:
+            return path, Path(path).read_text(encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    return "prior", json.dumps(prior)

@@ -15,8 +15,12 @@ class Bars:
     """Bars of tqdm, one for every job with steps, and a line for what the others do."""
 
     def __init__(self) -> None:
-        from tqdm.auto import tqdm
-
+        try:
+            # Bars of notebooks; without ipywidgets tqdm would warn of their lack.
+            import ipywidgets  # noqa: F401
+            from tqdm.auto import tqdm
+        except ImportError:
+            from tqdm import tqdm
         self._tqdm = tqdm
         self._bars: dict[int, Any] = {}
 

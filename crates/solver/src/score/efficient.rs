@@ -15,7 +15,9 @@ pub struct EfficientScores {
     pub score: DVector<f64>,
     /// V = G⊥ᵀG⊥: the information.
     pub information: DMatrix<f64>,
-    /// Σ uᵢuᵢᵀ over the clusters' parts of U, about their mean: what V is where residuals are independent (White 1982).
+    /// Σ uᵢuᵢᵀ over the clusters' parts of U, each candidate's about what its own estimate explains of them, uᵢ = Uᵢ − Vᵢ V⁻¹ U: what V
+    /// is where residuals are independent (White 1982). About their mean they would scatter by the effect itself, whose part Vᵢ V⁻¹ U
+    /// differs from cluster to cluster.
     pub scatter: DMatrix<f64>,
     /// −(JᵀJ)⁺ JᵀG: the change of the shared variables per unit of a candidate's parameter, one row per shared column.
     pub response: DMatrix<f64>,
@@ -40,20 +42,52 @@ impl Linearization {
             let own = DVector::from_fn(own.len(), |i, _| gradient[own[i]]);
             -(own + response.tr_mul(&gradient.rows(0, self.shared).into_owned()))
         };
-        let parts: Vec<DVector<f64>> = self.clusters.iter().map(|cluster| efficient(&cluster.gradient)).collect();
-        let mut mean = DVector::zeros(own.len());
-        parts.iter().for_each(|part| mean += part);
-        mean /= parts.len().max(1) as f64;
+        let score = efficient(&self.total.gradient);
+        let steps = self.steps(candidates, &score, &information, &response);
         let mut scatter = DMatrix::zeros(own.len(), own.len());
-        for part in &parts {
-            let about_mean = part - &mean;
-            scatter.ger(1.0, &about_mean, &about_mean, 1.0);
+        for cluster in &*self.clusters {
+            let mut left = DVector::zeros(own.len());
+            for (first, step) in &steps {
+                let count = step.own;
+                let moved = efficient(&(&cluster.gradient + &cluster.hessian * &step.all));
+                left.rows_mut(*first, count).copy_from(&moved.rows(*first, count));
+            }
+            scatter.ger(1.0, &left, &left, 1.0);
         }
-        EfficientScores {
-            score: efficient(&self.total.gradient),
-            information: (&information + information.transpose()) * 0.5,
-            scatter,
-            response,
-        }
+        EfficientScores { score, information: (&information + information.transpose()) * 0.5, scatter, response }
     }
+
+    /// For every candidate, its place among the candidates' parameters, and its own Gauss–Newton step V⁻¹ U with what the shared
+    /// variables follow.
+    fn steps(
+        &self,
+        candidates: &[usize],
+        score: &DVector<f64>,
+        information: &DMatrix<f64>,
+        response: &DMatrix<f64>,
+    ) -> Vec<(usize, Step)> {
+        let mut first = 0;
+        candidates
+            .iter()
+            .map(|candidate| {
+                let columns = &self.candidates[*candidate];
+                let (place, count) = (first, columns.count);
+                first += count;
+                let of_own = information.view((place, place), (count, count)).into_owned();
+                let own = pseudo_inverse(&of_own, NEGLIGIBLE) * score.rows(place, count);
+                let mut all = DVector::zeros(self.total.gradient.len());
+                all.rows_mut(0, self.shared).copy_from(&(response.columns(place, count) * &own));
+                all.rows_mut(columns.first, count).copy_from(&own);
+                (place, Step { own: count, all })
+            })
+            .collect()
+    }
+}
+
+/// A step of one candidate.
+struct Step {
+    /// Number of its own parameters.
+    own: usize,
+    /// Changes of all columns of the linearisation.
+    all: DVector<f64>,
 }

@@ -100,6 +100,17 @@ pub enum Search {
     Nothing(String),
 }
 
+/// What is left where there is nothing to find: what chance explains is judged by it.
+#[derive(Debug, Clone, Copy)]
+pub enum Chance<'a> {
+    /// What the fit leaves, of every term without what the term itself explains.
+    Residuals,
+    /// The same where something is left for certain: without what a smooth function of the best term's covariates explains, too.
+    WithoutBest,
+    /// What a fit of the same frames leaves that leaves nothing unexplained.
+    Complete(&'a Calibrated),
+}
+
 /// Share of a formula's gain that an effect has to explain to be said to resemble it.
 const RESEMBLES: f64 = 0.9;
 /// Formulas whose gains are logged.
@@ -116,15 +127,13 @@ const REPEATED: f64 = 10.0;
 
 /// Searches a formula for what a fit leaves unexplained. Frames of another capture, sampled under the same camera, confirm it; without
 /// them a third of the frames is set aside. Where the others show something, but not what, the search is repeated with all frames: what it
-/// finds then nothing confirms. `complete` is a fit of the same frames that leaves nothing unexplained, where there is one: its residuals
-/// tell what chance explains. `is_shown` says that something is left for certain.
+/// finds then nothing confirms.
 pub fn search(
     fit: &Calibrated,
-    complete: Option<&Calibrated>,
+    chance: Chance<'_>,
     verify: Option<&Calibrated>,
     examination: &Examination,
     taken: &[String],
-    is_shown: bool,
     thresholds: &Thresholds,
 ) -> Search {
     let nothing = |reason: &str| Search::Nothing(reason.to_owned());
@@ -132,8 +141,9 @@ pub fn search(
     if own.frames.len() < thresholds.least_frames_for_formulas {
         return nothing("there are too few frames");
     }
-    let complete = complete.and_then(Observations::of);
-    let given = Given { examination, taken, is_shown, thresholds };
+    let complete = if let Chance::Complete(fit) = chance { Observations::of(fit) } else { None };
+    let without_best = matches!(chance, Chance::WithoutBest);
+    let given = Given { examination, taken, without_best, thresholds };
     let (all, by_chance) = match verify.and_then(Observations::of) {
         Some(other) => (own.clone().with_set_aside(Some(other)), complete.clone()),
         None => (own.clone().with_set_aside(None), complete.clone().map(|rest| rest.with_set_aside(None).searched())),
@@ -153,15 +163,15 @@ pub fn search(
 struct Given<'a> {
     examination: &'a Examination,
     taken: &'a [String],
-    is_shown: bool,
+    /// As [`Chance::WithoutBest`].
+    without_best: bool,
     thresholds: &'a Thresholds,
 }
 
-/// The terms without what a smooth function of the best term's covariates explains, where it is certain that something is left: this counts
-/// as chance for all terms else.
-fn without_best(searched: &Observations, screened: &[Screened], given: Given<'_>) -> Option<Vec<Screened>> {
+/// The terms without what a smooth function of the best term's covariates explains: this would count as chance for all terms else.
+fn without_best(searched: &Observations, screened: &[Screened]) -> Option<Vec<Screened>> {
     let merit = |s: &Screened| s.merit(|_| 1.0);
-    let best = screened.iter().filter(|_| given.is_shown).max_by(|a, b| merit(a).total_cmp(&merit(b)))?;
+    let best = screened.iter().max_by(|a, b| merit(a).total_cmp(&merit(b)))?;
     without_free_function(searched, &best.term).map(|rest| screen(&rest))
 }
 
@@ -169,7 +179,12 @@ fn without_best(searched: &Observations, screened: &[Screened], given: Given<'_>
 fn search_among(all: &Observations, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
     let searched = all.searched();
     let screened = screen(&searched);
-    let p = p_value(&screened, by_chance.map(screen).or_else(|| without_best(&searched, &screened, given)).as_deref());
+    let by_chance = match by_chance {
+        Some(complete) => Some(screen(complete)),
+        None if given.without_best => without_best(&searched, &screened),
+        None => None,
+    };
+    let p = p_value(&screened, by_chance.as_deref());
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
     if p <= given.thresholds.level {
         return (p, chosen_of(all, &searched, &screened, p, given));

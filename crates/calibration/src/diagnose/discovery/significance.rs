@@ -21,7 +21,7 @@ const DRAWS: usize = 399;
 /// Resamples of the frames.
 const RESAMPLES: usize = 100;
 /// A term of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
-const TIE_T: f64 = 1.0;
+const TIE_T: f64 = 2.0;
 /// … and not by more than this share.
 const LEAST_SHARE: f64 = 0.8;
 

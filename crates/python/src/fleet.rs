@@ -1,0 +1,96 @@
+//! `fleet`: what the calibrations of one camera type say together.
+
+use std::path::PathBuf;
+
+use depthcal_calibration::stage_clock::StageTimes;
+use depthcal_fleet::{FleetError, FleetOptions, Joined, join, read_units};
+use depthcal_report::{fleet_text, render_fleet};
+use pyo3::prelude::*;
+
+use crate::effect::Effect;
+use crate::failure::{Failure, input};
+use crate::request::{json, register_with};
+use crate::running::run;
+use crate::written::write_text;
+
+/// A fleet.
+#[pyclass(frozen, module = "depthcal._depthcal")]
+#[derive(Debug)]
+pub(crate) struct Fleet {
+    joined: Joined,
+    stages: StageTimes,
+    call: String,
+}
+
+impl From<FleetError> for Failure {
+    fn from(error: FleetError) -> Self {
+        match error {
+            FleetError::NotPositiveDefinite => Self::Untrusted(error.to_string()),
+            other => input(other),
+        }
+    }
+}
+
+/// Joins calibrations, folders of results, or folders of such folders.
+#[pyfunction]
+#[pyo3(signature = (calibrations, level, effects, call, progress))]
+pub(crate) fn fleet(
+    py: Python<'_>,
+    calibrations: Vec<PathBuf>,
+    level: f64,
+    effects: Vec<PyRef<'_, Effect>>,
+    call: String,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Fleet> {
+    if !(level > 0.0 && level < 1.0) {
+        return Err(input(format!("level is {level}: give a number between 0 and 1")).into());
+    }
+    let register = register_with(&effects)?;
+    run(py, progress.as_ref(), move |progress| {
+        let stage = progress.stage("joining units");
+        let (units, left_out) = read_units(&calibrations, &register)?;
+        let joined = join(units, left_out, &FleetOptions { level })?;
+        drop(stage);
+        Ok(Fleet { joined, stages: progress.stage_times(), call })
+    })
+}
+
+impl Fleet {
+    fn html(&self) -> Result<String, Failure> {
+        render_fleet(&self.joined.fleet, &self.joined.prior, &self.call, &self.stages).map_err(input)
+    }
+}
+
+#[pymethods]
+impl Fleet {
+    /// The record as JSON: `fleet.json`.
+    fn json(&self) -> PyResult<String> {
+        json(&self.joined.fleet)
+    }
+
+    /// What the units say of the next one, as JSON: `prior.json`.
+    fn prior(&self) -> PyResult<String> {
+        json(&self.joined.prior)
+    }
+
+    /// The fleet in words.
+    fn text(&self) -> String {
+        fleet_text(&self.joined.fleet)
+    }
+
+    /// The report as HTML.
+    fn report_html(&self, py: Python<'_>) -> PyResult<String> {
+        run(py, None, |_| self.html())
+    }
+
+    /// Writes `fleet.json`, `prior.json` and `report.html` into a folder; returns the paths.
+    fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
+        run(py, None, |_| {
+            let (file, prior) = (out.join("fleet.json"), out.join("prior.json"));
+            self.joined.fleet.write(&file).map_err(input)?;
+            self.joined.prior.write(&prior).map_err(input)?;
+            let report = write_text(out.join("report.html"), &self.html()?)?;
+            Ok(vec![file, prior, report])
+        })
+    }
+}

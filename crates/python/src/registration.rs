@@ -1,0 +1,165 @@
+//! Depth and colour of a rig's cameras on each other's pixels, on numpy arrays.
+
+use depthcal_correction::{
+    AmplitudeImage, Corrector, FrameContext, PointsMut, RegisteredDepth, colours_of, depth_into,
+};
+use depthcal_io::RgbImage;
+use depthcal_rig::PlacedCamera;
+use depthcal_rig::drift::Taken;
+use depthcal_rig::record::cameras_from_record;
+use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use crate::calibrated::Calibration;
+use crate::failure::{Failure, input};
+use crate::running::run;
+
+/// Takes the corrected depth of one camera of a rig into the image of another, and the colours of that image onto the pixels of depth.
+#[pyclass(frozen, module = "depthcal._depthcal")]
+#[derive(Debug)]
+pub(crate) struct Registration {
+    source: PlacedCamera,
+    target: PlacedCamera,
+    corrector: Corrector,
+}
+
+/// Depth of a frame: steps of so many mm, or mm.
+enum Depth {
+    Steps(Vec<u16>, f64),
+    Millimetres(Vec<f32>),
+}
+
+/// The values of an array of this type and shape, row by row; `None` where its type is another.
+fn values<T: Element + Copy>(what: &str, array: &Bound<'_, PyAny>, shape: &[usize]) -> Result<Option<Vec<T>>, Failure> {
+    let Ok(array) = array.cast::<PyArrayDyn<T>>() else { return Ok(None) };
+    if array.shape() != shape {
+        return Err(input(format!("{what} has the shape {:?}, but the calibration is for {shape:?}", array.shape())));
+    }
+    let array: PyReadonlyArrayDyn<'_, T> = array.try_readonly().map_err(|e| input(format!("{what}: {e}")))?;
+    Ok(Some(array.as_array().iter().copied().collect()))
+}
+
+/// Depth in steps of a unit, rounded; 0 where there is none or where it does not fit.
+fn steps(depth_mm: &[f32], unit_mm: f64) -> Vec<u16> {
+    let step = |z: &f32| {
+        let steps = (f64::from(*z) / unit_mm).round();
+        if steps > 0.0 && steps < 65535.0 { steps as u16 } else { 0 }
+    };
+    depth_mm.iter().map(step).collect()
+}
+
+impl Registration {
+    /// The corrected points of a frame, mm in the camera's frame; NaN where there is no depth.
+    fn points(&self, depth: Depth, context: &FrameContext<'_>) -> Result<Vec<[f32; 3]>, Failure> {
+        let mut points = vec![[f32::NAN; 3]; self.corrector.width() * self.corrector.height()];
+        let out = PointsMut::Interleaved(points.as_flattened_mut());
+        match depth {
+            Depth::Steps(steps, unit_mm) => {
+                self.corrector.correct_u16_buffer_to_points(&steps, unit_mm, context, out).map_err(input)?;
+            }
+            Depth::Millimetres(mut mm) => {
+                self.corrector.correct_f32_in_place(&mut mm, context).map_err(input)?;
+                self.corrector.points_f32_into(&mm, out).map_err(input)?;
+            }
+        }
+        Ok(points)
+    }
+
+    fn depth_of(&self, depth: &Bound<'_, PyAny>, unit_mm: f64) -> Result<Depth, Failure> {
+        let shape = [self.corrector.height(), self.corrector.width()];
+        if let Some(steps) = values::<u16>("depth", depth, &shape)? {
+            return Ok(Depth::Steps(steps, unit_mm));
+        }
+        let mm = values::<f32>("depth", depth, &shape)?;
+        mm.map(Depth::Millimetres)
+            .ok_or_else(|| input("depth must be an array of uint16 (steps of unit_mm) or float32 (millimetres)"))
+    }
+
+    fn amplitude_of(&self, amplitude: &Bound<'_, PyAny>) -> Result<Vec<u16>, Failure> {
+        let shape = [self.corrector.height(), self.corrector.width()];
+        if let Some(amplitude) = values::<u16>("amplitude", amplitude, &shape)? {
+            return Ok(amplitude);
+        }
+        let narrow = values::<u8>("amplitude", amplitude, &shape)?;
+        let narrow = narrow.ok_or_else(|| input("amplitude must be an array of uint16 or uint8"))?;
+        Ok(narrow.into_iter().map(u16::from).collect())
+    }
+}
+
+/// What registration gives: depth in the target's image, colours on the pixels of depth, and the number of pixels without depth.
+type Registered<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, usize);
+
+#[pymethods]
+impl Registration {
+    #[new]
+    fn new(py: Python<'_>, calibration: &Calibration, source: &str, target: &str) -> PyResult<Self> {
+        let cameras = cameras_from_record(&calibration.record, &calibration.register).map_err(input)?;
+        let of = |name: &str| {
+            let found = cameras.iter().find(|camera| camera.name == name).cloned();
+            found.ok_or_else(|| calibration.no_camera(name))
+        };
+        let (source, target) = (of(source)?, of(target)?);
+        let camera = source.camera.clone();
+        let corrector = run(py, None, move |_| Corrector::new(&camera).map_err(input))?;
+        Ok(Self { source, target, corrector })
+    }
+
+    /// Depth of a frame in the target's image, of the type of ``depth``, and colours of depth's pixels where an image is given.
+    #[pyo3(signature = (depth, unit_mm, image, amplitude, time_s, temperature_c, timestamp_s))]
+    #[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
+    fn register<'py>(
+        &self,
+        py: Python<'py>,
+        depth: &Bound<'py, PyAny>,
+        unit_mm: f64,
+        image: Option<Bound<'py, PyAny>>,
+        amplitude: Option<Bound<'py, PyAny>>,
+        time_s: Option<f64>,
+        temperature_c: Option<f64>,
+        timestamp_s: Option<f64>,
+    ) -> PyResult<Registered<'py>> {
+        let (width, height) = (self.corrector.width(), self.corrector.height());
+        let (across, down) = (self.target.camera.width, self.target.camera.height);
+        let depth = self.depth_of(depth, unit_mm)?;
+        let in_steps = matches!(depth, Depth::Steps(..));
+        let amplitude = amplitude.map(|array| self.amplitude_of(&array)).transpose()?;
+        let image = match &image {
+            None => None,
+            Some(array) => {
+                let data = values::<u8>("image", array, &[down, across, 3])?
+                    .ok_or_else(|| input("image must be an array (height, width, 3) of uint8"))?;
+                Some(RgbImage { width: across, height: down, data: data.as_chunks::<3>().0.to_vec() })
+            }
+        };
+        let (registered, colours): (RegisteredDepth, Option<Vec<u8>>) = run(py, None, move |_| {
+            let context = FrameContext {
+                time_s: time_s.unwrap_or(0.0),
+                temperature_c: temperature_c.unwrap_or(f64::NAN),
+                amplitude: amplitude.as_ref().map(|data| AmplitudeImage { width, height, data }),
+            };
+            let taken = Taken {
+                time_s: timestamp_s.or(time_s).unwrap_or(f64::NAN),
+                temperature_c: temperature_c.unwrap_or(f64::NAN),
+            };
+            let points = self.points(depth, &context)?;
+            let target_from_source = self.target.at(&taken).from(&self.source.at(&taken));
+            let registered = depth_into(&points, width, &self.target.camera, &target_from_source);
+            let colours = image.map(|image| {
+                let colours = colours_of(&points, &self.target.camera, &target_from_source, &registered, &image);
+                colours.into_iter().flat_map(Option::unwrap_or_default).collect()
+            });
+            Ok((registered, colours))
+        })?;
+        let holes = registered.holes;
+        let in_target = if in_steps {
+            steps(&registered.depth_mm, unit_mm).into_pyarray(py).reshape([down, across])?.into_any()
+        } else {
+            registered.depth_mm.into_pyarray(py).reshape([down, across])?.into_any()
+        };
+        let on_depth = match colours {
+            Some(colours) => Some(colours.into_pyarray(py).reshape([height, width, 3])?.into_any()),
+            None => None,
+        };
+        Ok((in_target, on_depth, holes))
+    }
+}
