@@ -18,7 +18,9 @@ fn board() -> Target {
 /// A board in the left or the right half of the image.
 fn scene(texture: &Texture, right: bool) -> Scene<'_> {
     let camera = Camera { lens: [-0.05, 0.01, 0.0005, -0.0005, 0.0], ..Camera::thesis() };
-    let middle = texture.target.point(texture.target.len() / 2);
+    // A marker next to the middle would do for an odd number of columns only: the board would leave its half of the image.
+    let (first, last) = (texture.target.point(0), texture.target.point(texture.target.len() - 1));
+    let middle = [(first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0];
     let at = [if right { 480.0 } else { 160.0 }, 240.0];
     let z = camera.f * 196.0 / 250.0;
     let pose = Pose::looking(&camera, middle, at, z, 0.15, 1.0, if right { 0.1 } else { -0.1 });
@@ -42,8 +44,8 @@ fn two_boards_of_one_dictionary_are_told_apart() {
     let found = detect(&image, &both, &options).expect("no error").expect("both boards");
     for (part, scene) in both.parts().iter().zip([&right, &left]) {
         let markers: Vec<_> = found.markers.iter().filter(|m| part.markers.contains(&m.index)).collect();
-        // How complete boards are is tested elsewhere: here every marker has to be that of its own board.
-        assert!(2 * markers.len() > board().len(), "{}: {} markers", part.name, markers.len());
+        // Both boards are in sight as a whole: the share at which a search is content.
+        assert!(10 * markers.len() >= 9 * board().len(), "{}: {} markers", part.name, markers.len());
         for marker in markers {
             let truth = scene.truth(both.point(marker.index));
             let error = (marker.pixel[0] - truth[0]).hypot(marker.pixel[1] - truth[1]);
