@@ -72,7 +72,7 @@ fn known_times_count() {
 
 #[test]
 fn what_leaves_the_offset_open_is_refused() {
-    let refused = |capture: &RigCapture, of: &str| calibrate_rig(capture, &options(&[of])).err().expect("no fit");
+    let refused = |capture: &RigCapture, of: &str| calibrate_rig(capture, &options(&[of])).expect_err("no fit");
     let still = rig_capture(&support::two_cameras(5, Kind::General(1)));
     let error = refused(&still, "colour");
     assert!(matches!(error, RigError::TimeOffset { .. }) && error.to_string().contains("timestamp_s"), "{error}");
