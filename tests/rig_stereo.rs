@@ -49,6 +49,7 @@ fn plain_least_squares(capture: &RigCapture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
             camera: own.camera.clone(),
             camera_from_rig: camera.camera_from_rig,
             drift: None,
+            offset_s: None,
             noise,
             smoothness: own.smoothness.clone(),
             frames: own.capture.frames.iter().map(|f| place(&f.name)).collect(),

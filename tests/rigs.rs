@@ -5,11 +5,28 @@
 mod schemas;
 mod support;
 
+use std::io::Write;
+use std::process::Stdio;
+
 use depthcal::io::{Calibration, Comparison, Evaluation, RigDiagnosisFile, Verdict, read_depth, read_json, read_rgb};
 use depthcal::rig::simulated::pose;
 use depthcal_simulate::RigTruth;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use support::{Folder, fails, stdout, succeeds};
+use support::{Folder, command, fails, stderr, stdout, succeeds};
+
+/// Runs `apply CALIBRATION -` on the bytes; returns what it writes.
+fn stream(calibration: &str, input: &[u8], more: &[&str]) -> Vec<u8> {
+    let arguments = [&["apply", calibration, "-"][..], more].concat();
+    let mut child =
+        command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let input = input.to_vec();
+    let writer = std::thread::spawn(move || _ = stdin.write_all(&input));
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    output.stdout
+}
 
 /// Renders a rig of infrared and depth, colour, and depth whose image cannot be had, with its truth.
 fn render(rig: &str, truth: &str) {
@@ -64,6 +81,26 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     assert!(colours.data.iter().filter(|c| **c != [0; 3]).count() > 50_000);
     assert!(folder.path("registered/infrared/0003.ply").is_file());
 
+    // The same frame as a stream, with and without its colours.
+    let depth = read_depth(folder.path("rig/infrared/depth/0003.png")).unwrap();
+    let raw: Vec<u8> = depth.data.iter().flat_map(|z| z.to_le_bytes()).collect();
+    let streamed = stream(&file, &raw, &["--register", "colour", "--stream-output", "u16"]);
+    let found: Vec<u16> = streamed.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    assert!(found == registered.data, "the stream's depth is not that of the dataset");
+    let colour = read_rgb(folder.path("rig/colour/image/0003.png")).unwrap();
+    let both = [&raw[..], colour.data.as_flattened()].concat();
+    let output = stream(&file, &both, &["--register", "colour", "--stream-output", "xyzrgb", "--stream-color"]);
+    let points = output.as_chunks::<16>().0;
+    assert_eq!(points.len(), colours.data.len());
+    for (point, expected) in points.iter().zip(&colours.data) {
+        assert_eq!(point[12..15], expected[..]);
+    }
+    let of_depth = read_depth(folder.path("rig/depth/depth/0003.png")).unwrap();
+    let raw: Vec<u8> = of_depth.data.iter().flat_map(|z| z.to_le_bytes()).collect();
+    let more = ["--register", "colour", "--stream-camera", "depth", "--stream-output", "u16"];
+    let of_second: Vec<u16> = stream(&file, &raw, &more).as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    assert!(of_second == read_depth(folder.path("registered/depth_in_colour/0003.png")).unwrap().data);
+
     let diagnosed = folder.arg("diagnosed");
     let words = stdout(&succeeds(["diagnose", &rig, "--no-discovery", "--out", &diagnosed]));
     assert!(words.contains("[depth]\nthe poses of the board are those of the other cameras"), "{words}");
@@ -84,6 +121,15 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     }
 
     fails(["calibrate", &rig, "--cross-validate", "3", "--out", &result], &["--hold-out"]);
+    let refused = ["apply", &file, &rig, "--register", "colour", "--stream-output", "u16", "--out", &out];
+    fails(refused, &["--stream-output", "standard input"]);
+    let other = ["apply", &file, "-", "--register", "colour", "--stream-camera", "colour", "--stream-output", "u16"];
+    fails(other, &["colour", "no depth"]);
+    fails(["diagnose", &rig, "--rrd", &folder.arg("x.rrd"), "--out", &diagnosed], &["--rrd", "several"]);
+    fails(
+        ["calibrate", &rig, "--with", "time_offset", "--out", &result],
+        &["time_offset", "name the camera", "depth:time_offset"],
+    );
     fails(["apply", &file, &rig, "--register", "red", "--out", &out], &["red", "infrared, colour, depth"]);
     fails(["simulate", "--rig", "infrared,lidar", "--out", &folder.arg("x")], &["lidar", "colour"]);
 }

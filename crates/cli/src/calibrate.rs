@@ -67,7 +67,8 @@ pub(super) struct Calibrate {
     model: String,
     /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
     /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx. Of one camera of a rig: colour:thin_prism,
-    /// fixed:colour:pinhole.cx.
+    /// fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes later than its times say, from a video of a
+    /// board that moves.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior, and the
@@ -139,6 +140,7 @@ impl Calibrate {
 
     /// The same for a dataset of several cameras.
     fn run_rig(&self, session: &Session) -> Result<Value, Failure> {
+        self.recording.refuse_for_rig()?;
         if self.cross_validate.is_some() {
             let message = "--cross-validate is for one camera; of a rig, hold frames out with --hold-out N";
             return Err(Failure::Input(message.to_owned()));

@@ -57,7 +57,7 @@ impl Demo {
             story: story(),
         };
         let fitted = session.evaluate(&d.last.camera, &d.last.capture);
-        tell(&d, &fitted, &loaded, told, session, &self.out)
+        Ok(tell(&d, &fitted, &loaded, told, session, &self.out)?.1)
     }
 }
 

@@ -78,6 +78,7 @@ impl Diagnose {
 
     /// The same for a dataset of several cameras.
     fn run_rig(&self, session: &Session) -> Result<Value, Failure> {
+        self.recording.refuse_for_rig()?;
         let asked = RigDiagnose {
             dataset: &self.dataset,
             verify: self.verify.as_deref(),
@@ -119,7 +120,7 @@ impl Diagnose {
             story: Vec::new(),
         };
         let fitted = session.evaluate(&d.last.camera, &d.last.capture);
-        let mut result = tell(&d, &fitted, &loaded, told, session, &self.output.out)?;
+        let (_, mut result) = tell(&d, &fitted, &loaded, told, session, &self.output.out)?;
         let detected = d.last.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         // Held-out frames of the dataset itself were evaluated with several cameras.

@@ -6,7 +6,7 @@ use depthcal_calibration::diagnose::Diagnosis;
 use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::Loaded;
 use depthcal_calibration::task::{diagnosis_record, write_calibration};
-use depthcal_io::write_atomically;
+use depthcal_io::{DiagnosisFile, write_atomically};
 use depthcal_report::format::count;
 use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files};
 use serde_json::{Value, json};
@@ -28,8 +28,8 @@ pub(super) struct Told<'a> {
     pub(super) story: Vec<String>,
 }
 
-/// Prints a diagnosis and writes its files: record, calibration of the last model, errors, report. `fitted` are the errors of the
-/// last model on the frames that it was fitted to.
+/// Prints a diagnosis and writes its files: record, calibration of the last model, errors, report; returns the record, and what `--json`
+/// prints. `fitted` are the errors of the last model on the frames that it was fitted to.
 pub(super) fn tell(
     d: &Diagnosis,
     fitted: &Evaluated,
@@ -37,7 +37,7 @@ pub(super) fn tell(
     told: Told<'_>,
     session: &Session,
     out: &Path,
-) -> Result<Value, Failure> {
+) -> Result<(DiagnosisFile, Value), Failure> {
     let reference = loaded.reference.clone();
     let (record, register) =
         diagnosis_record(d, reference, told.model, &session.register, &session.progress).map_err(input)?;
@@ -80,5 +80,6 @@ pub(super) fn tell(
     let capture = &d.last.capture;
     let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
     frames["left_out"] = value_of(&record.bad_frames)?;
-    Ok(json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": written }))
+    let value = json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": written });
+    Ok((record, value))
 }

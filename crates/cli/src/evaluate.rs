@@ -69,6 +69,12 @@ impl Evaluate {
             && !record.cameras.is_empty()
             && self.datasets.iter().all(RigDataset::is_rig)
         {
+            self.recording.refuse_for_rig()?;
+            if !self.with.is_empty() {
+                let message =
+                    "--with is for one camera: calibrate the rig with the effect (calibrate --with CAMERA:EFFECT)";
+                return Err(Failure::Input(message.to_owned()));
+            }
             let asked = RigEvaluate {
                 calibration: &self.calibration,
                 record,

@@ -31,6 +31,18 @@ impl Recording {
         }
     }
 
+    /// Refuses --rrd for a dataset of several cameras, before any work is done.
+    pub(super) fn refuse_for_rig(&self) -> Result<(), Failure> {
+        match &self.rrd {
+            Some(path) => Err(Failure::Input(format!(
+                "--rrd {}: a recording shows one camera, and this dataset has several: leave --rrd out (report.html shows the rig in 3D), \
+                 or declare one of its cameras as a dataset of its own",
+                path.display()
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Writes the recording if one was asked for; returns its path.
     #[cfg(feature = "rerun")]
     pub(super) fn write(

@@ -10,6 +10,7 @@ pub(crate) fn kind(target: &Target) -> &'static str {
         Pattern::Chessboard => "chessboard",
         Pattern::Charuco { .. } => "charuco",
         Pattern::Aprilgrid { .. } => "aprilgrid",
+        Pattern::Several { .. } => "several boards",
     }
 }
 

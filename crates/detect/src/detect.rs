@@ -41,5 +41,21 @@ pub fn detect(image: &GrayImage, target: &Target, options: &DetectOptions) -> Re
         Pattern::Chessboard => chessboard::find(image, target, options),
         Pattern::Charuco { dictionary, .. } => fiducial::find_charuco(image, target, dictionary, options),
         Pattern::Aprilgrid { .. } => fiducial::find_aprilgrid(image, target, options),
+        Pattern::Several { .. } => find_several(image, target, options),
     }
+}
+
+/// The markers of all boards that are in the image.
+fn find_several(image: &GrayImage, target: &Target, options: &DetectOptions) -> Result<Option<Detection>, DetectError> {
+    let mut all: Option<Detection> = None;
+    for part in target.parts() {
+        let own = DetectOptions { first_tag: part.first_tag, ..options.clone() };
+        let Some(mut found) = detect(image, part.board, &own)? else { continue };
+        found.markers.iter_mut().for_each(|marker| marker.index += part.markers.start);
+        match &mut all {
+            Some(all) => all.markers.extend(found.markers),
+            None => all = Some(found),
+        }
+    }
+    Ok(all)
 }

@@ -61,10 +61,19 @@ pub struct DetectOptions {
     pub detector: Detector,
     /// The layout of a ChArUco board with an even number of rows, where it is known; else it is told from the tags.
     pub charuco_layout: Option<CharucoLayout>,
+    /// Number of the board's first tag in the dictionary: 0 but for one of several boards.
+    #[serde(default)]
+    pub first_tag: usize,
 }
 
 impl Default for DetectOptions {
     fn default() -> Self {
-        DetectOptions { refine: true, min_markers: 8, detector: Detector::default(), charuco_layout: None }
+        DetectOptions {
+            refine: true,
+            min_markers: 8,
+            detector: Detector::default(),
+            charuco_layout: None,
+            first_tag: 0,
+        }
     }
 }

@@ -46,8 +46,8 @@ pub use record::{
     FleetOutlierPart, FleetParameter, FleetReplication, FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations,
     FrameRecord, GainInterval, HeldOutErrors, Interval, LearningPoint, LeftOpen, LensComparison, MarkerObservation,
     MeanStd, ModelComparison, ModelValue, NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord,
-    PlaceRecord, PlaceStdDev, Prior, PriorUse, RigCameraDiagnosis, RigCameraRecord, RigDiagnosisFile, RigDriftLeftOut,
-    RigDriftTest, RigHeldOut, Rms, ScoredEffect, ScoredParameter, Scores, Separability, StabilityEstimate,
-    StabilityRecord, TransferAtDistance, TransferError, UsedPriorParameter, Verdict,
+    PlaceRecord, PlaceStdDev, Prior, PriorUse, RigCameraDiagnosis, RigCameraRecord, RigDiagnosisFile, RigDriftTest,
+    RigEffect, RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores, Separability, StabilityEstimate,
+    StabilityRecord, TimeOffsetRecord, TransferAtDistance, TransferError, UsedPriorParameter, Verdict,
 };
 pub use schema::SchemaName;

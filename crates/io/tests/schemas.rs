@@ -94,10 +94,16 @@ fn the_schema_of_rigs_agrees_with_their_parser() {
         format!("{BOARD}{colour}lens = \"opencv8\"\n{depth}{numbers}fixed = true\n"),
         format!("{BOARD}{colour}intrinsics = \"factory.yml\"\n[frames]\nwithin_s = 0.02\nmetadata = \"frames.csv\"\n"),
     ];
-    for text in &good {
+    let wall = "[boards.wall]\nkind = \"aprilgrid\"\ncolumns = 6\nrows = 5\nspacing_mm = 39\nmarker_mm = 30\n";
+    let floor = wall.replace("wall", "floor").replace("rows", "first_tag = 30\nrows");
+    let good = good.into_iter().chain([format!("{wall}{floor}{colour}")]);
+    for text in &good.collect::<Vec<_>>() {
         assert_eq!(accepted(&validator, text), (true, true), "{text}");
     }
     let bad = [
+        format!("{wall}{BOARD}{colour}"),
+        format!("{wall}{FRAMES}"),
+        format!("{}{colour}", wall.replace("aprilgrid", "chessboard")),
         format!("{BOARD}{FRAMES}{colour}"),
         format!("{BOARD}{colour}[depth]\nunit_mm = 1\n"),
         format!("{BOARD}{colour}[camera]\n{numbers}"),

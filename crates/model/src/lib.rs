@@ -54,4 +54,4 @@ pub use piece::{
 pub use register::{Register, RegisterError};
 pub use scalar::Scalar;
 pub use spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
-pub use target::{CharucoLayout, Pattern, Target};
+pub use target::{BoardPart, CharucoLayout, NumberedBoard, Pattern, Target};

@@ -37,6 +37,37 @@ pub enum Pattern {
         /// Side of a tag, outer edge of its black border.
         marker_mm: f64,
     },
+    /// Several boards at once, each rigid but not with the others, told apart by the numbers of their tags. The markers of the first
+    /// come first. Columns and rows are 0.
+    Several {
+        /// The boards, ChArUco boards and AprilGrids.
+        boards: Vec<NumberedBoard>,
+    },
+}
+
+/// One of several boards.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct NumberedBoard {
+    /// Its name.
+    pub name: String,
+    /// Number of its first tag in the dictionary; the others follow.
+    #[serde(default)]
+    pub first_tag: usize,
+    /// The board.
+    pub board: Target,
+}
+
+/// A board among the markers of a [`Target`], which has one or several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoardPart<'a> {
+    /// Its name; empty where there is one board only.
+    pub name: &'a str,
+    /// Number of its first tag.
+    pub first_tag: usize,
+    /// The board.
+    pub board: &'a Target,
+    /// Its markers among those of all boards.
+    pub markers: std::ops::Range<usize>,
 }
 
 /// Which square is at the top left of a ChArUco board with an even number of rows. With an odd number there is but one layout.
@@ -92,11 +123,39 @@ pub struct Target {
 }
 
 impl Target {
+    /// Several boards at once, told apart by the numbers of their tags. `spacing_mm` is that of the first.
+    pub fn several(boards: Vec<NumberedBoard>) -> Self {
+        let spacing_mm = boards.first().map_or(f64::NAN, |first| first.board.spacing_mm);
+        Self { pattern: Pattern::Several { boards }, columns: 0, rows: 0, spacing_mm }
+    }
+
+    /// The boards: this one, or the several that it consists of.
+    pub fn parts(&self) -> Vec<BoardPart<'_>> {
+        let Pattern::Several { boards } = &self.pattern else {
+            return vec![BoardPart { name: "", first_tag: 0, board: self, markers: 0..self.len() }];
+        };
+        let mut next = 0;
+        let mut parts = Vec::new();
+        for NumberedBoard { name, first_tag, board } in boards {
+            let markers = next..next + board.len();
+            next = markers.end;
+            parts.push(BoardPart { name, first_tag: *first_tag, board, markers });
+        }
+        parts
+    }
+
+    /// The markers of one of the boards, by its number: index and position in its frame, mm. None beyond the last board.
+    pub fn points_of(&self, board: usize) -> Vec<(usize, [f64; 2])> {
+        let range = self.parts().get(board).map_or(0..0, |part| part.markers.clone());
+        range.map(|index| (index, self.point(index))).collect()
+    }
+
     /// Number of markers that a complete detection has.
     pub fn len(&self) -> usize {
         match self.pattern {
             Pattern::Charuco { .. } => self.columns.saturating_sub(1) * self.rows.saturating_sub(1),
             Pattern::Aprilgrid { .. } => 4 * self.columns * self.rows,
+            Pattern::Several { ref boards } => boards.iter().map(|own| own.board.len()).sum(),
             _ => self.columns * self.rows,
         }
     }
@@ -110,7 +169,17 @@ impl Target {
     pub fn point(&self, index: usize) -> [f64; 2] {
         let s = self.spacing_mm;
         let grid = |columns: usize| ((index % columns) as f64, (index / columns) as f64);
-        match self.pattern {
+        match &self.pattern {
+            Pattern::Several { boards } => {
+                let mut left = index;
+                for NumberedBoard { board, .. } in boards {
+                    if left < board.len() {
+                        return board.point(left);
+                    }
+                    left -= board.len();
+                }
+                [f64::NAN; 2]
+            }
             Pattern::AsymmetricCircles { .. } => {
                 let (j, i) = grid(self.columns);
                 [(2.0 * j + i % 2.0) * s, i * s]
@@ -127,7 +196,7 @@ impl Target {
                 let (tag, corner) = (index / 4, index % 4);
                 let origin = [(tag % self.columns) as f64 * s, (tag / self.columns) as f64 * s];
                 let offset = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][corner];
-                [origin[0] + marker_mm * offset[0], origin[1] + marker_mm * offset[1]]
+                [origin[0] + *marker_mm * offset[0], origin[1] + *marker_mm * offset[1]]
             }
         }
     }
@@ -206,6 +275,21 @@ mod tests {
         assert_eq!(target.circle_diameter_mm(), None);
         let known = target.with_circle_diameter_mm(12.0);
         assert_eq!(known.circle_diameter_mm(), Some(12.0));
+    }
+
+    #[test]
+    fn several_boards_have_their_markers_one_after_the_other() {
+        let april =
+            |columns| Target { pattern: Pattern::Aprilgrid { marker_mm: 30.0 }, columns, rows: 1, spacing_mm: 39.0 };
+        let own = |name: &str, first_tag, board| NumberedBoard { name: name.into(), first_tag, board };
+        let both = Target::several(vec![own("a", 0, april(2)), own("b", 2, april(3))]);
+        assert_eq!((both.len(), april(2).parts().len()), (20, 1));
+        assert_eq!(both.point(9), april(3).point(1));
+        let parts = both.parts();
+        assert_eq!((parts[1].name, parts[1].first_tag, parts[1].markers.clone()), ("b", 2, 8..20));
+        assert_eq!(both.points_of(1)[0], (8, [0.0, 0.0]));
+        let text = serde_json::to_string(&both).unwrap();
+        assert_eq!(serde_json::from_str::<Target>(&text).unwrap(), both);
     }
 
     #[test]

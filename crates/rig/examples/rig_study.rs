@@ -2,14 +2,15 @@
 //!
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- colour [SEEDS]
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- depth [SEEDS]
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- clouds [SEEDS] [CAMERAS]
+//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- clouds [SEEDS] [CAMERAS] [FRAMES]
+//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- offset [SEEDS]
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- cost [FRAMES]
 //!
 //! `colour`: infrared, depth and colour; `depth`: infrared with depth, and a second depth camera whose image cannot be had. How
 //! often parameters come back within three standard deviations, the normalised squared error, and transfer errors against those
 //! of the true rig.
-//! `clouds`: several depth cameras around one board, and by how much their clouds of the board miss each other. `cost`: time of
-//! a rig of two cameras over that of one.
+//! `clouds`: several depth cameras around one board, captured in so many frames, and by how much their clouds of the board miss each other.
+//! `offset`: a colour camera that exposes later, before a board that is waved. `cost`: time of a rig of two cameras over that of one.
 
 use std::error::Error;
 use std::time::Instant;
@@ -19,7 +20,7 @@ use depthcal_model::Register;
 use depthcal_rig::judge::evaluate_rig;
 use depthcal_rig::simulated::{errors, pose, rig_capture, squared_error, true_cameras};
 use depthcal_rig::{PlacedCamera, RigCapture, RigOptions, calibrate_rig};
-use depthcal_simulate::{Kind, PointOptions, RigCamera, RigPoints, RigSimulation, RigTruth};
+use depthcal_simulate::{Kind, PointOptions, RigCamera, RigPoints, RigSimulation, RigTruth, Waved};
 use depthcal_statistics::{chi_squared_tail, rms};
 use nalgebra::{Point3, Vector3};
 
@@ -116,14 +117,14 @@ fn cloud_means(rig: &[PlacedCamera], capture: &RigCapture, truth: &RigTruth, fra
     rig.iter().zip(&capture.cameras).map(mean).collect()
 }
 
-fn clouds(seeds: u64, cameras: usize) -> Result<(), Box<dyn Error>> {
+fn clouds(seeds: u64, cameras: usize, frames: Option<usize>) -> Result<(), Box<dyn Error>> {
     let names: Vec<String> =
         (1..=cameras).map(|n| if n == 1 { "infrared".to_owned() } else { format!("infrared{n}") }).collect();
     let register = Register::builtin();
     let options = options(Some("brown-conrady:full"));
     let (mut ours, mut oracle) = (Vec::new(), Vec::new());
     for seed in 0..seeds {
-        let fit = calibrate_rig(&rig_capture(&observe(&names, Kind::General(1), seed, None)?), &options)?;
+        let fit = calibrate_rig(&rig_capture(&observe(&names, Kind::General(1), seed, frames)?), &options)?;
         let held_out = observe(&names, Kind::General(2), seed, None)?;
         let capture = rig_capture(&held_out);
         let truth = true_cameras(&held_out.truth, &register)?;
@@ -138,6 +139,45 @@ fn clouds(seeds: u64, cameras: usize) -> Result<(), Box<dyn Error>> {
     let (ours, truth) = (rms(ours.iter().copied()), rms(oracle.iter().copied()));
     println!("{cameras} cameras, {seeds} seeds, {} gaps between the means of two clouds", oracle.len());
     println!("rms {ours:.4} mm, by noise alone {truth:.4} mm: {:.3} times", ours / truth);
+    Ok(())
+}
+
+/// Videos of 60 frames, the colour camera 5 ms to 30 ms late or early.
+fn offset(seeds: u64) -> Result<(), Box<dyn Error>> {
+    let with = RigOptions { time_offsets: vec!["colour".to_owned()], ..options(Some("brown-conrady:full")) };
+    let (mut off, mut squared, mut freedom, mut sigmas, mut failed) = (Vec::new(), 0.0, 0, Vec::new(), 0);
+    for seed in 0..seeds {
+        let offset_s = 0.005 * (1 + seed % 6) as f64 * if seed % 2 == 0 { 1.0 } else { -1.0 };
+        let mut cameras = Vec::new();
+        for name in ["infrared", "colour"] {
+            cameras.push(RigCamera::usual(name, 1)?.ok_or("a camera without a usual form")?);
+        }
+        cameras[1].time_offset_s = offset_s;
+        let rig = RigSimulation::new(cameras, Kind::General(1), seed).waved(Waved::default(), 60);
+        let points = rig.observe_points(&PointOptions::default())?;
+        let fit = match calibrate_rig(&rig_capture(&points), &with) {
+            Ok(fit) => fit,
+            Err(error) => {
+                println!("seed {seed}: {error}");
+                failed += 1;
+                continue;
+            }
+        };
+        let found = fit.cameras[1].time_offset.ok_or("no offset")?;
+        off.push((found.value_s - offset_s) / found.std_dev_s);
+        sigmas.push(1e3 * found.std_dev_s);
+        let (value, n) = squared_error(&fit, &errors(&fit, &points.truth)).ok_or("singular covariance")?;
+        squared += value;
+        freedom += n;
+    }
+    let within = off.iter().filter(|d| d.abs() <= 3.0).count();
+    println!("{seeds} seeds, {failed} without a fit; offsets known to {:.3} ms", rms(sigmas));
+    println!(
+        "{within} of {} offsets within three standard deviations, rms {:.2} of them",
+        off.len(),
+        rms(off.iter().copied())
+    );
+    println!("normalised squared error {:.3} per degree of freedom", squared / freedom as f64);
     Ok(())
 }
 
@@ -169,8 +209,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     match words.first().map(String::as_str) {
         Some("colour") => coverage(&named(["infrared", "colour"]), number(1, 100)?, Some("brown-conrady:full")),
         Some("depth") => coverage(&named(["infrared", "depth"]), number(1, 100)?, None),
-        Some("clouds") => clouds(number(1, 20)?, number(2, 2)? as usize),
+        Some("clouds") => clouds(number(1, 20)?, number(2, 2)? as usize, words.get(3).map(|n| n.parse()).transpose()?),
+        Some("offset") => offset(number(1, 40)?),
         Some("cost") => cost(number(1, 30)? as usize),
-        _ => Err("say colour, depth, clouds or cost".into()),
+        _ => Err("say colour, depth, clouds, offset or cost".into()),
     }
 }

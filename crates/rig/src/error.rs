@@ -5,6 +5,7 @@ use depthcal_calibration::diagnose::DiagnoseError;
 use depthcal_calibration::load::{DeclaredCameraError, LoadError};
 use depthcal_io::{DatasetError, ImageError};
 use depthcal_model::CameraError;
+use depthcal_solver::score::ScoreError;
 use depthcal_solver::{CovarianceError, NoiseError, SolveError};
 use thiserror::Error;
 
@@ -92,6 +93,14 @@ pub enum RigError {
         /// Distance between the places, mm.
         distance_mm: f64,
     },
+    /// The time offset of a camera cannot be estimated.
+    #[error("the time offset of {camera} cannot be estimated: {reason}")]
+    TimeOffset {
+        /// The camera.
+        camera: String,
+        /// What is lacking, and the remedy.
+        reason: String,
+    },
     /// A depth camera without images has no start values.
     #[error("camera {camera} has depth without images, and {reason}")]
     DepthStart {
@@ -131,6 +140,9 @@ pub enum RigError {
     /// The solver failed.
     #[error("the joint adjustment failed: {0}")]
     Solve(#[from] SolveError),
+    /// Effects that a model may lack cannot be tested.
+    #[error("effects that the model may lack cannot be tested: {0}")]
+    Score(#[from] ScoreError),
     /// It stopped before it had converged.
     #[error("the joint adjustment did not converge ({reason}); its result cannot be trusted")]
     NotConverged {
@@ -178,6 +190,7 @@ impl RigError {
                 DiagnoseError::Score(_) | DiagnoseError::NotFitted { .. } => true,
             },
             Self::Solve(_)
+            | Self::Score(_)
             | Self::NotConverged { .. }
             | Self::Undetermined { .. }
             | Self::Covariance(_)

@@ -8,6 +8,7 @@
 //! | from the files of a dataset to detected boards of every camera | [`load`] |
 //! | relative poses from shared views, the graph of views, frames that contradict | [`views`] |
 //! | places that change with time or temperature | [`drift`] |
+//! | how the board moves about a frame, for cameras that expose at other times | [`motion`] |
 //! | what an adjustment changes: cameras, places, poses | [`state`] |
 //! | a depth camera without images: its start from planes | [`depth_only`] |
 //! | one joint adjustment on the solver | [`adjust`] |
@@ -31,6 +32,7 @@ pub mod drift;
 mod error;
 pub mod judge;
 pub mod load;
+pub mod motion;
 pub mod placed;
 pub mod record;
 #[cfg(any(test, feature = "simulate"))]
@@ -39,7 +41,7 @@ pub mod state;
 pub mod task;
 pub mod views;
 
-pub use calibrate::{CameraFit, EffectOf, HeldOf, RigCalibrated, RigOptions, calibrate_rig};
+pub use calibrate::{CameraFit, EffectOf, HeldOf, RigCalibrated, RigOptions, TimeOffset, calibrate_rig};
 pub use capture::{CameraCapture, RigCapture};
 pub use error::RigError;
 pub use placed::PlacedCamera;

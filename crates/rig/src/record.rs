@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use depthcal_calibration::calibration_record::{RecordError, camera_from_record, noise_record, piece_records};
 use depthcal_io::{
     Calibration, CovarianceRecord, DriftRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, PlaceRecord,
-    PlaceStdDev, RigCameraRecord,
+    PlaceStdDev, RigCameraRecord, TimeOffsetRecord,
 };
 use depthcal_model::Register;
 use depthcal_statistics::rms;
@@ -72,6 +72,9 @@ fn camera_record(camera: &CameraFit) -> RigCameraRecord {
         camera_from_rig: PlaceRecord { rotation, translation_mm, std_dev, drift: camera.drift.map(drift_record) },
         pieces: piece_records(&fit.camera, &fit.std_devs()),
         noise: noise_record(fit),
+        time_offset: camera
+            .time_offset
+            .map(|offset| TimeOffsetRecord { value_s: offset.value_s, std_dev_s: offset.std_dev_s }),
         depth_unit_mm: fit.capture.depth_unit_mm,
         frames_used: fit.capture.frames.len(),
         reprojection_rms_px: camera.has_markers().then_some(fit.reprojection_rms_px),

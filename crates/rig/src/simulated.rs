@@ -17,6 +17,9 @@ const FEWEST: usize = 8;
 pub fn rig_capture(points: &RigPoints) -> RigCapture {
     let cameras = points.truth.cameras.iter().zip(&points.cameras).map(|(truth, observed)| {
         let mut capture = simulated::capture(observed);
+        for frame in &mut capture.frames {
+            frame.raw.metadata.timestamp_s = Some(frame.time_s);
+        }
         if truth.streams.has_image() {
             capture.frames.retain(|frame| frame.markers.len() >= FEWEST);
         } else {
@@ -89,6 +92,10 @@ pub fn errors(fit: &RigCalibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
         if camera.place_std_dev.is_some() {
             errors.extend(place_error(camera, own).iter().enumerate().map(|(i, e)| (row + i, *e)));
             row += if camera.drift.is_some() { 12 } else { 6 };
+            if let Some(offset) = camera.time_offset {
+                errors.push((row, own.time_offset_s - offset.value_s));
+                row += 1;
+            }
         }
         let model = &camera.calibrated.camera;
         let names = depthcal_calibration::calibration_record::parameter_names(model);

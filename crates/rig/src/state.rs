@@ -2,12 +2,13 @@
 
 use depthcal_calibration::adjust::smoothness_prior::Smoothness;
 use depthcal_calibration::observe::noise::NoiseModel;
-use depthcal_calibration::observe::{Capture, SampledFrame};
+use depthcal_calibration::observe::{Capture, RawFrame, SampledFrame};
 use depthcal_io::FrameMetadata;
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
 use crate::drift::{PlaceDrift, Taken};
+use crate::motion::{BoardMotion, motions};
 
 /// A frame of a rig: one pose of the board, whichever cameras saw it.
 #[derive(Debug, Clone)]
@@ -16,10 +17,14 @@ pub struct RigFrame {
     pub name: String,
     /// Pose of the board: maps board coordinates to those of the rig, mm.
     pub rig_from_board: Isometry3<f64>,
+    /// Which of several boards it is about, by number; 0 where there is one.
+    pub board: usize,
     /// Its row of the dataset's table.
     pub metadata: FrameMetadata,
     /// When it was taken, and at which temperature.
     pub taken: Taken,
+    /// How the board moves about it; `None` where that is unknown, or where no camera needs it.
+    pub motion: Option<BoardMotion>,
 }
 
 /// A camera of a rig in the course of its calibration.
@@ -33,6 +38,9 @@ pub struct CameraState {
     pub camera_from_rig: Isometry3<f64>,
     /// How its place changes.
     pub drift: Option<PlaceDrift>,
+    /// By how much it exposes later than its frames' times say, against the reference, s; `None` where that is not asked. Then it has
+    /// frames only about which the board's motion is known.
+    pub offset_s: Option<f64>,
     /// The noise that weights its residuals.
     pub noise: NoiseModel,
     /// The prior of its fields.
@@ -69,6 +77,13 @@ pub struct RigState {
     pub frames: Vec<RigFrame>,
     /// The cameras; the first is the reference.
     pub cameras: Vec<CameraState>,
+}
+
+impl RigFrame {
+    /// By how much the time of a camera's own frame is later than the rig's, s; 0 where either is unknown.
+    pub fn later_s(&self, own: &RawFrame) -> f64 {
+        own.metadata.timestamp_s.zip(self.metadata.timestamp_s).map_or(0.0, |(own, of_rig)| own - of_rig)
+    }
 }
 
 impl CameraState {
@@ -110,14 +125,34 @@ impl RigState {
         Self { frames: frames.collect(), cameras: self.cameras.iter().map(camera).collect() }
     }
 
+    /// Takes the motion of the board about every frame from the present poses of those before and after, where a camera has an offset.
+    pub fn take_motions(&mut self) {
+        if self.cameras.iter().all(|camera| camera.offset_s.is_none()) {
+            return;
+        }
+        let boards = self.frames.iter().map(|frame| frame.board + 1).max().unwrap_or(0);
+        for board in 0..boards {
+            let mut own: Vec<&mut RigFrame> = self.frames.iter_mut().filter(|frame| frame.board == board).collect();
+            let poses: Vec<_> = own.iter().map(|f| (f.metadata.timestamp_s, f.rig_from_board)).collect();
+            for (frame, motion) in own.iter_mut().zip(motions(&poses)) {
+                frame.motion = motion;
+            }
+        }
+    }
+
     /// Gives the frames of every camera the poses that follow from the rig's.
     pub fn place_boards(&mut self) {
         for camera in &mut self.cameras {
-            let poses: Vec<Isometry3<f64>> = camera
-                .frames
-                .iter()
-                .map(|f| camera.place_in(&self.frames[*f]) * self.frames[*f].rig_from_board)
-                .collect();
+            let rig_from_board = |(own, number): (&SampledFrame, &usize)| {
+                let frame = &self.frames[*number];
+                let moving = camera.offset_s.zip(frame.motion);
+                let board = moving.map_or(frame.rig_from_board, |(offset_s, motion)| {
+                    motion.after(offset_s + frame.later_s(own)).of(&frame.rig_from_board)
+                });
+                camera.place_in(frame) * board
+            };
+            let poses: Vec<Isometry3<f64>> =
+                camera.capture.frames.iter().zip(&camera.frames).map(rig_from_board).collect();
             camera.capture.set_poses(&poses);
         }
     }

@@ -15,6 +15,9 @@ use crate::load::LoadedRig;
 use crate::placed::PlacedCamera;
 use crate::record::rig_record;
 
+/// What an option calls the time by which a camera exposes later than its times say.
+const TIME_OFFSET: &str = "time_offset";
+
 /// A rig, fitted and judged.
 #[derive(Debug, Clone)]
 pub struct RigFit {
@@ -32,8 +35,9 @@ pub struct RigFit {
     pub evaluation: Evaluation,
 }
 
-/// Adds effects and held parameters in words to the options of a fit, whose register knows them: `NAME`, `fixed:PIECE.PARAMETER`, and of one
-/// camera `CAMERA:NAME` or `fixed:CAMERA:PIECE.PARAMETER`. `option` is what the caller calls them.
+/// Adds effects, time offsets and held parameters in words to the options of a fit, whose register knows the effects: `NAME`,
+/// `fixed:PIECE.PARAMETER`, and of one camera `CAMERA:NAME`, `CAMERA:time_offset` or `fixed:CAMERA:PIECE.PARAMETER`. `option` is what the
+/// caller calls them.
 ///
 /// # Errors
 ///
@@ -55,7 +59,13 @@ pub fn add_effects(
             Some((name, rest)) if is_camera(name) => (Some(name.to_owned()), rest),
             _ => (None, rest),
         };
-        if is_held {
+        if !is_held && rest == TIME_OFFSET {
+            let camera = camera.ok_or_else(|| {
+                let example = rig.capture.cameras.last().map_or("CAMERA", |camera| camera.name.as_str());
+                wrong(format!("name the camera whose offset is estimated, such as {example}:{TIME_OFFSET}"))
+            })?;
+            options.time_offsets.push(camera);
+        } else if is_held {
             let parameter = rest.parse().map_err(|e: HeldError| wrong(e.to_string()))?;
             options.held.push(HeldOf { camera, parameter });
         } else {

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use depthcal_model::chain::DepthQuery;
 use depthcal_model::{Block, Context, Register};
 use depthcal_rig::adjust::{CameraVariables, Observations, RigBatch, RigGroup};
+use depthcal_rig::motion::BoardMotion;
 use depthcal_solver::{Graph, Loss, Values, check_jacobians};
 use nalgebra::{DVector, Isometry3, Vector3};
 
-/// Derivatives by both poses, by the drift of the place and by the camera's parameters are those of finite differences, for markers and
-/// for depth, of the reference and of another camera, whose place drifts or not.
+/// Derivatives by both poses, by the drift of the place, by the offset of the time and by the camera's parameters are those of finite
+/// differences, for markers and for depth, of the reference and of another camera, whose place drifts or not, and before which the board
+/// moves or not.
 #[test]
 fn derivatives_are_those_of_finite_differences() {
     let register = Register::builtin();
@@ -27,11 +29,21 @@ fn derivatives_are_those_of_finite_differences() {
     let place = values.insert(turned([-80.0, 20.0, 30.0], [0.1, 0.25, -0.05]));
     let blocks: Vec<_> = camera.blocks().iter().map(|b| values.insert(DVector::from_column_slice(&b.theta))).collect();
     let drift = values.insert(DVector::from_column_slice(&[0.2, -0.1, 0.3, 4.0, -2.0, 1.0]));
-    for (place, drift) in [(None, None), (Some(place), None), (Some(place), Some(drift))] {
+    let offset = values.insert(DVector::from_element(1, 0.013));
+    let later = |s: f64| turned([-60.0 + 300.0 * s, 30.0 - 200.0 * s, 700.0], [0.3 + 0.8 * s, -0.4, 0.2 - s]);
+    let motion = BoardMotion::through(&later(0.0), &[(-0.04, later(-0.04)), (0.03, later(0.03))]).unwrap();
+    for (place, drift, offset) in [
+        (None, None, None),
+        (Some(place), None, None),
+        (Some(place), Some(drift), None),
+        (Some(place), None, Some(offset)),
+        (Some(place), Some(drift), Some(offset)),
+    ] {
         let variables = CameraVariables {
             chain: Arc::new(camera.chain()),
             place,
             drift,
+            offset,
             blocks: blocks.clone(),
             image_blocks: blocks.len() - 1,
         };
@@ -49,7 +61,8 @@ fn derivatives_are_those_of_finite_differences() {
             sigmas: vec![2e-6; 3],
         };
         let mut graph = Graph::new();
-        let group = |observed| vec![RigGroup { frame, drifted: 0.7, observed }];
+        let moving = offset.map(|_| (motion, 0.004));
+        let group = |observed| vec![RigGroup { frame, drifted: 0.7, moving, observed }];
         graph.add_batch(RigBatch::of_markers("image".into(), variables.clone(), group(markers), Loss::Trivial));
         graph.add_batch(RigBatch::of_depth("depth".into(), variables, group(depth), Loss::Trivial));
         for error in check_jacobians(&graph, &values, 1e-5).unwrap() {

@@ -47,6 +47,18 @@ pub(crate) fn choose(frames: usize, seed: u64) -> Vec<Conditions> {
     times.iter().enumerate().map(conditions).collect()
 }
 
+/// Conditions of the frames of a video, which is too short for the temperature to change.
+pub(crate) fn video(frames: usize, period_s: f64) -> Vec<Conditions> {
+    let session_s = (period_s * frames.saturating_sub(1) as f64).max(1.0);
+    let at = |frame: usize| Conditions {
+        frame,
+        time_s: period_s * frame as f64,
+        session_s,
+        temperature_c: REFERENCE_TEMPERATURE_C,
+    };
+    (0..frames).map(at).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -54,6 +54,6 @@ pub use points::{DepthSample, FramePoints, MarkerPoint, PointObservations, Point
 pub use pose::Pose;
 pub use render::{RenderedFrame, Renderer};
 pub use rendering::Rendering;
-pub use rig::{Drift, RigCamera, RigCameraTruth, RigPoints, RigSimulation, RigTruth, Streams};
+pub use rig::{Drift, RigCamera, RigCameraTruth, RigPoints, RigSimulation, RigTruth, Streams, Waved};
 pub use simulation::Simulation;
 pub use truth::{FrameTruth, Truth};

@@ -44,7 +44,10 @@ impl<'a> Session<'a> {
         };
         let of_conditions = simulation.conditions_seed.unwrap_or(seed);
         let of_conditions = crate::streams::seed_with_name(of_conditions, &kind.to_string());
-        let conditions = conditions::choose(simulation.frames, of_conditions);
+        let conditions = match simulation.period_s {
+            Some(period_s) => conditions::video(simulation.frames, period_s),
+            None => conditions::choose(simulation.frames, of_conditions),
+        };
         let (frames, defective) = defects.frames(&poses, &conditions, &board, seed);
         let frame_truth = |(i, frame): (usize, &Frame)| FrameTruth {
             name: frame_name(i),

@@ -32,6 +32,8 @@ pub struct Simulation {
     pub(crate) seed: u64,
     /// Seed of times and temperatures, where it is another.
     pub(crate) conditions_seed: Option<u64>,
+    /// Time between frames of a video, s.
+    pub(crate) period_s: Option<f64>,
     pub(crate) unit: u64,
     pub(crate) frames: usize,
     pub(crate) poses: Option<Vec<Pose>>,
@@ -53,6 +55,7 @@ impl Simulation {
             given: Vec::new(),
             seed,
             conditions_seed: None,
+            period_s: None,
             unit: 0,
             frames: kind.frames(),
             poses: None,
@@ -87,6 +90,12 @@ impl Simulation {
     /// Sets a seed of times and temperatures alone: cameras of one rig have them in common, but noise of their own.
     pub(crate) fn conditions_seed(mut self, seed: u64) -> Self {
         self.conditions_seed = Some(seed);
+        self
+    }
+
+    /// Makes the frames those of a video, so many seconds apart.
+    pub(crate) fn video(mut self, period_s: Option<f64>) -> Self {
+        self.period_s = period_s;
         self
     }
 

@@ -9,7 +9,7 @@ use depthcal_io::{
     Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, digest_files,
     read_depth_frame, read_gray,
 };
-use depthcal_model::{CharucoLayout, Register};
+use depthcal_model::{BoardPart, CharucoLayout, Register};
 use rayon::prelude::*;
 use tracing::{debug, info, warn};
 
@@ -18,6 +18,7 @@ use super::error::LoadError;
 use super::found::Found;
 use super::given_markers::given_markers;
 use super::marker_lists::{GivenMarkers, markers_of};
+use super::per_board::{markers_per_board, name_of, per_board};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
@@ -248,7 +249,11 @@ pub(super) fn assemble(
     }
     let mut dropped = Vec::new();
     let mut kept = Vec::new();
-    for (raw, markers) in frames.into_iter().zip(markers) {
+    let target = &dataset.target;
+    let of_boards = frames.into_iter().zip(markers).flat_map(|(raw, markers)| {
+        per_board(raw, target).into_iter().zip(markers_per_board(&markers, target)).collect::<Vec<_>>()
+    });
+    for (raw, markers) in of_boards {
         if markers.is_empty() {
             let reason = match &file {
                 Some(file) => format!("no markers in {}", file.path),
@@ -260,7 +265,8 @@ pub(super) fn assemble(
         }
     }
     if kept.is_empty() {
-        let board = format!("{} × {}", dataset.target.columns, dataset.target.rows);
+        let size = |part: &BoardPart<'_>| format!("{} × {}", part.board.columns, part.board.rows);
+        let board = dataset.target.parts().iter().map(size).collect::<Vec<_>>().join(", ");
         return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len() });
     }
     info!("{}: the board was found in {} of {} frames", dataset.name, kept.len(), kept.len() + dropped.len());
@@ -296,7 +302,7 @@ pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> 
         width,
         height,
         depth_unit_mm: dataset.depth_unit_mm,
-        frames: frames.into_iter().map(detected).collect(),
+        frames: frames.into_iter().flat_map(|raw| per_board(raw, &dataset.target)).map(detected).collect(),
         dropped: strays.collect(),
     };
     Ok(Loaded::of_capture(dataset, reference, capture))
@@ -315,7 +321,12 @@ fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     if !version || cached.dataset.digest != digest || cached.target != target {
         return None;
     }
-    let of = |name: &str| cached.frame(name).map(|f| f.markers.iter().map(from_file).collect());
+    let parts = target.parts();
+    let of = |name: &str| -> Option<Vec<MarkerObservation>> {
+        let own = parts.iter().enumerate().map(|(board, part)| cached.frame(&name_of(name, board, part.name)));
+        let found = own.collect::<Option<Vec<_>>>()?;
+        Some(found.into_iter().flat_map(|frame| frame.markers.iter().map(from_file)).collect())
+    };
     let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
     let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
     Some(Found { markers, circle_diameter, charuco_layout })

@@ -11,6 +11,7 @@ mod given_markers;
 mod given_markers_error;
 mod in_memory;
 mod marker_lists;
+mod per_board;
 
 pub use circle_diameter::MeasuredDiameter;
 pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only, load_with_markers};

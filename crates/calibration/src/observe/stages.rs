@@ -60,6 +60,8 @@ pub enum MeasuredDepth {
 pub struct RawFrame {
     /// Its name in the dataset.
     pub name: String,
+    /// Which of several boards it is about, by number; 0 where there is one.
+    pub board: usize,
     /// Time since the first frame, s; 0 where unknown.
     pub time_s: f64,
     /// Temperature, °C; NaN where unknown.

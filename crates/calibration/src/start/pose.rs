@@ -52,7 +52,7 @@ pub fn local_poses(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -
     let middle =
         undistorted.iter().map(|m| target.point(m.index)).fold([0.0; 2], |s, p| [s[0] + p[0] / n, s[1] + p[1] / n]);
     let first = from_homography(&h, middle).ok_or_else(no_pose)?;
-    let mirrored = mirror(&first, target);
+    let mirrored = undistorted.first().and_then(|m| mirror(&first, target, m.index));
     let starts = [Some(first), mirrored].into_iter().flatten();
     let fits = starts.filter_map(|pose| refine_pose(camera, target, frame.markers, &pose));
     let mut fits: Vec<PoseFit> = fits.collect();
@@ -76,9 +76,11 @@ fn from_homography(h: &Matrix3<f64>, middle: [f64; 2]) -> Option<Isometry3<f64>>
     Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }
 
-/// The pose with the board's plane mirrored about the line of sight to its middle; `None` where the board is seen edge-on.
-fn mirror(pose: &Isometry3<f64>, target: &Target) -> Option<Isometry3<f64>> {
-    let points = target.points();
+/// The pose with the board's plane mirrored about the line of sight to the middle of the board that has this marker; `None` where the
+/// board is seen edge-on.
+fn mirror(pose: &Isometry3<f64>, target: &Target, marker: usize) -> Option<Isometry3<f64>> {
+    let parts = target.parts();
+    let points = parts.iter().find(|part| part.markers.contains(&marker))?.board.points();
     let n = points.len() as f64;
     let centre = points.iter().fold(Vector3::zeros(), |c, p| c + Vector3::new(p[0], p[1], 0.0) / n);
     let middle = pose * nalgebra::Point3::from(centre);
@@ -97,7 +99,7 @@ pub(crate) fn mirrored_pose(
     markers: &[MarkerObservation],
     pose: &Isometry3<f64>,
 ) -> Option<PoseFit> {
-    refine_pose(camera, target, markers, &mirror(pose, target)?)
+    refine_pose(camera, target, markers, &mirror(pose, target, markers.first()?.index)?)
 }
 
 /// Minimises the reprojection error over the pose alone, by the Levenberg–Marquardt method from `start`. `None` where the camera

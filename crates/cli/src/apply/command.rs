@@ -10,6 +10,7 @@ use depthcal_io::{
 };
 use depthcal_model::Camera;
 use depthcal_report::format::count;
+use depthcal_rig::record::cameras_from_record;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -17,7 +18,9 @@ use super::images::{by_stem, images_in, read_color, stem};
 use super::job::Job;
 use super::register::{RigRegister, register};
 use super::resume::Resume;
-use super::stream::{StreamArgs, StreamContext};
+use super::stream::StreamContext;
+use super::stream_args::StreamArgs;
+use super::stream_register::Registered;
 use super::written::{Written, points_of};
 use crate::common::{print_pairing, read_calibration};
 use crate::failure::{Failure, input};
@@ -35,7 +38,8 @@ use crate::voice::{complaint, is_json, say};
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
   depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times as in dataset.toml
   depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/
-  depthcal apply rig/calibration.json captures/ --register colour --cloud --out registered/    several cameras")]
+  depthcal apply rig/calibration.json captures/ --register colour --cloud --out registered/    several cameras
+  driver | depthcal apply rig/calibration.json - --register colour --stream-output u16 > registered.raw    the same of a stream")]
 pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
@@ -76,12 +80,16 @@ impl Apply {
                 "--unit-mm is {unit}: give the millimetres per step, such as 1 or 0.25"
             )));
         }
+        if self.stream.stream_output.is_some() && self.depth.iter().all(|path| path.as_os_str() != "-") {
+            let message = "--stream-output is for frames from standard input: give `-` as DEPTH, or leave it out";
+            return Err(Failure::Input(message.to_owned()));
+        }
         let (calibration, camera) = read_calibration(&self.calibration, &session.register)?;
         if let Some(target) = &self.register {
             return self.run_register(&calibration, target, session);
         }
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
-            self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm))?;
+            self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm), None)?;
             return Ok(Value::Null);
         }
         let jobs = self.jobs(calibration.depth_unit_mm)?;
@@ -135,6 +143,14 @@ impl Apply {
                 self.calibration.display()
             )));
         }
+        let cameras = cameras_from_record(calibration, &session.register)
+            .map_err(|e| Failure::Input(format!("{}: {e}", self.calibration.display())))?;
+        if self.depth.iter().any(|path| path.as_os_str() == "-") {
+            let cameras = Registered::of(&cameras, calibration, self.stream.stream_camera.as_deref(), target)?;
+            let depth = cameras.depth.camera.clone();
+            self.run_stream(&depth, cameras.unit_mm, Some(cameras))?;
+            return Ok(Value::Null);
+        }
         if let Some(path) = self.depth.iter().find(|path| !RigDataset::is_rig(path)) {
             return Err(Failure::Input(format!(
                 "{}: --register takes datasets of the rig: folders whose dataset.toml has sections [cameras.NAME]",
@@ -153,7 +169,7 @@ impl Apply {
     }
 
     /// Raw frames from standard input to standard output.
-    fn run_stream(&self, camera: &Camera, unit_mm: Option<f64>) -> Result<(), Failure> {
+    fn run_stream(&self, camera: &Camera, unit_mm: Option<f64>, register: Option<Registered>) -> Result<(), Failure> {
         if is_json() {
             return Err(Failure::Input("--json and `-` both want standard output: leave --json out".into()));
         }
@@ -166,7 +182,7 @@ impl Apply {
         }
         let corrector = Corrector::new(camera)
             .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
-        self.stream.run(StreamContext { corrector: &corrector, unit_mm, calibration: &self.calibration })
+        self.stream.run(StreamContext { corrector: &corrector, unit_mm, calibration: &self.calibration, register })
     }
 
     fn folder(&self) -> &Path {

@@ -6,6 +6,8 @@ mod job;
 mod register;
 mod resume;
 mod stream;
+mod stream_args;
+mod stream_register;
 mod written;
 
 pub(crate) use command::Apply;

@@ -49,6 +49,8 @@ struct DepthCamera<'a> {
     corrector: Corrector,
     unit_mm: f64,
     frames: &'a [Frame],
+    /// Time of its first frame, s: its pieces count from there, as they did when the calibration was fitted.
+    first_s: f64,
 }
 
 /// Resamples the depth of every frame of every camera.
@@ -77,7 +79,9 @@ pub(super) fn register(asked: &RigRegister<'_>, session: &Session) -> Result<Val
             if let (true, Some(placed), Some(unit_mm)) = (has_depth, placed, member.dataset.depth_unit_mm) {
                 let corrector = Corrector::new(&placed.camera)
                     .map_err(|error| Failure::Input(format!("{}: {error}", asked.calibration.display())))?;
-                found.push(DepthCamera { placed, corrector, unit_mm, frames: &member.dataset.frames });
+                let frames = &member.dataset.frames;
+                let first_s = frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
+                found.push(DepthCamera { placed, corrector, unit_mm, frames, first_s });
             }
         }
         if found.is_empty() {
@@ -141,7 +145,7 @@ fn register_frame(
     depth.check_unit(path, camera.unit_mm).map_err(input)?;
     let amplitude = frame.image.as_deref().map(read_gray).transpose().map_err(input)?;
     let context = FrameContext {
-        time_s: frame.metadata.timestamp_s.unwrap_or(0.0),
+        time_s: frame.metadata.timestamp_s.map_or(0.0, |t| t - camera.first_s),
         temperature_c: frame.metadata.temperature_c.unwrap_or(f64::NAN),
         amplitude: amplitude.as_ref().map(Into::into),
     };

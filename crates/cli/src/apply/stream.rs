@@ -5,63 +5,23 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 
-use clap::{Args, ValueEnum};
 use depthcal_io::{DepthImage, GrayImage};
 use depthcal_report::format::count;
 
+use super::stream_args::{FrameJob, Raw, StreamArgs, Written, bytes_of, f32_from_bytes, u16_from_bytes};
+use super::stream_register::{RegisterJob, Registered};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::voice::{self, complaint, note};
-use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
-
-/// Type of a raw frame's values: little-endian, row by row, nothing between frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Raw {
-    /// 16-bit steps of --unit-mm; 0 is no depth.
-    U16,
-    /// 32-bit floating-point mm; 0, negative and NaN are no depth.
-    F32,
-}
-
-/// Type of the values that are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Written {
-    /// Corrected depth in 16-bit steps of --unit-mm.
-    U16,
-    /// Corrected depth in 32-bit floating-point mm.
-    F32,
-    /// Points: x y z of every pixel, 32-bit floating-point mm; NaN where there is no depth.
-    Xyz,
-}
-
-/// Options of a stream.
-#[derive(Debug, Args)]
-pub(super) struct StreamArgs {
-    /// Type of the values on standard input.
-    #[arg(long, value_name = "TYPE", value_enum, default_value = "u16", requires = "stream_output")]
-    stream_input: Raw,
-    /// Type of the values on standard output; required for DEPTH `-`.
-    #[arg(long, value_name = "TYPE", value_enum)]
-    stream_output: Option<Written>,
-    /// Width and height of the frames, checked against those of the calibration.
-    #[arg(long, value_name = "WxH", requires = "stream_output")]
-    stream_size: Option<String>,
-    /// Each depth frame on standard input is followed by its infrared image: 16-bit values of the same size.
-    #[arg(long, requires = "stream_output")]
-    stream_amplitude: bool,
-    /// Frames per second, for effects that depend on time; the first frame is at 0 s.
-    #[arg(long, value_name = "FPS", requires = "stream_output")]
-    stream_fps: Option<f64>,
-    /// Temperature in °C, for effects that depend on it.
-    #[arg(long, value_name = "CELSIUS", requires = "stream_output")]
-    stream_temperature: Option<f64>,
-}
+use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, PointsMut};
 
 /// The calibration of a stream.
 pub(super) struct StreamContext<'a> {
     pub(super) corrector: &'a Corrector,
     pub(super) unit_mm: Option<f64>,
     pub(super) calibration: &'a Path,
+    /// The cameras of a rig between which depth is registered.
+    pub(super) register: Option<Registered>,
 }
 
 /// Buffers between reading, correcting and writing, so that the three run in parallel.
@@ -72,9 +32,14 @@ impl StreamArgs {
         let (width, height) = (context.corrector.width(), context.corrector.height());
         let written = self.stream_output.unwrap_or(Written::U16);
         self.check(&context, written, (width, height))?;
-        let pixels = width * height;
-        let depth_bytes = pixels * if self.stream_input == Raw::U16 { 2 } else { 4 };
-        let frame_bytes = depth_bytes + if self.stream_amplitude { 2 * pixels } else { 0 };
+        let mut job: Box<dyn FrameJob> = match &context.register {
+            Some(cameras) => {
+                let unit_mm = context.unit_mm.unwrap_or(1.0);
+                Box::new(RegisterJob::new(self, (context.corrector, unit_mm), cameras, written))
+            }
+            None => Box::new(Job::new(self, &context, written)),
+        };
+        let frame_bytes = job.frame_bytes();
 
         let (full, to_correct) = sync_channel::<Vec<u8>>(UNDER_WAY);
         let (emptied, to_fill) = sync_channel::<Vec<u8>>(UNDER_WAY);
@@ -88,13 +53,12 @@ impl StreamArgs {
         thread::scope(|scope| {
             let reader = scope.spawn(move || read_frames(io::stdin().lock(), &to_fill, &full));
             let writer = scope.spawn(move || write_frames(voice::frames(), &to_write, &flushed));
-            let mut job = Job::new(self, &context, written);
             let mut summary = CorrectionSummary::default();
             let mut frames = 0;
             let mut result = Ok(());
             while let Ok(frame) = to_correct.recv() {
                 let Ok(mut out) = to_reuse.recv() else { break };
-                match job.correct(frames, frame.split_at(depth_bytes), &mut out) {
+                match job.correct(frames, &frame, &mut out) {
                     Ok(of_frame) => summary += of_frame,
                     Err(error) => {
                         result = Err(Failure::Input(error.to_string()));
@@ -141,6 +105,13 @@ impl StreamArgs {
                 "--stream-size is {size}, but the calibration is for {width}x{height}: give frames of the calibrated \
                  camera at its full resolution"
             )));
+        }
+        if written == Written::Xyzrgb && !self.stream_color {
+            return Err(Failure::Input(
+                "--stream-output xyzrgb needs the colours: give --register CAMERA and --stream-color, and let its image follow each \
+                 depth frame"
+                    .to_owned(),
+            ));
         }
         let needs_unit = self.stream_input == Raw::U16 || written == Written::U16;
         if needs_unit && context.unit_mm.is_none() {
@@ -201,23 +172,21 @@ impl<'a> Job<'a> {
             amplitude: GrayImage { width, height, data: vec![0; n], bits: 16 },
         }
     }
+}
 
-    /// Corrects frame number `index` from its bytes into those of the result.
-    fn correct(
-        &mut self,
-        index: usize,
-        (depth, amplitude): (&[u8], &[u8]),
-        out: &mut Vec<u8>,
-    ) -> Result<CorrectionSummary, CorrectorError> {
+impl FrameJob for Job<'_> {
+    fn frame_bytes(&self) -> usize {
+        let pixels = self.millimetres.len();
+        pixels * self.args.stream_input.bytes() + if self.args.stream_amplitude { 2 * pixels } else { 0 }
+    }
+
+    fn correct(&mut self, index: usize, frame: &[u8], out: &mut Vec<u8>) -> Result<CorrectionSummary, CorrectorError> {
+        let (depth, amplitude) = frame.split_at(self.millimetres.len() * self.args.stream_input.bytes());
         let Self { args, corrector, unit_mm, written, steps, out_steps, millimetres, points, .. } = self;
         if args.stream_amplitude {
             u16_from_bytes(amplitude, &mut self.amplitude.data);
         }
-        let context = FrameContext {
-            time_s: args.stream_fps.map_or(0.0, |fps| index as f64 / fps),
-            temperature_c: args.stream_temperature.unwrap_or(f64::NAN),
-            amplitude: args.stream_amplitude.then(|| (&self.amplitude).into()),
-        };
+        let context = args.context(index, &self.amplitude);
         let unit_mm = *unit_mm;
         if args.stream_input == Raw::F32 {
             f32_from_bytes(depth, millimetres);
@@ -231,7 +200,7 @@ impl<'a> Job<'a> {
                     };
                     bytes_of(millimetres.iter().map(|z| in_steps(z).to_le_bytes()), out);
                 }
-                Written::Xyz => {
+                Written::Xyz | Written::Xyzrgb => {
                     corrector.points_f32_into(millimetres, PointsMut::Interleaved(points))?;
                     bytes_of(points.iter().map(|c| c.to_le_bytes()), out);
                 }
@@ -250,31 +219,12 @@ impl<'a> Job<'a> {
                 bytes_of(millimetres.iter().map(|z| z.to_le_bytes()), out);
                 Ok(summary)
             }
-            Written::Xyz => {
+            Written::Xyz | Written::Xyzrgb => {
                 let summary = corrector.correct_to_points(steps, unit_mm, &context, PointsMut::Interleaved(points))?;
                 bytes_of(points.iter().map(|c| c.to_le_bytes()), out);
                 Ok(summary)
             }
         }
-    }
-}
-
-fn u16_from_bytes(bytes: &[u8], values: &mut [u16]) {
-    for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
-        *value = u16::from_le_bytes(*bytes);
-    }
-}
-
-fn f32_from_bytes(bytes: &[u8], values: &mut [f32]) {
-    for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
-        *value = f32::from_le_bytes(*bytes);
-    }
-}
-
-fn bytes_of<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>, out: &mut Vec<u8>) {
-    out.resize(N * values.len(), 0);
-    for (bytes, value) in out.as_chunks_mut().0.iter_mut().zip(values) {
-        *bytes = value;
     }
 }
 

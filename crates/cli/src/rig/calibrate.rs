@@ -103,7 +103,7 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
     }))
 }
 
-/// Effects and held parameters of `--with`.
+/// Effects, time offsets and held parameters of `--with`.
 pub(crate) fn add_effects(with: &[String], rig: &LoadedRig, options: &mut RigOptions) -> Result<(), Failure> {
     Ok(depthcal_rig::task::add_effects(OptionNames::COMMAND_LINE.with, with, rig, options)?)
 }

@@ -2,17 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::Loaded;
 use depthcal_io::{
-    Evaluation, GainInterval, RigCameraDiagnosis, RigDiagnosisFile, RigDriftLeftOut, RigDriftTest, RigHeldOut,
+    DiagnosisFile, Evaluation, GainInterval, RigCameraDiagnosis, RigDiagnosisFile, RigDriftTest, RigEffect, RigHeldOut,
+    RigLeftOut,
 };
 use depthcal_model::{ModelSpec, PieceSpec};
 use depthcal_report::format::number;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, verdict_sentence};
 use depthcal_rig::RigOptions;
-use depthcal_rig::diagnose::{CameraDiagnosis, DriftTest, EffectInRig, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+use depthcal_rig::diagnose::{
+    CameraDiagnosis, DriftTest, EffectInRig, LeftOutErrors, RigDiagnoseOptions, RigDiagnosis, diagnose_rig,
+};
 use depthcal_rig::judge::EvaluatedRig;
 use depthcal_rig::record::{drift_record, rig_record};
 use serde_json::{Value, json};
@@ -58,8 +60,10 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
     let found = diagnose_rig(&rig.capture, verify.as_ref().map(|v| &v.capture), &options)?;
     let mut written: Vec<PathBuf> = Vec::new();
     let parts = rig_parts(&found, &rig.cameras, &names);
+    let mut cameras = Vec::new();
     for (camera, loaded) in found.cameras.iter().zip(&parts) {
-        tell_camera(camera, loaded, asked, verify.is_some(), session)?;
+        let own = tell_camera(camera, loaded, asked, verify.is_some(), session)?;
+        cameras.push(record_of(camera, own));
         written.push(asked.output.out.join(&camera.name));
     }
     for name in &found.without_depth {
@@ -76,7 +80,7 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
     let record = RigDiagnosisFile {
         dataset: reference.clone(),
         verdict: found.verdict,
-        cameras: found.cameras.iter().zip(&parts).map(|(c, part)| record_of(c, part, asked.model.0)).collect(),
+        cameras,
         without_depth: found.without_depth.clone(),
         extrinsics_drift: found.drifts.iter().map(|test| drift_record_of(test, &found)).collect(),
         held_out: RigHeldOut { before, after: after.clone() },
@@ -128,14 +132,14 @@ fn no_cameras() -> Failure {
     Failure::Input("the dataset declares no cameras".to_owned())
 }
 
-/// The camera's own findings, and its files in a folder of its name.
+/// The camera's own findings, and its files in a folder of its name; returns the record that these have.
 fn tell_camera(
     camera: &CameraDiagnosis,
     loaded: &Loaded,
     asked: &RigDiagnose<'_>,
     verified: bool,
     session: &Session,
-) -> Result<(), Failure> {
+) -> Result<DiagnosisFile, Failure> {
     say!("\n[{}]", camera.name);
     if camera.poses_from_others {
         say!("the poses of the board are those of the other cameras");
@@ -149,7 +153,7 @@ fn tell_camera(
         verified: verified && !camera.poses_from_others,
         story: Vec::new(),
     };
-    tell(d, &fitted, loaded, told, session, &asked.output.out.join(&camera.name))?;
+    let (record, _) = tell(d, &fitted, loaded, told, session, &asked.output.out.join(&camera.name))?;
     for EffectInRig { spec, left_out } in &camera.in_rig {
         let GainInterval { value, low, high } = left_out.gain_percent;
         say!(
@@ -160,7 +164,7 @@ fn tell_camera(
     for spec in &camera.not_adjusted {
         say!("{spec} is not part of the joint adjustment of the rig");
     }
-    Ok(())
+    Ok(record)
 }
 
 /// The loaded part of every diagnosed camera.
@@ -181,11 +185,7 @@ fn drift_record_of(test: &DriftTest, found: &RigDiagnosis) -> RigDriftTest {
         camera: test.camera.clone(),
         drift: drift_record((test.drift, test.std_devs)),
         p_value: test.p_value,
-        left_out: test.left_out.map(|errors| RigDriftLeftOut {
-            before: errors.before,
-            after: errors.after,
-            gain_percent: errors.gain_percent,
-        }),
+        left_out: test.left_out.map(left_out_record),
         added: is_added(test, found),
     }
 }
@@ -202,15 +202,24 @@ fn print_drifts(found: &RigDiagnosis) {
     }
 }
 
-fn record_of(camera: &CameraDiagnosis, loaded: &Loaded, model: &str) -> RigCameraDiagnosis {
+fn record_of(camera: &CameraDiagnosis, diagnosis: DiagnosisFile) -> RigCameraDiagnosis {
     let texts = |specs: &[PieceSpec]| specs.iter().map(ToString::to_string).collect();
+    let shown = |effect: &EffectInRig| RigEffect {
+        effect: effect.spec.to_string(),
+        left_out: left_out_record(effect.left_out),
+    };
     RigCameraDiagnosis {
         camera: camera.name.clone(),
         poses_from_others: camera.poses_from_others,
         effects: texts(&camera.effects),
         not_adjusted: texts(&camera.not_adjusted),
-        diagnosis: to_file(&camera.diagnosis, loaded.reference.clone(), model),
+        in_rig: camera.in_rig.iter().map(shown).collect(),
+        diagnosis,
     }
+}
+
+fn left_out_record(LeftOutErrors { before, after, gain_percent }: LeftOutErrors) -> RigLeftOut {
+    RigLeftOut { before, after, gain_percent }
 }
 
 fn evaluation_of(rig: &EvaluatedRig, suffix: &str) -> Evaluation {

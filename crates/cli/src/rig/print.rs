@@ -2,7 +2,7 @@
 
 use depthcal_io::{DriftOver, TransferError};
 use depthcal_report::format::{count, number, quantity};
-use depthcal_rig::{CameraFit, RigCalibrated};
+use depthcal_rig::{CameraFit, RigCalibrated, TimeOffset};
 
 use crate::parameters::print_parameters;
 use crate::voice::say;
@@ -41,6 +41,10 @@ fn print_place(camera: &CameraFit) {
     }
     for (i, axis) in ["x", "y", "z"].iter().enumerate() {
         say!("  t{axis}     {:>12.3} ± {:<12} mm", shift[i], number(std_dev[3 + i]));
+    }
+    if let Some(TimeOffset { value_s, std_dev_s }) = camera.time_offset {
+        let [value, std_dev] = [value_s, std_dev_s].map(|s| quantity(1e3 * s, "ms"));
+        say!("time_offset: it exposes {value} ± {std_dev} later than its times say");
     }
     if let Some((drift, std_dev)) = &camera.drift {
         say!("extrinsics_drift over {}", drift_range(drift.over, drift.range));

@@ -21,14 +21,14 @@ pub(crate) fn find(
     options: &DetectOptions,
 ) -> Result<Option<Detection>, DetectError> {
     let need = target.columns * target.rows;
-    let dictionary = Dictionary::with_tags(DICTIONARY, need)?;
+    let dictionary = Dictionary::with_tags(DICTIONARY, options.first_tag + need)?;
     let corners_of = |id: usize| (id < need).then(|| [0, 1, 2, 3].map(|corner| target.point(4 * id + corner)));
     let mut best: Vec<Tag> = Vec::new();
     for (plane, scale) in attempts(image) {
         // Most generators print a border of one bit, Kalibr one of two.
         for border in [1, 2] {
             let reading = Reading { dictionary: &dictionary, border, scale };
-            let tags = read_tags(&plane, &reading, options.detector)?;
+            let tags = read_tags(&plane, &reading, options)?;
             let kept = consistent(tags, corners_of, 0.2);
             if kept.len() > best.len() {
                 best = kept;

@@ -88,9 +88,9 @@ pub(crate) fn find(
     options: &DetectOptions,
 ) -> Result<Option<Detection>, DetectError> {
     let Pattern::Charuco { marker_mm, .. } = target.pattern else { return Ok(None) };
-    let dictionary = Dictionary::with_tags(dictionary, target.columns * target.rows / 2)?;
+    let dictionary = Dictionary::with_tags(dictionary, options.first_tag + target.columns * target.rows / 2)?;
     let layouts = layouts(target, options.charuco_layout);
-    let print = print(target, &dictionary, &layouts);
+    let print = print(target, (&dictionary, options.first_tag), &layouts);
     let least = options.min_markers.max(4);
     let mut best = Found::default();
     let mut crossings_tried = false;
@@ -103,7 +103,7 @@ pub(crate) fn find(
                 break;
             }
         }
-        let tags = read_tags(&plane, &Reading { dictionary: &dictionary, border: 1, scale }, options.detector)?;
+        let tags = read_tags(&plane, &Reading { dictionary: &dictionary, border: 1, scale }, options)?;
         let kept = layouts.iter().map(|&(layout, first)| {
             (layout, first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2))
         });
@@ -129,14 +129,18 @@ pub(crate) fn find(
     Ok((markers.len() >= least).then_some(Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout }))
 }
 
-/// The printed tags of the board, in every layout that it may have.
-fn print<'a>(target: &'a Target, dictionary: &Dictionary, layouts: &[(CharucoLayout, usize)]) -> Print<'a> {
+/// The printed tags of the board, from the first of them on, in every layout that it may have.
+fn print<'a>(
+    target: &'a Target,
+    (dictionary, first_tag): (&Dictionary, usize),
+    layouts: &[(CharucoLayout, usize)],
+) -> Print<'a> {
     let mut all = Vec::new();
     for &(layout, first_white) in layouts {
         let mut tags = BTreeMap::new();
         let mut id = 0;
         while let Some(square) = square_of(id, target.columns, target.rows, first_white) {
-            tags.insert(square, dictionary.cells(id));
+            tags.insert(square, dictionary.cells(first_tag + id));
             id += 1;
         }
         all.push((layout, tags));

@@ -98,6 +98,16 @@ fn surroundings(target: &Target, index: usize, options: &RefineOptions) -> Optio
             let axes = [[x, y], [y, [-1.0, 0.0]], [[-1.0, 0.0], [0.0, -1.0]], [[0.0, -1.0], x]][index % 4];
             Some((Shape::Corner, axes, clear))
         }
+        Pattern::Several { ref boards } => {
+            let mut left = index;
+            for own in boards {
+                if left < own.board.len() {
+                    return surroundings(&own.board, left, options);
+                }
+                left -= own.board.len();
+            }
+            None
+        }
         Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => None,
     }
 }

@@ -10,6 +10,8 @@ pub struct Style {
     pub legacy: bool,
     /// AprilGrid: black squares between the corners of the tags, and borders of two cells, as Kalibr draws it.
     pub kalibr: bool,
+    /// Number of the first tag in its dictionary.
+    pub first_tag: usize,
 }
 
 /// Tags and squares of a board.
@@ -32,7 +34,8 @@ impl TagPrint {
             Pattern::Aprilgrid { marker_mm } => (*marker_mm, "DICT_APRILTAG_36h11", target.columns * target.rows),
             _ => panic!("a board without tags"),
         };
-        let tags = (0..count).map(|id| with_border(tag_cells(name, id).expect("a tag"), style.kalibr)).collect();
+        let ids = style.first_tag..style.first_tag + count;
+        let tags = ids.map(|id| with_border(tag_cells(name, id).expect("a tag"), style.kalibr)).collect();
         TagPrint { target: target.clone(), style, side, tags }
     }
 

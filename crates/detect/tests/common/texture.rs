@@ -84,6 +84,7 @@ impl Texture {
             Pattern::Chessboard => [[-s, -s], [(c + 1.0) * s, (r + 1.0) * s]],
             Pattern::Charuco { .. } => [[0.0, 0.0], [(c + 1.0) * s, (r + 1.0) * s]],
             Pattern::Aprilgrid { marker_mm } => [[marker_mm - s, marker_mm - s], [(c + 1.0) * s, (r + 1.0) * s]],
+            Pattern::Several { .. } => panic!("boards are drawn one by one"),
         }
     }
 }

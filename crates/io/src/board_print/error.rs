@@ -19,6 +19,9 @@ pub enum BoardPrintError {
     /// Dots without a diameter.
     #[error("the diameter of the dots is not known: give it in mm, about half of the distance of neighbouring dots")]
     NoDiameter,
+    /// Several boards, which are printed one by one.
+    #[error("several boards are printed one after the other: give one of them")]
+    Several,
     /// A paper that is none.
     #[error("{name:?} is no paper size: give a0 … a5, letter, legal, tabloid, or width x height in mm such as 600x400")]
     UnknownPaper {

@@ -117,6 +117,7 @@ fn describe(target: &Target) -> String {
             ("charuco", format!(", marker_mm = {marker_mm}, dictionary = \"{dictionary}\""))
         }
         Pattern::Aprilgrid { marker_mm } => ("aprilgrid", format!(", marker_mm = {marker_mm}")),
+        Pattern::Several { .. } => ("several", String::new()),
     };
     format!("kind = \"{kind}\", columns = {columns}, rows = {rows}, spacing_mm = {spacing_mm}{more}")
 }
@@ -133,6 +134,7 @@ fn extent(target: &Target) -> Result<[f64; 4], BoardPrintError> {
         Pattern::Chessboard => [-s, -s, columns * s, rows * s],
         Pattern::Charuco { .. } => [0.0, 0.0, columns * s, rows * s],
         Pattern::Aprilgrid { .. } => [x0, y0, x1, y1],
+        Pattern::Several { .. } => return Err(BoardPrintError::Several),
     })
 }
 
@@ -161,6 +163,7 @@ fn rectangles(target: &Target, tags: &TagCells<'_>) -> Result<Vec<Rectangle>, Bo
             }
             Ok(all)
         }
+        Pattern::Several { .. } => Err(BoardPrintError::Several),
         Pattern::Aprilgrid { marker_mm } => {
             let mut all = Vec::new();
             for id in 0..target.columns * target.rows {

@@ -68,7 +68,7 @@ const FRAMES_KEYS: &[&str] = &["image", "depth", "metadata", "associations", "wi
 const DEPTH_KEYS: &[&str] = &["unit_mm"];
 pub(crate) const CAMERA_KEYS: &[&str] = &["fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
 
-const BOARD: Field =
+pub(crate) const BOARD: Field =
     Field { name: "board", remedy: "declare the board in a section [board] with kind, columns, rows, spacing_mm" };
 const KIND: Field = Field {
     name: "board.kind",
@@ -250,17 +250,12 @@ fn section<'a>(
     Ok(Some(Section { source, table }))
 }
 
-/// The board that a file declares.
-pub(crate) fn board_of(source: Source<'_>, root: &DeTable<'_>) -> Result<Target, DatasetError> {
-    board_from(&board_section(source, root)?)
-}
-
 /// The section of the board, which every file has.
-fn board_section<'a>(source: Source<'a>, root: &'a DeTable<'a>) -> Result<Section<'a>, DatasetError> {
+pub(crate) fn board_section<'a>(source: Source<'a>, root: &'a DeTable<'a>) -> Result<Section<'a>, DatasetError> {
     section(source, root, BOARD, BOARD_KEYS)?.ok_or_else(|| source.missing(BOARD))
 }
 
-fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
+pub(crate) fn board_from(board: &Section<'_>) -> Result<Target, DatasetError> {
     let kind = match board.string(KIND)? {
         Some(kind) => kind,
         None => return Err(board.source.missing(KIND)),

@@ -1,5 +1,6 @@
 //! Datasets: `dataset.toml`, the table of frames, and the files of every frame.
 
+mod boards;
 mod camera_hint;
 mod candidate;
 mod declaration;

@@ -6,8 +6,9 @@ use depthcal_model::Target;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::boards::{BOARDS, boards_of};
 use super::camera_hint::CameraHint;
-use super::declaration::{CAMERA_KEYS, board_of, camera_from};
+use super::declaration::{CAMERA_KEYS, camera_from};
 use super::error::DatasetError;
 use super::section::{Field, Section, Source};
 use super::text::{CAMERAS, read_text};
@@ -15,7 +16,7 @@ use super::text::{CAMERAS, read_text};
 /// The contents of a `dataset.toml` that declares several cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigFile {
-    /// The board; the diameter of its dots is 0 where it is not declared.
+    /// The board, or several; the diameter of dots is 0 where it is not declared.
     pub board: Target,
     /// Name of a table with one row per frame, and with the files of every frame where it has columns `NAME.image`, `NAME.depth`.
     pub metadata: Option<String>,
@@ -40,7 +41,7 @@ pub struct CameraSection {
     pub camera: Option<CameraHint>,
 }
 
-const RIG_SECTIONS: &[&str] = &["board", "frames", CAMERAS];
+const RIG_SECTIONS: &[&str] = &["board", BOARDS, "frames", CAMERAS];
 const RIG_FRAMES_KEYS: &[&str] = &["metadata", "within_s"];
 const MEMBER_KEYS: &[&str] =
     &["image", "depth", "unit_mm", "fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
@@ -79,7 +80,7 @@ impl RigFile {
         let source = Source { path, text: text.strip_prefix('\u{feff}').unwrap_or(text) };
         let root = source.parse()?;
         source.deny_unknown(&root, "", RIG_SECTIONS, &[])?;
-        let board = board_of(source, &root)?;
+        let board = boards_of(source, &root)?;
         let frames = match root.get("frames") {
             Some(value) => Some(section(source, value, "frames.", RIG_FRAMES_KEYS)?),
             None => None,
@@ -180,5 +181,36 @@ mod tests {
         assert!(key.contains(":7") && key.contains("cameras.a.image"), "{key}");
         assert!(complaint("").contains("[cameras.NAME]"));
         assert!(complaint("[depth]\nunit_mm = 1\n[cameras.a]\nimage = \"*\"\n").contains("depth"));
+    }
+
+    fn with_boards(boards: &str) -> Result<RigFile, DatasetError> {
+        RigFile::parse(Path::new("set/dataset.toml"), &format!("{boards}[cameras.a]\nimage = \"*.png\"\n"))
+    }
+
+    fn tags(name: &str, first_tag: usize) -> String {
+        format!(
+            "[boards.{name}]\nkind = \"aprilgrid\"\ncolumns = 6\nrows = 5\nspacing_mm = 39\nmarker_mm = 30\nfirst_tag = {first_tag}\n"
+        )
+    }
+
+    #[test]
+    fn several_boards_are_told_apart_by_the_numbers_of_their_tags() {
+        let board = with_boards(&(tags("wall", 0) + &tags("floor", 30))).unwrap().board;
+        let names: Vec<(String, usize, std::ops::Range<usize>)> =
+            board.parts().iter().map(|p| (p.name.to_owned(), p.first_tag, p.markers.clone())).collect();
+        assert_eq!(names, [("wall".to_owned(), 0, 0..120), ("floor".to_owned(), 30, 120..240)]);
+    }
+
+    #[test]
+    fn boards_that_look_alike_are_refused() {
+        let complaint = |boards: &str| with_boards(boards).unwrap_err().to_string();
+        let same = complaint(&(tags("wall", 0) + &tags("floor", 29)));
+        assert!(same.contains("floor") && same.contains("wall") && same.contains("first_tag"), "{same}");
+        let plain = "[boards.wall]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n";
+        assert!(complaint(plain).contains("without tags"));
+        let both =
+            format!("[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n{}", tags("wall", 0));
+        assert!(complaint(&both).contains("and so is board"));
+        assert!(complaint("[boards]\n").contains("no section"));
     }
 }

@@ -54,6 +54,6 @@ pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observ
 pub use prior::{Prior, PriorUse, UsedPriorParameter};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;
-pub use rig_camera::{DriftOver, DriftRecord, LeftOpen, PlaceRecord, PlaceStdDev, RigCameraRecord};
-pub use rig_diagnosis::{RigCameraDiagnosis, RigDiagnosisFile, RigDriftLeftOut, RigDriftTest, RigHeldOut};
+pub use rig_camera::{DriftOver, DriftRecord, LeftOpen, PlaceRecord, PlaceStdDev, RigCameraRecord, TimeOffsetRecord};
+pub use rig_diagnosis::{RigCameraDiagnosis, RigDiagnosisFile, RigDriftTest, RigEffect, RigHeldOut, RigLeftOut};
 pub use scores::{ModelValue, ScoredEffect, ScoredParameter, Scores};

@@ -16,6 +16,9 @@ pub struct RigCameraRecord {
     pub height: usize,
     /// Its place: maps the frame of the rig, which is that of the first camera, to its own.
     pub camera_from_rig: PlaceRecord,
+    /// By how much it exposes later than the times of its frames say, against the reference; absent where that was not estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_offset: Option<TimeOffsetRecord>,
     /// The pieces in the order in which they are applied. Names are unique.
     pub pieces: Vec<PieceRecord>,
     /// Noise of its measurements, estimated from the data.
@@ -87,6 +90,15 @@ pub struct PlaceStdDev {
     pub rotation_rad: [f64; 3],
     /// Along the axes of the camera, mm.
     pub translation_mm: [f64; 3],
+}
+
+/// By how much a camera exposes later than the times of its frames say.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct TimeOffsetRecord {
+    /// The offset, s.
+    pub value_s: f64,
+    /// Its standard deviation, s.
+    pub std_dev_s: f64,
 }
 
 /// A parameter that the boards leave open.

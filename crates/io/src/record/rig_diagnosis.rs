@@ -42,6 +42,9 @@ pub struct RigCameraDiagnosis {
     /// Effects that were found and that it did not take over: free maps, and formulas whose names another camera's have.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_adjusted: Vec<String>,
+    /// Those of `effects` that the joint adjustment showed before the loop, which is given them: of a camera without images.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub in_rig: Vec<RigEffect>,
     /// The loop on this camera alone.
     pub diagnosis: DiagnosisFile,
 }
@@ -57,18 +60,27 @@ pub struct RigDriftTest {
     pub p_value: f64,
     /// Errors on left-out frames; absent where the p-value gives no reason to look at them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub left_out: Option<RigDriftLeftOut>,
+    pub left_out: Option<RigLeftOut>,
     /// Whether it is part of the calibration.
     pub added: bool,
+}
+
+/// An effect of a camera without images that the joint adjustment showed, in which its pinhole, lens and place are free.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct RigEffect {
+    /// The effect, as for `calibrate --with`.
+    pub effect: String,
+    /// Errors on left-out frames without it and with it.
+    pub left_out: RigLeftOut,
 }
 
 /// Errors of a camera's observations of a board that the other cameras place, on left-out frames, root mean square in standard
 /// deviations of the noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct RigDriftLeftOut {
-    /// With a constant place.
+pub struct RigLeftOut {
+    /// Without what was tried: an effect, or a place that changes.
     pub before: f64,
-    /// With a place that changes.
+    /// With it.
     pub after: f64,
     /// Its fall, per cent, with a 95 % interval over frames.
     pub gain_percent: GainInterval,

@@ -10,6 +10,7 @@ use depthcal_calibration::observe::{DepthSample, PosedFrame, SampledFrame};
 use depthcal_model::Target;
 use depthcal_model::chain::{DepthQuery, Workspace};
 use depthcal_model::hook::HookKind;
+use depthcal_solver::score::{Candidate, Linearization, ScoreError};
 use depthcal_solver::{
     BatchId, Covariance, CovarianceError, CovarianceOptions, Graph, Key, Loss, NoiseError, Options, Prior, Report,
     SolveError, Values, VariableId, minimize,
@@ -17,6 +18,7 @@ use depthcal_solver::{
 use nalgebra::{DMatrix, DVector, Isometry3};
 
 use super::factors::{CameraVariables, Observations, RigBatch, RigGroup};
+use crate::motion::BoardMotion;
 use crate::state::{CameraState, RigState};
 
 /// The problem of all cameras and frames of a rig: a pose per frame, a place per camera but the reference, a variable per
@@ -32,6 +34,7 @@ pub struct RigAdjustment {
 struct OfCamera {
     place: Option<Key<Isometry3<f64>>>,
     drift: Option<Key<DVector<f64>>>,
+    offset: Option<Key<DVector<f64>>>,
     blocks: Vec<Key<DVector<f64>>>,
     image: Option<BatchId>,
     depth: Option<BatchId>,
@@ -47,6 +50,8 @@ pub struct Adjusted {
     pub camera_from_rig: Vec<Isometry3<f64>>,
     /// How the place of every camera changes, ω and τ; `None` where it does not.
     pub drift: Vec<Option<[f64; 6]>>,
+    /// By how much every camera exposes later than its times say, s; `None` where that is not asked.
+    pub offset_s: Vec<Option<f64>>,
     /// Parameters of every camera, in the order of [`depthcal_model::Camera::theta`].
     pub theta: Vec<Vec<f64>>,
     /// Whitened residuals of every camera's markers, u, v per marker, frame after frame.
@@ -70,6 +75,11 @@ impl Adjusted {
         for (camera, change) in state.cameras.iter_mut().zip(&self.drift) {
             if let (Some(drift), Some(change)) = (&mut camera.drift, change) {
                 drift.change = *change;
+            }
+        }
+        for (camera, offset_s) in state.cameras.iter_mut().zip(&self.offset_s) {
+            if let (Some(own), Some(found)) = (&mut camera.offset_s, offset_s) {
+                *own = *found;
             }
         }
         state.place_boards();
@@ -99,6 +109,10 @@ impl RigAdjustment {
             let drift = place.and(camera.drift.as_ref()).map(|d| values.insert(DVector::from_column_slice(&d.change)));
             if let Some(drift) = drift {
                 graph.label(drift, format!("{}/extrinsics_drift", camera.name));
+            }
+            let offset = place.and(camera.offset_s).map(|s| values.insert(DVector::from_element(1, s)));
+            if let Some(offset) = offset {
+                graph.label(offset, format!("{}/time_offset", camera.name));
             }
             let has_depth = camera.has_depth();
             let mut variable = |block: &depthcal_model::Block| {
@@ -140,21 +154,21 @@ impl RigAdjustment {
             }
             let image_blocks = camera.camera.blocks().iter().filter(|b| !is_depth_only(b)).count();
             let chain = Arc::new(camera.camera.chain());
-            let variables = CameraVariables { chain, place, drift, blocks: blocks.clone(), image_blocks };
+            let variables = CameraVariables { chain, place, drift, offset, blocks: blocks.clone(), image_blocks };
             let loss = || Loss::Huber { delta: HUBER };
-            let drifted = drifted_shares(camera, state);
-            let groups = markers(camera, &frames, &drifted);
+            let at = frames_at(camera, state, &frames);
+            let groups = markers(camera, &at);
             let image = (!groups.is_empty()).then(|| {
                 let name = format!("{}/image", camera.name);
                 graph.add_batch(RigBatch::of_markers(name, variables.clone(), groups, loss()))
             });
-            let groups = depth(camera, &frames, &drifted);
+            let groups = depth(camera, &at);
             let depth_sigmas = groups.iter().flat_map(|group| group.observed.sigmas()).copied().collect();
             let depth = (!groups.is_empty()).then(|| {
                 let name = format!("{}/depth", camera.name);
                 graph.add_batch(RigBatch::of_depth(name, variables, groups, loss()))
             });
-            cameras.push(OfCamera { place, drift, blocks, image, depth, depth_sigmas });
+            cameras.push(OfCamera { place, drift, offset, blocks, image, depth, depth_sigmas });
         }
         Ok(Self { graph, values, frames, cameras })
     }
@@ -181,6 +195,7 @@ impl RigAdjustment {
             rig_from_board: self.frames.iter().map(|key| *self.values.get(*key)).collect(),
             camera_from_rig: self.cameras.iter().map(place).collect(),
             drift: self.cameras.iter().map(drift).collect(),
+            offset_s: self.cameras.iter().map(|c| c.offset.map(|key| self.values.get(key)[0])).collect(),
             theta: self.cameras.iter().map(theta).collect(),
             image_residuals: self.cameras.iter().map(|c| residuals(c.image)).collect(),
             depth_residuals: self.cameras.iter().map(in_inverse_depth).collect(),
@@ -197,11 +212,29 @@ impl RigAdjustment {
         Covariance::compute(&self.graph, &self.values, &CovarianceOptions::default())
     }
 
+    /// Linearises the problem at the present values, frame by frame, with blocks of a camera as candidates: name and number of each, all
+    /// of whose parameters are held.
+    ///
+    /// # Errors
+    ///
+    /// [`ScoreError`] where a factor cannot be evaluated, or a candidate is not held.
+    pub fn linearize(
+        &self,
+        camera: usize,
+        candidates: impl Iterator<Item = (String, usize)>,
+    ) -> Result<Linearization, ScoreError> {
+        let poses: Vec<VariableId> = self.frames.iter().map(|key| key.id()).collect();
+        let blocks = &self.cameras[camera].blocks;
+        let candidates: Vec<Candidate> = candidates.map(|(name, block)| Candidate::new(name, blocks[block])).collect();
+        Linearization::new(&self.graph, &self.values, &poses, &candidates)
+    }
+
     /// Holds everything but the poses of the board.
     pub fn hold_cameras(&mut self) {
         for camera in &self.cameras {
             camera.place.iter().for_each(|key| self.graph.fix(*key));
             camera.drift.iter().for_each(|key| self.graph.fix(*key));
+            camera.offset.iter().for_each(|key| self.graph.fix(*key));
             camera.blocks.iter().for_each(|key| self.graph.fix(*key));
         }
     }
@@ -217,12 +250,18 @@ impl RigAdjustment {
         self.cameras[camera].drift.map(|key| key.id())
     }
 
-    /// Variables of the cameras in order: of each its place, but of the reference, the drift of the place where it has one, and its
-    /// blocks.
+    /// The variable of a camera's time offset.
+    pub fn offset_variable(&self, camera: usize) -> Option<VariableId> {
+        self.cameras[camera].offset.map(|key| key.id())
+    }
+
+    /// Variables of the cameras in order: of each its place, but of the reference, the drift of the place and the offset of its time where
+    /// it has them, and its blocks.
     pub fn variables(&self) -> Vec<VariableId> {
         let of = |camera: &OfCamera| {
             let place = camera.place.iter().map(|k| k.id()).chain(camera.drift.iter().map(|k| k.id()));
-            place.chain(camera.blocks.iter().map(|k| k.id())).collect::<Vec<_>>()
+            let offset = camera.offset.iter().map(|k| k.id());
+            place.chain(offset).chain(camera.blocks.iter().map(|k| k.id())).collect::<Vec<_>>()
         };
         self.cameras.iter().flat_map(of).collect()
     }
@@ -237,33 +276,52 @@ impl RigAdjustment {
     }
 }
 
-/// How far the place of a camera has drifted in each of its frames.
-fn drifted_shares(camera: &CameraState, state: &RigState) -> Vec<f64> {
-    let share = |number: &usize| camera.drift.as_ref().map_or(0.0, |drift| drift.share(&state.frames[*number].taken));
-    camera.frames.iter().map(share).collect()
+/// A frame of a camera among the variables of the rig.
+struct FrameAt {
+    pose: Key<Isometry3<f64>>,
+    drifted: f64,
+    moving: Option<(BoardMotion, f64)>,
 }
 
-fn markers(camera: &CameraState, frames: &[Key<Isometry3<f64>>], drifted: &[f64]) -> Vec<RigGroup> {
-    let group = |((frame, number), drifted): ((&PosedFrame, &usize), &f64)| {
+impl FrameAt {
+    fn group(&self, observed: Observations) -> RigGroup {
+        RigGroup { frame: self.pose, drifted: self.drifted, moving: self.moving, observed }
+    }
+}
+
+/// The frames of a camera, given the keys of the rig's.
+fn frames_at(camera: &CameraState, state: &RigState, poses: &[Key<Isometry3<f64>>]) -> Vec<FrameAt> {
+    let at = |(own, number): (&SampledFrame, &usize)| {
+        let frame = &state.frames[*number];
+        FrameAt {
+            pose: poses[*number],
+            drifted: camera.drift.as_ref().map_or(0.0, |drift| drift.share(&frame.taken)),
+            moving: camera.offset_s.and(frame.motion).map(|motion| (motion, frame.later_s(own))),
+        }
+    };
+    camera.capture.frames.iter().zip(&camera.frames).map(at).collect()
+}
+
+fn markers(camera: &CameraState, at: &[FrameAt]) -> Vec<RigGroup> {
+    let group = |(frame, at): (&PosedFrame, &FrameAt)| {
         let target: &Target = &camera.capture.target;
-        let observed = Observations::Markers {
+        at.group(Observations::Markers {
             points: frame.markers.iter().map(|m| target.point(m.index)).collect(),
             pixels: frame.markers.iter().map(|m| m.pixel).collect(),
             sigmas: frame.markers.iter().map(|m| m.std_px * camera.noise.pixel_sigma).collect(),
-        };
-        RigGroup { frame: frames[*number], drifted: *drifted, observed }
+        })
     };
-    let posed = camera.capture.frames.iter().map(|f| &f.posed).zip(&camera.frames).zip(drifted);
-    posed.filter(|((frame, _), _)| !frame.markers.is_empty()).map(group).collect()
+    let posed = camera.capture.frames.iter().map(|f| &f.posed).zip(at);
+    posed.filter(|(frame, _)| !frame.markers.is_empty()).map(group).collect()
 }
 
 /// Groups of depth samples. Their standard deviations are those at the inverse depth that the state predicts: at the measured one,
 /// samples with an error towards far would have more weight than those towards near.
-fn depth(camera: &CameraState, frames: &[Key<Isometry3<f64>>], drifted: &[f64]) -> Vec<RigGroup> {
+fn depth(camera: &CameraState, at: &[FrameAt]) -> Vec<RigGroup> {
     let chain = camera.camera.chain();
     let theta = camera.camera.theta();
     let mut work = Workspace::default();
-    let mut group = |((frame, number), drifted): ((&SampledFrame, &usize), &f64)| {
+    let mut group = |(frame, of): (&SampledFrame, &FrameAt)| {
         let samples: &[DepthSample] = &frame.samples;
         let inverse_depths: Vec<f64> = samples.iter().map(|s| 1.0 / s.depth_mm).collect();
         let queries: Vec<DepthQuery> =
@@ -277,9 +335,8 @@ fn depth(camera: &CameraState, frames: &[Key<Isometry3<f64>>], drifted: &[f64]) 
             Err(_) => &inverse_depths,
         };
         let sigmas = at.iter().map(|rho| camera.noise.depth.sigma(*rho)).collect();
-        let observed = Observations::Depth { queries, inverse_depths, sigmas };
-        RigGroup { frame: frames[*number], drifted: *drifted, observed }
+        of.group(Observations::Depth { queries, inverse_depths, sigmas })
     };
-    let sampled = camera.capture.frames.iter().zip(&camera.frames).zip(drifted);
-    sampled.filter(|((frame, _), _)| !frame.samples.is_empty()).map(&mut group).collect()
+    let sampled = camera.capture.frames.iter().zip(at);
+    sampled.filter(|(frame, _)| !frame.samples.is_empty()).map(&mut group).collect()
 }

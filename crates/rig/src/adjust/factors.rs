@@ -9,6 +9,7 @@ use depthcal_solver::{EvaluationError, FactorBatch, Key, Loss, Values, VariableI
 use nalgebra::{DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 use crate::drift::drifted;
+use crate::motion::{BoardMotion, Moved, right_jacobian};
 
 /// Scratch of a thread: nothing is allocated per evaluation once it has grown to the largest frame.
 #[derive(Default)]
@@ -34,6 +35,8 @@ pub struct CameraVariables {
     pub place: Option<Key<Isometry3<f64>>>,
     /// How the place changes with time or temperature ([`PlaceDrift`](crate::drift::PlaceDrift)); `None` where it does not.
     pub drift: Option<Key<DVector<f64>>>,
+    /// By how much it exposes later than its time says, s; `None` where the board stands still or frames are triggered together.
+    pub offset: Option<Key<DVector<f64>>>,
     /// One variable per block, in the chain's order.
     pub blocks: Vec<Key<DVector<f64>>>,
     /// How many leading blocks an image observation depends on.
@@ -86,6 +89,8 @@ pub struct RigGroup {
     pub frame: Key<Isometry3<f64>>,
     /// How far the camera's place has drifted in this frame, in units of its drift; 0 without one.
     pub drifted: f64,
+    /// How the board moves about the frame, and by how much the camera's time is later than the frame's, s; for cameras with an offset.
+    pub moving: Option<(BoardMotion, f64)>,
     /// What was observed.
     pub observed: Observations,
 }
@@ -122,10 +127,13 @@ impl RigBatch {
         (residual_dim, blocks): (usize, usize),
     ) -> Self {
         camera.blocks.truncate(blocks);
-        let place = camera.place.iter().map(|k| k.id()).chain(camera.drift.iter().map(|k| k.id()));
-        let shared: Vec<VariableId> = place.chain(camera.blocks.iter().map(|k| k.id())).collect();
-        let variables =
-            groups.iter().map(|g| std::iter::once(g.frame.id()).chain(shared.iter().copied()).collect()).collect();
+        let of = |group: &RigGroup| {
+            let place = camera.place.iter().map(|k| k.id()).chain(camera.drift.iter().map(|k| k.id()));
+            let offset = camera.offset.iter().filter(|_| group.moving.is_some()).map(|k| k.id());
+            let blocks = camera.blocks.iter().map(|k| k.id());
+            std::iter::once(group.frame.id()).chain(place).chain(offset).chain(blocks).collect()
+        };
+        let variables = groups.iter().map(of).collect();
         Self { name, camera, groups, variables, residual_dim, loss }
     }
 }
@@ -153,38 +161,39 @@ impl DriftedPlace {
     }
 }
 
-/// J with Exp(φ + δ) ≈ Exp(φ) Exp(J δ) (Chirikjian 2012, 10.86).
-fn right_jacobian(phi: &Vector3<f64>) -> Matrix3<f64> {
-    let (cross, angle) = (phi.cross_matrix(), phi.norm());
-    let (a, b) = match angle < 1e-4 {
-        true => (0.5, 1.0 / 6.0),
-        false => ((1.0 - angle.cos()) / angle.powi(2), (angle - angle.sin()) / angle.powi(3)),
-    };
-    Matrix3::identity() - cross * a + cross * cross * b
-}
-
-/// Writes the rows of a chain's Jacobian by `camera_from_board` = `camera_from_rig` · `rig_from_board` as rows by both, and by the
-/// drift of `camera_from_rig` where it has one.
+/// Writes the rows of a chain's Jacobian by `camera_from_board` = `camera_from_rig` · `rig_from_board` as rows by both, by the
+/// drift of `camera_from_rig` where it has one, and by the offset of the camera's time where the board is `moved`.
 ///
 /// With (R, t) = (A B, A b + a) and tangents R Exp(ω), t + τ of each: a change (ω_b, τ_b) of `rig_from_board` is (ω_b, A τ_b)
-/// of the product, and (ω_a, τ_a) of `camera_from_rig` is (Bᵀ ω_a, τ_a − A [b]× ω_a).
-fn write_rows(inner: &[f64], outer: &mut [f64], place: &DriftedPlace, rig_from_board: &Isometry3<f64>, columns: usize) {
+/// of the product, and (ω_a, τ_a) of `camera_from_rig` is (Bᵀ ω_a, τ_a − A [b]× ω_a). A moved board (B, b) = (F Exp(φ), f + p) changes
+/// with the frame's pose (F, f) by (Exp(φ)ᵀ ω_f, τ_f), and with the time by its rates.
+fn write_rows(
+    inner: &[f64],
+    outer: &mut [f64],
+    place: &DriftedPlace,
+    (rig_from_board, moved): (&Isometry3<f64>, Option<&Moved>),
+    columns: usize,
+) {
     let to_rig = place.camera_from_rig.rotation.inverse();
     let b = rig_from_board.translation.vector;
-    let blocks = 2 * POSE + if place.of_drift.is_some() { POSE } else { 0 };
+    let of_drift = if place.of_drift.is_some() { POSE } else { 0 };
+    let blocks = 2 * POSE + of_drift + usize::from(moved.is_some());
     for (inner, outer) in inner.chunks_exact(columns).zip(outer.chunks_exact_mut(columns - POSE + blocks)) {
         let by_turn = Vector3::new(inner[0], inner[1], inner[2]);
         let by_shift = Vector3::new(inner[3], inner[4], inner[5]);
         let shift_in_rig = to_rig * by_shift;
         // By ω of the drifted place.
         let turn_of_place = rig_from_board.rotation * by_turn + b.cross(&shift_in_rig);
-        outer[0..3].copy_from_slice(by_turn.as_slice());
+        outer[0..3].copy_from_slice(moved.map_or(by_turn, |moved| moved.turn * by_turn).as_slice());
         outer[3..6].copy_from_slice(shift_in_rig.as_slice());
         outer[6..9].copy_from_slice((place.turned * turn_of_place).as_slice());
         outer[9..12].copy_from_slice(by_shift.as_slice());
         if let Some((jacobian, s)) = &place.of_drift {
             outer[12..15].copy_from_slice((jacobian * turn_of_place).as_slice());
             outer[15..18].copy_from_slice((by_shift * *s).as_slice());
+        }
+        if let Some(moved) = moved {
+            outer[blocks - 1] = by_turn.dot(&moved.turn_rate) + shift_in_rig.dot(&moved.shift_rate);
         }
         outer[blocks..].copy_from_slice(&inner[POSE..]);
     }
@@ -228,11 +237,16 @@ impl FactorBatch for RigBatch {
         residuals: &mut [f64],
         mut jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError> {
-        let RigGroup { frame, drifted, observed } = &self.groups[group];
-        let rig_from_board = values.get(*frame);
+        let RigGroup { frame, drifted, moving, observed } = &self.groups[group];
+        let moved = self
+            .camera
+            .offset
+            .zip(*moving)
+            .map(|(offset, (motion, later))| motion.after(later + values.get(offset)[0]));
+        let rig_from_board = moved.map_or(*values.get(*frame), |moved| moved.of(values.get(*frame)));
         let drift = self.camera.drift.map(|drift| (values.get(drift), *drifted));
         let place = self.camera.place.map(|place| DriftedPlace::new(values.get(place), drift));
-        let pose = place.map_or(*rig_from_board, |place| place.camera_from_rig * rig_from_board);
+        let pose = place.map_or(rig_from_board, |place| place.camera_from_rig * rig_from_board);
         SCRATCH.with_borrow_mut(|scratch| {
             let Scratch { work, theta, points, inverse_depths, rows } = scratch;
             theta.clear();
@@ -276,7 +290,7 @@ impl FactorBatch for RigBatch {
                 }
             }
             if let (Some(jacobian), Some(place)) = (jacobian, &place) {
-                write_rows(rows, jacobian, place, rig_from_board, columns);
+                write_rows(rows, jacobian, place, (&rig_from_board, moved.as_ref()), columns);
             }
             Ok(())
         })

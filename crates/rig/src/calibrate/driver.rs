@@ -6,7 +6,7 @@ use depthcal_calibration::calibrate::{Calibrated, check_invertible};
 use depthcal_statistics::rms;
 use nalgebra::DMatrix;
 
-use super::fitted::{CameraFit, PLACE, RigCalibrated};
+use super::fitted::{CameraFit, PLACE, RigCalibrated, TimeOffset};
 use super::options::RigOptions;
 use super::settle::{Settled, inverse_depth_residuals, settle};
 use super::start::{Started, start};
@@ -67,7 +67,8 @@ fn ranges(state: &RigState) -> Vec<Range<usize>> {
     let mut first = 0;
     let range = |(number, camera): (usize, &CameraState)| {
         let drift = usize::from(number > 0 && camera.drift.is_some());
-        let places = if number == 0 { 0 } else { PLACE.len() * (1 + drift) };
+        let offset = usize::from(number > 0 && camera.offset_s.is_some());
+        let places = if number == 0 { 0 } else { PLACE.len() * (1 + drift) + offset };
         let start = first;
         first += places + camera.camera.theta().len();
         start..first
@@ -86,6 +87,11 @@ fn camera_fit(
     let place_std_dev = (number > 0).then(|| std_devs(range.start));
     let drift = camera.drift.filter(|_| number > 0).map(|drift| (drift, std_devs(range.start + PLACE.len())));
     let parameters = camera.camera.theta().len();
+    let offset_row = range.end - parameters;
+    let time_offset = camera
+        .offset_s
+        .filter(|_| number > 0)
+        .map(|value_s| TimeOffset { value_s, std_dev_s: covariance[(offset_row - 1, offset_row - 1)].max(0.0).sqrt() });
     let own = covariance.view((range.end - parameters, range.end - parameters), (parameters, parameters)).into_owned();
     let stds = camera.capture.frames.iter().flat_map(|f| f.markers.iter().map(|m| m.std_px));
     // The noise in which residuals are whitened is that of the round before; they differ by less than a per cent.
@@ -110,6 +116,7 @@ fn camera_fit(
         camera_from_rig: camera.camera_from_rig,
         place_std_dev,
         drift,
+        time_offset,
         calibrated,
         left_open: Vec::new(),
     }

@@ -43,10 +43,21 @@ pub struct CameraFit {
     pub place_std_dev: Option<[f64; 6]>,
     /// How the place changes with time or temperature, with standard deviations of the change; `None` where it does not.
     pub drift: Option<(PlaceDrift, [f64; 6])>,
+    /// By how much it exposes later than its times say; `None` where that was not asked.
+    pub time_offset: Option<TimeOffset>,
     /// The camera with its own part of the fit, as if it had been calibrated alone.
     pub calibrated: Calibrated,
     /// Parameters that the boards leave open.
     pub left_open: Vec<LeftOpen>,
+}
+
+/// By how much a camera exposes later than the times of its frames say, against the reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimeOffset {
+    /// The offset, s.
+    pub value_s: f64,
+    /// Its standard deviation, s.
+    pub std_dev_s: f64,
 }
 
 /// Names of the tangent of a place.
@@ -60,7 +71,8 @@ impl CameraFit {
 }
 
 impl RigCalibrated {
-    /// `CAMERA/PIECE.PARAMETER`, `CAMERA/camera_from_rig.rx` or `CAMERA/extrinsics_drift.rx` of every row of the covariance, and whether it is free.
+    /// `CAMERA/PIECE.PARAMETER`, `CAMERA/camera_from_rig.rx`, `CAMERA/extrinsics_drift.rx` or `CAMERA/time_offset.dt` of every row
+    /// of the covariance, and whether it is free.
     pub fn parameters(&self) -> Vec<(String, bool)> {
         let mut names = Vec::new();
         for camera in &self.cameras {
@@ -69,6 +81,9 @@ impl RigCalibrated {
             }
             if camera.drift.is_some() {
                 names.extend(PLACE.map(|p| (format!("{}/extrinsics_drift.{p}", camera.name), true)));
+            }
+            if camera.time_offset.is_some() {
+                names.push((format!("{}/time_offset.dt", camera.name), true));
             }
             let own = depthcal_calibration::calibration_record::parameter_names(&camera.calibrated.camera);
             names.extend(own.into_iter().map(|(name, free)| (format!("{}/{name}", camera.name), free)));

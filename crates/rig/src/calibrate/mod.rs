@@ -7,5 +7,5 @@ mod settle;
 mod start;
 
 pub use driver::calibrate_rig;
-pub use fitted::{CameraFit, RigCalibrated};
+pub use fitted::{CameraFit, RigCalibrated, TimeOffset};
 pub use options::{EffectOf, HeldOf, RigOptions};

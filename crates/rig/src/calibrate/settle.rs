@@ -43,12 +43,15 @@ pub(super) fn settle(state: &mut RigState) -> Result<Settled, RigError> {
     let mut round = 0;
     loop {
         round += 1;
+        state.take_motions();
         let mut adjustment = RigAdjustment::new(state)?;
         let adjusted = adjustment.solve_within(if round == 1 { FIRST_DECREASE } else { LAST_DECREASE })?;
         debug!("round {round}: {} iterations", adjusted.report.iterations);
         adjusted.give(state);
         let covariance = adjustment.covariance().map_err(|error| undetermined(error, state))?;
-        let (mut settled, mut dropped) = (true, 0);
+        // The motion of the first round is that of poses by single images.
+        let is_still = state.cameras.iter().all(|camera| camera.offset_s.is_none());
+        let (mut settled, mut dropped) = (round > 1 || is_still, 0);
         for (number, camera) in state.cameras.iter_mut().enumerate() {
             let used = camera.noise;
             let residuals = inverse_depth_residuals(camera, &adjusted.depth_residuals[number]);

@@ -3,17 +3,23 @@
 use std::collections::BTreeMap;
 
 use depthcal_calibration::calibrate::{Calibrated, calibrate_image, prepare_depth};
-use depthcal_calibration::observe::{Capture, PosedFrame};
+use depthcal_calibration::observe::{Capture, DroppedFrame, PosedFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
 use super::options::RigOptions;
-use crate::capture::RigCapture;
+use crate::capture::{CameraCapture, RigCapture};
 use crate::depth_only::{DepthStart, priors_of, start_depth_camera};
 use crate::drift::Taken;
 use crate::error::RigError;
 use crate::state::{CameraState, RigFrame, RigState};
-use crate::views::{Node, PairSummary, connect};
+use crate::views::{Node, PairSummary, connect, offset_between};
+
+/// Fewest frames of a camera with a time offset.
+const FEWEST_MOVING: usize = 6;
+/// Why a time offset is refused.
+const NO_MOTION: &str = "fewer than 6 frames that it shares have times and neighbours within 0.35 s before and after them: give timestamp_s, \
+                         and capture a video of a board that moves, or leave time_offset out for a board that stands still";
 
 /// The start of an adjustment.
 pub(super) struct Started {
@@ -41,34 +47,40 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
         from_images.push(calibrate_image(&camera.capture, &own).map_err(RigError::of(&camera.name))?);
     }
     let cameras: Vec<Camera> = from_images.iter().map(|c| c.camera.clone()).collect();
-    let nodes = with_images.iter().zip(&cameras).zip(&mut from_images);
+    let offsets = time_offsets(&with_images, &from_images, options)?;
+    let nodes = with_images.iter().zip(&cameras).zip(&mut from_images).zip(&offsets);
     let mut nodes: Vec<Node<'_>> = nodes
-        .map(|((capture, camera), alone)| Node { name: &capture.name, camera, capture: &mut alone.capture })
+        .map(|(((capture, camera), alone), offset_s)| Node {
+            name: &capture.name,
+            camera,
+            capture: &mut alone.capture,
+            offset_s: *offset_s,
+        })
         .collect();
     let places = connect(&mut nodes)?;
     drop(nodes);
-    let frames = rig_frames(capture, &from_images, &places.camera_from_rig);
+    let frames = rig_frames(capture, &from_images, &places.camera_from_rig, &offsets);
     let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
     let rig_from_board: BTreeMap<&str, Isometry3<f64>> =
         frames.iter().map(|f| (f.name.as_str(), f.rig_from_board)).collect();
-    let mut with_images = from_images.into_iter().zip(places.camera_from_rig);
+    let mut with_images = from_images.into_iter().zip(places.camera_from_rig).zip(offsets);
     let (mut states, mut alone, mut is_declared) = (Vec::new(), Vec::new(), Vec::new());
     for camera in &capture.cameras {
         let own = options.of(camera)?;
-        let (prepared, camera_from_rig, priors) = if camera.has_markers() {
+        let (prepared, camera_from_rig, priors, offset_s) = if camera.has_markers() {
             // As many as there are cameras with markers.
-            let Some((from_image, place)) = with_images.next() else { break };
+            let Some(((from_image, place), offset_s)) = with_images.next() else { break };
             let lens = (from_image.lens_choice.clone(), from_image.lens_comparison.clone());
             let mut prepared = prepare_depth(from_image, &own).map_err(RigError::of(&camera.name))?;
             (prepared.lens_choice, prepared.lens_comparison) = lens;
             is_declared.push(false);
-            (prepared, place, Vec::new())
+            (prepared, place, Vec::new(), offset_s)
         } else {
             let DepthStart { prepared, camera_from_rig, is_declared: declared } =
                 start_depth_camera(camera, &rig_from_board, &own)?;
             let priors = priors_of(&prepared.camera, declared);
             is_declared.push(declared);
-            (prepared, camera_from_rig, priors)
+            (prepared, camera_from_rig, priors, is_asked(camera, options).then_some(0.0))
         };
         let place = |f: &depthcal_calibration::observe::SampledFrame| number.get(f.name.as_str()).copied();
         // Every frame of a camera is among the rig's, whose frames are the union of the cameras'.
@@ -78,6 +90,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             camera: prepared.camera.clone(),
             camera_from_rig,
             drift: None,
+            offset_s,
             noise: prepared.noise,
             smoothness: prepared.smoothness.clone(),
             capture: prepared.capture.clone(),
@@ -88,7 +101,62 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
         });
         alone.push(prepared);
     }
-    Ok(Started { state: RigState { frames, cameras: states }, pairs: places.pairs, alone, is_declared })
+    let mut state = RigState { frames, cameras: states };
+    drop_frames_without_motion(&mut state)?;
+    Ok(Started { state, pairs: places.pairs, alone, is_declared })
+}
+
+/// Whether the time offset of a camera is to be estimated.
+fn is_asked(camera: &CameraCapture, options: &RigOptions) -> bool {
+    options.time_offsets.contains(&camera.name)
+}
+
+/// Start values of the time offsets that are asked for, s, of the cameras with images; `None` for the others.
+fn time_offsets(
+    cameras: &[&CameraCapture],
+    alone: &[Calibrated<PosedFrame>],
+    options: &RigOptions,
+) -> Result<Vec<Option<f64>>, RigError> {
+    let offset = |(number, camera): (usize, &&CameraCapture)| {
+        if !is_asked(camera, options) {
+            return Ok(None);
+        }
+        let lacking = |reason: &str| RigError::TimeOffset { camera: camera.name.clone(), reason: reason.to_owned() };
+        if number == 0 {
+            return Err(lacking(
+                "it is the reference, against whose times those of the other cameras are held: ask for theirs",
+            ));
+        }
+        let found = offset_between(&alone[0].capture, &alone[number].capture);
+        found.map(Some).ok_or_else(|| lacking(NO_MOTION))
+    };
+    cameras.iter().enumerate().map(offset).collect()
+}
+
+/// Takes the frames out of cameras with a time offset about which the board's motion is unknown.
+fn drop_frames_without_motion(state: &mut RigState) -> Result<(), RigError> {
+    state.take_motions();
+    let is_known: Vec<bool> = state.frames.iter().map(|frame| frame.motion.is_some()).collect();
+    for camera in state.cameras.iter_mut().filter(|camera| camera.offset_s.is_some()) {
+        let keep: Vec<bool> = camera.frames.iter().map(|number| is_known[*number]).collect();
+        let without = camera.capture.frames.iter().zip(&keep).filter(|(_, keep)| !**keep);
+        let dropped: Vec<DroppedFrame> = without
+            .map(|(frame, _)| DroppedFrame {
+                name: frame.name.clone(),
+                reason: "how the board moves is unknown: no frame is near enough in time before it or after it"
+                    .to_owned(),
+            })
+            .collect();
+        camera.capture.dropped.extend(dropped);
+        camera.capture = camera.capture.subset(|i, _| keep[i]);
+        let mut kept = keep.iter();
+        camera.frames.retain(|_| kept.next().is_some_and(|keep| *keep));
+        if camera.frames.len() < FEWEST_MOVING {
+            return Err(RigError::TimeOffset { camera: camera.name.clone(), reason: NO_MOTION.to_owned() });
+        }
+    }
+    state.place_boards();
+    Ok(())
 }
 
 /// The frames that any camera has, with the pose of the board by the camera in which most markers were found.
@@ -96,16 +164,18 @@ fn rig_frames(
     capture: &RigCapture,
     cameras: &[Calibrated<PosedFrame>],
     camera_from_rig: &[Isometry3<f64>],
+    offsets: &[Option<f64>],
 ) -> Vec<RigFrame> {
-    let mut best: BTreeMap<String, (usize, RigFrame)> = BTreeMap::new();
-    for (camera, place) in cameras.iter().zip(camera_from_rig) {
+    let mut best: BTreeMap<String, ((bool, usize), RigFrame)> = BTreeMap::new();
+    for ((camera, place), offset) in cameras.iter().zip(camera_from_rig).zip(offsets) {
         let own: &Capture<PosedFrame> = &camera.capture;
         for frame in &own.frames {
-            let markers = frame.markers.len();
+            // A frame is when those cameras see it that need no offset.
+            let markers = (offset.is_none(), frame.markers.len());
             let rig_from_board = place.inverse() * frame.camera_from_board;
             let taken = Taken::of(frame);
-            let (name, metadata) = (frame.name.clone(), frame.metadata.clone());
-            let rig_frame = || RigFrame { name, rig_from_board, metadata, taken };
+            let (name, board, metadata) = (frame.name.clone(), frame.board, frame.metadata.clone());
+            let rig_frame = || RigFrame { name, rig_from_board, board, metadata, taken, motion: None };
             match best.get(&frame.name) {
                 Some((most, _)) if *most >= markers => {}
                 _ => _ = best.insert(frame.name.clone(), (markers, rig_frame())),

@@ -1,12 +1,12 @@
 //! The start of a depth camera without images.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use depthcal_calibration::adjust::smoothness_prior::Smoothness;
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, lens_named, prepare_depth};
 use depthcal_calibration::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
-use depthcal_calibration::observe::{Capture, MarkerObservation, PosedFrame};
+use depthcal_calibration::observe::{Capture, DetectedFrame, MarkerObservation, PosedFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 use tracing::info;
@@ -44,14 +44,17 @@ pub fn start_depth_camera(
     let capture = &camera.capture;
     let common = capture.subset(|_, frame| rig_from_board.contains_key(frame.name.as_str()));
     let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
-    let planes = planes_of(&common.frames, (capture.width, capture.height), unit_mm)?;
-    let with_plane: Vec<_> = common.frames.iter().zip(&planes).filter_map(|(f, p)| Some((f, (*p)?))).collect();
+    // Which of several boards a plane is cannot be told from depth alone: the start is from frames that show one.
+    let several = frames_of_several_boards(&common);
+    let of_start = common.subset(|_, frame| !several.contains(frame.name.as_str()));
+    let planes = planes_of(&of_start.frames, (capture.width, capture.height), unit_mm)?;
+    let with_plane: Vec<_> = of_start.frames.iter().zip(&planes).filter_map(|(f, p)| Some((f, (*p)?))).collect();
     if with_plane.len() < FEWEST_FRAMES {
         return Err(lacking(format!(
-            "only {} of {} frames that other cameras see show a plane in front of the scene: {FEWEST_FRAMES} are needed; check that \
+            "only {} of {} frames in which other cameras see one board show a plane in front of the scene: {FEWEST_FRAMES} are needed; check that \
              frames are paired, and move the board",
             with_plane.len(),
-            common.frames.len()
+            of_start.frames.len()
         )));
     }
     let seen: Vec<BoardPlaneSeen> = with_plane
@@ -89,10 +92,23 @@ pub fn start_depth_camera(
         .zip(&place.agreeing)
         .filter(|(_, agrees)| **agrees)
         .map(|((frame, _), _)| frame.name.as_str())
+        .chain(several.iter().copied())
         .collect();
     let prepared = sampled(&common, &start, &place.camera_from_rig, rig_from_board, &agreeing, options)
         .map_err(RigError::of(&camera.name))?;
     Ok(DepthStart { prepared, camera_from_rig: place.camera_from_rig, is_declared: camera.declared.is_some() })
+}
+
+/// Names of the frames that are about one of several boards in one depth image.
+fn frames_of_several_boards(capture: &Capture) -> BTreeSet<&str> {
+    let parts = capture.target.parts();
+    let of_image = |frame: &DetectedFrame| {
+        let ending = format!("+{}", parts.get(frame.board).map_or("", |part| part.name));
+        frame.name.strip_suffix(&ending).filter(|_| frame.board > 0).unwrap_or(&frame.name).to_owned()
+    };
+    let mut boards: BTreeMap<String, usize> = BTreeMap::new();
+    capture.frames.iter().for_each(|frame| *boards.entry(of_image(frame)).or_default() += 1);
+    capture.frames.iter().filter(|frame| boards[&of_image(frame)] > 1).map(|frame| frame.name.as_str()).collect()
 }
 
 /// Samples the depth of the frames whose planes agree, within the board as the other cameras see it.
@@ -106,11 +122,10 @@ fn sampled(
 ) -> Result<Calibrated, depthcal_calibration::calibrate::CalibrateError> {
     // The region that is sampled is that of the frame's markers: here the whole board.
     let whole = |index: usize| MarkerObservation { index, pixel: [f64::NAN; 2], std_px: 1.0 };
-    let markers: Vec<MarkerObservation> = (0..capture.target.points().len()).map(whole).collect();
     let posed = capture.frames.iter().filter(|f| agreeing.contains(&f.name.as_str())).filter_map(|frame| {
         let pose = rig_from_board.get(frame.name.as_str())?;
         let mut detected = frame.clone();
-        detected.markers.clone_from(&markers);
+        detected.markers = capture.target.points_of(frame.board).into_iter().map(|(index, _)| whole(index)).collect();
         Some(PosedFrame { detected, camera_from_board: camera_from_rig * pose })
     });
     let start = Calibrated {

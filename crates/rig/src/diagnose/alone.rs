@@ -56,20 +56,25 @@ pub fn with_projected_markers(
 ) -> Capture {
     let frame = |frame: &DetectedFrame| {
         let pose = camera_from_board.get(frame.name.as_str())?;
-        let markers = projected(camera, pose, &capture.target);
+        let markers = projected(camera, pose, &capture.target, frame.board);
         (markers.len() >= FEWEST).then(|| DetectedFrame { markers, ..frame.clone() })
     };
     capture.with_frames(capture.frames.iter().filter_map(frame).collect())
 }
 
-fn projected(camera: &Camera, camera_from_board: &Isometry3<f64>, target: &Target) -> Vec<MarkerObservation> {
+fn projected(
+    camera: &Camera,
+    camera_from_board: &Isometry3<f64>,
+    target: &Target,
+    board: usize,
+) -> Vec<MarkerObservation> {
     let marker = |(index, [x, y]): (usize, [f64; 2])| {
         let pixel = camera.project(&(camera_from_board * Point3::new(x, y, 0.0)).coords)?;
         let (width, height) = (camera.width as f64, camera.height as f64);
         let inside = pixel[0] >= 0.0 && pixel[1] >= 0.0 && pixel[0] <= width - 1.0 && pixel[1] <= height - 1.0;
         inside.then_some(MarkerObservation { index, pixel, std_px: 1.0 })
     };
-    target.points().into_iter().enumerate().filter_map(marker).collect()
+    target.points_of(board).into_iter().filter_map(marker).collect()
 }
 
 /// Pinhole and lens of a camera, held: what projected markers cannot tell again.

@@ -10,7 +10,7 @@ use tracing::info;
 
 use super::alone::examined;
 use super::drift_test::{DriftTest, drift_tests};
-use super::trial::{EffectInRig, tried_in_rig};
+use super::trial::{EffectInRig, Tried, tried_in_rig};
 use crate::calibrate::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
 use crate::capture::{CameraCapture, RigCapture};
 use crate::error::RigError;
@@ -109,8 +109,10 @@ pub fn diagnose_rig(
     let mut cameras = Vec::new();
     for camera in capture.cameras.iter().filter(is_depth) {
         let of_verify = verify.and_then(|v| v.cameras.iter().find(|c| c.name == camera.name));
-        let found = examine(camera, of_verify, &declared, options)?;
-        cameras.push(if found.poses_from_others { in_rig(capture, camera, found, &declared, options)? } else { found });
+        cameras.push(match camera.has_markers() {
+            true => examine(camera, of_verify, &declared, options)?,
+            false => in_rig(capture, camera, &declared, options)?,
+        });
     }
     let mut with_effects = options.rig.clone();
     register_formulas(&mut cameras, &mut with_effects.each.register);
@@ -167,25 +169,26 @@ pub fn diagnose_rig(
     })
 }
 
-/// Effects of a camera without images that only the joint adjustment shows, one after the other; then the loop given these.
+/// Effects of a camera without images that the joint adjustment shows, one after the other; then the loop given these.
 fn in_rig(
     capture: &RigCapture,
     camera: &CameraCapture,
-    mut found: CameraDiagnosis,
     declared: &RigCalibrated,
     options: &RigDiagnoseOptions,
 ) -> Result<CameraDiagnosis, RigError> {
     let mut options = options.clone();
     let mut present = declared.clone();
     let mut shown: Vec<EffectInRig> = Vec::new();
+    let register = of_depth_alone(&options.rig.of(camera)?);
     while shown.len() < MOST_IN_RIG {
-        let of = (&present, &options.rig, options.folds);
-        let Some((effect, fit)) = tried_in_rig(capture, &camera.name, &found.diagnosis, of)? else { break };
+        let (rig, folds, thresholds) = (&options.rig, options.folds, &options.thresholds);
+        let tried = Tried { rig: &present, options: rig, register: &register, folds, thresholds };
+        let Some((effect, fit)) = tried_in_rig(capture, &camera.name, &tried)? else { break };
         options.rig.effects.push(EffectOf { camera: Some(camera.name.clone()), effect: effect.spec.clone() });
         shown.push(effect);
         present = fit;
-        found = examine(camera, None, &present, &options)?;
     }
+    let mut found = examine(camera, None, &present, &options)?;
     let own: Vec<PieceSpec> = shown.iter().map(|effect| effect.spec.clone()).collect();
     found.effects.splice(0..0, own);
     found.in_rig = shown;

@@ -76,7 +76,7 @@ fn errors_given_the_others(
     let mut given = held.clone();
     for (own, from) in given.cameras.iter_mut().zip(&fitted.cameras) {
         own.camera = from.camera.clone();
-        (own.camera_from_rig, own.drift) = (from.camera_from_rig, from.drift);
+        (own.camera_from_rig, own.drift, own.offset_s) = (from.camera_from_rig, from.drift, from.offset_s);
     }
     given.place_boards();
     let mut others = given.clone();

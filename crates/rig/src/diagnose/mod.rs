@@ -3,6 +3,7 @@
 mod alone;
 mod drift_test;
 mod driver;
+mod joint_search;
 mod left_out;
 mod trial;
 

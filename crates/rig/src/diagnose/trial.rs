@@ -3,17 +3,17 @@
 //! Pinhole, lens and place of such a camera come from its depth alone, so that they take up what its depth model lacks. While they are
 //! held, as in the loop of one camera, an effect explains only what they left of it; here they are fitted jointly with it.
 
-use depthcal_calibration::diagnose::Diagnosis;
-use depthcal_calibration::diagnose::evidence::Evidence;
-use depthcal_model::PieceSpec;
-use tracing::info;
+use depthcal_calibration::diagnose::Thresholds;
+use depthcal_model::{PieceSpec, Register};
+use tracing::{debug, info};
 
+use super::joint_search::{JointEvidence, joint_search};
 use super::left_out::{LeftOutErrors, left_out};
 use crate::calibrate::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
 use crate::capture::RigCapture;
 use crate::error::RigError;
 
-/// p-value, corrected for the number of effects, below which an effect is tried.
+/// p-value, corrected for the numbers of effects and of their variants, below which an effect is tried.
 const SIGNIFICANT: f64 = 1e-3;
 /// Most effects that are tried.
 const MOST_TRIED: usize = 4;
@@ -27,8 +27,22 @@ pub struct EffectInRig {
     pub left_out: LeftOutErrors,
 }
 
-/// Of the effects that are significant in the first round of a camera's diagnosis, the one with which the rig predicts left-out frames of
-/// the camera best, where that is certainly better than without; with the rig that has it. `rig` is the fit without.
+/// The fit that effects are tried against.
+pub(super) struct Tried<'a> {
+    /// The rig without them.
+    pub rig: &'a RigCalibrated,
+    /// What it was fitted with.
+    pub options: &'a RigOptions,
+    /// The effects that are considered: those of one camera without images.
+    pub register: &'a Register,
+    /// Parts into which frames are left out.
+    pub folds: usize,
+    /// Thresholds of the loop of one camera.
+    pub thresholds: &'a Thresholds,
+}
+
+/// Of the effects whose joint score tests are significant, the one with which the rig predicts left-out frames of the camera best, where
+/// that is certainly better than without; with the rig that has it.
 ///
 /// # Errors
 ///
@@ -36,24 +50,25 @@ pub struct EffectInRig {
 pub(super) fn tried_in_rig(
     capture: &RigCapture,
     camera: &str,
-    diagnosis: &Diagnosis,
-    (rig, options, folds): (&RigCalibrated, &RigOptions, usize),
+    tried: &Tried<'_>,
 ) -> Result<Option<(EffectInRig, RigCalibrated)>, RigError> {
-    let (Some(number), Some(round)) =
-        (rig.state.cameras.iter().position(|c| c.name == camera), diagnosis.rounds.first())
+    let Tried { rig, options, register, folds, thresholds } = *tried;
+    let (Some(number), Some(own)) = (rig.state.cameras.iter().position(|c| c.name == camera), rig.camera(camera))
     else {
         return Ok(None);
     };
-    let tests = round.effects().count() as f64;
-    let is_significant = |e: &&Evidence| e.p_value * tests < SIGNIFICANT;
+    let found = joint_search(&rig.state, number, &own.calibrated, register, thresholds)?;
+    let is_tried = |e: &&JointEvidence| e.p_value < SIGNIFICANT && e.gain_t >= thresholds.least_gain_t;
     let mut best: Option<(EffectInRig, RigCalibrated)> = None;
-    for evidence in round.effects().filter(is_significant).take(MOST_TRIED) {
+    for evidence in found.iter().filter(is_tried).take(MOST_TRIED) {
+        let JointEvidence { spec, statistic, p_value, gain_t } = evidence;
+        debug!("{camera}: {spec} has a score of {statistic:.1}, p = {p_value:.1e}, gains of t = {gain_t:.1}");
         let mut with = options.clone();
-        with.effects.push(EffectOf { camera: Some(camera.to_owned()), effect: evidence.spec.clone() });
+        with.effects.push(EffectOf { camera: Some(camera.to_owned()), effect: spec.clone() });
         let mut fit = match calibrate_rig(capture, &with) {
             Ok(fit) => fit,
             Err(error) => {
-                info!("{camera}: the rig cannot be calibrated with {}: {error}", evidence.spec);
+                info!("{camera}: the rig cannot be calibrated with {spec}: {error}");
                 continue;
             }
         };
@@ -66,13 +81,11 @@ pub(super) fn tried_in_rig(
         for (own, noise) in fit.state.cameras.iter_mut().zip(noises) {
             own.noise = noise;
         }
+        debug!("{camera}: {spec} on left-out frames: {errors:?}");
         let Some(left_out) = errors.filter(|errors| errors.gain_percent.is_certain()) else { continue };
-        info!(
-            "{camera}: {} lowers the error on left-out frames by {:.1} %",
-            evidence.spec, left_out.gain_percent.value
-        );
+        info!("{camera}: {spec} lowers the error on left-out frames by {:.1} %", left_out.gain_percent.value);
         if best.as_ref().is_none_or(|(b, _)| left_out.after < b.left_out.after) {
-            best = Some((EffectInRig { spec: evidence.spec.clone(), left_out }, fit));
+            best = Some((EffectInRig { spec: spec.clone(), left_out }, fit));
         }
     }
     Ok(best)

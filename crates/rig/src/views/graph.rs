@@ -7,8 +7,10 @@ use depthcal_model::Camera;
 use nalgebra::Isometry3;
 use tracing::{info, warn};
 
+use super::offset::{MovingView, time_offset};
 use super::pair::{Contradiction, PairView, RelativePose, relative_pose};
 use crate::error::RigError;
+use crate::motion::{BoardMotion, motions};
 
 /// Views that two cameras need to share to be connected.
 const FEWEST_VIEWS: usize = 2;
@@ -27,6 +29,8 @@ pub struct Node<'a> {
     pub camera: &'a Camera,
     /// Its frames.
     pub capture: &'a mut Capture<PosedFrame>,
+    /// By how much it exposes later than its times say, s, where it exposes at other moments than the reference and the board moves.
+    pub offset_s: Option<f64>,
 }
 
 /// The places of all cameras that have images.
@@ -62,14 +66,16 @@ pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, RigError> {
     let mut pairs = Vec::new();
     for b in 1..nodes.len() {
         for a in 0..b {
-            let shared = shared_frames(nodes[a].capture, nodes[b].capture);
+            let moves = nodes[a].offset_s.is_some() || nodes[b].offset_s.is_some();
+            let mut shared = shared_frames(nodes[a].capture, nodes[b].capture);
+            let mut firsts: Vec<PosedFrame> = shared.iter().map(|s| nodes[a].capture.frames[s[0]].clone()).collect();
+            if moves {
+                (shared, firsts) = when_the_second_exposes([&nodes[a], &nodes[b]], &shared);
+            }
             if shared.is_empty() {
                 continue;
             }
-            let of = |node: &Node<'_>, place: fn(&[usize; 2]) -> usize| -> Vec<PosedFrame> {
-                shared.iter().map(|s| node.capture.frames[place(s)].clone()).collect()
-            };
-            let (firsts, seconds) = (of(&nodes[a], |s| s[0]), of(&nodes[b], |s| s[1]));
+            let seconds: Vec<PosedFrame> = shared.iter().map(|s| nodes[b].capture.frames[s[1]].clone()).collect();
             let (firsts, seconds): (Vec<_>, Vec<_>) = (firsts.iter().collect(), seconds.iter().collect());
             let view = |n: usize, frames| PairView { camera: nodes[n].camera, frames };
             let found = relative_pose(&nodes[a].capture.target, view(a, &firsts), view(b, &seconds));
@@ -78,7 +84,7 @@ pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, RigError> {
             let contradicting = found.contradicting.len();
             let cameras = [a, b].map(|n| nodes[n].name.to_owned());
             pairs.push(PairSummary { cameras, views: shared.len(), contradicting, median_px: found.median_px });
-            for (view, poses) in &found.mirrored {
+            for (view, poses) in found.mirrored.iter().filter(|_| !moves) {
                 let [first, second] = shared[*view];
                 nodes[a].capture.frames[first].camera_from_board = poses[0];
                 nodes[b].capture.frames[second].camera_from_board = poses[1];
@@ -98,6 +104,51 @@ fn shared_frames(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> V
     let places: BTreeMap<&str, usize> = second.frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
     let frames = first.frames.iter().enumerate();
     frames.filter_map(|(i, frame)| Some([i, *places.get(frame.name.as_str())?])).collect()
+}
+
+/// Of shared frames those about which the board's motion is known, and the first camera's part of them with the board where it is when
+/// the second camera exposes.
+fn when_the_second_exposes(
+    [first, second]: [&Node<'_>; 2],
+    shared: &[[usize; 2]],
+) -> (Vec<[usize; 2]>, Vec<PosedFrame>) {
+    let offset_s = second.offset_s.unwrap_or(0.0) - first.offset_s.unwrap_or(0.0);
+    let views = moving_views(first.capture, second.capture, shared);
+    let moved = |(places, view): ([usize; 2], MovingView)| {
+        let mut frame = first.capture.frames[places[0]].clone();
+        frame.camera_from_board = view.motion.after(offset_s + view.later_s).of(&view.first_from_board);
+        (places, frame)
+    };
+    views.into_iter().map(moved).unzip()
+}
+
+/// The views of shared frames about which the board's motion in the first camera is known.
+fn moving_views(
+    first: &Capture<PosedFrame>,
+    second: &Capture<PosedFrame>,
+    shared: &[[usize; 2]],
+) -> Vec<([usize; 2], MovingView)> {
+    let mut about: Vec<Option<BoardMotion>> = vec![None; first.frames.len()];
+    for board in 0..first.target.parts().len() {
+        let own: Vec<usize> = (0..about.len()).filter(|i| first.frames[*i].board == board).collect();
+        let pose = |i: &usize| (first.frames[*i].metadata.timestamp_s, first.frames[*i].camera_from_board);
+        let found = motions(&own.iter().map(pose).collect::<Vec<_>>());
+        own.iter().zip(found).for_each(|(i, motion)| about[*i] = motion);
+    }
+    let view = |places: &[usize; 2]| {
+        let (a, b) = (&first.frames[places[0]], &second.frames[places[1]]);
+        let later_s = b.metadata.timestamp_s? - a.metadata.timestamp_s?;
+        let (first_from_board, second_from_board) = (a.camera_from_board, b.camera_from_board);
+        Some((*places, MovingView { first_from_board, motion: about[places[0]]?, later_s, second_from_board }))
+    };
+    shared.iter().filter_map(view).collect()
+}
+
+/// By how much the second camera exposes later than its times say against the first, s, by the poses of single images; `None` where the two
+/// share too few frames about which the board's motion is known.
+pub fn offset_between(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> Option<f64> {
+    let views = moving_views(first, second, &shared_frames(first, second));
+    time_offset(&first.target, &views.into_iter().map(|(_, view)| view).collect::<Vec<_>>())
 }
 
 fn listed(names: &[&str]) -> String {

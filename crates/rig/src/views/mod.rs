@@ -2,7 +2,9 @@
 
 mod average;
 mod graph;
+mod offset;
 mod pair;
 
-pub use graph::{Node, PairSummary, Places, connect};
+pub use graph::{Node, PairSummary, Places, connect, offset_between};
+pub use offset::{MovingView, time_offset};
 pub use pair::{Contradiction, PairView, RelativePose, relative_pose};

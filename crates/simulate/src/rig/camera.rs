@@ -52,6 +52,8 @@ pub struct RigCamera {
     pub exposure: Exposure,
     /// How its place changes with time or temperature.
     pub drift: Option<Drift>,
+    /// By how much it exposes later than the times of its frames say, s; it matters where the board moves.
+    pub time_offset_s: f64,
 }
 
 impl RigCamera {
@@ -70,6 +72,7 @@ impl RigCamera {
             noise: Noise::default(),
             exposure,
             drift: None,
+            time_offset_s: 0.0,
         }
     }
 
@@ -77,6 +80,13 @@ impl RigCamera {
     #[must_use]
     pub fn effect(mut self, effect: Effect) -> Self {
         self.effects.push(effect);
+        self
+    }
+
+    /// The same camera that exposes later, s.
+    #[must_use]
+    pub fn time_offset(mut self, time_offset_s: f64) -> Self {
+        self.time_offset_s = time_offset_s;
         self
     }
 

@@ -6,8 +6,10 @@ mod drift;
 mod simulation;
 mod truth;
 mod usual;
+mod waved;
 
 pub use camera::{RigCamera, Streams};
 pub use drift::Drift;
 pub use simulation::RigSimulation;
 pub use truth::{RigCameraTruth, RigPoints, RigTruth};
+pub use waved::Waved;

@@ -2,6 +2,7 @@
 
 use super::camera::RigCamera;
 use super::truth::{RigCameraTruth, RigPoints, RigTruth};
+use super::waved::Waved;
 use crate::board::Board;
 use crate::conditions;
 use crate::effects::Effect;
@@ -21,6 +22,7 @@ pub struct RigSimulation {
     pub(super) seed: u64,
     frames: usize,
     poses: Option<Vec<Pose>>,
+    waved: Option<Waved>,
     board: Board,
     board_effects: Vec<Effect>,
 }
@@ -29,7 +31,16 @@ impl RigSimulation {
     /// A rig of `cameras`, the first of which is the reference: its place is not used.
     pub fn new(cameras: Vec<RigCamera>, kind: Kind, seed: u64) -> Self {
         let frames = kind.frames();
-        Self { cameras, kind, seed, frames, poses: None, board: Board::default(), board_effects: Vec::new() }
+        Self {
+            cameras,
+            kind,
+            seed,
+            frames,
+            poses: None,
+            waved: None,
+            board: Board::default(),
+            board_effects: Vec::new(),
+        }
     }
 
     /// Sets the number of frames, which is otherwise the kind's.
@@ -44,6 +55,14 @@ impl RigSimulation {
     pub fn poses(mut self, rig_from_board: Vec<Pose>) -> Self {
         self.frames = rig_from_board.len();
         self.poses = Some(rig_from_board);
+        self
+    }
+
+    /// Waves the board while the cameras take a video of so many frames, instead of the kind's poses.
+    #[must_use]
+    pub fn waved(mut self, waved: Waved, frames: usize) -> Self {
+        self.frames = frames;
+        self.waved = Some(waved);
         self
     }
 
@@ -66,6 +85,9 @@ impl RigSimulation {
     /// # Errors
     /// [`SimulateError`] when the board does not fit into the first camera's images.
     pub fn rig_from_board(&self) -> Result<Vec<Pose>, SimulateError> {
+        if let Some(waved) = &self.waved {
+            return Ok((0..self.frames).map(|i| waved.pose(&self.board, waved.period_s * i as f64)).collect());
+        }
         match (&self.poses, self.cameras.first()) {
             (Some(poses), _) => Ok(poses.clone()),
             (None, Some(first)) => choose(&first.camera, &self.board, self.kind, self.frames, self.seed),
@@ -76,13 +98,20 @@ impl RigSimulation {
     /// Every camera as a simulation of its own, with the poses of the board in its frame.
     pub(super) fn simulations(&self) -> Result<Vec<Simulation>, SimulateError> {
         let rig_from_board = self.rig_from_board()?;
-        let conditions = conditions::choose(self.frames, seed_with_name(self.seed, &self.kind.to_string()));
+        let conditions = match &self.waved {
+            Some(waved) => conditions::video(self.frames, waved.period_s),
+            None => conditions::choose(self.frames, seed_with_name(self.seed, &self.kind.to_string())),
+        };
         let simulation = |(number, camera): (usize, &RigCamera)| {
             let place = |frame: usize| {
                 let own = if number == 0 { Pose::identity() } else { camera.camera_from_rig };
                 camera.drift.map_or(own, |drift| drift.apply(&own, &conditions[frame]))
             };
-            let poses = rig_from_board.iter().enumerate().map(|(frame, pose)| place(frame).after(pose)).collect();
+            let seen = |frame: usize| match &self.waved {
+                Some(waved) => waved.pose(&self.board, conditions[frame].time_s + camera.time_offset_s),
+                None => rig_from_board[frame],
+            };
+            let poses = (0..rig_from_board.len()).map(|frame| place(frame).after(&seen(frame))).collect();
             let effects: Vec<Effect> = self.board_effects.iter().chain(&camera.effects).cloned().collect();
             // Noise is each camera's own.
             let seed = if number == 0 { self.seed } else { seed_with_name(self.seed, &camera.name) };
@@ -92,6 +121,7 @@ impl RigSimulation {
                 .noise(camera.noise)
                 .exposure(camera.exposure)
                 .conditions_seed(self.seed)
+                .video(self.waved.map(|waved| waved.period_s))
         };
         Ok(self.cameras.iter().enumerate().map(simulation).collect())
     }
@@ -102,6 +132,7 @@ impl RigSimulation {
             streams: camera.streams,
             camera_from_rig: if number == 0 { Pose::identity() } else { camera.camera_from_rig },
             drift: camera.drift,
+            time_offset_s: camera.time_offset_s,
             truth,
         };
         RigTruth { cameras: self.cameras.iter().enumerate().zip(truths).map(camera).collect() }

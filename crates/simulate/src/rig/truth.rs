@@ -26,6 +26,9 @@ pub struct RigCameraTruth {
     pub camera_from_rig: Pose,
     /// How its place changes.
     pub drift: Option<Drift>,
+    /// By how much it exposes later than the times of its frames say, s.
+    #[serde(default)]
+    pub time_offset_s: f64,
     /// Camera, board, effects and poses as this camera sees them.
     pub truth: Truth,
 }

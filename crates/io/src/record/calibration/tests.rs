@@ -196,6 +196,7 @@ fn a_rig_raises_the_version() {
             std_dev: Some(PlaceStdDev { rotation_rad: [1e-5; 3], translation_mm: [0.01; 3] }),
             drift: None,
         },
+        time_offset: None,
         pieces,
         noise: NoiseRecord::default(),
         depth_unit_mm: None,

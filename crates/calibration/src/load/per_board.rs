@@ -1,0 +1,28 @@
+//! Frames of several boards: one for each board, so that every frame has one pose of the board.
+
+use depthcal_model::Target;
+
+use crate::observe::{MarkerObservation, RawFrame};
+
+/// Name of a frame of one of several boards: the first has that of the frame.
+pub(super) fn name_of(frame: &str, board: usize, name: &str) -> String {
+    if board == 0 { frame.to_owned() } else { format!("{frame}+{name}") }
+}
+
+/// A frame once for every board of the target.
+pub(super) fn per_board(raw: RawFrame, target: &Target) -> Vec<RawFrame> {
+    let of = |(board, part): (usize, depthcal_model::BoardPart<'_>)| RawFrame {
+        name: name_of(&raw.name, board, part.name),
+        board,
+        ..raw.clone()
+    };
+    target.parts().into_iter().enumerate().map(of).collect()
+}
+
+/// The markers of a frame board by board.
+pub(super) fn markers_per_board(markers: &[MarkerObservation], target: &Target) -> Vec<Vec<MarkerObservation>> {
+    let of = |part: depthcal_model::BoardPart<'_>| {
+        markers.iter().filter(|m| part.markers.contains(&m.index)).copied().collect()
+    };
+    target.parts().into_iter().map(of).collect()
+}

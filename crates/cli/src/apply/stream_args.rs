@@ -1,0 +1,106 @@
+//! Options and raw values of a stream.
+
+use clap::{Args, ValueEnum};
+use depthcal_correction::{CorrectionSummary, CorrectorError, FrameContext};
+use depthcal_io::GrayImage;
+
+/// Type of a raw frame's values: little-endian, row by row, nothing between frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Raw {
+    /// 16-bit steps of --unit-mm; 0 is no depth.
+    U16,
+    /// 32-bit floating-point mm; 0, negative and NaN are no depth.
+    F32,
+}
+
+/// Type of the values that are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Written {
+    /// Corrected depth in 16-bit steps of --unit-mm.
+    U16,
+    /// Corrected depth in 32-bit floating-point mm.
+    F32,
+    /// Points: x y z of every pixel, 32-bit floating-point mm; NaN where there is no depth. With --register in the frame of the rig.
+    Xyz,
+    /// The same points, each followed by red, green, blue and 255 in 8 bits, four zeros where another surface hides it from the camera
+    /// of --register or there is no depth.
+    Xyzrgb,
+}
+
+/// Options of a stream.
+#[derive(Debug, Args)]
+pub(super) struct StreamArgs {
+    /// Type of the values on standard input.
+    #[arg(long, value_name = "TYPE", value_enum, default_value = "u16", requires = "stream_output")]
+    pub(super) stream_input: Raw,
+    /// Type of the values on standard output; required for DEPTH `-`.
+    #[arg(long, value_name = "TYPE", value_enum)]
+    pub(super) stream_output: Option<Written>,
+    /// Width and height of the frames, checked against those of the calibration.
+    #[arg(long, value_name = "WxH", requires = "stream_output")]
+    pub(super) stream_size: Option<String>,
+    /// Each depth frame on standard input is followed by its infrared image: 16-bit values of the same size.
+    #[arg(long, requires = "stream_output")]
+    pub(super) stream_amplitude: bool,
+    /// Camera of a rig whose depth the stream is [default: the first with depth].
+    #[arg(long, value_name = "CAMERA", requires = "stream_output", requires = "register")]
+    pub(super) stream_camera: Option<String>,
+    /// Each frame on standard input ends with the image of the camera of --register: red, green and blue in 8 bits, row by row.
+    #[arg(long, requires = "stream_output", requires = "register")]
+    pub(super) stream_color: bool,
+    /// Frames per second, for effects that depend on time; the first frame is at 0 s.
+    #[arg(long, value_name = "FPS", requires = "stream_output")]
+    pub(super) stream_fps: Option<f64>,
+    /// Temperature in °C, for effects that depend on it.
+    #[arg(long, value_name = "CELSIUS", requires = "stream_output")]
+    pub(super) stream_temperature: Option<f64>,
+}
+
+/// What is made of the frames of a stream.
+pub(super) trait FrameJob {
+    /// Bytes of a frame on standard input.
+    fn frame_bytes(&self) -> usize;
+
+    /// Corrects frame number `index` from its bytes into those of the result.
+    fn correct(&mut self, index: usize, frame: &[u8], out: &mut Vec<u8>) -> Result<CorrectionSummary, CorrectorError>;
+}
+
+impl StreamArgs {
+    /// The conditions of frame number `index`.
+    pub(super) fn context<'a>(&self, index: usize, amplitude: &'a GrayImage) -> FrameContext<'a> {
+        FrameContext {
+            time_s: self.stream_fps.map_or(0.0, |fps| index as f64 / fps),
+            temperature_c: self.stream_temperature.unwrap_or(f64::NAN),
+            amplitude: self.stream_amplitude.then(|| amplitude.into()),
+        }
+    }
+}
+
+impl Raw {
+    /// Bytes of a value.
+    pub(super) fn bytes(self) -> usize {
+        match self {
+            Self::U16 => 2,
+            Self::F32 => 4,
+        }
+    }
+}
+
+pub(super) fn u16_from_bytes(bytes: &[u8], values: &mut [u16]) {
+    for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
+        *value = u16::from_le_bytes(*bytes);
+    }
+}
+
+pub(super) fn f32_from_bytes(bytes: &[u8], values: &mut [f32]) {
+    for (value, bytes) in values.iter_mut().zip(bytes.as_chunks().0) {
+        *value = f32::from_le_bytes(*bytes);
+    }
+}
+
+pub(super) fn bytes_of<const N: usize>(values: impl ExactSizeIterator<Item = [u8; N]>, out: &mut Vec<u8>) {
+    out.resize(N * values.len(), 0);
+    for (bytes, value) in out.as_chunks_mut().0.iter_mut().zip(values) {
+        *bytes = value;
+    }
+}
