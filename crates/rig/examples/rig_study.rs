@@ -4,25 +4,29 @@
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- depth [SEEDS]
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- clouds [SEEDS] [CAMERAS] [FRAMES]
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- offset [SEEDS]
+//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- open [SEEDS]
 //!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- cost [FRAMES]
 //!
 //! `colour`: infrared, depth and colour; `depth`: infrared with depth, and a second depth camera whose image cannot be had. How
 //! often parameters come back within three standard deviations, the normalised squared error, and transfer errors against those
 //! of the true rig.
 //! `clouds`: several depth cameras around one board, captured in so many frames, and by how much their clouds of the board miss each other.
-//! `offset`: a colour camera that exposes later, before a board that is waved. `cost`: time of a rig of two cameras over that of one.
+//! `offset`: a colour camera that exposes later, before a board that is waved. `open`: whether what boards at
+//! one distance leave open is named. `cost`: time of a rig of two cameras over that of one.
 
 use std::error::Error;
 use std::time::Instant;
 
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_model::Register;
+use depthcal_model::{Camera, Register};
 use depthcal_rig::judge::evaluate_rig;
 use depthcal_rig::simulated::{errors, pose, rig_capture, squared_error, true_cameras};
 use depthcal_rig::{PlacedCamera, RigCapture, RigOptions, calibrate_rig};
-use depthcal_simulate::{Kind, PointOptions, RigCamera, RigPoints, RigSimulation, RigTruth, Waved};
+use depthcal_simulate::{Kind, PointOptions, Pose, RigCamera, RigPoints, RigSimulation, RigTruth, Waved};
 use depthcal_statistics::{chi_squared_tail, rms};
 use nalgebra::{Point3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 fn observe(names: &[String], kind: Kind, seed: u64, frames: Option<usize>) -> Result<RigPoints, Box<dyn Error>> {
     let mut cameras = Vec::new();
@@ -181,6 +185,50 @@ fn offset(seeds: u64) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// A depth camera without images whose boards are at one distance with tilts of at most 8°, which leave its pinhole to the prior, and the usual
+/// captures, which leave nothing: how often the output names what is left open, and names anything where nothing is.
+fn left_open(seeds: u64) -> Result<(), Box<dyn Error>> {
+    let named = |seed: u64, poses: Option<Vec<Pose>>| -> Result<Vec<String>, Box<dyn Error>> {
+        let cameras = ["infrared", "depth"].map(|name| RigCamera::usual(name, 1).ok().flatten());
+        let cameras = cameras.into_iter().collect::<Option<Vec<_>>>().ok_or("a camera without a usual form")?;
+        let rig = RigSimulation::new(cameras, Kind::General(1), seed);
+        let rig = poses.map_or(rig.clone(), |poses| rig.poses(poses));
+        let mut capture = rig_capture(&rig.observe_points(&PointOptions::default())?);
+        capture.cameras[1].declared = Some(Camera::new(512, 424, [365.0, 365.0, 258.0, 208.0, 0.0], vec![]));
+        let fit = calibrate_rig(&capture, &options(None))?;
+        Ok(fit.camera("depth").ok_or("no camera")?.left_open.iter().map(|open| open.parameter.clone()).collect())
+    };
+    let (mut found, mut false_names, mut failed) = (0, 0, 0);
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for seed in 0..seeds {
+        let (distance_mm, tilt) = (random.random_range(600.0..1400.0), random.random_range(0.03..0.14));
+        let centre = Pose::from_rotation_vector([0.0; 3], [-40.0, -85.0, 0.0]);
+        let poses: Vec<Pose> = (0..14)
+            .map(|_| {
+                let mut within = |size: f64| random.random_range(-size..size);
+                let turn = [within(tilt), within(tilt), within(3.0)];
+                let place = [within(60.0), within(40.0), distance_mm * (1.0 + within(0.03))];
+                Pose::from_rotation_vector(turn, place).after(&centre)
+            })
+            .collect();
+        match (named(seed, Some(poses)), named(seed, None)) {
+            (Ok(narrow), Ok(wide)) => {
+                let pinhole = ["pinhole.fx", "pinhole.fy", "pinhole.cx", "pinhole.cy"];
+                found += pinhole.iter().filter(|name| narrow.iter().any(|open| open == *name)).count();
+                false_names += wide.len();
+            }
+            (narrow, wide) => {
+                println!("seed {seed}: {}", narrow.err().or(wide.err()).map(|e| e.to_string()).unwrap_or_default());
+                failed += 1;
+            }
+        }
+    }
+    println!("{seeds} seeds, {failed} without a fit");
+    println!("{found} of {} parameters that are left open are named", 4 * (seeds - failed));
+    println!("{false_names} are named where boards at all distances and tilts leave none open");
+    Ok(())
+}
+
 fn cost(frames: usize) -> Result<(), Box<dyn Error>> {
     let names = ["infrared".to_owned(), "infrared2".to_owned()];
     let points = observe(&names, Kind::General(1), 1, Some(frames))?;
@@ -211,7 +259,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         Some("depth") => coverage(&named(["infrared", "depth"]), number(1, 100)?, None),
         Some("clouds") => clouds(number(1, 20)?, number(2, 2)? as usize, words.get(3).map(|n| n.parse()).transpose()?),
         Some("offset") => offset(number(1, 40)?),
+        Some("open") => left_open(number(1, 50)?),
         Some("cost") => cost(number(1, 30)? as usize),
-        _ => Err("say colour, depth, clouds, offset or cost".into()),
+        _ => Err("say colour, depth, clouds, offset, open or cost".into()),
     }
 }
