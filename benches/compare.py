@@ -17,7 +17,7 @@ import statistics
 import subprocess
 import sys
 
-root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+from peers import build
 
 
 def arguments():
@@ -35,16 +35,6 @@ def arguments():
     return options
 
 
-def build():
-    command = ["cargo", "build", "--release", "--example", "board", "--example", "bal", "--message-format", "json"]
-    output = subprocess.run(command, cwd=root, capture_output=True, text=True)
-    if output.returncode:
-        sys.exit(output.stderr)
-    found = [json.loads(line) for line in output.stdout.splitlines() if line.startswith("{")]
-    executables = [m["executable"] for m in found if m.get("executable")]
-    return os.path.dirname(executables[-1])
-
-
 def run(command, threads):
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1", RAYON_NUM_THREADS=str(threads))
     process = subprocess.run(command, capture_output=True, text=True, env=environment)
@@ -57,7 +47,7 @@ def run(command, threads):
 def main():
     options = arguments()
     peers = os.path.abspath(options.peers)
-    ours = os.path.abspath(options.ours) if options.ours else build()
+    ours = os.path.abspath(options.ours) if options.ours else os.path.dirname(build("--example", "board", "--example", "bal"))
     threads = [int(t) for t in options.threads.split(",")]
     jobs = []
     for size in options.sizes.split(","):

@@ -37,7 +37,7 @@ import sys
 import tempfile
 import time
 
-root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+from peers import build, has
 
 WIDTH, HEIGHT = 640, 480
 PINHOLE = [497.3, 496.1, 322.6, 236.8]
@@ -231,25 +231,9 @@ def arguments():
     return parser.parse_args()
 
 
-def build():
-    command = ["cargo", "build", "--release", "-p", "depthcal-calibration", "--example", "image_corners"]
-    output = subprocess.run([*command, "--message-format", "json"], cwd=root, capture_output=True, text=True)
-    if output.returncode:
-        sys.exit(output.stderr)
-    found = [json.loads(line) for line in output.stdout.splitlines() if line.startswith("{")]
-    return [m["executable"] for m in found if m.get("executable")][-1]
-
-
-def has(python, module):
-    try:
-        return subprocess.run([python, "-c", f"import {module}"], capture_output=True).returncode == 0
-    except OSError:
-        return False
-
-
 def programs(options):
     """Name and command of every program that is there; FILE, THREADS and REPEATS are replaced."""
-    ours = [options.ours or build(), "FILE", "--threads", "THREADS", "--repeats", "REPEATS"]
+    ours = [options.ours or build("-p", "depthcal-calibration", "--example", "image_corners"), "FILE", "--threads", "THREADS", "--repeats", "REPEATS"]
     yield "ours", [*ours, "--lens", "brown-conrady:full"]
     yield "ours, chooses", ours
     peers = [

@@ -16,7 +16,8 @@ All fit fx fy cx cy k1 k2 p1 p2 k3 of both cameras, their relative pose and a po
   same start one per cent off as ours. Its normal equations of all frames are dense: sizes beyond --opencv-most frames are left out.
 - mrcal: `whole` is `seed_stereographic` and the solves of `mrcal-calibrate-cameras` without regularisation and rejection of outliers, then two
   more from the best poses of the boards under these lenses, without which some boards end in the second pose of a plane; `adjust` is one
-  more solve, from a start one per cent off as that of OpenCV.
+  more solve, from a start one per cent off as that of OpenCV. The search for start values is a Python program: with more than --mrcal-most
+  frames there is `adjust` alone, with the boards and the cameras' places of our optimum and lenses one per cent off it.
 
 The optimum is compared by its root mean square over the corners of both cameras, and by the parameters.
 """
@@ -29,7 +30,7 @@ import sys
 import tempfile
 import time
 
-root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+from peers import build, has
 # What the cameras of the corners roughly are: focal lengths that a user would give to mrcal, px.
 FOCAL_PX = 640.0
 
@@ -74,34 +75,16 @@ def run_opencv(path, start_path):
     )  # fmt: skip
 
 
-def run_mrcal(path, _):
+def mrcal_from_corners(given, sizes, indices, corners, spacing, shape):
+    """Solves of `mrcal-calibrate-cameras` from a guess: its optimum is left in `given`."""
     import mrcal
     import numpy as np
 
-    problem = json.load(open(path))
-    columns, rows, frames = problem["columns"], problem["rows"], problem["frames"]
-    spacing = problem["spacing_mm"] / 1000
-    # Corners that were not seen have no weight.
-    corners = np.zeros((2 * len(frames), rows, columns, 3))
-    corners[..., 2] = -1
-    indices = np.zeros((2 * len(frames), 3), np.int32)
-    for number, frame in enumerate(frames):
-        for camera in range(2):
-            indices[2 * number + camera] = number, camera, camera - 1
-            for index, pixel in zip(frame["index"], frame["pixels"][camera]):
-                corners[2 * number + camera, index // columns, index % columns] = [*pixel, 1]
-    sizes = np.array(problem["sizes"], np.int32)
-    begin = time.perf_counter(), time.process_time()
-    seed = mrcal.seed_stereographic(sizes, [FOCAL_PX] * 2, indices[:, :2].copy(), corners.copy(), spacing)
-    intrinsics, extrinsics, poses = seed
-    given = dict(
-        intrinsics=intrinsics, extrinsics_rt_fromref=extrinsics, frames_rt_toref=poses, points=None,
-        observations_board=corners, indices_frame_camintrinsics_camextrinsics=indices, observations_point=None,
-        indices_point_camintrinsics_camextrinsics=None, lensmodel="LENSMODEL_STEREOGRAPHIC", imagersizes=sizes,
-        calibration_object_spacing=spacing, calobject_warp=None, do_optimize_frames=True, do_optimize_extrinsics=True,
-        do_optimize_intrinsics_core=False, do_optimize_intrinsics_distortions=False, do_optimize_calobject_warp=False,
-        do_apply_outlier_rejection=False, do_apply_regularization=False,
-    )  # fmt: skip
+    intrinsics, extrinsics, poses = mrcal.seed_stereographic(
+        sizes, [FOCAL_PX] * 2, indices[:, :2].copy(), corners.copy(), spacing
+    )
+    given.update(intrinsics=intrinsics, extrinsics_rt_fromref=extrinsics, frames_rt_toref=poses)
+    given.update(lensmodel="LENSMODEL_STEREOGRAPHIC", do_optimize_intrinsics_core=False, do_optimize_intrinsics_distortions=False)
     mrcal.optimize(**given)
     given.update(do_optimize_intrinsics_core=True)
     mrcal.optimize(**given)
@@ -110,7 +93,7 @@ def run_mrcal(path, _):
     mrcal.optimize(**given)
     # Some boards end in the second of the two poses that a plane nearly has: each starts again from the best of its present pose and those
     # that either camera's corners give under these lenses.
-    board = mrcal.ref_calibration_object(columns, rows, spacing)
+    board = mrcal.ref_calibration_object(*shape, spacing)
     for _ in range(2):
         models = [(given["lensmodel"], lens) for lens in given["intrinsics"]]
         alone = mrcal.estimate_monocular_calobject_poses_Rt_tocam(indices[:, :2].copy(), corners.copy(), spacing, models)
@@ -131,7 +114,42 @@ def run_mrcal(path, _):
             chosen.append(mrcal.rt_from_Rt(min(candidates, key=error)))
         given.update(frames_rt_toref=np.array(chosen))
         mrcal.optimize(**given)
-    whole = time.perf_counter() - begin[0], time.process_time() - begin[1]
+
+
+def run_mrcal(path, start_path):
+    import mrcal
+    import numpy as np
+
+    problem, start = json.load(open(path)), json.load(open(start_path))
+    columns, rows, frames = problem["columns"], problem["rows"], problem["frames"]
+    spacing = problem["spacing_mm"] / 1000
+    # Corners that were not seen have no weight.
+    corners = np.zeros((2 * len(frames), rows, columns, 3))
+    corners[..., 2] = -1
+    indices = np.zeros((2 * len(frames), 3), np.int32)
+    for number, frame in enumerate(frames):
+        for camera in range(2):
+            indices[2 * number + camera] = number, camera, camera - 1
+            for index, pixel in zip(frame["index"], frame["pixels"][camera]):
+                corners[2 * number + camera, index // columns, index % columns] = [*pixel, 1]
+    sizes = np.array(problem["sizes"], np.int32)
+    given = dict(
+        points=None, observations_board=corners, indices_frame_camintrinsics_camextrinsics=indices, observations_point=None,
+        indices_point_camintrinsics_camextrinsics=None, imagersizes=sizes, calibration_object_spacing=spacing,
+        calobject_warp=None, do_optimize_frames=True, do_optimize_extrinsics=True, do_optimize_calobject_warp=False,
+        do_apply_outlier_rejection=False, do_apply_regularization=False,
+    )  # fmt: skip
+    whole = None
+    if len(frames) <= int(os.environ["MRCAL_MOST"]):
+        begin = time.perf_counter(), time.process_time()
+        mrcal_from_corners(given, sizes, indices, corners, spacing, (columns, rows))
+        whole = time.perf_counter() - begin[0], time.process_time() - begin[1]
+    else:
+        scale = np.array([1, 1, 1, 1e-3, 1e-3, 1e-3])
+        place = np.array([[*start["rotation"], *start["translation_mm"]]]) * scale
+        lenses = np.hstack((start["pinhole"], start["lens"]))
+        given.update(intrinsics=lenses, extrinsics_rt_fromref=place, frames_rt_toref=np.array(start["boards"]) * scale)
+        given.update(lensmodel="LENSMODEL_OPENCV5", do_optimize_intrinsics_core=True, do_optimize_intrinsics_distortions=True)
     given.update(intrinsics=1.01 * given["intrinsics"])
     last = time.perf_counter(), time.process_time()
     solved = mrcal.optimize(**given)
@@ -142,8 +160,9 @@ def run_mrcal(path, _):
     used = np.count_nonzero(corners[..., 2] > 0)
     residuals = solved["x"]
     rt = given["extrinsics_rt_fromref"][0]
+    result = dict(walls=[whole[0]], cpus=[whole[1]]) if whole else {}
     return dict(
-        walls=[whole[0]], cpus=[whole[1]], adjust=[adjust[0]], adjust_cpus=[adjust[1]], rms=math.sqrt(float(residuals @ residuals) / used),
+        result, adjust=[adjust[0]], adjust_cpus=[adjust[1]], rms=math.sqrt(float(residuals @ residuals) / used),
         pinhole=given["intrinsics"][:, :4].tolist(), lens=given["intrinsics"][:, 4:].tolist(), rotation=rt[:3].tolist(),
         translation_mm=(1000 * rt[3:]).tolist(),
     )  # fmt: skip
@@ -155,6 +174,7 @@ def arguments():
     parser.add_argument("--threads", default="1,2")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--opencv-most", type=int, default=300, help="most frames that OpenCV is given")
+    parser.add_argument("--mrcal-most", type=int, default=300, help="most frames from which mrcal searches start values")
     parser.add_argument("--opencv-python", default=sys.executable)
     parser.add_argument("--mrcal-python", default=sys.executable)
     parser.add_argument("--ours", help="the example rig_corners; built if not given")
@@ -162,25 +182,9 @@ def arguments():
     return parser.parse_args()
 
 
-def build():
-    command = ["cargo", "build", "--release", "-p", "depthcal-rig", "--features", "simulate", "--example", "rig_corners"]
-    output = subprocess.run([*command, "--message-format", "json"], cwd=root, capture_output=True, text=True)
-    if output.returncode:
-        sys.exit(output.stderr)
-    found = [json.loads(line) for line in output.stdout.splitlines() if line.startswith("{")]
-    return [m["executable"] for m in found if m.get("executable")][-1]
-
-
-def has(python, module):
-    try:
-        return subprocess.run([python, "-c", f"import {module}"], capture_output=True).returncode == 0
-    except OSError:
-        return False
-
-
-def run(command, threads):
+def run(command, threads, most=0):
     count = {name: str(threads) for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "RAYON_NUM_THREADS")}
-    process = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, **count))
+    process = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, **count, MRCAL_MOST=str(most)))
     lines = [json.loads(line) for line in process.stdout.splitlines() if line.startswith("{")]
     if not lines:
         print(f"SKIPPED: {' '.join(command)}: {process.stderr.strip()[-300:]}", file=sys.stderr)
@@ -202,7 +206,7 @@ def difference(ours, theirs):
 
 def main():
     options = arguments()
-    ours = options.ours or build()
+    ours = options.ours or build("-p", "depthcal-rig", "--features", "simulate", "--example", "rig_corners")
     peers = []
     for name, python, module, peer in [
         ("OpenCV", options.opencv_python, "cv2", "opencv"),
@@ -226,7 +230,7 @@ def main():
                     for name, command in peers:
                         if name == "OpenCV" and frames > options.opencv_most:
                             continue
-                        seen.setdefault((frames, name, threads), []).append(run([*command, path, start], threads))
+                        seen.setdefault((frames, name, threads), []).append(run([*command, path, start], threads, options.mrcal_most))
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, least of {options.rounds} rounds\n")
     print("s by the clock, and of the processor in brackets; ratios to ours of the latter\n")
     print("| frames | program | threads | whole | of ours | adjust | of ours | rms, px | rms against ours | parameters against ours |")
@@ -238,6 +242,9 @@ def main():
         least = lambda of, field: min(min(r[field]) for r in of)
         cells = []
         for wall, cpu in [("walls", "cpus"), ("adjust", "adjust_cpus")]:
+            if wall not in runs[0]:
+                cells += ["", ""]
+                continue
             ratio = least(runs, cpu) / max(least(own, cpu), 0.01)
             cells += [f"{least(runs, wall):.3f} ({least(runs, cpu):.3f})", f"{ratio:.2f}"]
         a, b = own[-1], runs[-1]

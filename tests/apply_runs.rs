@@ -2,11 +2,10 @@
 
 mod support;
 
-use std::io::Write;
-use std::process::{Output, Stdio};
+use std::process::Output;
 
 use depthcal::io::{DepthImage, read_depth, write_depth};
-use support::{CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, command, stderr, stdout, succeeds};
+use support::{CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, run_with_input, stderr, stdout, succeeds};
 
 const PIXELS: usize = WIDTH * HEIGHT;
 
@@ -19,16 +18,7 @@ fn corrected(index: usize, z: f64) -> f64 {
 /// Runs `apply CALIBRATION -` on the bytes.
 fn stream(folder: &Folder, input: &[u8], more: &[&str]) -> Output {
     let calibration = folder.arg("calibration.json");
-    let arguments = [&["apply", calibration.as_str(), "-"][..], more].concat();
-    let mut child =
-        command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut stdin = child.stdin.take().unwrap();
-    let input = input.to_vec();
-    // Whoever refuses its arguments does not read.
-    let writer = std::thread::spawn(move || _ = stdin.write_all(&input));
-    let output = child.wait_with_output().unwrap();
-    writer.join().unwrap();
-    output
+    run_with_input([&["apply", calibration.as_str(), "-"][..], more].concat(), input)
 }
 
 fn frames(count: usize) -> Vec<u16> {

@@ -13,7 +13,7 @@ use support::{Folder, stderr, stdout};
 
 const MODEL: &str = "projective+cubic_vignette";
 
-/// Whether a program is newer than all sources that it was built from, which Cargo lists beside it.
+/// Whether a program is newer than each of its source files. Cargo writes their list to `PROGRAM.d`, in the program's folder.
 fn is_up_to_date(program: &Path) -> bool {
     let modified = |path: &Path| std::fs::metadata(path).and_then(|data| data.modified()).ok();
     let Ok(list) = std::fs::read_to_string(program.with_extension("d")) else { return false };

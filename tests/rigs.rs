@@ -5,25 +5,15 @@
 mod schemas;
 mod support;
 
-use std::io::Write;
-use std::process::Stdio;
-
 use depthcal::io::{Calibration, Comparison, Evaluation, RigDiagnosisFile, Verdict, read_depth, read_json, read_rgb};
 use depthcal::rig::simulated::pose;
 use depthcal_simulate::RigTruth;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use support::{Folder, command, fails, stderr, stdout, succeeds};
+use support::{Folder, fails, run_with_input, stderr, stdout, succeeds};
 
 /// Runs `apply CALIBRATION -` on the bytes; returns what it writes.
 fn stream(calibration: &str, input: &[u8], more: &[&str]) -> Vec<u8> {
-    let arguments = [&["apply", calibration, "-"][..], more].concat();
-    let mut child =
-        command(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut stdin = child.stdin.take().unwrap();
-    let input = input.to_vec();
-    let writer = std::thread::spawn(move || _ = stdin.write_all(&input));
-    let output = child.wait_with_output().unwrap();
-    writer.join().unwrap();
+    let output = run_with_input([&["apply", calibration, "-"][..], more].concat(), input);
     assert!(output.status.success(), "{}", stderr(&output));
     output.stdout
 }

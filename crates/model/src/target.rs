@@ -70,6 +70,23 @@ pub struct BoardPart<'a> {
     pub markers: std::ops::Range<usize>,
 }
 
+impl BoardPart<'_> {
+    /// What the name of an image is extended by in the name of its frame of this board; nothing for the first board.
+    fn ending(&self) -> String {
+        if self.markers.start == 0 { String::new() } else { format!("+{}", self.name) }
+    }
+
+    /// Name of the frame of this board in an image of this name.
+    pub fn frame_name(&self, image: &str) -> String {
+        format!("{image}{}", self.ending())
+    }
+
+    /// The inverse of [`BoardPart::frame_name`].
+    pub fn image_name<'a>(&self, frame: &'a str) -> &'a str {
+        frame.strip_suffix(&self.ending()).unwrap_or(frame)
+    }
+}
+
 /// Which square is at the top left of a ChArUco board with an even number of rows. With an odd number there is but one layout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -288,6 +305,8 @@ mod tests {
         let parts = both.parts();
         assert_eq!((parts[1].name, parts[1].first_tag, parts[1].markers.clone()), ("b", 2, 8..20));
         assert_eq!(both.points_of(1)[0], (8, [0.0, 0.0]));
+        assert_eq!([0, 1].map(|i| parts[i].frame_name("0007")), ["0007", "0007+b"]);
+        assert_eq!((parts[0].image_name("0007"), parts[1].image_name("0007+b")), ("0007", "0007"));
         let text = serde_json::to_string(&both).unwrap();
         assert_eq!(serde_json::from_str::<Target>(&text).unwrap(), both);
     }

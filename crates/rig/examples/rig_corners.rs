@@ -6,7 +6,8 @@
 //! `simulate` writes the corners of a chessboard as an infrared and a colour camera see it, those that both see, in single precision.
 //! `fit` prints one line of JSON: `walls` and `cpus`, s, from corners to covariance; `alone`, s, of which the cameras alone take; and of plain
 //! least squares on the same corners, without a loss, the optimum: `rms` over the corners of both cameras, px, `pinhole`, `lens`,
-//! `rotation` and `translation_mm` of the second camera from the first, and `adjust` and `adjust_cpus`, the times of that adjustment alone
+//! `rotation` and `translation_mm` of the second camera from the first, `boards`, the poses of the boards in the first as rotation vector and
+//! translation in mm, and `adjust` and `adjust_cpus`, the times of that adjustment alone
 //! from a start one per cent off.
 
 use std::collections::BTreeSet;
@@ -140,7 +141,10 @@ fn fit(capture: &RigCapture, repeats: usize) -> Result<Value, Box<dyn Error>> {
         let corners = solved.image_residuals.iter().map(|r| r.len() / 2).sum::<usize>();
         let place = &solved.camera_from_rig[1];
         let rotation = place.rotation.scaled_axis();
+        let boards = solved.rig_from_board.iter().map(|pose| (pose.rotation.scaled_axis(), pose.translation.vector));
+        let boards: Vec<[f64; 6]> = boards.map(|(r, t)| [r.x, r.y, r.z, t.x, t.y, t.z]).collect();
         last = json!({
+            "boards": boards,
             "rms": (squares / corners as f64).sqrt(),
             "frames": state.frames.len(),
             "iterations": solved.report.iterations,

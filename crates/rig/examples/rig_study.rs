@@ -21,7 +21,7 @@ use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal_model::{Camera, Register};
 use depthcal_rig::judge::evaluate_rig;
 use depthcal_rig::simulated::{errors, pose, rig_capture, squared_error, true_cameras};
-use depthcal_rig::{PlacedCamera, RigCapture, RigOptions, calibrate_rig};
+use depthcal_rig::{PlacedCamera, RigCalibrated, RigCapture, RigOptions, calibrate_rig};
 use depthcal_simulate::{Kind, PointOptions, Pose, RigCamera, RigPoints, RigSimulation, RigTruth, Waved};
 use depthcal_statistics::{chi_squared_tail, rms};
 use nalgebra::{Point3, Vector3};
@@ -42,6 +42,11 @@ fn options(lens: Option<&str>) -> RigOptions {
     RigOptions { lens: lens.map(str::to_owned), ..RigOptions::default() }
 }
 
+/// The fit of a simulated rig; says why there is none.
+fn fitted(seed: u64, points: &RigPoints, options: &RigOptions) -> Option<RigCalibrated> {
+    calibrate_rig(&rig_capture(points), options).inspect_err(|error| println!("seed {seed}: {error}")).ok()
+}
+
 fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<dyn Error>> {
     let register = Register::builtin();
     let options = options(lens);
@@ -50,13 +55,9 @@ fn coverage(names: &[String], seeds: u64, lens: Option<&str>) -> Result<(), Box<
     let mut ratios: Vec<Vec<f64>> = Vec::new();
     for seed in 0..seeds {
         let points = observe(names, Kind::General(1), seed, None)?;
-        let fit = match calibrate_rig(&rig_capture(&points), &options) {
-            Ok(fit) => fit,
-            Err(error) => {
-                println!("seed {seed}: {error}");
-                failed += 1;
-                continue;
-            }
+        let Some(fit) = fitted(seed, &points, &options) else {
+            failed += 1;
+            continue;
         };
         open += usize::from(fit.cameras.iter().any(|c| !c.left_open.is_empty()));
         let parameters = fit.parameters();
@@ -159,13 +160,9 @@ fn offset(seeds: u64) -> Result<(), Box<dyn Error>> {
         cameras[1].time_offset_s = offset_s;
         let rig = RigSimulation::new(cameras, Kind::General(1), seed).waved(Waved::default(), 60);
         let points = rig.observe_points(&PointOptions::default())?;
-        let fit = match calibrate_rig(&rig_capture(&points), &with) {
-            Ok(fit) => fit,
-            Err(error) => {
-                println!("seed {seed}: {error}");
-                failed += 1;
-                continue;
-            }
+        let Some(fit) = fitted(seed, &points, &with) else {
+            failed += 1;
+            continue;
         };
         let found = fit.cameras[1].time_offset.ok_or("no offset")?;
         off.push((found.value_s - offset_s) / found.std_dev_s);

@@ -18,7 +18,7 @@ use super::error::LoadError;
 use super::found::Found;
 use super::given_markers::given_markers;
 use super::marker_lists::{GivenMarkers, markers_of};
-use super::per_board::{markers_per_board, name_of, per_board};
+use super::per_board::{markers_per_board, per_board};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
@@ -323,7 +323,7 @@ fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
     }
     let parts = target.parts();
     let of = |name: &str| -> Option<Vec<MarkerObservation>> {
-        let own = parts.iter().enumerate().map(|(board, part)| cached.frame(&name_of(name, board, part.name)));
+        let own = parts.iter().map(|part| cached.frame(&part.frame_name(name)));
         let found = own.collect::<Option<Vec<_>>>()?;
         Some(found.into_iter().flat_map(|frame| frame.markers.iter().map(from_file)).collect())
     };

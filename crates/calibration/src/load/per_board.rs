@@ -4,15 +4,10 @@ use depthcal_model::Target;
 
 use crate::observe::{MarkerObservation, RawFrame};
 
-/// Name of a frame of one of several boards: the first has that of the frame.
-pub(super) fn name_of(frame: &str, board: usize, name: &str) -> String {
-    if board == 0 { frame.to_owned() } else { format!("{frame}+{name}") }
-}
-
 /// A frame once for every board of the target.
 pub(super) fn per_board(raw: RawFrame, target: &Target) -> Vec<RawFrame> {
     let of = |(board, part): (usize, depthcal_model::BoardPart<'_>)| RawFrame {
-        name: name_of(&raw.name, board, part.name),
+        name: part.frame_name(&raw.name),
         board,
         ..raw.clone()
     };

@@ -103,8 +103,7 @@ pub fn start_depth_camera(
 fn frames_of_several_boards(capture: &Capture) -> BTreeSet<&str> {
     let parts = capture.target.parts();
     let of_image = |frame: &DetectedFrame| {
-        let ending = format!("+{}", parts.get(frame.board).map_or("", |part| part.name));
-        frame.name.strip_suffix(&ending).filter(|_| frame.board > 0).unwrap_or(&frame.name).to_owned()
+        parts.get(frame.board).map_or(frame.name.as_str(), |part| part.image_name(&frame.name)).to_owned()
     };
     let mut boards: BTreeMap<String, usize> = BTreeMap::new();
     capture.frames.iter().for_each(|frame| *boards.entry(of_image(frame)).or_default() += 1);
