@@ -11,7 +11,7 @@ use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
-use super::discovery::{self, Chance, Discovery, Search, components};
+use super::discovery::{self, Chance, CovariateSet, Discovery, Search, components};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::examination::{Examination, examine};
@@ -138,7 +138,7 @@ pub fn diagnose(
                                 conclude(&mut rounds, RoundOutcome::Added { effects: vec![spec], removed });
                                 continue;
                             }
-                            Err(reason) => formula_refused = Some(reason),
+                            Err(refused) => formula_refused = Some(refused.reason),
                         }
                     }
                     left_over.extend(LeftOver::free_function(found, *explained));
@@ -235,8 +235,9 @@ pub fn diagnose(
                 tried.clear();
                 model.remove_unnecessary(&mut present, 0, examination.tests)?;
             }
-            Err(reason) => {
+            Err(Refused { reason, together }) => {
                 formula_refused = Some(reason);
+                left_over.extend(together.as_ref().map(LeftOver::together));
                 break examination;
             }
         }
@@ -305,6 +306,12 @@ fn share_of_last(model: &AugmentedModel<'_>, cost: f64) -> f64 {
     model.added.last().map_or(0.0, |added| merit(&added.evidence) / cost)
 }
 
+/// Why no formula is added, and two covariates of which a function together explains something all the same.
+struct Refused {
+    reason: String,
+    together: Option<CovariateSet>,
+}
+
 /// Searches a formula for what the present model leaves and adds it; else the reason why there is none.
 fn find_formula(
     model: &mut AugmentedModel<'_>,
@@ -312,20 +319,23 @@ fn find_formula(
     present: &Fitted,
     chance: Chance<'_>,
     thresholds: &Thresholds,
-) -> Result<Result<(PieceSpec, Fitted), String>, DiagnoseError> {
+) -> Result<Result<(PieceSpec, Fitted), Refused>, DiagnoseError> {
     let taken: Vec<String> = present.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect();
     let verify = model.verify_under(&present.fit);
     let discovery = match discovery::search(&present.fit, chance, verify.as_ref(), examination, &taken, thresholds) {
         Search::Found(discovery) => discovery,
-        Search::Nothing(reason) => {
+        Search::Nothing { reason, together } => {
             info!("no formula: {reason}");
-            return Ok(Err(reason));
+            return Ok(Err(Refused { reason, together }));
         }
     };
     let (spec, text) = (discovery.effect.spec(), discovery.effect.text());
     Ok(match model.add_formula(*discovery, present)? {
         Some(fitted) => Ok((spec, fitted)),
-        None => Err(format!("{text} does not lower the error on left-out frames for certain")),
+        None => Err(Refused {
+            reason: format!("{text} does not lower the error on left-out frames for certain"),
+            together: None,
+        }),
     })
 }
 
@@ -350,7 +360,7 @@ fn formula_instead(
     let chance = Chance::Complete(&present.fit);
     match discovery::search(fit, chance, verify.as_ref(), &examination, &taken, thresholds) {
         Search::Found(discovery) => Ok(model.replace_by_formula(*discovery, first, present)?),
-        Search::Nothing(reason) => {
+        Search::Nothing { reason, .. } => {
             info!("no formula instead: {reason}");
             Ok(None)
         }

@@ -1,5 +1,6 @@
 //! Structure in the residuals of the last model that no effect explains.
 
+use super::discovery::CovariateSet;
 use super::evidence::Evidence;
 use super::frame_planes::FramePlane;
 use super::free_functions::Along;
@@ -18,6 +19,13 @@ pub enum LeftOver {
         /// Share of it that the best named effects explain.
         explained: f64,
     },
+    /// A function of two covariates together gains on held-out frames, though none of one does.
+    Together {
+        /// Names of the covariates, as in formulas.
+        covariates: Vec<String>,
+        /// Share of the squared residuals of left-out frames that it explains.
+        share_of_cost: f64,
+    },
     /// Frames deviate each by a plane of its own: something changes from frame to frame that no covariate describes.
     FramePlanes {
         /// Share of the frames that deviate significantly.
@@ -34,6 +42,12 @@ impl LeftOver {
     pub(super) fn free_function(evidence: &Evidence, explained: f64) -> Option<Self> {
         let size_mm = evidence.expected_size_mm;
         evidence.along.map(|along| Self::FreeFunction { along, size_mm, explained })
+    }
+
+    /// A function of two covariates.
+    pub(super) fn together(found: &CovariateSet) -> Self {
+        let covariates = found.covariates.iter().map(|c| c.name().to_owned()).collect();
+        Self::Together { covariates, share_of_cost: found.share_of_cost }
     }
 
     /// What frames share, where it is large enough to matter and no free function of the same covariate is `known`: the largest

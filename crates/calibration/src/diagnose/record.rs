@@ -253,6 +253,9 @@ fn left_over(left: &LeftOver) -> DiagnosisLeftOver {
         LeftOver::FreeFunction { along: a, size_mm, explained } => {
             DiagnosisLeftOver::FreeFunction { along: along(*a), rms_mm: finite(*size_mm), explained_share: *explained }
         }
+        LeftOver::Together { covariates, share_of_cost } => {
+            DiagnosisLeftOver::Together { covariates: covariates.clone(), share_of_cost: *share_of_cost }
+        }
         LeftOver::FramePlanes { share, rms_mm } => {
             DiagnosisLeftOver::FramePlanes { share_of_frames: *share, rms_mm: *rms_mm }
         }

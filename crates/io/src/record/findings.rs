@@ -21,6 +21,14 @@ pub enum DiagnosisLeftOver {
         /// Share of it that the best named effects explain.
         explained_share: f64,
     },
+    /// A smooth function of two covariates together explains something for certain on left-out frames, though no function of one does, nor a
+    /// formula.
+    Together {
+        /// Names of the covariates, as in formulas.
+        covariates: Vec<String>,
+        /// Share of the squared residuals of left-out frames that it explains.
+        share_of_cost: f64,
+    },
     /// Frames deviate from the board's depth each by a plane of its own.
     FramePlanes {
         /// Share of the frames with a significant plane, from 0 to 1.
@@ -167,6 +175,10 @@ mod tests {
         reads_back_as(
             DiagnosisLeftOver::FreeFunction { along: DiagnosisCovariate::Board, rms_mm: None, explained_share: 0.0 },
             json!({"kind": "free_function", "along": "board", "explained_share": 0.0}),
+        );
+        reads_back_as(
+            DiagnosisLeftOver::Together { covariates: vec!["r".to_owned(), "z".to_owned()], share_of_cost: 0.02 },
+            json!({"kind": "together", "covariates": ["r", "z"], "share_of_cost": 0.02}),
         );
         reads_back_as(
             DiagnosisLeftOver::FramePlanes { share_of_frames: 0.3, rms_mm: 2.5 },

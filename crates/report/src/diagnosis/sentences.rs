@@ -141,6 +141,11 @@ pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
                 share(*explained_share)
             )
         }
+        DiagnosisLeftOver::Together { covariates, share_of_cost } => format!(
+            "a function of {} together that no known effect and no formula explains: {} of the squared residuals",
+            covariates.join(" and "),
+            share(*share_of_cost)
+        ),
         DiagnosisLeftOver::FramePlanes { share_of_frames, rms_mm } => format!(
             "{} of the frames deviate each by a plane of its own, {} rms over all frames: something changes from frame to \
              frame that no recorded quantity describes",

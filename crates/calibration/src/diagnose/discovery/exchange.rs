@@ -50,7 +50,7 @@ pub(super) fn exchanges(
         let instead: Vec<C> = of_other.difference(&families).copied().collect();
         let ([own], [instead]) = (&own[..], &instead[..]) else { continue };
         let exchange = Exchange { own: *own, other: *instead };
-        if found.contains(&exchange) || !rise_together(observations, exchange, chosen.of) {
+        if found.contains(&exchange) || !rise_together(observations, exchange.own, exchange.other, chosen.of) {
             continue;
         }
         let t = certainty(observations, chosen, other);
@@ -75,10 +75,10 @@ fn certainty(observations: &Observations, term: &Term, other: &Term) -> f64 {
 }
 
 /// Whether one of two covariates rises or falls with the other.
-fn rise_together(observations: &Observations, exchange: Exchange, of: Of) -> bool {
+pub(super) fn rise_together(observations: &Observations, one: C, other: C, of: Of) -> bool {
     let count: usize = observations.frames.iter().map(|frame| frame.samples.len()).sum();
     let samples = observations.frames.iter().flat_map(|frame| &frame.samples).step_by((count / SAMPLES).max(1));
-    let values = samples.map(|s| [s.value(exchange.own, of), s.value(exchange.other, of)]);
+    let values = samples.map(|s| [s.value(one, of), s.value(other, of)]);
     let known: Vec<[f64; 2]> = values.filter(|v| v.iter().all(|v| v.is_finite())).collect();
     let column = |i: usize| known.iter().map(|v| v[i]).collect::<Vec<f64>>();
     rank_correlation(&column(0), &column(1)).abs() >= ALIKE

@@ -15,7 +15,7 @@ const ALONE: usize = 24;
 const PAIRED: usize = 9;
 
 /// A smooth function of a term's covariates, of which there are one or two, in its place and form.
-struct FreeFunction {
+pub(super) struct FreeFunction {
     covariates: Vec<C>,
     axes: Vec<Axis>,
     of: Of,
@@ -39,15 +39,25 @@ impl FreeFunction {
     fn of(observations: &Observations, term: &Term) -> Option<Self> {
         let covariates: Vec<C> = term.covariates().into_iter().take(2).collect();
         let count = if covariates.len() == 1 { ALONE } else { PAIRED };
+        Self::of_covariates(observations, &covariates, term.of, term.on, count)
+    }
+
+    /// A function of one covariate or of two, with so many basis functions along each; `None` where one hardly varies.
+    pub fn of_covariates(observations: &Observations, covariates: &[C], of: Of, on: On, count: usize) -> Option<Self> {
         let axes: Option<Vec<Axis>> = covariates
             .iter()
             .map(|c| {
-                let span = observations.span(*c, term.of)?;
+                let span = observations.span(*c, of)?;
                 Some(Axis { low: scaled(*c, span.low), high: scaled(*c, span.high), count, degree: CUBIC })
             })
             .collect();
         let axes = axes.filter(|axes| !axes.is_empty())?;
-        Some(Self { covariates, axes, of: term.of, on: term.on })
+        Some(Self { covariates: covariates.to_vec(), axes, of, on })
+    }
+
+    /// Its dimensions.
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
     }
 
     /// Its gain on left-out frames, and the step of the shared columns and of its coefficients.
@@ -57,7 +67,7 @@ impl FreeFunction {
     }
 
     /// The columns of its coefficients.
-    fn columns(&self, frame: &FrameRows) -> DMatrix<f64> {
+    pub fn columns(&self, frame: &FrameRows) -> DMatrix<f64> {
         let axes = &self.axes;
         let width: usize = axes.iter().map(|axis| axis.count).product();
         let mut columns = DMatrix::zeros(frame.samples.len(), width);

@@ -117,8 +117,10 @@ impl Span {
 pub(super) enum Density {
     /// For functions that stand alone.
     Fine,
-    /// For those that are multiplied with another.
+    /// For those that are multiplied with functions of any other covariate.
     Coarse,
+    /// For those that are multiplied with functions of one other covariate: as coarse, but of all shapes.
+    Paired,
 }
 
 /// Whether a covariate is positive, so that logarithms and inverse powers of it exist.
@@ -131,6 +133,7 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
     let mut list: Vec<Function> = without_constants(covariate, span);
     let mut add = |kind: Kind, constant: f64| list.push(Function { covariate, kind, constant });
     let fine = density == Density::Fine;
+    let all_shapes = density != Density::Coarse;
     let length = span.length();
     // Inverse depth is searched as depth; waves of disparity are another matter.
     let waves_only = matches!(covariate, C::Rho | C::U | C::V | C::Range);
@@ -146,7 +149,7 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
         let k = span.at(f64::from(i) / f64::from(quantiles + 1));
         add(Kind::Step, k);
         add(Kind::HingeUp, k);
-        if fine {
+        if all_shapes {
             add(Kind::HingeDown, k);
             add(Kind::Distance, k);
         }
@@ -162,7 +165,7 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
             C::X | C::Y => {}
             _ => add(Kind::Decay, share * length),
         }
-        if fine && matches!(covariate, C::Z | C::R | C::Incidence | C::Amplitude | C::Time) {
+        if all_shapes && matches!(covariate, C::Z | C::R | C::Incidence | C::Amplitude | C::Time) {
             add(Kind::Ratio, share * length);
         }
     }
@@ -221,7 +224,7 @@ mod tests {
         for covariate in C::ALL {
             let [low, high] = covariate.typical_range();
             let span = Span { low, middle: 0.5 * (low + high), high };
-            for density in [Density::Fine, Density::Coarse] {
+            for density in [Density::Fine, Density::Coarse, Density::Paired] {
                 for function in functions(covariate, span, density).into_iter().chain(factors(covariate, span)) {
                     for i in 0..=20 {
                         let v = low + (high - low) * f64::from(i) / 20.0;

@@ -1,6 +1,7 @@
 //! Formulas for what the catalogue leaves unexplained.
 //!
-//! A typed library of terms of one and two covariates (`library`, `term`) is scored against the rows of a fit from which poses are
+//! Smooth functions of one covariate and of two say which covariates a formula would have (`which_covariates`). A typed library of terms of one
+//! and two covariates (`library`, `term`) is scored against the rows of a fit from which poses are
 //! eliminated (`observations`, `screening`); the best are refined and compared on left-out frames, and the simpler of equals wins
 //! (`selection`). What is found has to be better than the best of so many terms would be by chance, and to have the same covariates in other
 //! frames (`significance`), where covariates that rise and fall together count as one (`exchange`); it has to explain nearly what any function of
@@ -22,6 +23,7 @@ mod screening;
 mod selection;
 mod significance;
 mod term;
+mod which_covariates;
 
 #[cfg(all(test, feature = "simulate"))]
 mod null_tests;
@@ -36,15 +38,17 @@ use tracing::{debug, info};
 pub use self::component::{Component, ComponentBin, components};
 use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
-use self::exchange::exchanges;
+use self::exchange::{Exchange, exchanges};
 use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
 use self::places::places_not_told_apart;
 use self::screened::Screened;
-use self::screening::screen;
-use self::selection::{Judged, by_merit, choose, compared};
+use self::screening::{screen, screen_products};
+use self::selection::{Judged, best_extended, by_merit, choose, compared, compared_of_set};
 use self::significance::{Stability, p_value};
 use self::term::Term;
+pub use self::which_covariates::CovariateSet;
+use self::which_covariates::which_covariates;
 use super::examination::Examination;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
@@ -100,8 +104,13 @@ pub struct RunnerUp {
 pub enum Search {
     /// A formula.
     Found(Box<Discovery>),
-    /// None, and why: the best one was refused, or there was none.
-    Nothing(String),
+    /// None: the best one was refused, or there was none.
+    Nothing {
+        /// Why.
+        reason: String,
+        /// The two covariates of which a function together explains something for certain, though no formula does.
+        together: Option<CovariateSet>,
+    },
 }
 
 /// What is left where there is nothing to find: what chance explains is judged by it.
@@ -140,7 +149,7 @@ pub fn search(
     taken: &[String],
     thresholds: &Thresholds,
 ) -> Search {
-    let nothing = |reason: &str| Search::Nothing(reason.to_owned());
+    let nothing = |reason: &str| Search::Nothing { reason: reason.to_owned(), together: None };
     let Some(own) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
     if own.frames.len() < thresholds.least_frames_for_formulas {
         return nothing("there are too few frames");
@@ -156,7 +165,7 @@ pub fn search(
     let mut all = AllFrames::new(own.with_set_aside(other));
     let (p, found) = search_among(&all, by_chance.as_ref(), given);
     match found {
-        Search::Nothing(_) if verify.is_none() && p <= REPEATED * thresholds.level => {
+        Search::Nothing { .. } if verify.is_none() && p <= REPEATED * thresholds.level => {
             info!("formulas: searching with all frames");
             all.search_all();
             search_among(&all, complete.as_ref(), given).1
@@ -209,7 +218,11 @@ fn without_best(searched: &Observations, screened: &[Screened]) -> Option<Vec<Sc
 }
 
 /// A formula for the residuals of the frames that are not set aside, and how often chance explains as much.
+///
+/// Where a smooth function of some covariates is best for certain, the formula is searched among the functions of these, or all their products;
+/// else, or where none of these will do, among all terms of the library.
 fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
+    let thresholds = given.thresholds;
     let searched = all.observations.searched();
     let of_searched: Vec<Screened>;
     let screened = if all.are_all_searched() {
@@ -218,6 +231,17 @@ fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<
         of_searched = screen(&searched);
         &of_searched
     };
+    let set = which_covariates(&searched);
+    let certain = set.as_ref().filter(|set| set.is_certain(thresholds));
+    let together = certain.filter(|set| set.covariates.len() > 1).cloned();
+    let mut reasons = Vec::new();
+    if let Some(set) = certain {
+        let chosen = chosen_of_set(&searched, screened, set, thresholds);
+        match chosen.and_then(|chosen| discovery(all, &searched, chosen, given)) {
+            Ok(found) => return (set.p_value, Search::Found(Box::new(found))),
+            Err(reason) => reasons.push(reason),
+        }
+    }
     let by_chance = match by_chance {
         Some(complete) => Some(screen(complete)),
         None if given.without_best => without_best(&searched, screened),
@@ -225,22 +249,78 @@ fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<
     };
     let p = p_value(screened, by_chance.as_deref());
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
-    if p <= given.thresholds.level {
-        return (p, chosen_of(all, &searched, screened, p, given));
+    if p <= thresholds.level {
+        let chosen = chosen_of_all(all, &searched, screened, p, set.as_ref(), thresholds);
+        match chosen.and_then(|chosen| discovery(all, &searched, chosen, given)) {
+            Ok(found) => return (p, Search::Found(Box::new(found))),
+            Err(reason) => reasons.push(reason),
+        }
+    } else {
+        reasons.push(format!("the best of {} terms could be chance (p = {p:.2})", screened.len()));
     }
-    (p, Search::Nothing(format!("the best of {} terms could be chance (p = {p:.2})", screened.len())))
+    let least = set.map_or(p, |set| p.min(set.p_value));
+    (least, Search::Nothing { reason: reasons.join("; "), together })
 }
 
-/// The formula that is chosen of screened terms, where it is stable, explains enough and can be inverted.
-fn chosen_of(frames: &AllFrames, searched: &Observations, screened: &[Screened], p: f64, given: Given<'_>) -> Search {
-    let Given { examination, taken, thresholds, .. } = given;
+/// A term that was chosen, with what speaks for its covariates.
+struct Chosen {
+    judged: Judged,
+    /// The others that were compared, the best first.
+    others: Vec<Judged>,
+    exchanges: Vec<Exchange>,
+    p_value: f64,
+    stability: f64,
+    /// Number of terms that were scored.
+    terms: usize,
+}
+
+/// The best function of a covariate that is known, or product of functions of two; what speaks for them is that a smooth function of them is
+/// best.
+fn chosen_of_set(
+    searched: &Observations,
+    screened: &[Screened],
+    set: &CovariateSet,
+    thresholds: &Thresholds,
+) -> Result<Chosen, String> {
+    let mut covariates = set.covariates.iter();
+    let products = match (covariates.next(), covariates.next()) {
+        (Some(first), Some(second)) => screen_products(searched, *first, *second),
+        _ => Vec::new(),
+    };
+    let mut order: Vec<&Screened> = by_merit(&products);
+    order.extend(screened.iter().filter(|s| s.term.families().is_subset(&set.covariates)));
+    let merit = |s: &Screened| s.merit(|_| 1.0);
+    order.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
+    let mut judged = compared_of_set(searched, &order, &set.covariates);
+    let chosen = choose(searched, &order, &judged, None);
+    let mut chosen = chosen.ok_or_else(|| format!("no term of {} predicts frames that were left out", set.words()))?;
+    let least = thresholds.least_share_of_free_function * gain_of_free_function(searched, &chosen.term);
+    if chosen.gain() < least
+        && let Some(other) = best_extended(searched, &order, &judged).find(|other| other.gain() >= least)
+    {
+        chosen = other;
+    }
+    judged.retain(|other| other.term != chosen.term);
+    let terms = screened.len() + products.len();
+    let (p_value, stability) = (set.p_value, set.stability);
+    Ok(Chosen { judged: chosen, others: judged, exchanges: Vec::new(), p_value, stability, terms })
+}
+
+/// The formula that is chosen of all screened terms, where its covariates are stable: in other frames it would have them too, or a smooth
+/// function of them would be the best.
+fn chosen_of_all(
+    frames: &AllFrames,
+    searched: &Observations,
+    screened: &[Screened],
+    p: f64,
+    set: Option<&CovariateSet>,
+    thresholds: &Thresholds,
+) -> Result<Chosen, String> {
     let all = &frames.observations;
-    let nothing = |reason: &str| Search::Nothing(reason.to_owned());
     let order = by_merit(screened);
     let judged = compared(searched, &order);
-    let Some(simplest) = choose(searched, &order, &judged, None) else {
-        return nothing("no term predicts frames that were left out");
-    };
+    let simplest = choose(searched, &order, &judged, None);
+    let simplest = simplest.ok_or_else(|| "no term predicts frames that were left out".to_owned())?;
     for judged in std::iter::once(&simplest).chain(&judged).take(TOLD) {
         if let Ok(effect) = effect_of(&judged.term, "compared", &[]) {
             debug!("formulas: {:.1} by {} ({})", judged.gain(), effect.text(), judged.term.of.words());
@@ -254,55 +334,66 @@ fn chosen_of(frames: &AllFrames, searched: &Observations, screened: &[Screened],
     let with_stability = |chosen: Judged| {
         let others: Vec<&Term> = judged.iter().map(|judged| &judged.term).filter(|t| **t != chosen.term).collect();
         let exchanges = exchanges(all, &chosen.term, &others, thresholds);
-        let share = resampled.of(all, &chosen.term, &exchanges);
+        let families = chosen.term.families();
+        let of_set = set.filter(|set| set.covariates == families).map_or(0.0, |set| set.stability);
+        let share = resampled.of(all, &chosen.term, &exchanges).max(of_set);
         info!("formulas: {:?}, stability {share:.2}", names(&chosen.term));
         (chosen, exchanges, share)
     };
     let mut found = with_stability(simplest);
-    if found.2 < thresholds.least_stability
-        && let Some(families) = resampled.most_frequent().filter(|families| *families != found.0.term.families())
-        && let Some(chosen) = choose(searched, &order, &judged, Some(&families))
-    {
-        // The simplest of those that predict alike, but other frames would have shown other covariates.
-        let other = with_stability(chosen);
-        if other.2 >= thresholds.least_stability {
-            found = other;
+    // The simplest of those that predict alike, but other frames would have shown other covariates.
+    let of_set = set.map(|set| set.covariates.clone());
+    for families in of_set.into_iter().chain(resampled.most_frequent()) {
+        if found.2 < thresholds.least_stability
+            && families != found.0.term.families()
+            && let Some(chosen) = choose(searched, &order, &judged, Some(&families))
+        {
+            let other = with_stability(chosen);
+            if other.2 >= thresholds.least_stability {
+                found = other;
+            }
         }
     }
     let (chosen, exchanges, stability) = found;
-    let others: Vec<&Judged> = judged.iter().filter(|other| other.term != chosen.term).collect();
-    let term = &chosen.term;
+    if stability < thresholds.least_stability {
+        let text = effect_of(&chosen.term, "refused", &[]).map_err(|error| error.to_string())?.text();
+        return Err(format!("{text} has its covariates in {stability:.2} of resamples only"));
+    }
+    let others = judged.iter().filter(|other| other.term != chosen.term).cloned().collect();
+    Ok(Chosen { judged: chosen, others, exchanges, p_value: p, stability, terms: screened.len() })
+}
+
+/// A chosen term as a formula, where it explains enough and can be inverted; else the reason why not.
+fn discovery(
+    frames: &AllFrames,
+    searched: &Observations,
+    chosen: Chosen,
+    given: Given<'_>,
+) -> Result<Discovery, String> {
+    let Given { examination, taken, thresholds, .. } = given;
+    let all = &frames.observations;
+    let term = &chosen.judged.term;
     let mut name = name_of(term);
     while taken.contains(&name) {
         name.push_str("_more");
     }
-    let Some(theta) = score::estimate(&all.normals(term), all.shared) else {
-        return nothing("the best formula is not determined by the frames");
-    };
-    let effect = match effect_of(term, &name, theta.as_slice()) {
-        Ok(effect) => effect,
-        Err(error) => return Search::Nothing(error.to_string()),
-    };
+    let theta = score::estimate(&all.normals(term), all.shared)
+        .ok_or_else(|| "the best formula is not determined by the frames".to_owned())?;
+    let effect = effect_of(term, &name, theta.as_slice()).map_err(|error| error.to_string())?;
     info!("formulas: {} ({})", effect.text(), term.of.words());
-    if stability < thresholds.least_stability {
-        return Search::Nothing(format!("{} has its covariates in {stability:.2} of resamples only", effect.text()));
-    }
-    let gain = chosen.gain();
+    let gain = chosen.judged.gain();
     let share = gain / gain.max(gain_of_free_function(searched, term));
     if share < thresholds.least_share_of_free_function {
-        return Search::Nothing(format!(
-            "{} explains {share:.2} of what a free function of its covariates does",
-            effect.text()
-        ));
+        return Err(format!("{} explains {share:.2} of what a free function of its covariates does", effect.text()));
     }
     if !is_monotone(all, &effect, theta.as_slice()) {
-        return Search::Nothing(format!("{} makes depth fold", effect.text()));
+        return Err(format!("{} makes depth fold", effect.text()));
     }
     let replication = replicate(all, term);
     let effect_that_lost = |term: &Term| effect_of(term, RUNNER_UP, &[]);
     let mut told = vec![term.families()];
     let mut runners_up = Vec::new();
-    for other in &others {
+    for other in &chosen.others {
         if runners_up.len() < RUNNERS_UP && !told.contains(&other.term.families()) {
             told.push(other.term.families());
             if let Ok(effect) = effect_that_lost(&other.term) {
@@ -313,23 +404,24 @@ fn chosen_of(frames: &AllFrames, searched: &Observations, screened: &[Screened],
     }
     let whole_gain: f64 = score::held_out_gains(&all.normals(term), all.shared, None).iter().sum();
     let resembling = examination.effects().filter(|effect| effect.gain() > RESEMBLES * whole_gain);
-    Search::Found(Box::new(Discovery {
+    let exchanged = |e: &Exchange| [e.own, e.other].map(|c| c.name().to_owned());
+    Ok(Discovery {
         covariates: names(term),
-        covariates_not_told_apart: exchanges.iter().map(|e| [e.own, e.other].map(|c| c.name().to_owned())).collect(),
+        covariates_not_told_apart: chosen.exchanges.iter().map(exchanged).collect(),
         place: DiagnosisPlace { of: term.of, on: term.on },
         places_not_told_apart: places_not_told_apart(all, term, thresholds),
-        p_value: p,
-        stability,
+        p_value: chosen.p_value,
+        stability: chosen.stability,
         confirmed: replication.is_some_and(|r| r.confirms()),
         replication: replication.map(|r| [r.size, r.standard_error]),
         share_of_free_function: share,
         resembles: resembling.map(|effect| effect.name.clone()).collect(),
         runners_up,
-        terms: screened.len(),
+        terms: chosen.terms,
         replaced: Vec::new(),
         components: Vec::new(),
         effect,
-    }))
+    })
 }
 
 fn names(term: &Term) -> Vec<String> {

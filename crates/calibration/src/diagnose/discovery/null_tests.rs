@@ -81,3 +81,16 @@ fn p_values_are_those_of_chance() {
     let least = clean.iter().chain(&with_planes).copied().fold(1.0, f64::min);
     assert!(least > level, "{clean:?} {with_planes:?}");
 }
+
+/// The same for smooth functions of one covariate and of two.
+#[test]
+fn p_values_of_smooth_functions_are_those_of_chance() {
+    let of = |seed, planes_mm| which_covariates(&observations(seed, planes_mm)).map_or(1.0, |set| set.p_value);
+    let p_values = |planes_mm| (0..8).map(|seed| of(seed, planes_mm)).collect::<Vec<f64>>();
+    let mut clean = p_values(0.0);
+    let median = upper_median(&mut clean).unwrap();
+    assert!((0.1..=1.0).contains(&median), "{clean:?}");
+    let with_planes = p_values(2.0);
+    let least = clean.iter().chain(&with_planes).copied().fold(1.0, f64::min);
+    assert!(least > 0.5 * Thresholds::default().level, "{clean:?} {with_planes:?}");
+}

@@ -72,6 +72,12 @@ fn is_in_block_set_aside(frame: usize, frames: usize) -> bool {
 }
 
 impl Normal {
+    /// Adds another one.
+    pub fn add(&mut self, other: &Self) {
+        self.hessian += &other.hessian;
+        self.gradient += &other.gradient;
+    }
+
     /// A sum without one of its terms.
     pub fn without(&self, own: &Self) -> Self {
         Self { hessian: &self.hessian - &own.hessian, gradient: &self.gradient - &own.gradient }
@@ -237,6 +243,11 @@ impl FrameRows {
         let hessian = normal.view((POSE, POSE), (shared, shared)) - cross.tr_mul(&carried);
         let gradient = gradient.rows(POSE, shared) - carried.tr_mul(&pose_gradient);
         Some(Self { samples, matrix, hessian, gradient, is_set_aside: false })
+    }
+
+    /// ½ Σ r² of its samples, what the pose takes up left out.
+    pub fn cost(&self) -> f64 {
+        0.5 * self.matrix.column(self.matrix.ncols() - 1).norm_squared()
     }
 
     /// The rows that columns are multiplied with: pose, shared, residual.

@@ -9,8 +9,7 @@ pub(super) fn sum<'a>(normals: impl IntoIterator<Item = &'a Normal>) -> Option<N
     let mut normals = normals.into_iter();
     let first = normals.next()?.clone();
     Some(normals.fold(first, |mut sum, normal| {
-        sum.hessian += &normal.hessian;
-        sum.gradient += &normal.gradient;
+        sum.add(normal);
         sum
     }))
 }
@@ -71,22 +70,40 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
-/// columns first; `None` where nothing is gained.
-pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
-    const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-    let mut whole = sum(normals)?;
-    let more = whole.gradient.len() - shared;
-    let information: f64 = (shared..shared + more).map(|i| whole.hessian[(i, i)]).sum();
+/// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames.
+const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+
+/// The gains on every frame left out and the prior that are best over some strengths of it.
+fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
+    let information: f64 = (shared..whole.gradient.len()).map(|i| whole.hessian[(i, i)]).sum();
     let scale = information / prior.trace().max(f64::MIN_POSITIVE);
     let of = |strength: f64| {
         let prior = prior * (strength * scale);
-        (held_out_gains(normals, shared, Some(&prior)).iter().sum::<f64>(), prior)
+        (held_out_gains(normals, shared, Some(&prior)), prior)
     };
-    let (gain, prior) = STRENGTHS.into_iter().map(of).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let total = |gains: &[f64]| gains.iter().sum::<f64>();
+    let first = of(STRENGTHS[0]);
+    STRENGTHS[1..].iter().fold(first, |best, strength| {
+        let other = of(*strength);
+        if total(&other.0) > total(&best.0) { other } else { best }
+    })
+}
+
+/// Gains on every frame left out with the strength of a prior that gains most.
+pub(super) fn smooth_gains(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<Vec<f64>> {
+    Some(best_strength(normals, &sum(normals)?, shared, prior).0)
+}
+
+/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
+/// columns first; `None` where nothing is gained.
+pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
+    let mut whole = sum(normals)?;
+    let (gains, prior) = best_strength(normals, &whole, shared, prior);
+    let gain: f64 = gains.iter().sum();
     if !(gain > 0.0) {
         return None;
     }
+    let more = whole.gradient.len() - shared;
     let mut block = whole.hessian.view_mut((shared, shared), (more, more));
     block += prior;
     Some((gain, step(&whole)))
@@ -98,6 +115,8 @@ pub(super) struct Score {
     /// One row per frame.
     pub parts: Vec<DVector<f64>>,
     pub information: DMatrix<f64>,
+    /// What the shared columns carry of the others: H_ss⁻¹ H_sc.
+    carried: DMatrix<f64>,
 }
 
 impl Score {
@@ -112,7 +131,31 @@ impl Score {
         let part = |normal: &Normal| {
             normal.gradient.rows(shared, more) - carried.tr_mul(&normal.gradient.rows(0, shared).into_owned())
         };
-        Some(Self { parts: normals.iter().map(part).collect(), information })
+        Some(Self { parts: normals.iter().map(part).collect(), information, carried })
+    }
+
+    /// The share of the information that the normal equations of a part have: H_cc − H_cs A − Aᵀ H_sc + Aᵀ H_ss A, with A = H_ss⁻¹ H_sc of all.
+    pub fn information_of(&self, part: &Normal, shared: usize) -> DMatrix<f64> {
+        let more = part.gradient.len() - shared;
+        let of_shared = part.hessian.view((0, 0), (shared, shared));
+        let cross = part.hessian.view((0, shared), (shared, more));
+        let taken = cross.tr_mul(&self.carried);
+        let own = part.hessian.view((shared, shared), (more, more));
+        own - &taken - taken.transpose() + self.carried.tr_mul(&(of_shared * &self.carried))
+    }
+
+    /// The score of every part when the shared columns are estimated from the others. What they have been fitted to has smaller residuals than
+    /// noise (jackknife; MacKinnon, Nielsen, Webb 2023).
+    pub fn parts_left_out(&self, normals: &[Normal], shared: usize) -> Vec<DVector<f64>> {
+        let Some(whole) = sum(normals) else { return Vec::new() };
+        let left_out = |(normal, part): (&Normal, &DVector<f64>)| {
+            let step = step(&of_shared(&whole.without(normal), shared));
+            let more = normal.gradient.len() - shared;
+            let cross = normal.hessian.view((shared, 0), (more, shared)) * &step;
+            let through = normal.hessian.view((0, 0), (shared, shared)) * &step;
+            part + cross - self.carried.tr_mul(&through)
+        };
+        normals.iter().zip(&self.parts).map(left_out).collect()
     }
 
     /// Uᵀ V⁻¹ U of the weighted sum of its parts.

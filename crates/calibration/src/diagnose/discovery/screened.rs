@@ -5,6 +5,14 @@ use super::observations::Observations;
 use super::score::Score;
 use super::term::Term;
 
+/// Groups of frames whose scores are kept apart.
+pub(super) const MOST_GROUPS: usize = 48;
+
+/// The group of a frame, of so many groups of neighbouring frames.
+pub(super) fn group_of(frame: usize, frames: usize, groups: usize) -> usize {
+    frame * groups / frames
+}
+
 /// A term with its score when camera and poses are estimated together with it.
 #[derive(Debug, Clone)]
 pub(super) struct Screened {
@@ -27,7 +35,7 @@ impl Screened {
         }
         let mut parts = vec![[0.0; MOST_COLUMNS]; groups];
         for (frame, part) in score.parts.iter().enumerate() {
-            let sum = &mut parts[frame * groups / frames];
+            let sum = &mut parts[group_of(frame, frames, groups)];
             sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
         }
         let of = |i: usize, j: usize| if i.max(j) < columns { score.information[(i, j)] } else { 0.0 };
@@ -102,7 +110,7 @@ impl Screened {
 pub(super) const PENALTY: f64 = 2.0;
 
 /// Squared mean of the groups' scores over its variance from group to group from which a term counts as shared in part.
-const LEAST_AGREEMENT: f64 = 3.0;
+pub(super) const LEAST_AGREEMENT: f64 = 3.0;
 
 /// Score and information of a term in a group of frames.
 pub(super) struct Part {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::library::{Density, Function, factors, functions};
 use super::observations::{FrameRows, Observations};
-use super::screened::{Part, Screened};
+use super::screened::{MOST_GROUPS, Part, Screened, group_of};
 use super::term::{Product, Term, family};
 
 /// The covariates of the library.
@@ -72,6 +72,30 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
             screened
         })
         .collect()
+}
+
+/// Products of functions of two covariates, all with their scores: any function of one times any of the other, one of them a wave at most.
+pub(super) fn screen_products(observations: &Observations, first: C, second: C) -> Vec<Screened> {
+    let Some(of_shared) = observations.shared_hessian().cholesky() else { return Vec::new() };
+    let groups = Groups::of(observations);
+    let mut screened = Vec::new();
+    for of in Of::ALL {
+        let Some((own, other)) = observations.span(first, of).zip(observations.span(second, of)) else { continue };
+        let orders = [(first, own, second, other), (second, other, first, own)];
+        for (order, (factor, factor_span, function, span)) in orders.into_iter().enumerate() {
+            let factors = functions(factor, factor_span, Density::Paired);
+            let columns = Columns::of(observations, of, functions(function, span, Density::Paired));
+            // The second time round for waves of the first covariate alone: all else are products of the first round.
+            let takes_part: Vec<bool> = columns.functions.iter().map(|f| order == 0 || f.kind.columns() > 1).collect();
+            let jobs: Vec<Job<'_>> = On::ALL
+                .into_iter()
+                .flat_map(|on| factors.iter().filter(|f| f.kind.columns() == 1).map(move |f| (on, *f)))
+                .map(|(on, f)| Job { of, on, factor: Some(f), takes_part: takes_part.clone(), columns: &columns })
+                .collect();
+            screened.par_extend(jobs.par_iter().flat_map_iter(|job| job.scores(observations, &groups, &of_shared)));
+        }
+    }
+    screened
 }
 
 /// Values of functions at the samples of every frame. Products with every factor, place and form share them: they differ by a weight of
@@ -166,8 +190,6 @@ impl FrameRows {
     }
 }
 
-/// Groups of frames whose scores are kept apart.
-const MOST_GROUPS: usize = 48;
 /// Groups of neighbouring frames; a frame each where there are not very many.
 struct Groups {
     frames: usize,
@@ -191,7 +213,7 @@ impl Groups {
     }
 
     fn of_frame(&self, frame: usize) -> usize {
-        frame * self.count() / self.frames
+        group_of(frame, self.frames, self.count())
     }
 }
 

@@ -7,14 +7,15 @@ use depthcal_model::{Of, On};
 use depthcal_statistics::mean_to_standard_error;
 use rayon::prelude::*;
 
-use super::library::Kind;
+use super::library::{Function, Kind};
 use super::observations::Observations;
 use super::score::{Score, held_out_gains};
 use super::screened::Screened;
 use super::term::{Product, Term};
 
-/// Terms of one set of covariates that are compared on left-out frames.
+/// Terms of one set of covariates that are compared on left-out frames, where there are other sets, and where there are none.
 const OF_ONE_SET: usize = 6;
+const OF_THE_SET: usize = 16;
 /// Sets of covariates that are compared.
 const SETS: usize = 14;
 /// Steps of the search for a constant, each of which shortens its interval by the golden ratio.
@@ -25,8 +26,10 @@ const MOST_COLUMNS: usize = 3;
 const LEAST_RISE: f64 = 0.08;
 /// … and how certain the rise has to be, in standard errors over frames.
 const LEAST_RISE_T: f64 = 3.0;
-/// A simpler term wins where it is worse by less than this many standard errors over frames, or than this share.
+/// A simpler term wins where it is worse by less than this many standard errors over frames and explains this share of what the better one
+/// does, or where it is worse by less than the second share.
 const TIE_T: f64 = 1.0;
+const LEAST_TIE_SHARE: f64 = 0.9;
 const TIE_SHARE: f64 = 0.02;
 
 /// A term with its gain on every frame when it is estimated from all others.
@@ -60,13 +63,29 @@ impl Judged {
 
     /// Whether it is as good as another one.
     fn is_as_good_as(&self, other: &Self) -> bool {
-        let is_close = self.gain() >= (1.0 - TIE_SHARE) * other.gain();
-        is_close || mean_to_standard_error(&other.lost_by(self)) < TIE_T
+        let share = self.gain() / other.gain();
+        share >= 1.0 - TIE_SHARE || (share >= LEAST_TIE_SHARE && mean_to_standard_error(&other.lost_by(self)) < TIE_T)
     }
 }
 
 /// Terms to choose from, the best of each set of covariates first; `order` are the screened ones by merit.
 pub(super) fn compared(observations: &Observations, order: &[&Screened]) -> Vec<Judged> {
+    let mut judged = compared_by_set(observations, order, OF_ONE_SET);
+    judged.extend(sums(observations, order));
+    judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+    judged
+}
+
+/// Terms to choose from where their covariates are known, the best first.
+pub(super) fn compared_of_set(observations: &Observations, order: &[&Screened], set: &BTreeSet<C>) -> Vec<Judged> {
+    let of_set: Vec<&Screened> = order.iter().copied().filter(|s| s.term.families() == *set).collect();
+    let mut judged = compared_by_set(observations, &of_set, OF_THE_SET);
+    judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
+    judged
+}
+
+/// The best terms of each set of covariates, refined.
+fn compared_by_set(observations: &Observations, order: &[&Screened], of_one_set: usize) -> Vec<Judged> {
     // The best of each kind for every set of families, in the order of their merit.
     let mut sets: BTreeMap<BTreeSet<C>, Vec<&Screened>> = BTreeMap::new();
     let mut first: Vec<BTreeSet<C>> = Vec::new();
@@ -80,15 +99,12 @@ pub(super) fn compared(observations: &Observations, order: &[&Screened]) -> Vec<
         }
         let members = sets.entry(families).or_default();
         let alike = |other: &&Screened| key(&other.term) == key(&candidate.term);
-        if members.len() < OF_ONE_SET && !members.iter().any(alike) {
+        if members.len() < of_one_set && !members.iter().any(alike) {
             members.push(candidate);
         }
     }
     let terms: Vec<Term> = sets.into_values().flatten().map(|s| s.term.clone()).collect();
-    let mut judged: Vec<Judged> = terms.into_par_iter().map(|term| Judged::refined(observations, term)).collect();
-    judged.extend(sums(observations, order));
-    judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
-    judged
+    terms.into_par_iter().map(|term| Judged::refined(observations, term)).collect()
 }
 
 /// Screened terms, those that explain most first.
@@ -109,6 +125,18 @@ pub(super) fn choose(
         judged.iter().filter(|j| families.is_none_or(|families| j.term.families() == *families)).collect();
     Some(extended(observations, simplest(&members)?.clone(), order))
 }
+
+/// The terms that explain most, each extended by further products.
+pub(super) fn best_extended<'a>(
+    observations: &'a Observations,
+    order: &'a [&Screened],
+    judged: &'a [Judged],
+) -> impl Iterator<Item = Judged> + 'a {
+    judged.iter().take(EXTENDED).map(|judged| extended(observations, judged.clone(), order))
+}
+
+/// Terms that are extended where the simplest explains too little.
+const EXTENDED: usize = 3;
 
 /// Plain functions that are summed in pairs.
 const SUMMED: usize = 16;
@@ -179,38 +207,58 @@ fn simplest<'a>(judged: &[&'a Judged]) -> Option<&'a Judged> {
     })
 }
 
-/// The same term with the constant of its last product that fits best, within the neighbours of its grid.
+/// The same term with the constants of its last product that fit best, within the neighbours of their grids.
 fn refined(observations: &Observations, term: Term) -> Term {
     let last = term.products.len() - 1;
-    let function = term.products[last].function;
-    if !function.kind.is_searched() {
-        return term;
+    let Product { factor, function } = term.products[last];
+    let of_function = |term: Term| {
+        let with = |value| term.with_constant(last, value);
+        best_constant(observations, &function, factor.is_some(), term.of, with).unwrap_or(term.clone())
+    };
+    let term = of_function(term);
+    let with = |value| term.with_factor_constant(last, value);
+    match factor.and_then(|factor| best_constant(observations, &factor, true, term.of, with)) {
+        Some(term) => of_function(term),
+        None => term,
     }
-    let Some(span) = observations.span(function.covariate, term.of) else { return term };
+}
+
+/// The term with the constant of a function that fits best, of those that `with` makes; `None` where its constant is not searched.
+fn best_constant(
+    observations: &Observations,
+    function: &Function,
+    is_coarse: bool,
+    of: Of,
+    with: impl Fn(f64) -> Term,
+) -> Option<Term> {
+    if !function.kind.is_searched() {
+        return None;
+    }
+    let span = observations.span(function.covariate, of)?;
     let k = function.constant;
     // Waves are tried at equal steps of frequency, lengths of decay at ratios, all others at equal steps.
     let (low, high) = match function.kind {
         Kind::Wave => {
-            let step = if term.products[last].factor.is_some() { 0.75 } else { 0.4 };
+            let step = if is_coarse { 0.75 } else { 0.4 };
             let cycles = span.length() / k;
             ((cycles - step).max(0.2), cycles + step)
         }
         Kind::Decay | Kind::Settling | Kind::Ratio | Kind::Log => ((k / 2.0).ln(), (2.0 * k).ln()),
         _ => {
-            let step = span.length() / if term.products[last].factor.is_some() { 6.0 } else { 12.0 };
+            let step = span.length() / if is_coarse { 6.0 } else { 12.0 };
             (k - step, k + step)
         }
     };
-    let of = |t: f64| match function.kind {
+    let at = |t: f64| match function.kind {
         Kind::Wave => span.length() / t,
         Kind::Decay | Kind::Settling | Kind::Ratio | Kind::Log => t.exp(),
         _ => t,
     };
     let merit = |t: f64| {
-        let term = term.with_constant(last, of(t));
-        Score::of(&observations.normals(&term), observations.shared).map_or(0.0, |score| score.statistic(|_| 1.0))
+        let normals = observations.normals(&with(at(t)));
+        Score::of(&normals, observations.shared).map_or(0.0, |score| score.statistic(|_| 1.0))
     };
-    term.with_constant(last, of(golden(low, high, merit)))
+    Some(with(at(golden(low, high, merit))))
 }
 
 /// Place of the maximum of a function with a single one in an interval (golden section; Kiefer 1953).

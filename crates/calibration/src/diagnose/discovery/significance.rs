@@ -15,13 +15,13 @@ use super::exchange::Exchange;
 use super::library::MOST_COLUMNS;
 use super::observations::Observations;
 use super::score::Score;
-use super::screened::{PENALTY, Screened};
+use super::screened::{PENALTY, Screened, group_of};
 use super::term::Term;
 
 /// Signs of frames that are drawn.
-const DRAWS: usize = 399;
+pub(super) const DRAWS: usize = 399;
 /// Resamples of the frames.
-const RESAMPLES: usize = 100;
+pub(super) const RESAMPLES: usize = 100;
 /// A term of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
 const TIE_T: f64 = 2.0;
 /// … and not by more than this share.
@@ -37,17 +37,31 @@ pub(super) fn p_value(screened: &[Screened], by_chance: Option<&[Screened]>) -> 
     let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
     let by_chance = by_chance.filter(|terms| !terms.is_empty()).unwrap_or(screened);
     let groups = by_chance.first().map_or(0, |s| s.parts.len());
-    let signs = {
-        let mut random = StdRng::seed_from_u64(17);
-        let mut signs = DMatrix::zeros(groups, DRAWS);
-        signs.iter_mut().for_each(|sign| *sign = if random.random::<bool>() { 1.0 } else { -1.0 });
-        signs
-    };
+    let signs = signs_of_groups(groups);
     let of_terms = |terms: &[Screened]| best_by_chance(terms, &signs);
     let larger = |a: Vec<f64>, b: Vec<f64>| a.iter().zip(b).map(|(a, b)| a.max(b)).collect();
     let by_draw = by_chance.par_chunks(TERMS_AT_ONCE).map(of_terms).reduce(|| vec![f64::MIN; DRAWS], larger);
     let as_good = by_draw.iter().filter(|merit| **merit >= best).count();
     (as_good + 1) as f64 / (DRAWS + 1) as f64
+}
+
+/// Random signs of the groups, one column per draw.
+pub(super) fn signs_of_groups(groups: usize) -> DMatrix<f64> {
+    let mut random = StdRng::seed_from_u64(17);
+    let mut signs = DMatrix::zeros(groups, DRAWS);
+    signs.iter_mut().for_each(|sign| *sign = if random.random::<bool>() { 1.0 } else { -1.0 });
+    signs
+}
+
+/// How often each group is drawn in resamples of them.
+pub(super) fn resamples(groups: usize) -> Vec<Vec<f64>> {
+    let mut random = StdRng::seed_from_u64(23);
+    let resample = |_| {
+        let mut weights = vec![0.0; groups];
+        (0..groups).for_each(|_| weights[random.random_range(0..groups)] += 1.0);
+        weights
+    };
+    (0..RESAMPLES).map(resample).collect()
 }
 
 /// Terms whose merits by chance are computed together.
@@ -108,20 +122,12 @@ impl Stability {
         let refined: Vec<Screened> =
             refined.par_iter().filter_map(|term| Screened::of(observations, term, groups)).collect();
         let screened: Vec<&Screened> = of_library.iter().chain(&refined).collect();
-        let mut random = StdRng::seed_from_u64(23);
-        let drawn: Vec<Vec<f64>> = (0..RESAMPLES)
-            .map(|_| {
-                let mut weights = vec![0.0; groups];
-                (0..groups).for_each(|_| weights[random.random_range(0..groups)] += 1.0);
-                weights
-            })
-            .collect();
         let of_resample = |weights: Vec<f64>| {
             let best = screened[best(&screened, &weights)?];
             let merit = best.merit(|group| weights[group]);
             Some(Resample { weights, families: best.term.families(), merit })
         };
-        Self { resamples: drawn.into_par_iter().filter_map(of_resample).collect() }
+        Self { resamples: resamples(groups).into_par_iter().filter_map(of_resample).collect() }
     }
 
     /// Share of resamples in which the best term has the same families of covariates as a term, or with one of the exchanges those that
@@ -134,7 +140,7 @@ impl Stability {
         let is_better = |resample: &Resample| {
             of_sum.as_ref().is_some_and(|of_sum| {
                 let (frames, groups) = (of_sum.parts.len(), resample.weights.len());
-                let statistic = of_sum.statistic(|frame| resample.weights[frame * groups / frames]);
+                let statistic = of_sum.statistic(|frame| resample.weights[group_of(frame, frames, groups)]);
                 statistic - PENALTY * (found.columns() as f64 - 1.0) >= resample.merit
             })
         };

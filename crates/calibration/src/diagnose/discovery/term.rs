@@ -92,6 +92,15 @@ impl Term {
         self.products.iter().position(|p| p.function.kind.is_searched())
     }
 
+    /// The same with another value of the constant of the factor of a product.
+    pub fn with_factor_constant(&self, product: usize, value: f64) -> Self {
+        let mut term = self.clone();
+        if let Some(factor) = &mut term.products[product].factor {
+            factor.constant = value;
+        }
+        term
+    }
+
     /// The same with another value of the constant of the function of a product.
     pub fn with_constant(&self, product: usize, value: f64) -> Self {
         let mut term = self.clone();
