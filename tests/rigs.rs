@@ -135,7 +135,13 @@ fn clouds_of_two_depth_cameras_meet() {
     let folder = Folder::new();
     let (rig, result, out) = (folder.arg("rig"), folder.arg("result"), folder.arg("registered"));
     render(&rig, &folder.arg("truth.json"));
+    // A colour image of another moment: the frame contradicts what infrared sees.
+    std::fs::copy(folder.path("rig/colour/image/0000.png"), folder.path("rig/colour/image/0005.png")).unwrap();
     succeeds(["calibrate", &rig, "--out", &result]);
+    let report = std::fs::read_to_string(folder.path("result/report.html")).unwrap();
+    let listed = report.split("1 frame of other cameras not used").nth(1).expect("a table of frames that are not used");
+    let row = listed.split("</table>").next().unwrap();
+    assert!(row.contains("colour") && row.contains("0005"), "{row}");
     let file = folder.arg("result/calibration.json");
     succeeds(["apply", &file, &rig, "--register", "colour", "--out", &out]);
     let unit_mm = Calibration::read(&file).unwrap().cameras[0].depth_unit_mm.unwrap();

@@ -1,12 +1,11 @@
-//! Formulas that are found: for effects of the catalogue that are taken out of it, for functions that are in no library, and for nothing.
+//! Formulas that are found for functions that are in no library.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use depthcal::Register;
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Thresholds, diagnose};
+use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Thresholds};
 use depthcal::calibration::judge::cross_validation::{cross_validate_thinned, errors};
 use depthcal::calibration::judge::depth_errors::PixelError;
 use depthcal::calibration::judge::evaluate::residual_pixels;
@@ -14,29 +13,15 @@ use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::DiagnosisPlace;
 use depthcal::model::{Of, On};
-use depthcal_simulate::{Effect, Form, GivenEffect, Observation, Place, PointOptions, Simulation, catalogue};
+use depthcal_simulate::{Form, GivenEffect, Observation, Place, PointOptions, Simulation, catalogue};
 use depthcal_statistics::noncentrality;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::drawn::drawn;
-use super::single::detectable;
-use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
-
-/// Effects of the catalogue with the covariates of their equations; those of light of whole frames are left out.
-const CATALOGUE: [(&str, &[&str]); 10] = [
-    ("cyclic_depth", &["z"]),
-    ("disparity_ripple", &["z"]),
-    ("quadratic_depth", &["z"]),
-    ("reflectivity_bias", &["amplitude"]),
-    ("incidence_bias", &["incidence"]),
-    ("radial_range", &["r"]),
-    ("range_offset", &["r"]),
-    ("temperature_drift", &["temperature_c"]),
-    ("temporal_drift", &["timestamp_s"]),
-    ("projector_distortion", &["x", "y"]),
-];
+use super::rediscovered::covariates_of;
+use super::{Failure, Study, depth_rms_mm, median, names, percent};
 
 /// Covariates of random functions.
 const COVARIATES: [&str; 8] = ["x", "y", "r", "z", "incidence", "amplitude", "timestamp_s", "temperature_c"];
@@ -54,17 +39,17 @@ const VISIBLE: f64 = 2.0;
 const JUDGED_PIXELS: usize = 16_000;
 
 /// What became of one capture.
-struct Run {
+pub(super) struct Run {
     /// Covariates of the formula and of the effects that were named, families merged; `None` where there is neither.
-    found: Option<BTreeSet<&'static str>>,
+    pub found: Option<BTreeSet<&'static str>>,
     /// Whether there is a formula.
     formula: bool,
     confirmed: bool,
     /// Whether place and form are right, or listed as not told apart.
     place: bool,
-    right: bool,
+    pub right: bool,
     /// Whether a covariate was found that has no part in it.
-    wrong: bool,
+    pub wrong: bool,
     /// Number of covariates of the function, and whether the capture can show each of them.
     kind: (usize, bool),
     /// Names of the catalogue among the steps.
@@ -74,7 +59,7 @@ struct Run {
 }
 
 /// Covariates that captures hardly tell apart, as one.
-fn family(covariate: &str) -> &'static str {
+pub(super) fn family(covariate: &str) -> &'static str {
     match covariate {
         "x" | "u" => "x",
         "y" | "v" => "y",
@@ -88,13 +73,8 @@ fn family(covariate: &str) -> &'static str {
     }
 }
 
-/// Covariates of an effect of the catalogue; those of the image and of the board have places of their own.
-fn covariates_of(name: &str) -> &'static [&'static str] {
-    CATALOGUE.iter().find(|(known, _)| *known == name).map_or(&["none"], |(_, covariates)| covariates)
-}
-
 impl Run {
-    fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
+    pub fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
         let of_formulas = d.formulas.iter().flat_map(|f| f.covariates.iter().map(|c| family(c)));
         let is_formula = |name: &String| d.formulas.iter().any(|f| f.effect.name() == name);
         let of_names = names(d)
@@ -149,42 +129,6 @@ fn header() {
 }
 
 impl Study {
-    /// Every effect of the catalogue that acts on depth, taken out of it.
-    pub fn rediscovered(&self) {
-        header();
-        let mut all = Vec::new();
-        for (name, covariates) in CATALOGUE.iter().filter(|(name, _)| self.wants(name)) {
-            for factor in &self.factors {
-                let runs: Vec<Run> = self
-                    .numbers()
-                    .into_par_iter()
-                    .filter_map(|seed| {
-                        let run = self.rediscover(name, covariates, *factor, seed);
-                        run.inspect_err(|e| eprintln!("{name} {seed}: {e}")).ok()
-                    })
-                    .collect();
-                table(&format!("`{name}` {factor} ×"), &runs.iter().collect::<Vec<_>>());
-                all.extend(runs);
-            }
-        }
-        table("all", &all.iter().collect::<Vec<_>>());
-    }
-
-    fn rediscover(&self, name: &str, covariates: &[&str], factor: f64, seed: u64) -> Result<Run, Failure> {
-        let size = factor * detectable(name, None, seed)?;
-        let simulation = simulation(&[Effect::new(name, size)?], seed)?;
-        let d = self.diagnose_without(name, &simulation)?;
-        let pure = self.error_without(&super::simulation(&[], seed)?)?;
-        let run = Run::new(&d, covariates, None, depth_rms_mm(&d.after) / pure);
-        log(&format!("{name} {factor} × {seed}"), &d, &run);
-        Ok(run)
-    }
-
-    fn diagnose_without(&self, name: &str, simulation: &Simulation) -> Result<Diagnosis, Failure> {
-        let calibrate = CalibrateOptions { register: Register::builtin().without(name), ..CalibrateOptions::default() };
-        Ok(diagnose(&self.capture(simulation)?, None, &DiagnoseOptions { calibrate, ..DiagnoseOptions::default() })?)
-    }
-
     /// Held-out error of a capture under the declared model, mm.
     fn error_without(&self, simulation: &Simulation) -> Result<f64, Failure> {
         let options = CalibrateOptions::default();
@@ -242,7 +186,7 @@ impl Study {
     }
 }
 
-fn log(what: &str, d: &Diagnosis, run: &Run) {
+pub(super) fn log(what: &str, d: &Diagnosis, run: &Run) {
     let formulas: Vec<String> = d
         .formulas
         .iter()

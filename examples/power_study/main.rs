@@ -25,6 +25,7 @@ mod nature;
 mod nothing;
 mod pairs;
 mod placed;
+mod rediscovered;
 mod sensitivity;
 mod single;
 mod size;

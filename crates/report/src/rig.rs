@@ -51,6 +51,7 @@ fn section(page: &mut Content, rig: &ReportRig<'_>) {
     );
     page.open("rig", ["Rig", "The rig: places, overlaps and transfer errors"], &intro);
     page.body += &places(rig);
+    page.body += &not_used(rig, reference);
     let frames = rig.record.frames.iter().map(|f| {
         let [w, x, y, z] = f.rotation;
         let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
@@ -104,6 +105,22 @@ fn places(rig: &ReportRig<'_>) -> String {
     let head =
         ["camera", "rx / °", "ry / °", "rz / °", "tx / mm", "ty / mm", "tz / mm", "frames", "left open by the boards"];
     table("Places of the cameras, with standard deviations; rotations are rotation vectors", &head, &rows)
+}
+
+/// Frames that a camera other than the reference, whose sections list its own, could not use. Their names in the record are CAMERA/FRAME.
+fn not_used(rig: &ReportRig<'_>, reference: &str) -> String {
+    let named = rig.record.fit.frames_dropped.iter().filter_map(|d| Some((d.name.split_once('/')?, &d.reason)));
+    let of_others: Vec<_> = named.filter(|((camera, _), _)| *camera != reference).collect();
+    if of_others.is_empty() {
+        return String::new();
+    }
+    let mut rows = String::new();
+    for ((camera, frame), reason) in &of_others {
+        let [camera, frame, reason] = [*camera, *frame, reason.as_str()].map(escape);
+        let _ = writeln!(rows, "<tr><th scope=\"row\">{camera}</th><td>{frame}</td><td>{reason}</td></tr>");
+    }
+    let caption = format!("{} of other cameras not used", count(of_others.len(), "frame"));
+    table(&caption, &["camera", "frame", "reason"], &rows)
 }
 
 fn overlaps(rig: &ReportRig<'_>) -> String {

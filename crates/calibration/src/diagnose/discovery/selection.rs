@@ -80,6 +80,7 @@ pub(super) fn compared(observations: &Observations, order: &[&Screened]) -> Vec<
 pub(super) fn compared_of_set(observations: &Observations, order: &[&Screened], set: &BTreeSet<C>) -> Vec<Judged> {
     let of_set: Vec<&Screened> = order.iter().copied().filter(|s| s.term.families() == *set).collect();
     let mut judged = compared_by_set(observations, &of_set, OF_THE_SET);
+    judged.extend(sums(observations, order).into_iter().filter(|sum| sum.term.families() == *set));
     judged.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
     judged
 }
