@@ -64,8 +64,8 @@ pub(crate) fn find_markers(
     Ok(Found { markers, circle_diameter, charuco_layout })
 }
 
-/// The layout of a ChArUco board, that of most frames. Frames in which another was seen are searched again for this one: few tags that
-/// are read wrongly can look like either.
+/// The layout of a ChArUco board, that of most frames. Frames in which another was seen, or no board, are searched again for this one: few
+/// tags can look like either.
 fn one_layout(
     target: &Target,
     frames: &[RawFrame],
@@ -80,13 +80,14 @@ fn one_layout(
     }
     let layout = if legacy > current { CharucoLayout::Legacy } else { CharucoLayout::Current };
     let options = DetectOptions { charuco_layout: Some(layout), ..DetectOptions::default() };
-    for (frame, detection) in frames.iter().zip(detections.iter_mut()) {
-        let other = detection.as_ref().is_some_and(|d| d.charuco_layout.is_some_and(|seen| seen != layout));
-        if let (true, Some(image)) = (other, &frame.image) {
-            info!("{}: searched again, the other frames have the other layout of a ChArUco board", frame.name);
+    frames.par_iter().zip(detections).with_max_len(1).try_for_each(|(frame, detection)| {
+        let is_settled = detection.as_ref().is_some_and(|d| d.charuco_layout.is_none_or(|seen| seen == layout));
+        if let (false, Some(image)) = (is_settled, &frame.image) {
+            info!("{}: searched again for the layout of a ChArUco board that most frames have", frame.name);
             *detection = depthcal_detect::detect(&*image.get()?, target, &options)?;
         }
-    }
+        Ok::<(), LoadError>(())
+    })?;
     Ok(Some(layout))
 }
 

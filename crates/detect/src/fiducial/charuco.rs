@@ -19,7 +19,7 @@ use crate::stretch::{Plane, Stretch};
 use crate::tags::dictionary::Dictionary;
 use crate::tags::{Reading, Tag};
 
-/// Number of tags that agree with each other from which on their numbers are beyond doubt.
+/// Number of tags that agree with each other, in one layout more than in the other, from which on their numbers are beyond doubt.
 const SURE_TAGS: usize = 3;
 /// Least number of crossings from which a board without legible tags is identified.
 const LEAST_CROSSINGS: usize = 12;
@@ -107,15 +107,18 @@ pub(crate) fn find(
         let kept = layouts.iter().map(|&(layout, first)| {
             (layout, first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2))
         });
-        let Some((layout, first_white, kept)) = kept.max_by_key(|(_, first, kept)| (kept.len(), *first)) else {
-            continue;
-        };
-        let mut markers = predict(&kept, target, |id| tag_corners(target, marker_mm, id, first_white));
-        if options.refine {
-            markers = extend(image, target, &markers);
-        }
-        if kept.len() >= SURE_TAGS || is_confirmed(&markers, &print, &plane) {
-            best.keep_better(Found { markers, layout: Some(layout) });
+        let kept: Vec<_> = kept.collect();
+        let most = kept.iter().map(|(_, _, kept)| kept.len()).max().unwrap_or(0);
+        // Tags of every other row alone fit in both layouts, one square apart: then the tags between the crossings decide.
+        let is_sure = most >= SURE_TAGS && kept.iter().filter(|(_, _, kept)| kept.len() == most).count() == 1;
+        for (layout, first_white, kept) in kept.into_iter().filter(|(_, _, kept)| kept.len() == most) {
+            let mut markers = predict(&kept, target, |id| tag_corners(target, marker_mm, id, first_white));
+            if options.refine {
+                markers = extend(image, target, &markers);
+            }
+            if is_sure || is_confirmed(&markers, &print, &plane) {
+                best.keep_better(Found { markers, layout: Some(layout) });
+            }
         }
         if is_complete(&best.markers, target, image, least) {
             break;

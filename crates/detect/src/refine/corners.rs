@@ -64,8 +64,21 @@ pub(crate) fn fit_corner(
     pixel_from_board: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
     options: &RefineOptions,
 ) -> Option<(FittedCrossing, f64)> {
+    let looks = appearances(target, marker.index, options);
+    let fits = looks.iter().filter_map(|look| fit_as(look, pixels, target, marker, pixel_from_board, options));
+    fits.min_by(|a, b| a.0.relative_noise.total_cmp(&b.0.relative_noise))
+}
+
+/// The fit of one appearance.
+fn fit_as(
+    &Appearance { shape, axes, half }: &Appearance,
+    pixels: &Pixels,
+    target: &Target,
+    marker: &Marker,
+    pixel_from_board: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
+    options: &RefineOptions,
+) -> Option<(FittedCrossing, f64)> {
     let p = target.point(marker.index);
-    let (shape, axes, half) = surroundings(target, marker.index, options)?;
     let difference = |d: [f64; 2]| {
         let (a, b) = (
             pixel_from_board([p[0] - half * d[0], p[1] - half * d[1]])?,
@@ -80,34 +93,52 @@ pub(crate) fn fit_corner(
     Some((fitted, shortest))
 }
 
-/// Appearance of a corner: its shape, the directions of its two edges on the board (right-handed; for a tag's corner
-/// they point into the tag), and the radius (mm) within which nothing else is printed.
-fn surroundings(target: &Target, index: usize, options: &RefineOptions) -> Option<(Shape, [[f64; 2]; 2], f64)> {
+/// How a corner may look.
+struct Appearance {
+    shape: Shape,
+    /// Directions of its two edges on the board, right-handed; for a tag's corner they point into the tag.
+    axes: [[f64; 2]; 2],
+    /// Radius within which nothing else is printed, mm.
+    half: f64,
+}
+
+/// Cells of a tag of 36h11 along a side, with a border of one cell, and with one of two as Kalibr prints it.
+const CELLS: [f64; 2] = [8.0, 10.0];
+
+/// What a corner may look like. That of a tag is a corner on paper, or, where Kalibr has drawn the board, a crossing with the black square
+/// between the tags.
+fn appearances(target: &Target, index: usize, options: &RefineOptions) -> Vec<Appearance> {
     let (x, y) = ([1.0, 0.0], [0.0, 1.0]);
     let square = target.spacing_mm * options.corner_reach;
+    let crossing = |half: f64| vec![Appearance { shape: Shape::Crossing, axes: [x, y], half }];
     match target.pattern {
-        Pattern::Chessboard => Some((Shape::Crossing, [x, y], square)),
+        Pattern::Chessboard => crossing(square),
         Pattern::Charuco { marker_mm, .. } => {
             // As far as the tags in the white squares.
             let margin = (target.spacing_mm - marker_mm) / 2.0 * std::f64::consts::SQRT_2;
-            Some((Shape::Crossing, [x, y], margin.min(square)))
+            crossing(margin.min(square))
         }
         Pattern::Aprilgrid { marker_mm } => {
-            // A tag is eight cells wide, its black border one of them; the border's inner corner is √2 cells away.
-            let clear = (1.3 * marker_mm / 8.0).min(0.9 * (target.spacing_mm - marker_mm));
+            // The border's inner corner is √2 border widths away, the next tag and the far sides of a black square the gap.
+            let gap = 0.9 * (target.spacing_mm - marker_mm);
             let axes = [[x, y], [y, [-1.0, 0.0]], [[-1.0, 0.0], [0.0, -1.0]], [[0.0, -1.0], x]][index % 4];
-            Some((Shape::Corner, axes, clear))
+            let on_paper = (1.3 * marker_mm / CELLS[0]).min(gap);
+            let between = (2.0 * 1.3 * marker_mm / CELLS[1]).min(gap);
+            vec![
+                Appearance { shape: Shape::Corner, axes, half: on_paper },
+                Appearance { shape: Shape::Crossing, axes, half: between },
+            ]
         }
         Pattern::Several { ref boards } => {
             let mut left = index;
             for own in boards {
                 if left < own.board.len() {
-                    return surroundings(&own.board, left, options);
+                    return appearances(&own.board, left, options);
                 }
                 left -= own.board.len();
             }
-            None
+            Vec::new()
         }
-        Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => None,
+        Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. } => Vec::new(),
     }
 }
