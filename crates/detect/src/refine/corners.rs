@@ -64,10 +64,22 @@ pub(crate) fn fit_corner(
     pixel_from_board: &dyn Fn([f64; 2]) -> Option<[f64; 2]>,
     options: &RefineOptions,
 ) -> Option<(FittedCrossing, f64)> {
-    let looks = appearances(target, marker.index, options);
-    let fits = looks.iter().filter_map(|look| fit_as(look, pixels, target, marker, pixel_from_board, options));
-    fits.min_by(|a, b| a.0.relative_noise.total_cmp(&b.0.relative_noise))
+    let mut best: Option<(FittedCrossing, f64)> = None;
+    for look in appearances(target, marker.index, options) {
+        let Some(fit) = fit_as(&look, pixels, target, marker, pixel_from_board, options) else { continue };
+        let is_clear = fit.0.relative_noise < CLEAR;
+        if best.as_ref().is_none_or(|best| fit.0.relative_noise < best.0.relative_noise) {
+            best = Some(fit);
+        }
+        if is_clear {
+            break;
+        }
+    }
+    best
 }
+
+/// Scatter about the model, relative to the contrast, below which a corner looks as it was thought to: no other appearance is tried.
+const CLEAR: f64 = 0.06;
 
 /// The fit of one appearance.
 fn fit_as(

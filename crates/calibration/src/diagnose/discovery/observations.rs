@@ -302,18 +302,26 @@ impl FrameRows {
     /// Normal equations over the shared columns and others.
     fn normal(&self, columns: &DMatrix<f64>) -> Normal {
         let (shared, more) = (self.hessian.nrows(), columns.ncols());
-        let products = self.matrix.tr_mul(columns);
+        let products = transposed_product(&self.matrix, columns);
         let of_pose = products.rows(0, POSE);
         let mut hessian = DMatrix::zeros(shared + more, shared + more);
         hessian.view_mut((0, 0), (shared, shared)).copy_from(&self.hessian);
         let cross = products.rows(POSE, shared);
         hessian.view_mut((0, shared), (shared, more)).copy_from(&cross);
         hessian.view_mut((shared, 0), (more, shared)).copy_from(&cross.transpose());
-        let own = columns.tr_mul(columns) - of_pose.tr_mul(&of_pose);
+        let own = transposed_product(columns, columns) - of_pose.tr_mul(&of_pose);
         hessian.view_mut((shared, shared), (more, more)).copy_from(&own);
         let mut gradient = DVector::zeros(shared + more);
         gradient.rows_mut(0, shared).copy_from(&self.gradient);
         gradient.rows_mut(shared, more).copy_from(&products.row(POSE + shared).transpose());
         Normal { hessian, gradient }
     }
+}
+
+/// Columns from which on a product by blocks pays the transposed copy.
+const MANY: usize = 8;
+
+/// Aᵀ B. `tr_mul` multiplies column by column.
+fn transposed_product(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    if b.ncols() < MANY { a.tr_mul(b) } else { a.transpose() * b }
 }

@@ -70,11 +70,19 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames.
+/// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames: where the estimate counts, and where
+/// many functions are compared.
 const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+const FEW_STRENGTHS: [f64; 3] = [1e-3, 1e-2, 1e-1];
 
 /// The gains on every frame left out and the prior that are best over some strengths of it.
-fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
+fn best_strength(
+    normals: &[Normal],
+    whole: &Normal,
+    shared: usize,
+    prior: &DMatrix<f64>,
+    strengths: &[f64],
+) -> (Vec<f64>, DMatrix<f64>) {
     let information: f64 = (shared..whole.gradient.len()).map(|i| whole.hessian[(i, i)]).sum();
     let scale = information / prior.trace().max(f64::MIN_POSITIVE);
     let of = |strength: f64| {
@@ -82,8 +90,8 @@ fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMat
         (held_out_gains(normals, shared, Some(&prior)), prior)
     };
     let total = |gains: &[f64]| gains.iter().sum::<f64>();
-    let first = of(STRENGTHS[0]);
-    STRENGTHS[1..].iter().fold(first, |best, strength| {
+    let first = of(strengths[0]);
+    strengths[1..].iter().fold(first, |best, strength| {
         let other = of(*strength);
         if total(&other.0) > total(&best.0) { other } else { best }
     })
@@ -91,14 +99,14 @@ fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMat
 
 /// Gains on every frame left out with the strength of a prior that gains most.
 pub(super) fn smooth_gains(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<Vec<f64>> {
-    Some(best_strength(normals, &sum(normals)?, shared, prior).0)
+    Some(best_strength(normals, &sum(normals)?, shared, prior, &FEW_STRENGTHS).0)
 }
 
 /// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
 /// columns first; `None` where nothing is gained.
 pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     let mut whole = sum(normals)?;
-    let (gains, prior) = best_strength(normals, &whole, shared, prior);
+    let (gains, prior) = best_strength(normals, &whole, shared, prior, &STRENGTHS);
     let gain: f64 = gains.iter().sum();
     if !(gain > 0.0) {
         return None;
