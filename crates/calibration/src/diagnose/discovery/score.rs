@@ -70,43 +70,46 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames: where the estimate counts, and where
-/// many functions are compared.
+/// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames.
 const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-const FEW_STRENGTHS: [f64; 3] = [1e-3, 1e-2, 1e-1];
 
 /// The gains on every frame left out and the prior that are best over some strengths of it.
-fn best_strength(
-    normals: &[Normal],
-    whole: &Normal,
-    shared: usize,
-    prior: &DMatrix<f64>,
-    strengths: &[f64],
-) -> (Vec<f64>, DMatrix<f64>) {
+fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     let information: f64 = (shared..whole.gradient.len()).map(|i| whole.hessian[(i, i)]).sum();
     let scale = information / prior.trace().max(f64::MIN_POSITIVE);
     let of = |strength: f64| {
         let prior = prior * (strength * scale);
         (held_out_gains(normals, shared, Some(&prior)), prior)
     };
-    let total = |gains: &[f64]| gains.iter().sum::<f64>();
-    let first = of(strengths[0]);
-    strengths[1..].iter().fold(first, |best, strength| {
-        let other = of(*strength);
-        if total(&other.0) > total(&best.0) { other } else { best }
-    })
+    let total = |(gains, _): &(Vec<f64>, DMatrix<f64>)| gains.iter().sum::<f64>();
+    // From the middle in the direction in which the gain rises; it has one maximum.
+    let middle = STRENGTHS.len() / 2;
+    let (mut at, mut best) = (middle, of(STRENGTHS[middle]));
+    for step in [1, -1] {
+        while let Some(next) = at.checked_add_signed(step).filter(|next| *next < STRENGTHS.len()) {
+            let other = of(STRENGTHS[next]);
+            if total(&other) <= total(&best) {
+                break;
+            }
+            (at, best) = (next, other);
+        }
+        if at != middle {
+            break;
+        }
+    }
+    best
 }
 
 /// Gains on every frame left out with the strength of a prior that gains most.
 pub(super) fn smooth_gains(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<Vec<f64>> {
-    Some(best_strength(normals, &sum(normals)?, shared, prior, &FEW_STRENGTHS).0)
+    Some(best_strength(normals, &sum(normals)?, shared, prior).0)
 }
 
 /// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
 /// columns first; `None` where nothing is gained.
 pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     let mut whole = sum(normals)?;
-    let (gains, prior) = best_strength(normals, &whole, shared, prior, &STRENGTHS);
+    let (gains, prior) = best_strength(normals, &whole, shared, prior);
     let gain: f64 = gains.iter().sum();
     if !(gain > 0.0) {
         return None;

@@ -15,7 +15,7 @@ use super::exchange::rise_together;
 use super::free::FreeFunction;
 use super::observations::{Normal, Observations};
 use super::score::{Score, smooth_gains};
-use super::screened::{LEAST_AGREEMENT, group_of};
+use super::screened::{LEAST_AGREEMENT, MOST_GROUPS, group_of};
 use super::significance::{DRAWS, RESAMPLES, resamples, signs_of_groups};
 use crate::diagnose::free_functions::smoothness_precision;
 use crate::diagnose::thresholds::Thresholds;
@@ -25,8 +25,6 @@ const COVARIATES: [C; 8] = [C::X, C::Y, C::R, C::Z, C::Incidence, C::Amplitude, 
 /// Basis functions over one covariate, and along each of two.
 const ALONE: usize = 16;
 const PAIRED: usize = 7;
-/// Groups of neighbouring frames that are left out together, at most: each is a factorisation for every function.
-const GROUPS: usize = 30;
 /// Strength of the smoothness, relative to the information, with which functions are held against chance.
 const STRENGTH: f64 = 1e-2;
 /// A set of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
@@ -127,7 +125,7 @@ impl Functions {
             add(vec![*first]);
             known[i + 1..].iter().for_each(|second| add(vec![*first, *second]));
         }
-        let groups = observations.frames.len().min(GROUPS);
+        let groups = observations.frames.len().min(MOST_GROUPS);
         let signs = signs_of_groups(groups);
         let smooth = |(covariates, on): (Vec<C>, On)| {
             let count = if covariates.len() == 1 { ALONE } else { PAIRED };
