@@ -109,6 +109,9 @@ pub(crate) fn find(
         });
         let kept: Vec<_> = kept.collect();
         let most = kept.iter().map(|(_, _, kept)| kept.len()).max().unwrap_or(0);
+        if most == 0 {
+            continue;
+        }
         // Tags of every other row alone fit in both layouts, one square apart: then the tags between the crossings decide.
         let is_sure = most >= SURE_TAGS && kept.iter().filter(|(_, _, kept)| kept.len() == most).count() == 1;
         for (layout, first_white, kept) in kept.into_iter().filter(|(_, _, kept)| kept.len() == most) {
