@@ -116,7 +116,7 @@ def mrcal_from_corners(given, sizes, indices, corners, spacing, shape):
         mrcal.optimize(**given)
 
 
-def run_mrcal(path, start_path):
+def run_mrcal(path, start_path, most_searched):
     import mrcal
     import numpy as np
 
@@ -140,7 +140,7 @@ def run_mrcal(path, start_path):
         do_apply_outlier_rejection=False, do_apply_regularization=False,
     )  # fmt: skip
     whole = None
-    if len(frames) <= int(os.environ["MRCAL_MOST"]):
+    if len(frames) <= int(most_searched):
         begin = time.perf_counter(), time.process_time()
         mrcal_from_corners(given, sizes, indices, corners, spacing, (columns, rows))
         whole = time.perf_counter() - begin[0], time.process_time() - begin[1]
@@ -182,9 +182,9 @@ def arguments():
     return parser.parse_args()
 
 
-def run(command, threads, most=0):
+def run(command, threads):
     count = {name: str(threads) for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "RAYON_NUM_THREADS")}
-    process = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, **count, MRCAL_MOST=str(most)))
+    process = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ, **count))
     lines = [json.loads(line) for line in process.stdout.splitlines() if line.startswith("{")]
     if not lines:
         print(f"SKIPPED: {' '.join(command)}: {process.stderr.strip()[-300:]}", file=sys.stderr)
@@ -208,12 +208,12 @@ def main():
     options = arguments()
     ours = options.ours or build("-p", "depthcal-rig", "--features", "simulate", "--example", "rig_corners")
     peers = []
-    for name, python, module, peer in [
-        ("OpenCV", options.opencv_python, "cv2", "opencv"),
-        ("mrcal", options.mrcal_python, "mrcal", "mrcal"),
+    for name, python, module, peer, more in [
+        ("OpenCV", options.opencv_python, "cv2", "opencv", []),
+        ("mrcal", options.mrcal_python, "mrcal", "mrcal", [str(options.mrcal_most)]),
     ]:
         if has(python, module):
-            peers.append((name, [python, __file__, "--worker", peer]))
+            peers.append((name, [python, __file__, "--worker", peer], more))
         else:
             print(f"SKIPPED: {name}, because {python} cannot import {module}", file=sys.stderr)
     seen = {}
@@ -227,10 +227,10 @@ def main():
                     with open(start, "w") as file:
                         json.dump(own, file)
                     seen.setdefault((frames, "depthcal", threads), []).append(own)
-                    for name, command in peers:
+                    for name, command, more in peers:
                         if name == "OpenCV" and frames > options.opencv_most:
                             continue
-                        seen.setdefault((frames, name, threads), []).append(run([*command, path, start], threads, options.mrcal_most))
+                        seen.setdefault((frames, name, threads), []).append(run([*command, path, start, *more], threads))
     print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}, least of {options.rounds} rounds\n")
     print("s by the clock, and of the processor in brackets; ratios to ours of the latter\n")
     print("| frames | program | threads | whole | of ours | adjust | of ours | rms, px | rms against ours | parameters against ours |")
@@ -257,6 +257,6 @@ def main():
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--worker"]:
-        print(json.dumps({"opencv": run_opencv, "mrcal": run_mrcal}[sys.argv[2]](*sys.argv[3:5])))
+        print(json.dumps({"opencv": run_opencv, "mrcal": run_mrcal}[sys.argv[2]](*sys.argv[3:])))
     else:
         main()

@@ -20,7 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::drawn::drawn;
-use super::rediscovered::covariates_of;
+use super::rediscovered::{covariates_found, names_of_catalogue};
 use super::{Failure, Study, depth_rms_mm, median, names, percent};
 
 /// Covariates of random functions.
@@ -75,14 +75,7 @@ pub(super) fn family(covariate: &str) -> &'static str {
 
 impl Run {
     pub fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
-        let of_formulas = d.formulas.iter().flat_map(|f| f.covariates.iter().map(|c| family(c)));
-        let is_formula = |name: &String| d.formulas.iter().any(|f| f.effect.name() == name);
-        let of_names = names(d)
-            .into_iter()
-            .filter(|name| !is_formula(name))
-            .flat_map(|name| covariates_of(&name))
-            .map(|c| family(c));
-        let found = (!d.steps.is_empty()).then(|| of_formulas.chain(of_names).collect::<BTreeSet<_>>());
+        let found = (!d.steps.is_empty()).then(|| covariates_found(d, &names_of_catalogue(d)));
         let truth: BTreeSet<&str> = truth.iter().map(|c| family(c)).collect();
         Self {
             right: found.as_ref().is_some_and(|found| *found == truth),

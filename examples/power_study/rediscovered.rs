@@ -39,8 +39,21 @@ const CATALOGUE: [Known; 10] = [
 ];
 
 /// Covariates of an effect of the catalogue; those of the image and of the board have places of their own.
-pub fn covariates_of(name: &str) -> &'static [&'static str] {
+fn covariates_of(name: &str) -> &'static [&'static str] {
     CATALOGUE.iter().find(|known| known.name == name).map_or(&["none"], |known| known.covariates)
+}
+
+/// The effects of the catalogue that a diagnosis names.
+pub fn names_of_catalogue(d: &Diagnosis) -> Vec<String> {
+    let is_formula = |name: &String| d.formulas.iter().any(|f| f.effect.name() == name);
+    names(d).into_iter().filter(|name| name != FREE_MAP && !is_formula(name)).collect()
+}
+
+/// The families of the covariates of a diagnosis' formulas and of these names.
+pub fn covariates_found(d: &Diagnosis, named: &[String]) -> BTreeSet<&'static str> {
+    let of_formulas = d.formulas.iter().flat_map(|f| f.covariates.iter().map(|c| family(c)));
+    let of_names = named.iter().flat_map(|name| covariates_of(name)).map(|c| family(c));
+    of_formulas.chain(of_names).collect()
 }
 
 /// Error over that of a fit that was told the effect up to which a model is equivalent to it.
@@ -140,11 +153,8 @@ fn beyond(near: Simulation, poses: &[Pose]) -> Simulation {
 impl Run {
     fn new(known: &Known, d: &Diagnosis, ratios: [f64; 2]) -> Self {
         let formulas = &d.formulas;
-        let is_formula = |name: &String| formulas.iter().any(|f| f.effect.name() == name);
-        let named: Vec<String> = names(d).into_iter().filter(|n| n != FREE_MAP && !is_formula(n)).collect();
-        let of_formulas = formulas.iter().flat_map(|f| f.covariates.iter().map(|c| family(c)));
-        let of_names = named.iter().flat_map(|name| covariates_of(name)).map(|c| family(c));
-        let found: BTreeSet<&str> = of_formulas.chain(of_names).collect();
+        let named = names_of_catalogue(d);
+        let found = covariates_found(d, &named);
         let truth: BTreeSet<&str> = known.covariates.iter().map(|c| family(c)).collect();
         Self {
             right: found == truth,

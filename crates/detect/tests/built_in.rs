@@ -133,24 +133,19 @@ fn blurred_boards_that_are_found_are_in_their_place() {
 /// A tag's corner has one dark quadrant: its fit is less sure than that of a crossing, by either reader (docs/detection.md).
 #[test]
 fn aprilgrids() {
-    let target = common::aprilgrid(6, 5, 32.0, 24.0);
-    let outcome = run(&target, &Texture::with_tags(target.clone(), 8.0, Style::default()), 0.7);
-    println!(
-        "AprilGrid: {} of {FRAMES}, {:.3} of the corners, rms {:.4} px",
-        outcome.found, outcome.markers, outcome.rms
-    );
-    assert!(outcome.found == FRAMES && outcome.markers > 0.85 && outcome.rms < 0.12);
+    check_aprilgrid("AprilGrid", Style::default(), 0.85, 0.12);
 }
 
 /// As Kalibr draws them, with black squares between the tags: their corners are crossings.
 #[test]
 fn aprilgrids_of_kalibr() {
+    check_aprilgrid("Kalibr", Style { kalibr: true, ..Style::default() }, 0.95, 0.05);
+}
+
+/// All boards are found, more than a share of the corners in them, with an rms error below a bound in px.
+fn check_aprilgrid(name: &str, style: Style, least_corners: f64, most_rms: f64) {
     let target = common::aprilgrid(6, 5, 32.0, 24.0);
-    let style = Style { kalibr: true, ..Style::default() };
-    let outcome = run(&target, &Texture::with_tags(target.clone(), 8.0, style), 0.7);
-    println!(
-        "Kalibr: {} of {FRAMES}, {:.3} of the corners, rms {:.4} px, worst {:.3} px",
-        outcome.found, outcome.markers, outcome.rms, outcome.worst
-    );
-    assert!(outcome.found == FRAMES && outcome.markers > 0.95 && outcome.rms < 0.05);
+    let Outcome { found, markers, rms, .. } = run(&target, &Texture::with_tags(target.clone(), 8.0, style), 0.7);
+    println!("{name}: {found} of {FRAMES}, {markers:.3} of the corners, rms {rms:.4} px");
+    assert!(found == FRAMES && markers > least_corners && rms < most_rms, "{name}: {found}, {markers}, {rms} px");
 }

@@ -11,7 +11,7 @@ use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
 use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
-use super::discovery::{self, Chance, CovariateSet, Discovery, Search, components};
+use super::discovery::{self, Chance, Discovery, Refused, Search, components};
 use super::error::DiagnoseError;
 use super::evidence::Evidence;
 use super::examination::{Examination, examine};
@@ -306,12 +306,6 @@ fn share_of_last(model: &AugmentedModel<'_>, cost: f64) -> f64 {
     model.added.last().map_or(0.0, |added| merit(&added.evidence) / cost)
 }
 
-/// Why no formula is added, and two covariates of which a function together explains something all the same.
-struct Refused {
-    reason: String,
-    together: Option<CovariateSet>,
-}
-
 /// Searches a formula for what the present model leaves and adds it; else the reason why there is none.
 fn find_formula(
     model: &mut AugmentedModel<'_>,
@@ -324,9 +318,9 @@ fn find_formula(
     let verify = model.verify_under(&present.fit);
     let discovery = match discovery::search(&present.fit, chance, verify.as_ref(), examination, &taken, thresholds) {
         Search::Found(discovery) => discovery,
-        Search::Nothing { reason, together } => {
-            info!("no formula: {reason}");
-            return Ok(Err(Refused { reason, together }));
+        Search::Nothing(refused) => {
+            info!("no formula: {}", refused.reason);
+            return Ok(Err(refused));
         }
     };
     let (spec, text) = (discovery.effect.spec(), discovery.effect.text());
@@ -360,8 +354,8 @@ fn formula_instead(
     let chance = Chance::Complete(&present.fit);
     match discovery::search(fit, chance, verify.as_ref(), &examination, &taken, thresholds) {
         Search::Found(discovery) => Ok(model.replace_by_formula(*discovery, first, present)?),
-        Search::Nothing { reason, .. } => {
-            info!("no formula instead: {reason}");
+        Search::Nothing(refused) => {
+            info!("no formula instead: {}", refused.reason);
             Ok(None)
         }
     }

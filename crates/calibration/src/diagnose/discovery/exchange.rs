@@ -28,9 +28,27 @@ pub(super) struct Exchange {
 }
 
 impl Exchange {
+    /// The covariate of one set and that of another in its place, where all else is equal.
+    pub fn between(own: &BTreeSet<C>, other: &BTreeSet<C>) -> Option<Self> {
+        let mut only_own = own.difference(other);
+        let mut only_other = other.difference(own);
+        let exchange = Self { own: *only_own.next()?, other: *only_other.next()? };
+        (only_own.next().is_none() && only_other.next().is_none()).then_some(exchange)
+    }
+
     /// Covariates with the other one in the place of the formula's own.
     pub fn of(self, families: &BTreeSet<C>) -> BTreeSet<C> {
         families.iter().map(|c| if *c == self.own { self.other } else { *c }).collect()
+    }
+
+    /// Whether one of the two covariates rises or falls with the other.
+    pub fn rise_together(self, observations: &Observations, of: Of) -> bool {
+        let count: usize = observations.frames.iter().map(|frame| frame.samples.len()).sum();
+        let samples = observations.frames.iter().flat_map(|frame| &frame.samples).step_by((count / SAMPLES).max(1));
+        let values = samples.map(|s| [s.value(self.own, of), s.value(self.other, of)]);
+        let known: Vec<[f64; 2]> = values.filter(|v| v.iter().all(|v| v.is_finite())).collect();
+        let column = |i: usize| known.iter().map(|v| v[i]).collect::<Vec<f64>>();
+        rank_correlation(&column(0), &column(1)).abs() >= ALIKE
     }
 }
 
@@ -45,12 +63,8 @@ pub(super) fn exchanges(
     let families = chosen.families();
     let mut found: Vec<Exchange> = Vec::new();
     for other in others {
-        let of_other = other.families();
-        let own: Vec<C> = families.difference(&of_other).copied().collect();
-        let instead: Vec<C> = of_other.difference(&families).copied().collect();
-        let ([own], [instead]) = (&own[..], &instead[..]) else { continue };
-        let exchange = Exchange { own: *own, other: *instead };
-        if found.contains(&exchange) || !rise_together(observations, exchange.own, exchange.other, chosen.of) {
+        let Some(exchange) = Exchange::between(&families, &other.families()) else { continue };
+        if found.contains(&exchange) || !exchange.rise_together(observations, chosen.of) {
             continue;
         }
         let t = certainty(observations, chosen, other);
@@ -72,14 +86,4 @@ fn certainty(observations: &Observations, term: &Term, other: &Term) -> f64 {
     let Some((own, of_other)) = explained(term).zip(explained(other)) else { return held_out };
     let lost: Vec<f64> = own.iter().zip(&of_other).map(|(own, other)| own - other).collect();
     held_out.min(mean_to_standard_error(&lost))
-}
-
-/// Whether one of two covariates rises or falls with the other.
-pub(super) fn rise_together(observations: &Observations, one: C, other: C, of: Of) -> bool {
-    let count: usize = observations.frames.iter().map(|frame| frame.samples.len()).sum();
-    let samples = observations.frames.iter().flat_map(|frame| &frame.samples).step_by((count / SAMPLES).max(1));
-    let values = samples.map(|s| [s.value(one, of), s.value(other, of)]);
-    let known: Vec<[f64; 2]> = values.filter(|v| v.iter().all(|v| v.is_finite())).collect();
-    let column = |i: usize| known.iter().map(|v| v[i]).collect::<Vec<f64>>();
-    rank_correlation(&column(0), &column(1)).abs() >= ALIKE
 }

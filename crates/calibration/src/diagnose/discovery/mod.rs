@@ -105,12 +105,16 @@ pub enum Search {
     /// A formula.
     Found(Box<Discovery>),
     /// None: the best one was refused, or there was none.
-    Nothing {
-        /// Why.
-        reason: String,
-        /// The two covariates of which a function together explains something for certain, though no formula does.
-        together: Option<CovariateSet>,
-    },
+    Nothing(Refused),
+}
+
+/// Why there is no formula.
+#[derive(Debug, Clone)]
+pub struct Refused {
+    /// In words.
+    pub reason: String,
+    /// The two covariates of which a function together explains something for certain, though no formula does.
+    pub together: Option<CovariateSet>,
 }
 
 /// What is left where there is nothing to find: what chance explains is judged by it.
@@ -149,7 +153,7 @@ pub fn search(
     taken: &[String],
     thresholds: &Thresholds,
 ) -> Search {
-    let nothing = |reason: &str| Search::Nothing { reason: reason.to_owned(), together: None };
+    let nothing = |reason: &str| Search::Nothing(Refused { reason: reason.to_owned(), together: None });
     let Some(own) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
     if own.frames.len() < thresholds.least_frames_for_formulas {
         return nothing("there are too few frames");
@@ -165,7 +169,7 @@ pub fn search(
     let mut all = AllFrames::new(own.with_set_aside(other));
     let (p, found) = search_among(&all, by_chance.as_ref(), given);
     match found {
-        Search::Nothing { .. } if verify.is_none() && p <= REPEATED * thresholds.level => {
+        Search::Nothing(_) if verify.is_none() && p <= REPEATED * thresholds.level => {
             info!("formulas: searching with all frames");
             all.search_all();
             search_among(&all, complete.as_ref(), given).1
@@ -237,7 +241,7 @@ fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<
     let mut reasons = Vec::new();
     if let Some(set) = certain {
         let chosen = chosen_of_set(&searched, screened, set, thresholds);
-        match chosen.and_then(|chosen| discovery(all, &searched, chosen, given)) {
+        match chosen.and_then(|chosen| discovery(all, chosen, given)) {
             Ok(found) => return (set.p_value, Search::Found(Box::new(found))),
             Err(reason) => reasons.push(reason),
         }
@@ -251,7 +255,7 @@ fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<
     info!("formulas: {} terms, the best with p = {p:.3}", screened.len());
     if p <= thresholds.level {
         let chosen = chosen_of_all(all, &searched, screened, p, set.as_ref(), thresholds);
-        match chosen.and_then(|chosen| discovery(all, &searched, chosen, given)) {
+        match chosen.and_then(|chosen| discovery(all, chosen, given)) {
             Ok(found) => return (p, Search::Found(Box::new(found))),
             Err(reason) => reasons.push(reason),
         }
@@ -259,12 +263,14 @@ fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<
         reasons.push(format!("the best of {} terms could be chance (p = {p:.2})", screened.len()));
     }
     let least = set.map_or(p, |set| p.min(set.p_value));
-    (least, Search::Nothing { reason: reasons.join("; "), together })
+    (least, Search::Nothing(Refused { reason: reasons.join("; "), together }))
 }
 
 /// A term that was chosen, with what speaks for its covariates.
 struct Chosen {
     judged: Judged,
+    /// Gain of a free function of its covariates on left-out frames.
+    of_free_function: f64,
     /// The others that were compared, the best first.
     others: Vec<Judged>,
     exchanges: Vec<Exchange>,
@@ -287,23 +293,24 @@ fn chosen_of_set(
         (Some(first), Some(second)) => screen_products(searched, *first, *second),
         _ => Vec::new(),
     };
-    let mut order: Vec<&Screened> = by_merit(&products);
-    order.extend(screened.iter().filter(|s| s.term.families().is_subset(&set.covariates)));
-    let merit = |s: &Screened| s.merit(|_| 1.0);
-    order.sort_by(|a, b| merit(b).total_cmp(&merit(a)));
+    let of_set = |s: &&Screened| s.term.families().is_subset(&set.covariates);
+    let candidates: Vec<&Screened> = products.iter().chain(screened.iter().filter(of_set)).collect();
+    let order = by_merit(candidates);
     let mut judged = compared_of_set(searched, &order, &set.covariates);
     let chosen = choose(searched, &order, &judged, None);
     let mut chosen = chosen.ok_or_else(|| format!("no term of {} predicts frames that were left out", set.words()))?;
-    let least = thresholds.least_share_of_free_function * gain_of_free_function(searched, &chosen.term);
+    let mut of_free_function = gain_of_free_function(searched, &chosen.term);
+    let least = thresholds.least_share_of_free_function * of_free_function;
     if chosen.gain() < least
         && let Some(other) = best_extended(searched, &order, &judged).find(|other| other.gain() >= least)
     {
+        of_free_function = gain_of_free_function(searched, &other.term);
         chosen = other;
     }
     judged.retain(|other| other.term != chosen.term);
     let terms = screened.len() + products.len();
     let (p_value, stability) = (set.p_value, set.stability);
-    Ok(Chosen { judged: chosen, others: judged, exchanges: Vec::new(), p_value, stability, terms })
+    Ok(Chosen { judged: chosen, of_free_function, others: judged, exchanges: Vec::new(), p_value, stability, terms })
 }
 
 /// The formula that is chosen of all screened terms, where its covariates are stable: in other frames it would have them too, or a smooth
@@ -360,16 +367,12 @@ fn chosen_of_all(
         return Err(format!("{text} has its covariates in {stability:.2} of resamples only"));
     }
     let others = judged.iter().filter(|other| other.term != chosen.term).cloned().collect();
-    Ok(Chosen { judged: chosen, others, exchanges, p_value: p, stability, terms: screened.len() })
+    let of_free_function = gain_of_free_function(searched, &chosen.term);
+    Ok(Chosen { judged: chosen, of_free_function, others, exchanges, p_value: p, stability, terms: screened.len() })
 }
 
 /// A chosen term as a formula, where it explains enough and can be inverted; else the reason why not.
-fn discovery(
-    frames: &AllFrames,
-    searched: &Observations,
-    chosen: Chosen,
-    given: Given<'_>,
-) -> Result<Discovery, String> {
+fn discovery(frames: &AllFrames, chosen: Chosen, given: Given<'_>) -> Result<Discovery, String> {
     let Given { examination, taken, thresholds, .. } = given;
     let all = &frames.observations;
     let term = &chosen.judged.term;
@@ -382,7 +385,7 @@ fn discovery(
     let effect = effect_of(term, &name, theta.as_slice()).map_err(|error| error.to_string())?;
     info!("formulas: {} ({})", effect.text(), term.of.words());
     let gain = chosen.judged.gain();
-    let share = gain / gain.max(gain_of_free_function(searched, term));
+    let share = gain / gain.max(chosen.of_free_function);
     if share < thresholds.least_share_of_free_function {
         return Err(format!("{} explains {share:.2} of what a free function of its covariates does", effect.text()));
     }

@@ -84,9 +84,11 @@ pub(super) fn screen_products(observations: &Observations, first: C, second: C) 
         let orders = [(first, own, second, other), (second, other, first, own)];
         for (order, (factor, factor_span, function, span)) in orders.into_iter().enumerate() {
             let factors = functions(factor, factor_span, Density::Paired);
-            let columns = Columns::of(observations, of, functions(function, span, Density::Paired));
+            let mut paired = functions(function, span, Density::Paired);
             // The second time round for waves of the first covariate alone: all else are products of the first round.
-            let takes_part: Vec<bool> = columns.functions.iter().map(|f| order == 0 || f.kind.columns() > 1).collect();
+            paired.retain(|f| order == 0 || f.kind.columns() > 1);
+            let takes_part = vec![true; paired.len()];
+            let columns = Columns::of(observations, of, paired);
             let jobs: Vec<Job<'_>> = On::ALL
                 .into_iter()
                 .flat_map(|on| factors.iter().filter(|f| f.kind.columns() == 1).map(move |f| (on, *f)))

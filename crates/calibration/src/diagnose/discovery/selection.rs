@@ -109,8 +109,8 @@ fn compared_by_set(observations: &Observations, order: &[&Screened], of_one_set:
 }
 
 /// Screened terms, those that explain most first.
-pub(super) fn by_merit(screened: &[Screened]) -> Vec<&Screened> {
-    let mut order: Vec<(f64, &Screened)> = screened.par_iter().map(|s| (s.merit(|_| 1.0), s)).collect();
+pub(super) fn by_merit<'a>(screened: impl IntoParallelIterator<Item = &'a Screened>) -> Vec<&'a Screened> {
+    let mut order: Vec<(f64, &Screened)> = screened.into_par_iter().map(|s| (s.merit(|_| 1.0), s)).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0));
     order.into_iter().map(|(_, s)| s).collect()
 }

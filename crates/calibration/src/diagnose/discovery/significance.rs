@@ -22,7 +22,7 @@ use super::term::Term;
 pub(super) const DRAWS: usize = 399;
 /// Resamples of the frames.
 pub(super) const RESAMPLES: usize = 100;
-/// A term of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
+/// A candidate of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
 const TIE_T: f64 = 2.0;
 /// … and not by more than this share.
 const LEAST_SHARE: f64 = 0.8;
@@ -87,18 +87,27 @@ fn best_by_chance(terms: &[Screened], signs: &DMatrix<f64>) -> Vec<f64> {
 /// take other covariates.
 fn best(screened: &[&Screened], weights: &[f64]) -> Option<usize> {
     let merits: Vec<f64> = screened.iter().map(|s| s.merit(|i| weights[i])).collect();
+    fewest_of_equals(&merits, |i| screened[i].term.families().len(), |i| screened[i].contributions(weights))
+}
+
+/// The best of candidates with these merits; of those that are nearly as good one of the fewest covariates. `covariates` is a candidate's
+/// number of covariates, `contributions` what every group of frames contributes to its merit.
+pub(super) fn fewest_of_equals(
+    merits: &[f64],
+    covariates: impl Fn(usize) -> usize,
+    contributions: impl Fn(usize) -> Vec<f64>,
+) -> Option<usize> {
     let most = merits.iter().copied().fold(f64::MIN, f64::max);
     let first = merits.iter().position(|merit| *merit == most)?;
-    let effort = |i: usize| screened[i].term.families().len();
-    let of_best = screened[first].contributions(weights);
+    let of_best = contributions(first);
     let is_as_good = |i: &usize| {
-        let lost: Vec<f64> =
-            of_best.iter().zip(screened[*i].contributions(weights)).map(|(best, own)| best - own).collect();
+        let lost: Vec<f64> = of_best.iter().zip(contributions(*i)).map(|(best, own)| best - own).collect();
         mean_to_standard_error(&lost) < TIE_T
     };
-    let near = (0..screened.len()).filter(|i| merits[*i] >= LEAST_SHARE * most && effort(*i) < effort(first));
-    let simpler =
-        near.filter(is_as_good).min_by(|a, b| effort(*a).cmp(&effort(*b)).then(merits[*b].total_cmp(&merits[*a])));
+    let near = (0..merits.len()).filter(|i| merits[*i] >= LEAST_SHARE * most && covariates(*i) < covariates(first));
+    let simpler = near
+        .filter(is_as_good)
+        .min_by(|a, b| covariates(*a).cmp(&covariates(*b)).then(merits[*b].total_cmp(&merits[*a])));
     Some(simpler.unwrap_or(first))
 }
 

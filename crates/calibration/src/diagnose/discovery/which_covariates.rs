@@ -6,17 +6,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::{Of, On};
-use depthcal_statistics::mean_to_standard_error;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 use tracing::{debug, info};
 
-use super::exchange::rise_together;
+use super::exchange::Exchange;
 use super::free::FreeFunction;
 use super::observations::{Normal, Observations};
 use super::score::{Score, smooth_gains};
 use super::screened::{LEAST_AGREEMENT, MOST_GROUPS, group_of};
-use super::significance::{DRAWS, RESAMPLES, resamples, signs_of_groups};
+use super::significance::{DRAWS, RESAMPLES, fewest_of_equals, resamples, signs_of_groups};
 use crate::diagnose::free_functions::smoothness_precision;
 use crate::diagnose::thresholds::Thresholds;
 
@@ -27,10 +26,6 @@ const ALONE: usize = 16;
 const PAIRED: usize = 7;
 /// Strength of the smoothness, relative to the information, with which functions are held against chance.
 const STRENGTH: f64 = 1e-2;
-/// A set of fewer covariates wins where it is worse than the best by less than this many standard errors over frames …
-const TIE_T: f64 = 2.0;
-/// … and not by more than this share.
-const LEAST_SHARE: f64 = 0.8;
 
 /// A set of one or two covariates of which a function explains what is left.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,13 +98,8 @@ pub(super) fn which_covariates(observations: &Observations) -> Option<CovariateS
 
 /// Whether a set is another one, or has in the place of one of its covariates one that rises or falls with it.
 fn is_alike(observations: &Observations, set: &BTreeSet<C>, other: &BTreeSet<C>) -> bool {
-    let own: Vec<C> = set.difference(other).copied().collect();
-    let instead: Vec<C> = other.difference(set).copied().collect();
-    match (&own[..], &instead[..]) {
-        ([], []) => true,
-        ([own], [instead]) => rise_together(observations, *own, *instead, Of::True),
-        _ => false,
-    }
+    let exchange = || Exchange::between(set, other);
+    set == other || exchange().is_some_and(|exchange| exchange.rise_together(observations, Of::True))
 }
 
 impl Functions {
@@ -137,14 +127,12 @@ impl Functions {
 
     /// The best function for weights of the groups; of those that are nearly as good one of the fewest covariates.
     fn best(&self, weights: &[f64]) -> Option<&Smooth> {
-        let gain = |f: &Smooth| f.gains.iter().zip(weights).map(|(g, w)| g * w).sum::<f64>();
-        let best = self.functions.iter().max_by(|a, b| gain(a).total_cmp(&gain(b))).filter(|best| gain(best) > 0.0)?;
-        let is_as_good = |other: &&Smooth| {
-            let lost = best.gains.iter().zip(&other.gains).zip(weights).map(|((a, b), w)| w * (a - b));
-            gain(other) >= LEAST_SHARE * gain(best) && mean_to_standard_error(&lost.collect::<Vec<f64>>()) < TIE_T
+        let contributions = |f: usize| -> Vec<f64> {
+            self.functions[f].gains.iter().zip(weights).map(|(gain, weight)| gain * weight).collect()
         };
-        let simpler = self.functions.iter().filter(|f| f.covariates.len() < best.covariates.len()).filter(is_as_good);
-        Some(simpler.max_by(|a, b| gain(a).total_cmp(&gain(b))).unwrap_or(best))
+        let gains: Vec<f64> = (0..self.functions.len()).map(|f| contributions(f).iter().sum()).collect();
+        let best = fewest_of_equals(&gains, |f| self.functions[f].covariates.len(), contributions)?;
+        Some(&self.functions[best]).filter(|_| gains.iter().any(|gain| *gain > 0.0))
     }
 }
 
