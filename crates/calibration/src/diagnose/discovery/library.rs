@@ -137,7 +137,13 @@ pub(super) fn functions(covariate: C, span: Span, density: Density) -> Vec<Funct
     let length = span.length();
     // Inverse depth is searched as depth; waves of disparity are another matter.
     let waves_only = matches!(covariate, C::Rho | C::U | C::V | C::Range);
-    let (waves, cycles) = if fine { (30, 0.4) } else { (12, 0.75) };
+    // Depth cameras err in waves of depth or disparity that are much finer than those over other covariates.
+    let is_along_depth = matches!(covariate, C::Z | C::Rho);
+    let (waves, cycles) = match (fine, is_along_depth) {
+        (true, true) => (120, 0.4),
+        (true, false) => (30, 0.4),
+        (false, _) => (12, 0.75),
+    };
     for i in 1..=waves {
         add(Kind::Wave, length / (cycles * f64::from(i)));
     }
