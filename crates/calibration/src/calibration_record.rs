@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{
-    Calibration, CameraRecord, CovarianceRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, NoiseRecord,
-    ParameterRecord, PieceRecord, PriorUse, UsedPriorParameter,
+    Calibration, CameraRecord, CovarianceRecord, DiagnosisDeclaration, DroppedFrame, FileReference, FitRecord,
+    FrameRecord, NoiseRecord, ParameterRecord, PieceRecord, PriorUse, UsedPriorParameter,
 };
 use depthcal_model::{AnyPiece, Block, Camera, FormulaDefinition, Options, Placement, Register, RegisterError};
 use depthcal_statistics::chi_squared_tail;
 use nalgebra::DVector;
 use thiserror::Error;
 
-use crate::calibrate::Calibrated;
+use crate::calibrate::{Calibrated, ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
 use crate::judge::evaluate::Evaluated;
 
 /// Why a calibration file does not make a camera.
@@ -80,6 +80,7 @@ pub fn calibration_record(
                 .iter()
                 .map(|d| DroppedFrame { name: d.name.clone(), reason: d.reason.clone() })
                 .collect(),
+            declarations: declarations(result),
             termination: result.termination.clone(),
             cost: result.cost,
             iterations: result.iterations,
@@ -91,6 +92,11 @@ pub fn calibration_record(
         observations,
         cameras: Vec::new(),
     }
+}
+
+/// Declarations of a fit's dataset that cannot be right.
+pub fn declarations(result: &Calibrated) -> Vec<DiagnosisDeclaration> {
+    implausible_scale(&result.capture, PLAUSIBLE_SCALE_DEVIATION).iter().map(ImplausibleScale::record).collect()
 }
 
 /// How a fit used its prior; `None` where it has none, or none that concerns its parameters.

@@ -25,7 +25,7 @@ use depthcal_calibration::task::{
     FitRequest, HoldOut, JudgedFit, LENSES, ModelRequest, OptionNames, prior_for, write_calibration,
 };
 use depthcal_report::format::{number, quantity};
-use depthcal_report::{ReportDataset, ReportInput, Role, prior_sentences};
+use depthcal_report::{ReportDataset, ReportInput, Role, fit_sentences};
 
 fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
     let (every, first) = text.split_once(':').unwrap_or((text, "1"));
@@ -183,8 +183,8 @@ impl Calibrate {
             print_lenses(comparison);
         }
         print_parameters(result);
-        let prior = prior_sentences(result);
-        prior.iter().for_each(|sentence| say!("{sentence}"));
+        let story = fit_sentences(result);
+        story.iter().for_each(|sentence| say!("{sentence}"));
         let judged = fit.judge()?;
         let JudgedFit { fitted, held_out } = &judged;
         print_not_evaluated(fitted, &result.capture.dropped);
@@ -205,7 +205,7 @@ impl Calibrate {
             calibrated: Some(result),
             evaluations: &shown,
             diagnosis: None,
-            story: &prior,
+            story: &story,
         };
         let report = write_report(&report, session, &self.output.out)?;
         say!("written: {} and {}", written.display(), report.display());

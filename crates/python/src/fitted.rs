@@ -11,7 +11,7 @@ use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_calibration::task::{DatasetFit, FitRequest, JudgedFit, prior_for, write_calibration};
 use depthcal_io::{Evaluation, Prior};
 use depthcal_model::Register;
-use depthcal_report::{ReportDataset, ReportInput, Role, prior_sentences};
+use depthcal_report::{ReportDataset, ReportInput, Role, fit_sentences, prior_sentences};
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
@@ -92,7 +92,7 @@ impl Fit {
         let mut shown = vec![ReportDataset { evaluated: &self.judged.fitted, role: Role::Fitted }];
         let held_out = self.judged.held_out.as_ref();
         shown.extend(held_out.map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
-        let story = prior_sentences(&self.fit.result);
+        let story = fit_sentences(&self.fit.result);
         make(&ReportInput {
             title: self.fit.result.capture.name.clone(),
             command_line: self.call.clone(),

@@ -4,7 +4,7 @@
 //! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]).
 //! - [`render_comparison`] makes the report of a comparison of depth models.
 //! - [`render_fleet`] makes the report of a fleet, [`fleet_text`] words it for a terminal.
-//! - [`prior_sentences`] says what the prior of a fleet did to a fit.
+//! - [`fit_sentences`] says what a reader of a fit has to know before its numbers; [`prior_sentences`], of these, what the prior of a fleet did to a fit.
 //! - [`diagnosis_text`] and [`verdict_sentence`] word a diagnosis for a terminal.
 //! - [`mod@format`] writes numbers as people read them; the command line prints through it as well.
 //! - `rerun` (feature `rerun`) writes recordings for the rerun viewer.
@@ -33,6 +33,7 @@ mod diagnosis;
 mod effect_files;
 mod figures;
 mod finding;
+mod fit_sentences;
 mod fleet;
 pub mod format;
 mod formula_plot;
@@ -59,6 +60,7 @@ mod uncertainty;
 pub use comparison::render_comparison;
 pub use diagnosis::{diagnosis_text, verdict_sentence};
 pub use effect_files::effect_files;
+pub use fit_sentences::fit_sentences;
 pub use fleet::{fleet_text, render_fleet};
 pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use depthcal_calibration::calibration_record::{RecordError, camera_from_record, noise_record, piece_records};
+use depthcal_calibration::calibration_record::{
+    RecordError, camera_from_record, declarations, noise_record, piece_records,
+};
 use depthcal_io::{
     Calibration, CovarianceRecord, DriftRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, PlaceRecord,
     PlaceStdDev, RigCameraRecord, TimeOffsetRecord,
@@ -48,6 +50,7 @@ pub fn rig_record(result: &RigCalibrated, fitted: &EvaluatedRig, dataset: FileRe
             depth_rms_mm: reference.calibrated.depth_rms_mm,
             frames_used: result.frames.len(),
             frames_dropped: result.cameras.iter().flat_map(dropped).collect(),
+            declarations: result.cameras.iter().flat_map(|c| declarations(&c.calibrated)).collect(),
             termination: result.termination.clone(),
             cost: result.cost,
             iterations: result.iterations,

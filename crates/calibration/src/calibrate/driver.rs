@@ -5,8 +5,10 @@ use std::sync::Arc;
 use depthcal_model::{AnyPiece, Block, Modulation, RegisterError, needed_light};
 use tracing::info;
 
+use super::depth_scale::check_scale;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
+use super::foreign_depth::drop_foreign_depth;
 use super::held::hold;
 use super::image::calibrate_image;
 use super::joint::{joint, sample, with_depth_pieces};
@@ -43,11 +45,13 @@ pub fn calibrate_keeping_samples(
 ) -> Result<(Calibrated, Capture<SampledFrame>), CalibrateError> {
     let blocks = depth_blocks(options)?;
     let from_image = calibrate_image(capture, options)?;
-    let (capture, correlation) = sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
+    let (mut capture, correlation) = sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
+    check_scale(&capture)?;
+    let foreign_depth = drop_foreign_depth(&mut capture);
     let samples = capture.clone();
     let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
     let (lens_choice, lens_comparison) = (from_image.lens_choice, from_image.lens_comparison);
-    Ok((Calibrated { lens_choice, lens_comparison, ..fit }, samples))
+    Ok((Calibrated { lens_choice, lens_comparison, foreign_depth, ..fit }, samples))
 }
 
 /// Fits the depth model by the estimator asked for, on top of a calibration from the images alone.
@@ -70,9 +74,11 @@ pub fn calibrate_depth(
     match options.estimator {
         Estimator::Joint => {
             let Calibrated { capture, camera, noise, lens_choice, lens_comparison, .. } = from_image;
-            let (capture, correlation) = sample(capture, &camera, light(&depth_blocks, options), options)?;
+            let (mut capture, correlation) = sample(capture, &camera, light(&depth_blocks, options), options)?;
+            check_scale(&capture)?;
+            let foreign_depth = drop_foreign_depth(&mut capture);
             let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
-            Ok(Calibrated { lens_choice, lens_comparison, ..fit })
+            Ok(Calibrated { lens_choice, lens_comparison, foreign_depth, ..fit })
         }
         other => {
             let _stage = options.progress.stage("estimating D from markers");
@@ -97,11 +103,13 @@ pub fn prepare_depth(
     if are_fields || !from_image.capture.has_depth() || options.estimator != Estimator::Joint {
         return calibrate_depth(from_image, options);
     }
-    let (sampled, correlation) =
+    let (mut sampled, correlation) =
         sample(from_image.capture.clone(), &from_image.camera, light(&blocks, options), options)?;
+    check_scale(&sampled)?;
+    let foreign_depth = drop_foreign_depth(&mut sampled);
     let (camera, noise) = with_depth_pieces(&sampled, from_image.camera.clone(), from_image.noise, blocks);
     let mut prepared = from_image.without_samples();
-    (prepared.capture, prepared.noise) = (sampled, noise);
+    (prepared.capture, prepared.noise, prepared.foreign_depth) = (sampled, noise, foreign_depth);
     prepared.camera = hold(&camera, &options.held, true);
     (prepared.with_depth, prepared.covariance, prepared.correlation_length_px) = (true, None, correlation);
     Ok(prepared)

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use depthcal_io::ImageError;
 
+use super::depth_scale::ImplausibleScale;
 use super::undetermined::UndeterminedModel;
 use crate::estimators::EstimatorError;
 use crate::start::StartError;
@@ -74,6 +75,9 @@ pub enum CalibrateError {
         /// The dataset.
         dataset: String,
     },
+    /// Depth and image disagree by a factor that no camera has.
+    #[error("{0}")]
+    Scale(ImplausibleScale),
     /// The fitted camera cannot be inverted where it was fitted.
     #[error("the fitted model folds: {0}")]
     Folded(#[from] CameraError),

@@ -6,6 +6,7 @@ use depthcal_io::LensComparison;
 use depthcal_model::{Camera, ModelSpec};
 use nalgebra::DMatrix;
 
+use super::foreign_depth::ForeignDepth;
 use super::lens_order::LensChoice;
 use super::options::Estimator;
 use crate::adjust::camera_prior::CameraPrior;
@@ -22,6 +23,8 @@ pub struct Calibrated<F = SampledFrame> {
     /// What was fitted: frames with their poses and the depth samples that were used. Frames that turned out unusable are
     /// among its dropped.
     pub capture: Capture<F>,
+    /// Frames among the dropped whose depth belongs to another pose, or whose board has another size.
+    pub foreign_depth: Vec<ForeignDepth>,
     /// Joint covariance of [`Camera::theta`]; zero for held parameters. `None` from the estimators that give none.
     pub covariance: Option<DMatrix<f64>>,
     /// Noise, from the residuals.
@@ -79,6 +82,7 @@ impl Calibrated<PosedFrame> {
         Calibrated {
             capture,
             camera: self.camera,
+            foreign_depth: self.foreign_depth,
             covariance: self.covariance,
             noise: self.noise,
             with_depth: self.with_depth,

@@ -1,11 +1,13 @@
 //! From detected boards to a calibrated depth camera.
 
+mod depth_scale;
 mod domain;
 mod driver;
 mod error;
 mod explanation;
 mod fitted;
 mod folds;
+mod foreign_depth;
 mod frame_checks;
 #[cfg(test)]
 mod frame_planes_tests;
@@ -29,11 +31,13 @@ mod undetermined;
 #[cfg(test)]
 mod wide_lens_tests;
 
+pub use depth_scale::{ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
 pub(crate) use driver::light_of_samples;
 pub use driver::{calibrate, calibrate_depth, calibrate_keeping_samples, prepare_depth};
 pub use error::CalibrateError;
 pub use fitted::Calibrated;
 pub use folds::check_invertible;
+pub use foreign_depth::ForeignDepth;
 pub use frame_scatter::with_frame_scatter;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;

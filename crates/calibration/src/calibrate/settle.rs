@@ -190,6 +190,7 @@ pub(super) fn settle<F: AdjustableFrame>(
                 rules.with_depth.then(|| depth_residuals_mm(&state.capture, &adjusted.depth_residuals, &used));
             return Ok(Calibrated {
                 covariance,
+                foreign_depth: Vec::new(),
                 noise: state.noise,
                 with_depth: rules.with_depth,
                 correlation_length_px: None,

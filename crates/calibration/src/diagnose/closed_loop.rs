@@ -9,7 +9,6 @@ use tracing::info;
 use super::augmented_model::{AddedEffect, Addition, AugmentedModel, Fitted};
 use super::bad_frames::without_duplicates;
 use super::decision::{Decision, decide};
-use super::declarations::implausible_declarations;
 use super::diagnosis::Diagnosis;
 use super::discovery::{self, Chance, Discovery, Refused, Search, components};
 use super::error::DiagnoseError;
@@ -31,7 +30,7 @@ use super::round::{Refutation, Refuted, Round, RoundOutcome};
 use super::step::steps;
 use super::stepwise_selection::score_given;
 use super::thresholds::Thresholds;
-use crate::calibrate::{CalibrateOptions, Calibrated, with_frame_scatter};
+use crate::calibrate::{CalibrateOptions, Calibrated, implausible_scale, with_frame_scatter};
 use crate::observe::Capture;
 
 /// Rounds in which the smoothness of the free map is chosen.
@@ -66,7 +65,8 @@ pub fn diagnose(
     let mut model = AugmentedModel::new(capture, verify, options);
     let mut fit = model.fit_declared(&mut bad_frames)?;
     model.exclude_bad_frames(&mut fit, &mut bad_frames, thresholds.gross_plane_mm)?;
-    let declarations = implausible_declarations(&fit, thresholds);
+    model.explain_exclusions(&whole, &fit, &mut bad_frames);
+    let declarations = implausible_scale(&fit.capture, thresholds.plausible_scale_deviation).into_iter().collect();
     let mut first = Fitted { held_out: model.held_out(&fit, model.declared())?, fit };
     let mut present = first.clone();
     let mut rounds: Vec<Round> = Vec::new();

@@ -3,7 +3,6 @@
 use depthcal_io::Verdict;
 
 use super::bad_frames::BadFrame;
-use super::declarations::ImplausibleScale;
 use super::discovery::Discovery;
 use super::examination::Examination;
 use super::experiment_design::CaptureProposal;
@@ -14,7 +13,7 @@ use super::possible::Possible;
 use super::pure_error::PureError;
 use super::round::Round;
 use super::step::Step;
-use crate::calibrate::Calibrated;
+use crate::calibrate::{Calibrated, ImplausibleScale};
 
 /// The result of a diagnosis. Findings are data; their `Display` words them.
 pub struct Diagnosis {

@@ -4,9 +4,9 @@ use depthcal_model::{ModelSpec, PieceSpec};
 use tracing::info;
 
 use super::augmented_model::AugmentedModel;
-use super::bad_frames::{BadFrame, explain};
+use super::bad_frames::{BadFrame, BadFrameReason, explain};
 use super::frame_planes::{FramePlane, frame_planes, outlying};
-use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};
+use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate, sampled_under};
 use crate::observe::{Capture, DetectedFrame};
 
 /// A depth model of one parameter, the scale: it cannot bend towards frames whose depth is wrong, so that these stand out.
@@ -15,13 +15,17 @@ fn rigid_model() -> ModelSpec {
 }
 
 impl AugmentedModel<'_> {
-    /// Fits the declared model. Where depth that belongs to other frames bends it so far that the fit cannot be trusted, frames
+    /// Fits the declared model without frames whose depth is another frame's. Where depth that belongs to other frames bends it so far that the fit cannot be trusted, frames
     /// that are outlying under the rigid model `projective:w` are excluded first.
     pub fn fit_declared(&mut self, bad_frames: &mut Vec<BadFrame>) -> Result<Calibrated, CalibrateError> {
         let declared = self.declared();
         let error = match self.fit(declared) {
             Err(error) if error.is_untrusted_fit() => error,
-            other => return other,
+            Err(error) => return Err(error),
+            Ok(fit) => {
+                self.exclude_foreign(&fit, bad_frames);
+                return Ok(fit);
+            }
         };
         let rigid = CalibrateOptions { model: rigid_model(), effects: Vec::new(), ..declared.clone() };
         let Ok(fit) = self.fit(&rigid) else { return Err(error) };
@@ -31,8 +35,39 @@ impl AugmentedModel<'_> {
             return Err(error);
         }
         info!("{error}: tried again without {} frames", bad.len());
+        self.exclude_foreign(&fit, bad_frames);
         self.exclude(&fit, &bad, bad_frames);
-        self.fit(declared)
+        let fit = self.fit(declared)?;
+        self.exclude_foreign(&fit, bad_frames);
+        Ok(fit)
+    }
+
+    /// Excludes the frames that a fit dropped because their depth is another frame's.
+    fn exclude_foreign(&mut self, fit: &Calibrated, bad_frames: &mut Vec<BadFrame>) {
+        for foreign in &fit.foreign_depth {
+            let reason = BadFrameReason::Moved { offset_mm: foreign.rms_mm, rms_mm: foreign.rms_mm };
+            bad_frames.push(BadFrame { name: foreign.name.clone(), reason });
+        }
+        self.capture = without(&self.capture, bad_frames);
+    }
+
+    /// Explains the frames that are excluded for their depth again, all together, under a fit in which none of them takes part.
+    pub fn explain_exclusions(&self, whole: &Capture, fit: &Calibrated, bad_frames: &mut [BadFrame]) {
+        let is_for_depth =
+            |b: &BadFrame| matches!(b.reason, BadFrameReason::Moved { .. } | BadFrameReason::DepthExchanged { .. });
+        let excluded = whole.subset(|_, f| bad_frames.iter().any(|b| b.name == f.name && is_for_depth(b)));
+        if excluded.frames.is_empty() {
+            return;
+        }
+        // Frames without a pose or samples under this fit keep the reason that they have.
+        let Ok(under) = sampled_under(fit, &excluded, self.declared()) else { return };
+        let planes = frame_planes(&under);
+        let all: Vec<&FramePlane> = planes.iter().collect();
+        for explained in explain(&under, &all, self.thresholds()) {
+            if let Some(bad) = bad_frames.iter_mut().find(|b| b.name == explained.name) {
+                *bad = explained;
+            }
+        }
     }
 
     fn exclude(&mut self, fit: &Calibrated, bad: &[&FramePlane], bad_frames: &mut Vec<BadFrame>) {

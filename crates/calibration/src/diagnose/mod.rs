@@ -4,7 +4,7 @@
 //! | step | module |
 //! |---|---|
 //! | frames that do not belong to the others | [`bad_frames`], [`frame_planes`] |
-//! | declarations that cannot be right | [`declarations`] |
+//! | declarations that cannot be right | [`implausible_scale`](crate::calibrate::implausible_scale) |
 //! | effects that may be missing | [`candidates`] |
 //! | free functions that compete with them | [`free_functions`] |
 //! | the free function of an effect's own covariate | `own_function` |
@@ -31,7 +31,6 @@ mod candidate_blocks;
 pub mod candidates;
 mod closed_loop;
 pub mod decision;
-pub mod declarations;
 mod diagnosis;
 pub mod discovery;
 pub mod effect_scores;

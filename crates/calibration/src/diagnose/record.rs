@@ -1,19 +1,17 @@
 //! The record of a diagnosis: `diagnosis.json`.
 
 use depthcal_io::{
-    DeclaredValue, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
-    DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration,
-    DiagnosisExchange, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane,
-    DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible,
-    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
-    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep,
-    DiagnosisUnexplainedOutcome, FileReference,
+    DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
+    DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisExchange,
+    DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut,
+    DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible, DiagnosisProposedFrame,
+    DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication,
+    DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
 use super::bad_frames::{BadFrame, BadFrameReason};
 use super::decision::{Competitor, Decision};
-use super::declarations::ImplausibleScale;
 use super::diagnosis::Diagnosis;
 use super::discovery::{Component, ComponentBin, RunnerUp};
 use super::evidence::Evidence;
@@ -27,6 +25,7 @@ use super::pure_error::{PureError, Shared};
 use super::pure_noise::{NoiseAtDepth, PureNoise};
 use super::round::{Refutation, Refuted, Round, RoundOutcome};
 use super::step::Step;
+use crate::calibrate::ImplausibleScale;
 
 /// Largest ratio to the frames' planes that is recorded: of next to nothing anything is a multiple.
 const LARGEST_RATIO: f64 = 1e3;
@@ -45,7 +44,7 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> Di
         candidates: first_candidates(rounds.first()),
         rounds,
         bad_frames: diagnosis.bad_frames.iter().map(bad_frame).collect(),
-        declarations: diagnosis.declarations.iter().map(declaration).collect(),
+        declarations: diagnosis.declarations.iter().map(ImplausibleScale::record).collect(),
         left_over: diagnosis.left_over.iter().map(left_over).collect(),
         formula_refused: diagnosis.formula_refused.clone(),
         capture_next: diagnosis.capture_next.iter().map(capture).collect(),
@@ -299,14 +298,6 @@ fn possible(found: &Possible) -> DiagnosisPossible {
         with: found.spec.to_string(),
         gain_percent: found.gain_percent,
         further_frames: found.further_frames,
-    }
-}
-
-fn declaration(scale: &ImplausibleScale) -> DiagnosisDeclaration {
-    DiagnosisDeclaration::DepthScale {
-        scale: scale.scale,
-        spacing_mm: DeclaredValue { declared: scale.spacing_mm, fitting: scale.fitting_spacing_mm() },
-        unit_mm: DeclaredValue { declared: scale.unit_mm, fitting: scale.fitting_unit_mm() },
     }
 }
 

@@ -1,5 +1,7 @@
 //! Thresholds of the diagnosis' rules.
 
+use crate::calibrate::PLAUSIBLE_SCALE_DEVIATION;
+
 /// Thresholds of every rule of a diagnosis. The defaults were set on simulated captures (`examples/power_study`).
 ///
 /// *Gain* is the fall of the cost ½ Σ r² of held-out frames; *candidates* are the effects that the model lacks and the free
@@ -188,7 +190,7 @@ impl Default for Thresholds {
             many_own_planes: 0.2,
             exchanged_deviation_ratio: 0.2,
             least_identical_markers: 4,
-            plausible_scale_deviation: 0.08,
+            plausible_scale_deviation: PLAUSIBLE_SCALE_DEVIATION,
             least_log_amplitude_span: 0.05,
             least_cos_incidence_span: 0.02,
             least_time_span_s: 1e-3,

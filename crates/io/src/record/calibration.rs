@@ -7,6 +7,7 @@ use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
 use super::camera::{CameraRecord, NoiseRecord, PieceRecord, unique, unit_quaternion};
+use super::findings::DiagnosisDeclaration;
 use super::lens_comparison::LensComparison;
 use super::prior::PriorUse;
 use super::reference::FileReference;
@@ -79,6 +80,9 @@ pub struct FitRecord {
     /// Frames that were left out, with the reason.
     #[serde(default)]
     pub frames_dropped: Vec<DroppedFrame>,
+    /// Declarations of the dataset that cannot be right.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub declarations: Vec<DiagnosisDeclaration>,
     /// Why the solver stopped.
     pub termination: String,
     /// Final cost, ½ Σ of the weighted squares under the loss.

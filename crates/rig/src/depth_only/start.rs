@@ -128,6 +128,7 @@ fn sampled(
         Some(PosedFrame { detected, camera_from_board: camera_from_rig * pose })
     });
     let start = Calibrated {
+        foreign_depth: Vec::new(),
         capture: capture.with_frames(posed.collect()),
         camera: camera.clone(),
         covariance: None,

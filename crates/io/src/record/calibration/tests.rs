@@ -57,6 +57,7 @@ pub(crate) fn example() -> Calibration {
             depth_rms_mm: Some(6.4),
             frames_used: 1,
             frames_dropped: vec![DroppedFrame { name: "0002".into(), reason: "board not found".into() }],
+            declarations: Vec::new(),
             termination: "converged".into(),
             cost: 12.5,
             iterations: 7,

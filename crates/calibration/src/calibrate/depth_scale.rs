@@ -1,0 +1,88 @@
+//! The scale of measured depth against that of the images: a wrong `spacing_mm` or `unit_mm` in `dataset.toml` scales depth as a whole. The depth
+//! model's parameter dw takes a small scale up, so that residuals do not show it; a large one bends the model until it folds.
+
+use std::fmt;
+
+use depthcal_io::{DeclaredValue, DiagnosisDeclaration};
+use depthcal_statistics::upper_median;
+use nalgebra::Point3;
+
+use super::error::CalibrateError;
+use crate::observe::{Capture, SampledFrame};
+
+/// Deviation of the scale from one that a depth camera may have: measured ones are off by up to 2.7 %.
+pub const PLAUSIBLE_SCALE_DEVIATION: f64 = 0.08;
+/// Scale, or its inverse, beyond which nothing is fitted.
+const MOST_SCALE: f64 = 1.5;
+
+/// Depth and image disagree in scale by more than a depth camera's error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImplausibleScale {
+    /// Median of measured depth over the depth at which the image sees the board.
+    pub scale: f64,
+    /// The declared distance between the board's markers, `spacing_mm` under `[board]`.
+    pub spacing_mm: f64,
+    /// The declared unit of depth, `unit_mm` under `[depth]`.
+    pub unit_mm: f64,
+}
+
+impl ImplausibleScale {
+    /// The `spacing_mm` with which depth and image would agree.
+    pub fn fitting_spacing_mm(&self) -> f64 {
+        self.spacing_mm * self.scale
+    }
+
+    /// The `unit_mm` with which depth and image would agree.
+    pub fn fitting_unit_mm(&self) -> f64 {
+        self.unit_mm / self.scale
+    }
+
+    /// The finding for files.
+    pub fn record(&self) -> DiagnosisDeclaration {
+        DiagnosisDeclaration::DepthScale {
+            scale: self.scale,
+            spacing_mm: DeclaredValue { declared: self.spacing_mm, fitting: self.fitting_spacing_mm() },
+            unit_mm: DeclaredValue { declared: self.unit_mm, fitting: self.fitting_unit_mm() },
+        }
+    }
+}
+
+impl fmt::Display for ImplausibleScale {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "measured depth is {:.3} times the depth at which the images see the board, far more than any depth camera is off: check \
+             depth.unit_mm (declared {}, {:.4} would fit) and board.spacing_mm (declared {}, {:.4} would fit) in dataset.toml",
+            self.scale,
+            self.unit_mm,
+            self.fitting_unit_mm(),
+            self.spacing_mm,
+            self.fitting_spacing_mm()
+        )
+    }
+}
+
+/// The scale where it deviates from one by more than `most_deviation`.
+pub fn implausible_scale(capture: &Capture<SampledFrame>, most_deviation: f64) -> Option<ImplausibleScale> {
+    let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > most_deviation)?;
+    let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
+    Some(ImplausibleScale { scale, spacing_mm: capture.target.spacing_mm, unit_mm })
+}
+
+/// Refuses a scale that nothing but a wrong declaration explains.
+pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), CalibrateError> {
+    match implausible_scale(capture, 0.0) {
+        Some(found) if found.scale.max(1.0 / found.scale) > MOST_SCALE => Err(CalibrateError::Scale(found)),
+        _ => Ok(()),
+    }
+}
+
+/// Median of measured depth over the depth of the board point that a sample sees; `None` without samples.
+fn depth_scale(capture: &Capture<SampledFrame>) -> Option<f64> {
+    let of_frame = |frame: &SampledFrame| -> Vec<f64> {
+        let board_depth_mm = |[x, y]: [f64; 2]| (frame.camera_from_board * Point3::new(x, y, 0.0)).z;
+        frame.samples.iter().map(|sample| sample.depth_mm / board_depth_mm(sample.board_seed)).collect()
+    };
+    let mut ratios: Vec<f64> = capture.frames.iter().flat_map(of_frame).filter(|ratio| ratio.is_finite()).collect();
+    upper_median(&mut ratios)
+}
