@@ -2,13 +2,13 @@
 //! of it. A few of them bend the depth model of a least squares fit until all frames contradict it, so they are found before it, by an
 //! estimator with a high breakdown point.
 //!
-//! Per frame, the projective depth model (Sjöholm 2017), which is linear in its parameters, is compared with measured depth at the board points
-//! that the image gives. The parameters are those of the least trimmed squares over frames: the half of the frames that agrees best (FAST-LTS;
+//! Per frame, the projective depth model (Sjöholm 2017) with a square of inverse depth in addition, linear in its parameters, is compared with
+//! measured depth at the board points that the image gives. The parameters are those of the least trimmed squares over frames: the half of the frames that agrees best (FAST-LTS;
 //! Rousseeuw, Van Driessen 2006). Smaller deviations, such as those of boards that moved between image and depth, are left to the examination of
 //! a fit.
 
 use depthcal_statistics::upper_median;
-use nalgebra::{Matrix4, Point3, Vector4};
+use nalgebra::{Point3, SMatrix, SVector};
 use rand::seq::index::sample;
 use rand::{SeedableRng, rngs::StdRng};
 use tracing::warn;
@@ -24,7 +24,7 @@ const RATIO: f64 = 6.0;
 /// … and by this share of its distance: more than a warming camera drifts, or than systematic errors differ between frames.
 const LEAST_SHARE: f64 = 0.04;
 /// Frames that determine the parameters of a trial, and the number of trials.
-const FRAMES_OF_TRIAL: usize = 3;
+const FRAMES_OF_TRIAL: usize = 4;
 const TRIALS: usize = 500;
 /// Steps of concentration of every trial, and of the best.
 const STEPS: [usize; 2] = [2, 20];
@@ -32,6 +32,9 @@ const STEPS: [usize; 2] = [2, 20];
 const TYPICAL: f64 = 0.3;
 /// Relative error of depth against which the ridge is weighed.
 const RELATIVE_ERROR: f64 = 3e-3;
+
+/// dx, dy, dz, dw, and a coefficient of the square of inverse depth.
+type Parameters = SVector<f64, 5>;
 
 /// A frame whose depth contradicts what the images of most frames say of it.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,8 +49,8 @@ pub struct ForeignDepth {
 /// scaled by the median inverse depth.
 struct OfFrame {
     frame: usize,
-    a: Matrix4<f64>,
-    b: Vector4<f64>,
+    a: SMatrix<f64, 5, 5>,
+    b: Parameters,
 }
 
 impl OfFrame {
@@ -56,14 +59,15 @@ impl OfFrame {
         if count < FEWEST_SAMPLES {
             return None;
         }
-        let (mut a, mut b) = (Matrix4::zeros(), Vector4::zeros());
+        let (mut a, mut b) = (SMatrix::zeros(), SVector::zeros());
         for sample in sampled.samples.iter() {
             let [x, y] = sample.board_seed;
             let point_in_camera = sampled.camera_from_board * Point3::new(x, y, 0.0);
             let inverse = 1.0 / point_in_camera.z;
             let [x, y] = [point_in_camera.x * inverse, point_in_camera.y * inverse];
-            // (dx x + dy y + dz + dw ρ) / ρ_m = 1
-            let row = sample.depth_mm * Vector4::new(scale * x, scale * y, scale, inverse);
+            // (dx x + dy y + dz + dw ρ + q ρ²) / ρ_m = 1
+            let row =
+                SVector::from([scale * x, scale * y, scale, inverse, inverse * inverse / scale]) * sample.depth_mm;
             a += row * row.transpose();
             b += row;
         }
@@ -72,16 +76,16 @@ impl OfFrame {
     }
 
     /// Root mean square of the relative error under parameters.
-    fn deviation(&self, theta: &Vector4<f64>) -> f64 {
+    fn deviation(&self, theta: &Parameters) -> f64 {
         (theta.dot(&(self.a * theta)) - 2.0 * self.b.dot(theta) + 1.0).max(0.0).sqrt()
     }
 }
 
 /// The parameters that fit some frames best.
-fn fitted<'a>(frames: impl Iterator<Item = &'a OfFrame>) -> Option<Vector4<f64>> {
+fn fitted<'a>(frames: impl Iterator<Item = &'a OfFrame>) -> Option<Parameters> {
     let ridge = (RELATIVE_ERROR / TYPICAL).powi(2);
-    let nominal = Vector4::new(0.0, 0.0, 0.0, 1.0);
-    let (mut a, mut b) = (Matrix4::identity() * ridge, nominal * ridge);
+    let nominal = SVector::from([0.0, 0.0, 0.0, 1.0, 0.0]);
+    let (mut a, mut b) = (SMatrix::identity() * ridge, nominal * ridge);
     frames.for_each(|f| {
         a += f.a;
         b += f.b;
@@ -90,7 +94,7 @@ fn fitted<'a>(frames: impl Iterator<Item = &'a OfFrame>) -> Option<Vector4<f64>>
 }
 
 /// Parameters after some steps of concentration, each of which fits the frames that deviate least, and the sum of their squares.
-fn concentrated(frames: &[OfFrame], mut theta: Vector4<f64>, steps: usize) -> Option<(f64, Vector4<f64>)> {
+fn concentrated(frames: &[OfFrame], mut theta: Parameters, steps: usize) -> Option<(f64, Parameters)> {
     let half = frames.len() / 2 + 1;
     let mut last = f64::INFINITY;
     for _ in 0..=steps {
@@ -108,7 +112,7 @@ fn concentrated(frames: &[OfFrame], mut theta: Vector4<f64>, steps: usize) -> Op
 }
 
 /// The parameters of the least trimmed squares.
-fn trimmed(frames: &[OfFrame]) -> Option<Vector4<f64>> {
+fn trimmed(frames: &[OfFrame]) -> Option<Parameters> {
     let mut random = StdRng::seed_from_u64(29);
     let trial = |_| {
         let chosen = sample(&mut random, frames.len(), FRAMES_OF_TRIAL);

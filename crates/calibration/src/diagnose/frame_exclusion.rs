@@ -133,7 +133,6 @@ mod tests {
     /// The depth of the two nearest boards is exchanged with that of the two farthest.
     #[test]
     fn frames_that_bend_the_declared_model_until_it_folds_are_excluded() {
-        let mut folded = 0;
         for seed in 0..6 {
             let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[], 1100 + seed);
             let mut capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
@@ -149,7 +148,11 @@ mod tests {
             }
             let exchanged = [0, 1, last - 1, last].map(|i| capture.frames[i].name.clone());
             let options = DiagnoseOptions::default();
-            folded += usize::from(calibrate(&capture, &options.calibrate).is_err_and(|e| e.is_untrusted_fit()));
+            // Least squares of all frames fold in some of these captures.
+            assert!(
+                calibrate(&capture, &options.calibrate).is_ok_and(|fit| !fit.foreign_depth.is_empty()),
+                "seed {seed}"
+            );
             let mut model = AugmentedModel::new(capture, None, &options);
             let mut bad_frames = Vec::new();
             let mut fit = model.fit_declared(&mut bad_frames).unwrap();
@@ -157,6 +160,5 @@ mod tests {
             assert!(exchanged.iter().all(|n| bad_frames.iter().any(|b| b.name == *n)), "seed {seed}: {bad_frames:?}");
             assert_eq!(bad_frames.len(), exchanged.len(), "seed {seed}: {bad_frames:?}");
         }
-        assert!(folded > 0, "no capture bends the model: the test shows nothing");
     }
 }
