@@ -123,6 +123,30 @@ fn trimmed(frames: &[OfFrame]) -> Option<Parameters> {
     Some(concentrated(frames, best.1, STEPS[1])?.1)
 }
 
+fn is_foreign(deviation: f64, median: f64) -> bool {
+    deviation > LEAST_SHARE && deviation > RATIO * median
+}
+
+/// The deviation of every frame, and its median, under the parameters that fit all frames that are not foreign: half of the frames hardly reach
+/// the ends of the range, where the others may deviate by what the half does not determine.
+fn deviations(frames: &[OfFrame]) -> Option<(Vec<f64>, f64)> {
+    let mut theta = trimmed(frames)?;
+    let mut own: Vec<bool> = Vec::new();
+    let mut last = None;
+    for _ in 0..STEPS[1] {
+        let all: Vec<f64> = frames.iter().map(|f| f.deviation(&theta)).collect();
+        let median = upper_median(&mut all.clone())?;
+        let fits: Vec<bool> = all.iter().map(|deviation| !is_foreign(*deviation, median)).collect();
+        last = Some((all, median));
+        if fits == own {
+            break;
+        }
+        theta = fitted(frames.iter().zip(&fits).filter(|(_, fits)| **fits).map(|(f, _)| f))?;
+        own = fits;
+    }
+    last
+}
+
 /// Takes frames whose depth contradicts that of most frames out of a capture; they are among its dropped.
 pub(super) fn drop_foreign_depth(capture: &mut Capture<SampledFrame>) -> Vec<ForeignDepth> {
     let mut inverse: Vec<f64> =
@@ -133,12 +157,10 @@ pub(super) fn drop_foreign_depth(capture: &mut Capture<SampledFrame>) -> Vec<For
     if frames.len() < FEWEST_FRAMES {
         return Vec::new();
     }
-    let Some(theta) = trimmed(&frames) else { return Vec::new() };
-    let deviations: Vec<f64> = frames.iter().map(|f| f.deviation(&theta)).collect();
-    let Some(median) = upper_median(&mut deviations.clone()) else { return Vec::new() };
+    let Some((deviations, median)) = deviations(&frames) else { return Vec::new() };
     let mut foreign: Vec<ForeignDepth> = Vec::new();
     for (f, deviation) in frames.iter().zip(&deviations) {
-        if *deviation > LEAST_SHARE && *deviation > RATIO * median {
+        if is_foreign(*deviation, median) {
             let SampledFrame { posed, .. } = &capture.frames[f.frame];
             let (name, distance_mm) = (posed.name.clone(), posed.camera_from_board.translation.z);
             let reason = format!(
