@@ -1,13 +1,11 @@
 //! The scale of measured depth against that of the images: a wrong `spacing_mm` or `unit_mm` in `dataset.toml` scales depth as a whole. The depth
 //! model's parameter dw takes a small scale up, so that residuals do not show it; a large one bends the model until it folds.
 
-use std::fmt;
-
 use depthcal_io::{DeclaredValue, DiagnosisDeclaration};
 use depthcal_statistics::upper_median;
 use nalgebra::Point3;
+use thiserror::Error;
 
-use super::error::CalibrateError;
 use crate::observe::{Capture, SampledFrame};
 
 /// Deviation of the scale from one that a depth camera may have: measured ones are off by up to 2.7 %.
@@ -16,7 +14,13 @@ pub const PLAUSIBLE_SCALE_DEVIATION: f64 = 0.08;
 const MOST_SCALE: f64 = 1.5;
 
 /// Depth and image disagree in scale by more than a depth camera's error.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error(
+    "measured depth is {scale:.3} times the depth at which the images see the board, far more than any depth camera is off: check \
+     depth.unit_mm (declared {unit_mm}, {:.4} would fit) and board.spacing_mm (declared {spacing_mm}, {:.4} would fit) in dataset.toml",
+    self.fitting_unit_mm(),
+    self.fitting_spacing_mm()
+)]
 pub struct ImplausibleScale {
     /// Median of measured depth over the depth at which the image sees the board.
     pub scale: f64,
@@ -47,21 +51,6 @@ impl ImplausibleScale {
     }
 }
 
-impl fmt::Display for ImplausibleScale {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "measured depth is {:.3} times the depth at which the images see the board, far more than any depth camera is off: check \
-             depth.unit_mm (declared {}, {:.4} would fit) and board.spacing_mm (declared {}, {:.4} would fit) in dataset.toml",
-            self.scale,
-            self.unit_mm,
-            self.fitting_unit_mm(),
-            self.spacing_mm,
-            self.fitting_spacing_mm()
-        )
-    }
-}
-
 /// The scale where it deviates from one by more than `most_deviation`.
 pub fn implausible_scale(capture: &Capture<SampledFrame>, most_deviation: f64) -> Option<ImplausibleScale> {
     let scale = depth_scale(capture).filter(|scale| (scale - 1.0).abs() > most_deviation)?;
@@ -70,9 +59,9 @@ pub fn implausible_scale(capture: &Capture<SampledFrame>, most_deviation: f64) -
 }
 
 /// Refuses a scale that nothing but a wrong declaration explains.
-pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), CalibrateError> {
+pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), ImplausibleScale> {
     match implausible_scale(capture, 0.0) {
-        Some(found) if found.scale.max(1.0 / found.scale) > MOST_SCALE => Err(CalibrateError::Scale(found)),
+        Some(found) if found.scale.max(1.0 / found.scale) > MOST_SCALE => Err(found),
         _ => Ok(()),
     }
 }

@@ -76,8 +76,8 @@ pub enum CalibrateError {
         dataset: String,
     },
     /// Depth and image disagree by a factor that no camera has.
-    #[error("{0}")]
-    Scale(ImplausibleScale),
+    #[error(transparent)]
+    Scale(#[from] ImplausibleScale),
     /// The fitted camera cannot be inverted where it was fitted.
     #[error("the fitted model folds: {0}")]
     Folded(#[from] CameraError),

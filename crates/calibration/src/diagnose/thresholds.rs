@@ -1,7 +1,5 @@
 //! Thresholds of the diagnosis' rules.
 
-use crate::calibrate::PLAUSIBLE_SCALE_DEVIATION;
-
 /// Thresholds of every rule of a diagnosis. The defaults were set on simulated captures (`examples/power_study`).
 ///
 /// *Gain* is the fall of the cost ½ Σ r² of held-out frames; *candidates* are the effects that the model lacks and the free
@@ -190,7 +188,7 @@ impl Default for Thresholds {
             many_own_planes: 0.2,
             exchanged_deviation_ratio: 0.2,
             least_identical_markers: 4,
-            plausible_scale_deviation: PLAUSIBLE_SCALE_DEVIATION,
+            plausible_scale_deviation: 0.08,
             least_log_amplitude_span: 0.05,
             least_cos_incidence_span: 0.02,
             least_time_span_s: 1e-3,
@@ -201,5 +199,16 @@ impl Default for Thresholds {
             least_stability: 0.8,
             least_share_of_free_function: 0.75,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Thresholds;
+    use crate::calibrate::PLAUSIBLE_SCALE_DEVIATION;
+
+    #[test]
+    fn calibrate_and_diagnose_find_the_same_scales_implausible() {
+        assert_eq!(Thresholds::default().plausible_scale_deviation, PLAUSIBLE_SCALE_DEVIATION);
     }
 }
