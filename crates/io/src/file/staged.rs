@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use super::error::FileError;
-use super::temporary::temporary_folder;
+use super::temporary::{temporary_file, temporary_folder, without_name};
 use super::write::synchronise;
 
 /// The files beside a `calibration.json` that say something of it. They never outlast it: a command that replaces the calibration
@@ -34,7 +34,8 @@ impl StagedResults {
     /// [`FileError::Write`] with the folder.
     pub fn within(out: &Path) -> Result<Self, FileError> {
         let made = fs::create_dir_all(out).and_then(|()| temporary_folder(out, "results"));
-        let (staging, lock) = made.map_err(|error| FileError::Write { path: out.to_owned(), error })?;
+        let (staging, lock) =
+            made.map_err(|error| FileError::Write { path: out.to_owned(), error: without_name(error) })?;
         Ok(Self { out: out.to_owned(), staging, _lock: lock })
     }
 
@@ -81,8 +82,7 @@ impl StagedResults {
         };
         for path in files.iter().map(|file| target(file)) {
             if path.is_dir() {
-                let error = io::Error::new(io::ErrorKind::IsADirectory, "a folder of this name is in the way");
-                return Err(FileError::Write { path, error });
+                return Err(FileError::Write { path, error: io::ErrorKind::IsADirectory.into() });
             }
         }
         let is_first = |file: &Path| file.file_name().is_some_and(|name| name == first);
@@ -164,13 +164,12 @@ pub fn check_writable(out: &Path) -> Result<(), FileError> {
     let absolute = std::path::absolute(out).unwrap_or_else(|_| out.to_owned());
     let present = absolute.ancestors().find(|folder| folder.symlink_metadata().is_ok()).unwrap_or(&absolute);
     let shown = if present == absolute { out } else { present };
-    let unwritable = |error| FileError::Write { path: shown.to_owned(), error };
+    let unwritable = |error| FileError::Write { path: shown.to_owned(), error: without_name(error) };
     if !present.is_dir() {
-        let error = io::Error::new(io::ErrorKind::NotADirectory, "this is no folder");
-        return Err(unwritable(error));
+        return Err(unwritable(io::ErrorKind::NotADirectory.into()));
     }
     // A file system may be full for contents, but not yet for names.
-    let written = super::temporary::temporary_file(present, "check".as_ref())
+    let written = temporary_file(present, "check".as_ref())
         .and_then(|mut file| file.write_all(&[0; 4096]).and_then(|()| file.flush()));
     written.map_err(unwritable)
 }
@@ -261,8 +260,15 @@ mod tests {
         fs::create_dir(folder.path().join("evaluation.json")).unwrap();
         let before = contents(folder.path());
         let error = staged.commit(FIRST, OF_CALIBRATION).unwrap_err().to_string();
-        assert!(error.contains("evaluation.json") && error.contains("in the way"), "{error}");
+        assert!(error.contains("evaluation.json") && error.contains("move the folder away"), "{error}");
         assert_eq!(contents(folder.path()), before);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn errors_do_not_tell_temporary_names() {
+        let error = check_writable(Path::new("/proc/self")).unwrap_err().to_string();
+        assert!(error.starts_with("/proc/self: ") && !error.contains(".depthcal.tmp"), "{error}");
     }
 
     #[test]
@@ -282,7 +288,7 @@ mod tests {
         fs::write(folder.path().join("file"), "").unwrap();
         for name in ["file", "file/b/c"] {
             let error = check_writable(&folder.path().join(name)).unwrap_err().to_string();
-            assert!(error.contains("file: ") && error.contains("no folder"), "{error}");
+            assert!(error.contains("file: ") && error.contains("give another folder"), "{error}");
         }
     }
 }

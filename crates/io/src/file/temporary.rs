@@ -55,6 +55,15 @@ pub(super) fn temporary_folder(folder: &Path, name: &str) -> io::Result<(TempDir
     }
 }
 
+/// The system's error alone: tempfile adds the temporary name, which tells a reader of the message nothing.
+pub(super) fn without_name(error: io::Error) -> io::Error {
+    let text = error.to_string();
+    match text.split_once(" at path ") {
+        Some((told, _)) => io::Error::new(error.kind(), told.to_owned()),
+        None => error,
+    }
+}
+
 fn prefix_of(name: &std::ffi::OsStr) -> std::ffi::OsString {
     let mut prefix = std::ffi::OsString::from(".");
     prefix.push(name);

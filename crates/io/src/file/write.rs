@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::error::FileError;
-use super::temporary::temporary_file;
+use super::temporary::{temporary_file, without_name};
 
 /// Writes the file `path` with the bytes that `fill` writes: under a temporary name in the same folder, synchronised to
 /// the disk, then renamed.
@@ -21,7 +21,7 @@ where
     F: FnOnce(&mut dyn Write) -> io::Result<()>,
 {
     let path = path.as_ref();
-    write(path, fill).map_err(|error| FileError::Write { path: path.to_owned(), error })
+    write(path, fill).map_err(|error| FileError::Write { path: path.to_owned(), error: without_name(error) })
 }
 
 fn write<F>(path: &Path, fill: F) -> io::Result<()>
