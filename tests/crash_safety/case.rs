@@ -194,11 +194,11 @@ pub fn prepare(folder: &Path, command: &str) {
     finish(start(folder, command), command);
 }
 
+/// Names of results and cached files. The file by which a command checks, before its work, that it can write is none of them.
 fn names(folder: &Path) -> Vec<std::ffi::OsString> {
-    let of = |part: &&str| {
-        std::fs::read_dir(folder.join(part)).into_iter().flatten().flatten().map(|entry| entry.file_name())
-    };
-    FOLDERS.iter().flat_map(of).collect()
+    let of = |part: &&str| std::fs::read_dir(folder.join(part)).into_iter().flatten().flatten();
+    let names = FOLDERS.iter().flat_map(of).map(|entry| entry.file_name());
+    names.filter(|name| !name.to_string_lossy().starts_with(".check.")).collect()
 }
 
 /// Waits until something appears or disappears among results and cache, or the command ends.
