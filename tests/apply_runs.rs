@@ -122,3 +122,23 @@ fn an_interrupted_run_goes_on_where_it_ended() {
     assert!(!stdout(&apply("2")).contains("already"));
     assert_ne!(read_depth(folder.path("out/a.png")).unwrap(), mark);
 }
+
+/// The second run would mix its results with those of the first.
+#[test]
+fn two_runs_into_one_folder_do_not_mix() {
+    let folder = Folder::new();
+    folder.write("calibration.json", CALIBRATION);
+    let depth = DepthImage { width: WIDTH, height: HEIGHT, data: vec![1000; PIXELS] };
+    write_depth(folder.path("depth/a.png"), &depth).unwrap();
+    // The list of a run that is alive is locked.
+    folder.write("out/.depthcal-apply.journal", "");
+    let list = std::fs::File::options().append(true).open(folder.path("out/.depthcal-apply.journal")).unwrap();
+    list.lock().unwrap();
+    let (calibration, depth, out) = (folder.arg("calibration.json"), folder.arg("depth"), folder.arg("out"));
+    let arguments = ["apply", &calibration, &depth, "--unit-mm", "1", "--out", &out];
+    support::fails(arguments, &["another run of apply", "wait for its end"]);
+    assert_eq!(folder.names("out"), [".depthcal-apply.journal"]);
+    drop(list);
+    succeeds(arguments);
+    assert_eq!(folder.names("out"), ["a.png"]);
+}

@@ -232,7 +232,7 @@ fn simulations() {
 fn an_interrupted_simulation_leaves_no_dataset_and_can_be_repeated() {
     let folder = Folder::new();
     let out = folder.arg("out");
-    let staged = folder.path("out/.depthcal-simulate.tmp/image");
+    let staged = folder.path("out/.depthcal-dataset.tmp/image");
     let mut process = command(["simulate", "--frames", "200", "--out", &out]).spawn().unwrap();
     while support::names(&staged).is_empty() {
         assert!(process.try_wait().unwrap().is_none(), "it ended before it could be interrupted");
@@ -240,7 +240,7 @@ fn an_interrupted_simulation_leaves_no_dataset_and_can_be_repeated() {
     }
     process.kill().unwrap();
     process.wait().unwrap();
-    assert_eq!(folder.names("out"), [".depthcal-simulate.tmp"]);
+    assert_eq!(folder.names("out"), [".depthcal-dataset.tmp"]);
     succeeds(["simulate", "--frames", "1", "--out", &out]);
     assert_eq!(folder.names("out"), ["dataset.toml", "depth", "frames.csv", "image"]);
 }

@@ -1,5 +1,7 @@
 //! The arguments of the program and its commands.
 
+use std::path::Path;
+
 use clap::{CommandFactory, Parser, Subcommand};
 use depthcal_model::Register;
 use serde_json::Value;
@@ -106,6 +108,19 @@ impl Command {
             Command::Completions(_) => "completions",
             Command::Man(_) => "man",
         }
+    }
+
+    /// The folder of its results, of those that replace earlier results in it.
+    pub(super) fn results(&self) -> Option<&Path> {
+        let output = match self {
+            Command::Calibrate(command) => &command.output,
+            Command::Diagnose(command) => &command.output,
+            Command::Compare(command) => &command.output,
+            Command::Evaluate(command) => &command.output,
+            Command::Fleet(command) => &command.output,
+            _ => return None,
+        };
+        Some(&output.out)
     }
 
     /// Reads the files of formulas that its options name.

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use depthcal_io::{BoardPage, DatasetFile, FramesSection, Paper, board_pdf, board_svg, write_atomically};
+use depthcal_io::{
+    BoardPage, DatasetFile, FramesSection, Paper, StagedResults, board_pdf, board_svg, write_atomically,
+};
 use depthcal_model::{Pattern, Target};
 use serde_json::{Value, json};
 
@@ -80,8 +82,7 @@ impl Board {
         let page = BoardPage::new(&target, self.paper, &|id| tag_cells(dictionary, id)).map_err(input)?;
         let bytes = if extension == "pdf" { board_pdf(&page) } else { board_svg(&page).into_bytes() };
         let beside = self.out.with_extension("toml");
-        write_atomically(&self.out, |file| file.write_all(&bytes)).map_err(input)?;
-        write_atomically(&beside, |file| file.write_all(toml.as_bytes())).map_err(input)?;
+        write_both([(&beside, toml.as_bytes()), (&self.out, &bytes)])?;
         let [width, height] = page.size_mm;
         say!("{toml}");
         say!(
@@ -116,6 +117,19 @@ impl Board {
         };
         Target { pattern, columns: self.columns.unwrap_or(columns), rows: self.rows.unwrap_or(rows), spacing_mm }
     }
+}
+
+/// Writes the section and the print, so that neither is ever beside that of another board.
+fn write_both(files: [(&Path, &[u8]); 2]) -> Result<(), Failure> {
+    let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let folder = files[0].0.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let staged = StagedResults::within(folder).map_err(input)?;
+    for (path, bytes) in files {
+        let path = staged.folder().join(name(path));
+        write_atomically(path, |file| file.write_all(bytes)).map_err(|error| input(staged.located(error)))?;
+    }
+    staged.commit(&name(files[0].0), &[]).map_err(input)?;
+    Ok(())
 }
 
 /// The section `[board]`.

@@ -8,11 +8,12 @@ use depthcal_io::{Calibration, LensComparison, Prior, RigDataset};
 use depthcal_model::Register;
 use serde_json::{Value, json};
 
-use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_report};
+use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::parameters::print_parameters;
 use super::recording::Recording;
+use super::results::Results;
 use super::rig::{self, RigCalibrate};
 use super::session::Session;
 use super::voice::say;
@@ -102,7 +103,7 @@ pub(super) struct Calibrate {
     #[command(flatten)]
     recording: Recording,
     #[command(flatten)]
-    output: Output,
+    pub(super) output: Output,
 }
 
 impl Calibrate {
@@ -168,6 +169,7 @@ impl Calibrate {
         let request = self.request();
         let mut options = request.options(session.calibrate_options())?;
         self.recording.check()?;
+        self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let size = [loaded.capture.width, loaded.capture.height];
         options.prior = self.prior.as_deref().map(|path| read_prior(path, size)).transpose()?;
@@ -194,8 +196,9 @@ impl Calibrate {
         let datasets = judged.records();
         say!("\n{}", table(&datasets, Some(&result.capture.name)));
         let evaluation = value_of(&datasets)?;
-        let written =
-            write_calibration(result, fitted, &loaded, datasets, &session.register, &self.output.out).map_err(input)?;
+        let results = Results::begin(&self.output.out)?;
+        let place = results.place();
+        place.write_into(|out| write_calibration(result, fitted, &loaded, datasets, &session.register, out))?;
         let mut shown = vec![ReportDataset { evaluated: fitted, role: Role::Fitted }];
         shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
         let report = ReportInput {
@@ -207,13 +210,15 @@ impl Calibrate {
             diagnosis: None,
             story: &story,
         };
-        let report = write_report(&report, session, &self.output.out)?;
-        say!("written: {} and {}", written.display(), report.display());
+        let report = place.write_report(&report, session)?;
+        let written = place.shown("calibration.json");
         // A recording is of one camera; cross-validation has one for every part.
         let detected = result.capture.detected();
         let mut recorded = vec![(&detected, fitted)];
         recorded.extend(fit.held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));
         let recording = self.recording.write(&result.camera, &recorded)?;
+        results.commit("calibration.json", session)?;
+        say!("written: {} and {}", written.display(), report.display());
         Ok(json!({
             "frames": frames_of(&result.capture.name, result.capture.frames.len(), &result.capture.dropped),
             "calibration": value_of(&Calibration::read(&written).map_err(input)?)?,

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{Calibration, Dataset, Pairing, write_atomically};
+use depthcal_io::{Calibration, Dataset, Pairing};
 use depthcal_model::{Camera, Register};
 
 use crate::progress::Progress;
@@ -12,7 +12,6 @@ use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
 use depthcal_calibration::observe::DroppedFrame;
 use depthcal_report::format::count;
-use depthcal_report::{ReportInput, ReportRig, render, render_rig};
 use serde_json::{Value, json};
 
 use super::failure::{Failure, input};
@@ -50,13 +49,6 @@ pub(super) struct Output {
     /// Folder for the results; created if it does not exist.
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
-}
-
-impl Output {
-    /// A file in the folder.
-    pub(super) fn file(&self, name: &str) -> PathBuf {
-        self.out.join(name)
-    }
 }
 
 /// Options of reading datasets.
@@ -116,29 +108,6 @@ impl Reading {
         }
         Ok(loaded)
     }
-}
-
-/// Writes `report.html` into a folder; returns its path.
-pub(super) fn write_report(report: &ReportInput<'_>, session: &Session, out: &Path) -> Result<PathBuf, Failure> {
-    let _stage = session.progress.stage("report");
-    let html = render(report).map_err(input)?;
-    let path = out.join("report.html");
-    write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;
-    Ok(path)
-}
-
-/// The same for a rig.
-pub(super) fn write_rig_report(
-    report: &ReportInput<'_>,
-    rig: &ReportRig<'_>,
-    session: &Session,
-    out: &Path,
-) -> Result<PathBuf, Failure> {
-    let _stage = session.progress.stage("report");
-    let html = render_rig(report, rig).map_err(input)?;
-    let path = out.join("report.html");
-    write_atomically(&path, |file| file.write_all(html.as_bytes())).map_err(input)?;
-    Ok(path)
 }
 
 /// The command line, for the report.

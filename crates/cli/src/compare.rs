@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_io::{RigDataset, write_atomically};
+use depthcal_io::RigDataset;
 use depthcal_model::{ModelSpec, Register};
 
 use serde_json::{Value, json};
@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::common::{Output, Reading, command_line, frames_of, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
+use super::results::Results;
 use super::rig;
 use super::session::Session;
 use super::voice::say;
@@ -71,7 +72,7 @@ pub(super) struct Compare {
     #[command(flatten)]
     reading: Reading,
     #[command(flatten)]
-    output: Output,
+    pub(super) output: Output,
 }
 
 impl Compare {
@@ -86,6 +87,7 @@ impl Compare {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let models = self.models.iter().map(|m| session.model("--models", m)).collect::<Result<Vec<_>, _>>()?;
+        self.output.check()?;
         if RigDataset::is_rig(&self.train) {
             return self.run_rig(&models, session);
         }
@@ -181,14 +183,15 @@ impl Compare {
         for sentence in &comparison.verdict {
             say!("{sentence}");
         }
-        let path = out.join("comparison.json");
-        comparison.write(&path).map_err(input)?;
+        let results = Results::begin(out)?;
+        let place = results.place();
+        let path = place.write("comparison.json", |path| comparison.write(path))?;
         let times = session.progress.stage_times();
         let stage = session.progress.stage("report");
         let html = render_comparison(&comparison, &tables, best.as_ref(), &command_line(), &times).map_err(input)?;
-        let report = out.join("report.html");
-        write_atomically(&report, |file| file.write_all(html.as_bytes())).map_err(input)?;
+        let report = place.write_text("report.html", &html)?;
         drop(stage);
+        results.commit("comparison.json", session)?;
         say!("written: {} and {}", path.display(), report.display());
         if comparison.models.iter().all(|m| m.failed.is_some()) {
             return Err(Failure::Untrusted(comparison.verdict.join(" ")));

@@ -11,6 +11,7 @@ use serde_json::Value;
 use super::common::Reading;
 use super::diagnosis_output::{Told, tell};
 use super::failure::{Failure, input};
+use super::results::Results;
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
@@ -57,7 +58,10 @@ impl Demo {
             story: story(),
         };
         let fitted = session.evaluate(&d.last.camera, &d.last.capture);
-        Ok(tell(&d, &fitted, &loaded, told, session, &self.out)?.1)
+        let results = Results::begin(&self.out)?;
+        let (_, value) = tell(&d, &fitted, &loaded, told, session, &results.place())?;
+        results.commit("calibration.json", session)?;
+        Ok(value)
     }
 }
 
@@ -81,14 +85,23 @@ fn render(folder: &Path, kind: Kind, session: &Session) -> Result<(), Failure> {
 /// Removes the captures of an earlier demo; refuses any other folder.
 fn clear(captures: &Path) -> Result<(), Failure> {
     let unwritable = |e: std::io::Error| Failure::Input(format!("{}: cannot write here: {e}", captures.display()));
+    let is_empty = |folder: &Path| fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
     if captures.exists() {
-        if !captures.join(MARK).exists() {
+        // A demo that was killed may have left the folder without anything in it.
+        if !captures.join(MARK).exists() && !is_empty(captures) {
             let shown = captures.display();
             return Err(Failure::Input(format!(
                 "{shown} exists and was not made by an earlier demo: give another --out"
             )));
         }
-        fs::remove_dir_all(captures).map_err(unwritable)?;
+        // The mark stays to the end, so that a demo that is killed here leaves a folder that the next one may clear.
+        for entry in fs::read_dir(captures).map_err(unwritable)? {
+            let entry = entry.map_err(unwritable)?;
+            if entry.file_name() != MARK {
+                let path = entry.path();
+                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(unwritable)?;
+            }
+        }
     }
     fs::create_dir_all(captures).map_err(unwritable)?;
     fs::write(captures.join(MARK), "").map_err(unwritable)

@@ -13,6 +13,7 @@ use super::diagnosis_output::{Told, tell};
 use super::failure::Failure;
 use super::formula_files;
 use super::recording::Recording;
+use super::results::Results;
 use super::rig::{self, RigDiagnose};
 use super::session::Session;
 use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, diagnose};
@@ -59,7 +60,7 @@ pub(super) struct Diagnose {
     #[command(flatten)]
     recording: Recording,
     #[command(flatten)]
-    output: Output,
+    pub(super) output: Output,
 }
 
 impl From<DiagnoseError> for Failure {
@@ -105,6 +106,7 @@ impl Diagnose {
         };
         let options = request.options(session.calibrate_options())?;
         self.recording.check()?;
+        self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
         let options = request.for_dataset(options, &loaded)?;
@@ -120,7 +122,8 @@ impl Diagnose {
             story: Vec::new(),
         };
         let fitted = session.evaluate(&d.last.camera, &d.last.capture);
-        let (_, mut result) = tell(&d, &fitted, &loaded, told, session, &self.output.out)?;
+        let results = Results::begin(&self.output.out)?;
+        let (_, mut result) = tell(&d, &fitted, &loaded, told, session, &results.place())?;
         let detected = d.last.capture.detected();
         let mut recorded = vec![(&detected, &fitted)];
         // Held-out frames of the dataset itself were evaluated with several cameras.
@@ -130,6 +133,7 @@ impl Diagnose {
         {
             written.push(json!(path));
         }
+        results.commit("calibration.json", session)?;
         Ok(result)
     }
 }

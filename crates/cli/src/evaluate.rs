@@ -8,11 +8,12 @@ use depthcal_model::{Camera, Register};
 
 use serde_json::{Value, json};
 
-use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_report};
-use super::failure::{Failure, input};
+use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
+use super::failure::Failure;
 use super::formula_files;
 use super::given_camera::GivenCamera;
 use super::recording::Recording;
+use super::results::Results;
 use super::rig::{self, RigEvaluate};
 use super::session::Session;
 use super::voice::say;
@@ -46,7 +47,7 @@ pub(super) struct Evaluate {
     #[command(flatten)]
     recording: Recording,
     #[command(flatten)]
-    output: Output,
+    pub(super) output: Output,
 }
 
 impl Evaluate {
@@ -64,6 +65,7 @@ impl Evaluate {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
+        self.output.check()?;
         let given = GivenCamera::read(&self.calibration, &session.register)?;
         if let GivenCamera::Calibration(record, _) = &given
             && !record.cameras.is_empty()
@@ -129,9 +131,11 @@ impl Evaluate {
         if fitted.is_some() {
             say!("* the dataset that the calibration was fitted to");
         }
-        let path = self.output.file("evaluation.json");
+        let results = Results::begin(&self.output.out)?;
+        let place = results.place();
         let values = value_of(&datasets)?;
-        Evaluation { datasets, ..Evaluation::default() }.write(&path).map_err(input)?;
+        let evaluation = Evaluation { datasets, ..Evaluation::default() };
+        let path = place.write("evaluation.json", |path| evaluation.write(path))?;
         let shown: Vec<ReportDataset<'_>> =
             all.iter().map(|(evaluated, role, _)| ReportDataset { evaluated, role: *role }).collect();
         let report = ReportInput {
@@ -143,10 +147,11 @@ impl Evaluate {
             diagnosis: None,
             story: &[],
         };
-        let report = write_report(&report, session, &self.output.out)?;
-        say!("written: {} and {}", path.display(), report.display());
+        let report = place.write_report(&report, session)?;
         let recorded: Vec<_> = all.iter().map(|(evaluated, _, capture)| (capture, evaluated)).collect();
         let recording = known.as_ref().map(|camera| self.recording.write(camera, &recorded)).transpose()?.flatten();
+        results.commit("evaluation.json", session)?;
+        say!("written: {} and {}", path.display(), report.display());
         let written: Vec<_> = [path, report].into_iter().chain(recording).collect();
         Ok(json!({ "frames": frames, "datasets": values, "written": written }))
     }

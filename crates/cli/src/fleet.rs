@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use depthcal_fleet::{FleetError, FleetOptions, join, read_units};
-use depthcal_io::write_atomically;
 use depthcal_report::{fleet_text, render_fleet};
 use serde_json::{Value, json};
 
 use super::common::{Output, command_line, value_of};
 use super::failure::{Failure, input};
+use super::results::Results;
 use super::session::Session;
 use super::voice::say;
 
@@ -32,7 +32,7 @@ pub(super) struct Fleet {
     #[arg(long, value_name = "P", default_value_t = FleetOptions::default().level)]
     level: f64,
     #[command(flatten)]
-    output: Output,
+    pub(super) output: Output,
 }
 
 impl From<FleetError> for Failure {
@@ -49,20 +49,22 @@ impl Fleet {
         if !(self.level > 0.0 && self.level < 1.0) {
             return Err(Failure::Input(format!("--level {}: must be a number between 0 and 1", self.level)));
         }
+        self.output.check()?;
         let stage = session.progress.stage("joining units");
         let (units, left_out) = read_units(&self.calibrations, &session.register)?;
         let joined = join(units, left_out, &FleetOptions { level: self.level })?;
         drop(stage);
         say!("{}", fleet_text(&joined.fleet));
-        let (file, prior) = (self.output.file("fleet.json"), self.output.file("prior.json"));
-        joined.fleet.write(&file).map_err(input)?;
-        joined.prior.write(&prior).map_err(input)?;
+        let results = Results::begin(&self.output.out)?;
+        let place = results.place();
+        let file = place.write("fleet.json", |path| joined.fleet.write(path))?;
+        let prior = place.write("prior.json", |path| joined.prior.write(path))?;
         let times = session.progress.stage_times();
         let stage = session.progress.stage("report");
         let html = render_fleet(&joined.fleet, &joined.prior, &command_line(), &times).map_err(input)?;
-        let report = self.output.file("report.html");
-        write_atomically(&report, |file| file.write_all(html.as_bytes())).map_err(input)?;
+        let report = place.write_text("report.html", &html)?;
         drop(stage);
+        results.commit("fleet.json", session)?;
         say!("written: {}, {} and {}", file.display(), prior.display(), report.display());
         Ok(json!({
             "fleet": value_of(&joined.fleet)?,

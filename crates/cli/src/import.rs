@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use depthcal_import::{ImportOptions, Imported};
-use depthcal_io::DatasetFile;
+use depthcal_io::{DATASET_FILE, DatasetFile, StagedDataset};
 use depthcal_model::Target;
 use depthcal_report::format::count;
 use serde_json::{Value, json};
@@ -60,10 +60,22 @@ impl Import {
             board: self.board.as_deref().map(read_board).transpose()?,
             frames: self.frames as usize,
         };
+        let staged = StagedDataset::within(&self.out, DATASET_FILE).map_err(input)?;
         let stage = session.progress.stage("import");
         let busy = Progress::busy("importing");
-        let imported = depthcal_import::import(&self.recording, &self.out, &options).map_err(input)?;
+        let imported = depthcal_import::import(&self.recording, &staged.folder(), &options).map_err(|error| {
+            // Errors name the place where files will be in the end.
+            let [hidden, out] = [staged.folder(), self.out.clone()].map(|path| path.display().to_string());
+            Failure::Input(error.to_string().replace(&hidden, &out))
+        })?;
         drop((busy, stage));
+        let hidden = staged.folder();
+        staged.commit().map_err(input)?;
+        let written = imported
+            .written
+            .iter()
+            .map(|path| path.strip_prefix(&hidden).map_or(path.clone(), |name| self.out.join(name)));
+        let written: Vec<PathBuf> = written.collect();
         self.print(&imported, options.board.is_some());
         let streams: Vec<Value> = imported
             .streams
@@ -79,7 +91,7 @@ impl Import {
             "image": imported.image.name,
             "depth": imported.depth.as_ref().map(|stream| &stream.name),
             "streams": streams,
-            "written": imported.written,
+            "written": written,
         }))
     }
 

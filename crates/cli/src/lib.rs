@@ -40,6 +40,7 @@ mod man;
 mod parameters;
 mod progress;
 mod recording;
+mod results;
 mod rig;
 mod run;
 mod schema;

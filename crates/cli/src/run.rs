@@ -9,6 +9,7 @@ use tracing_subscriber::EnvFilter;
 
 use super::arguments::Arguments;
 use super::failure::Failure;
+use super::results::earlier_results;
 use super::session::Session;
 use super::stage_table::{seconds_of, stage_table};
 use super::voice;
@@ -52,7 +53,13 @@ pub fn run(mut register: Register) -> ExitCode {
                 Failure::Untrusted(message) => ("the fit cannot be trusted", 2, message),
             };
             voice::complaint(kind, code, &message);
-            (code, json!({ "error": message }))
+            let earlier = arguments.command.results().filter(|_| !session.has_committed()).and_then(earlier_results);
+            let mut value = json!({ "error": message });
+            if let Some((sentence, files)) = earlier {
+                voice::note_line(format_args!("{sentence}"));
+                value["of_an_earlier_run"] = json!(files);
+            }
+            (code, value)
         }
     };
     let times = session.progress.stage_times();

@@ -1,5 +1,7 @@
 //! The register, the progress bars and the clock that the commands of one run share.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use depthcal_calibration::calibrate::CalibrateOptions;
 use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
 use depthcal_calibration::observe::{Capture, EvaluableFrame};
@@ -16,12 +18,24 @@ pub(crate) struct Session {
     pub(crate) register: Register,
     /// Bars on terminals, and the times of the run's stages.
     pub(crate) progress: ProgressHandle,
+    /// Whether the run has replaced results.
+    has_committed: AtomicBool,
 }
 
 impl Session {
     /// A session with these pieces.
     pub(crate) fn new(register: Register) -> Self {
-        Self { register, progress: ProgressHandle::new(Bars) }
+        Self { register, progress: ProgressHandle::new(Bars), has_committed: AtomicBool::new(false) }
+    }
+
+    /// The run has replaced results.
+    pub(crate) fn committed(&self) {
+        self.has_committed.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the run has replaced results.
+    pub(crate) fn has_committed(&self) -> bool {
+        self.has_committed.load(Ordering::Relaxed)
     }
 
     /// The depth model that an option names.

@@ -7,12 +7,12 @@ use std::{fs, io};
 
 use clap::Args;
 use depthcal_formula::{FormulaCovariate, FormulaEffect};
-use depthcal_io::write_json;
+use depthcal_io::{DATASET_FILE, FileError, StagedDataset, write_json};
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AddsTo, Of};
 use depthcal_simulate::{
-    CameraTruth, Effect, EffectInfo, Form, GivenEffect, Kind, Observation, Place, RigCamera, RigSimulation, Simulation,
-    catalogue, of_whole_frames, uncatalogued,
+    CameraTruth, Effect, EffectInfo, Form, GivenEffect, Kind, Observation, Place, RigCamera, RigSimulation,
+    SimulateError, Simulation, catalogue, of_whole_frames, uncatalogued,
 };
 
 use serde_json::{Value, json};
@@ -62,11 +62,6 @@ pub(super) struct Simulate {
     output: Output,
 }
 
-/// Folder inside the dataset's folder, in which frames are rendered until all are complete.
-const STAGING: &str = ".depthcal-simulate.tmp";
-/// The parts of a dataset. `dataset.toml`, without which a folder is no dataset, comes last.
-const PARTS: [&str; 4] = ["image", "depth", "frames.csv", "dataset.toml"];
-
 impl Simulate {
     /// The camera that is asked for.
     fn camera(&self) -> Result<CameraTruth, Failure> {
@@ -93,19 +88,12 @@ impl Simulate {
                 out.display()
             )));
         }
-        let existed = out.exists();
-        check_empty(out)?;
-        let staging = out.join(STAGING);
+        let staged = StagedDataset::within(out, DATASET_FILE).map_err(input)?;
+        check_empty(out, &staged)?;
         let busy = Progress::busy("rendering");
-        let frames = self.render(&rendered, &staging);
+        let frames = self.render(&rendered, &staged)?;
         drop(busy);
-        // The staging folder belongs to this command; the dataset's folder is removed only if this command created it and it
-        // is empty.
-        let _ = fs::remove_dir_all(&staging);
-        if frames.is_err() && !existed {
-            let _ = fs::remove_dir(out);
-        }
-        let frames = frames?;
+        staged.commit().map_err(input)?;
         say!("{} written: {}", count(frames, "frame"), out.display());
         Ok(json!({ "frames": frames, "written": [out] }))
     }
@@ -173,27 +161,24 @@ impl Simulate {
         self.truth.as_ref().map_or(Ok(()), |path| write_json(path, truth).map_err(input))
     }
 
-    /// Renders into `staging` and moves the result one folder up; returns the number of frames.
-    fn render(&self, rendered: &Rendered, staging: &Path) -> Result<usize, Failure> {
-        remove(staging)?;
-        let (parts, frames) = match rendered {
+    /// Renders the frames; returns their number.
+    fn render(&self, rendered: &Rendered, staged: &StagedDataset) -> Result<usize, Failure> {
+        let failed = |error| match error {
+            SimulateError::Write { path, source } => input(staged.located(FileError::Write { path, error: source })),
+            other => input(other),
+        };
+        match rendered {
             Rendered::Camera(simulation) => {
-                let truth = simulation.write_dataset(staging).map_err(input)?;
+                let truth = simulation.write_dataset(staged.folder()).map_err(failed)?;
                 self.write_truth(&truth)?;
-                (PARTS.map(str::to_owned).to_vec(), truth.frames.len())
+                Ok(truth.frames.len())
             }
             Rendered::Rig(rig) => {
-                let truth = rig.write_dataset(staging).map_err(input)?;
-                let frames = truth.cameras.first().map_or(0, |camera| camera.truth.frames.len());
+                let truth = rig.write_dataset(staged.folder()).map_err(failed)?;
                 self.write_truth(&truth)?;
-                (rig.parts(), frames)
+                Ok(truth.cameras.first().map_or(0, |camera| camera.truth.frames.len()))
             }
-        };
-        for part in parts {
-            let target = self.output.file(&part);
-            fs::rename(staging.join(&part), &target).map_err(|e| unwritable(&target, &e))?;
         }
-        Ok(frames)
     }
 }
 
@@ -257,31 +242,18 @@ fn given_effect(effect: &FormulaEffect) -> Result<GivenEffect, String> {
 }
 
 /// Refuses a folder that is not empty, so that nothing of the user's is overwritten or mixed with the dataset.
-fn check_empty(out: &Path) -> Result<(), Failure> {
-    let entries = match fs::read_dir(out) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(unwritable(out, &error)),
-    };
-    for entry in entries {
-        let name = entry.map_err(|e| unwritable(out, &e))?.file_name();
-        if name != STAGING {
+fn check_empty(out: &Path, staged: &StagedDataset) -> Result<(), Failure> {
+    for entry in fs::read_dir(out).map_err(|e| unwritable(out, &e))? {
+        let entry = entry.map_err(|e| unwritable(out, &e))?;
+        if entry.path() != staged.folder() {
             return Err(Failure::Input(format!(
                 "{} is not empty (it holds {}): give --out a new or an empty folder",
                 out.display(),
-                name.display()
+                entry.file_name().display()
             )));
         }
     }
     Ok(())
-}
-
-/// Removes the staging folder of an interrupted run.
-fn remove(staging: &Path) -> Result<(), Failure> {
-    match fs::remove_dir_all(staging) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(unwritable(staging, &error)),
-        _ => Ok(()),
-    }
 }
 
 fn unwritable(path: &Path, error: &io::Error) -> Failure {

@@ -25,7 +25,10 @@ pub use dataset::{
     CameraHint, CameraSection, DATASET_FILE, Dataset, DatasetError, DatasetFile, DepthSection, Frame, FrameMetadata,
     FramesSection, IntrinsicNumbers, Pairing, RigDataset, RigFile, RigMember, Stray,
 };
-pub use file::{FileError, digest_contents, digest_files, read_json, write_atomically, write_json, write_json_compact};
+pub use file::{
+    FileError, OF_CALIBRATION, StagedDataset, StagedResults, check_writable, digest_contents, digest_files,
+    digest_json, is_temporary, read_json, write_atomically, write_json, write_json_compact,
+};
 pub use image::{
     DEPTH_EXTENSIONS, DepthFrame, DepthImage, DepthValues, GrayImage, IMAGE_EXTENSIONS, ImageError, RgbImage,
     check_same_size, decode_depth_frame, decode_gray, read_depth, read_depth_frame, read_gray, read_rgb, write_depth,

@@ -16,7 +16,7 @@ use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, json, model_request, register_with};
 use crate::running::run;
-use crate::written::write_text;
+use crate::written::{save_together, write_text};
 
 /// A comparison of depth models.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -120,9 +120,11 @@ impl Comparison {
     /// Writes `comparison.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            let path = out.join("comparison.json");
-            self.record.write(&path).map_err(input)?;
-            Ok(vec![path, write_text(out.join("report.html"), &self.html()?)?])
+            save_together(&out, "comparison.json", |out| {
+                self.record.write(out.join("comparison.json")).map_err(input)?;
+                write_text(out.join("report.html"), &self.html()?)?;
+                Ok(["comparison.json", "report.html"].map(PathBuf::from).to_vec())
+            })
         })
     }
 }

@@ -22,7 +22,7 @@ use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, json, model_request, register_with};
 use crate::running::run;
-use crate::written::{html, write_report, write_text};
+use crate::written::{html, save_together, write_report, write_text};
 
 /// A diagnosis.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -148,19 +148,22 @@ impl Diagnosis {
     /// were found into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            let file = out.join("diagnosis.json");
-            self.record.write(&file).map_err(input)?;
-            let last = &self.found.last;
-            let calibration =
-                write_calibration(last, &self.fitted, &self.loaded, self.datasets(), &self.register, &out)
+            save_together(&out, "calibration.json", |out| {
+                self.record.write(out.join("diagnosis.json")).map_err(input)?;
+                let last = &self.found.last;
+                write_calibration(last, &self.fitted, &self.loaded, self.datasets(), &self.register, out)
                     .map_err(input)?;
-            let mut written = vec![file, calibration, self.report(|report| write_report(report, &out))?];
-            for formula in &self.found.formulas {
-                for (name, text) in effect_files(&formula.effect) {
-                    written.push(write_text(out.join("effects").join(name), &text)?);
+                self.report(|report| write_report(report, out))?;
+                let mut written = ["diagnosis.json", "calibration.json", "report.html"].map(PathBuf::from).to_vec();
+                for formula in &self.found.formulas {
+                    for (name, text) in effect_files(&formula.effect) {
+                        let name = PathBuf::from("effects").join(name);
+                        write_text(out.join(&name), &text)?;
+                        written.push(name);
+                    }
                 }
-            }
-            Ok(written)
+                Ok(written)
+            })
         })
     }
 }

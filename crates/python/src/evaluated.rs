@@ -16,7 +16,7 @@ use crate::dataset::Dataset;
 use crate::failure::{Failure, input};
 use crate::request::json;
 use crate::running::run;
-use crate::written::{html, write_report};
+use crate::written::{html, save_together, write_report};
 
 /// Errors of a calibration.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -113,9 +113,12 @@ impl Evaluation {
     /// Writes `evaluation.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            let path = out.join("evaluation.json");
-            Record { datasets: self.records(), ..Record::default() }.write(&path).map_err(input)?;
-            Ok(vec![path, self.report(|report| write_report(report, &out))?])
+            save_together(&out, "evaluation.json", |out| {
+                let record = Record { datasets: self.records(), ..Record::default() };
+                record.write(out.join("evaluation.json")).map_err(input)?;
+                self.report(|report| write_report(report, out))?;
+                Ok(["evaluation.json", "report.html"].map(PathBuf::from).to_vec())
+            })
         })
     }
 }

@@ -20,7 +20,7 @@ use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, estimator_of, hold_out_of, json, model_request, register_with};
 use crate::running::run;
-use crate::written::{html, write_report};
+use crate::written::{html, save_together, write_report};
 
 /// A fit with its errors.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -138,11 +138,14 @@ impl Fit {
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
             let (result, fitted) = (&self.fit.result, &self.judged.fitted);
-            let calibration =
-                write_calibration(result, fitted, &self.loaded, self.judged.records(), &self.register, &out)
-                    .map_err(input)?;
-            let report = self.report(|report| write_report(report, &out))?;
-            Ok(vec![calibration, out.join("evaluation.json"), out.join("observations.json"), report])
+            save_together(&out, "calibration.json", |out| {
+                let datasets = self.judged.records();
+                write_calibration(result, fitted, &self.loaded, datasets, &self.register, out).map_err(input)?;
+                self.report(|report| write_report(report, out))?;
+                Ok(["calibration.json", "evaluation.json", "observations.json", "report.html"]
+                    .map(PathBuf::from)
+                    .to_vec())
+            })
         })
     }
 }

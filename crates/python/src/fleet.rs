@@ -11,7 +11,7 @@ use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{json, register_with};
 use crate::running::run;
-use crate::written::write_text;
+use crate::written::{save_together, write_text};
 
 /// A fleet.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -86,11 +86,12 @@ impl Fleet {
     /// Writes `fleet.json`, `prior.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            let (file, prior) = (out.join("fleet.json"), out.join("prior.json"));
-            self.joined.fleet.write(&file).map_err(input)?;
-            self.joined.prior.write(&prior).map_err(input)?;
-            let report = write_text(out.join("report.html"), &self.html()?)?;
-            Ok(vec![file, prior, report])
+            save_together(&out, "fleet.json", |out| {
+                self.joined.fleet.write(out.join("fleet.json")).map_err(input)?;
+                self.joined.prior.write(out.join("prior.json")).map_err(input)?;
+                write_text(out.join("report.html"), &self.html()?)?;
+                Ok(["fleet.json", "prior.json", "report.html"].map(PathBuf::from).to_vec())
+            })
         })
     }
 }

@@ -22,7 +22,7 @@ use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, hold_out_of, json, model_request, register_with};
 use crate::running::run;
-use crate::written::write_text;
+use crate::written::{save_together, write_text};
 
 impl From<RigError> for Failure {
     fn from(error: RigError) -> Self {
@@ -193,11 +193,12 @@ impl RigFit {
     /// Writes `calibration.json`, `evaluation.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            let (calibration, evaluation) = (out.join("calibration.json"), out.join("evaluation.json"));
-            self.fit.record.write(&calibration).map_err(input)?;
-            self.fit.evaluation.write(&evaluation).map_err(input)?;
-            let report = write_text(out.join("report.html"), &self.html()?)?;
-            Ok(vec![calibration, evaluation, report])
+            save_together(&out, "calibration.json", |out| {
+                self.fit.record.write(out.join("calibration.json")).map_err(input)?;
+                self.fit.evaluation.write(out.join("evaluation.json")).map_err(input)?;
+                write_text(out.join("report.html"), &self.html()?)?;
+                Ok(["calibration.json", "evaluation.json", "report.html"].map(PathBuf::from).to_vec())
+            })
         })
     }
 }
@@ -286,9 +287,11 @@ impl RigEvaluation {
     /// Writes `evaluation.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            let path = out.join("evaluation.json");
-            self.record().write(&path).map_err(input)?;
-            Ok(vec![path, write_text(out.join("report.html"), &self.html()?)?])
+            save_together(&out, "evaluation.json", |out| {
+                self.record().write(out.join("evaluation.json")).map_err(input)?;
+                write_text(out.join("report.html"), &self.html()?)?;
+                Ok(["evaluation.json", "report.html"].map(PathBuf::from).to_vec())
+            })
         })
     }
 }

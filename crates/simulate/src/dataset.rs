@@ -133,7 +133,10 @@ fn write_bytes(
         Ok(())
     };
     match fs::File::create(&path) {
-        Ok(file) => encode(file).map_err(|source| SimulateError::Png { path, source }),
+        Ok(file) => encode(file).map_err(|source| match source {
+            png::EncodingError::IoError(source) => SimulateError::Write { path, source },
+            source => SimulateError::Png { path, source },
+        }),
         Err(source) => Err(SimulateError::Write { path, source }),
     }
 }

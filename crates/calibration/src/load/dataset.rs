@@ -13,6 +13,7 @@ use depthcal_model::{BoardPart, CharucoLayout, Register};
 use rayon::prelude::*;
 use tracing::{debug, info, warn};
 
+use super::cache::{self, DETECTION, DETECTION_VERSION, LAYOUT};
 use super::circle_diameter::MeasuredDiameter;
 use super::error::LoadError;
 use super::found::Found;
@@ -23,12 +24,6 @@ use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
 use crate::progress::ProgressHandle;
 
-/// Version of detection and refinement: cached detections of another are not used.
-const DETECTION_VERSION: &str = "3";
-/// The setting that holds it.
-const DETECTION: &str = "detection";
-/// The setting that holds the layout of a ChArUco board.
-const LAYOUT: &str = "charuco_layout";
 /// The setting that names the file of markers that another program found.
 const MARKERS: &str = "markers";
 
@@ -140,10 +135,6 @@ fn to_file(m: &MarkerObservation) -> depthcal_io::MarkerObservation {
     depthcal_io::MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
 }
 
-fn from_file(m: &depthcal_io::MarkerObservation) -> MarkerObservation {
-    MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
-}
-
 /// Reads a dataset: images, depth images, and the board in every image.
 ///
 /// # Errors
@@ -192,8 +183,8 @@ fn read(
         return Ok(assemble(dataset, reference, frames, (width, height), found, None)?.0);
     }
     let file = options.markers.as_deref();
-    let cache = options.cache.as_ref().filter(|_| file.is_none()).map(|folder| folder.join(format!("{digest}.json")));
-    let cached = cache.as_ref().filter(|_| !options.refresh).and_then(|path| cached(path, &digest, &dataset));
+    let kept = options.cache.as_ref().filter(|_| file.is_none()).map(|folder| folder.join(format!("{digest}.json")));
+    let cached = kept.as_ref().filter(|_| !options.refresh).and_then(|path| cache::read(path, &digest, &dataset));
     let from_cache = cached.is_some();
     let found = match (cached, file) {
         (Some(found), _) => {
@@ -209,20 +200,9 @@ fn read(
     });
     let (mut loaded, without_board) = assemble(dataset, reference, frames, (width, height), found, file.transpose()?)?;
     loaded.from_cache = from_cache;
-    if let (Some(path), false) = (cache, from_cache) {
-        let mut observations = loaded.observations();
-        // Frames without a board are part of the answer.
-        observations.frames.extend(loaded.capture.dropped[..without_board].iter().map(|d| FrameObservations {
-            name: d.name.clone(),
-            width,
-            height,
-            markers: Vec::new(),
-            depth: Vec::new(),
-            metadata: depthcal_io::FrameMetadata::default(),
-        }));
-        if let Err(error) = observations.write(&path) {
-            info!("the detections are not cached: {error}");
-        }
+    if let (Some(path), false) = (kept, from_cache) {
+        let without = &loaded.capture.dropped[..without_board];
+        cache::write(&path, loaded.observations(), without, [width, height]);
     }
     Ok(loaded)
 }
@@ -306,30 +286,6 @@ pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> 
         dropped: strays.collect(),
     };
     Ok(Loaded::of_capture(dataset, reference, capture))
-}
-
-/// What the cache holds of a dataset; `None` where it is of another version, dataset or board.
-fn cached(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
-    let cached = Observations::read(path).ok()?;
-    let declared_mm = dataset.target.circle_diameter_mm();
-    let circle_diameter = MeasuredDiameter::from_settings(&cached.settings, declared_mm);
-    let target = match (declared_mm, circle_diameter) {
-        (None, Some(measured)) => dataset.target.with_circle_diameter_mm(measured.diameter_mm),
-        _ => dataset.target.clone(),
-    };
-    let version = cached.settings.get(DETECTION).is_some_and(|version| version == DETECTION_VERSION);
-    if !version || cached.dataset.digest != digest || cached.target != target {
-        return None;
-    }
-    let parts = target.parts();
-    let of = |name: &str| -> Option<Vec<MarkerObservation>> {
-        let own = parts.iter().map(|part| cached.frame(&part.frame_name(name)));
-        let found = own.collect::<Option<Vec<_>>>()?;
-        Some(found.into_iter().flat_map(|frame| frame.markers.iter().map(from_file)).collect())
-    };
-    let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
-    let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
-    Some(Found { markers, circle_diameter, charuco_layout })
 }
 
 /// An image that stays in memory, or is read again from its file.

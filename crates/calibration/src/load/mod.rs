@@ -1,5 +1,6 @@
 //! From a dataset on disk to detected boards.
 
+mod cache;
 mod circle_diameter;
 mod dataset;
 mod declared_camera;

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use depthcal_correction::{CorrectionSummary, Corrector, FrameContext};
 use depthcal_io::{
-    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, RigDataset, write_depth_frame,
+    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, RigDataset, check_writable,
+    write_depth_frame,
 };
 use depthcal_model::Camera;
 use depthcal_report::format::count;
@@ -98,10 +99,11 @@ impl Apply {
             .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
         warn_of_missing(&corrector, &jobs);
 
-        let keys: Vec<String> = jobs.iter().map(|job| job.key(&self.written)).collect();
-        let resume = Resume::open(self.folder(), &self.calibration, jobs.iter().map(|j| stem(&j.depth)).zip(keys))?;
+        check_writable(self.folder()).map_err(input)?;
+        let resume = Resume::open(self.folder(), &self.calibration, &self.written)?;
         let all = jobs.len();
-        let jobs: Vec<Job> = jobs.into_iter().filter(|job| !resume.is_done(&job.depth, &self.outputs(job))).collect();
+        let (done, jobs): (Vec<Job>, Vec<Job>) =
+            jobs.into_iter().partition(|job| resume.is_done(job, &self.outputs(job)));
         if jobs.len() < all {
             say!("{} of {} were complete already", all - jobs.len(), count(all, "frame"));
         }
@@ -113,12 +115,13 @@ impl Apply {
             Ok(())
         })?;
         drop(progress);
-        resume.begin()?;
+        resume.begin(done.iter())?;
         let progress = Progress::new("correcting", jobs.len());
         let summary = jobs
             .par_iter()
             .map(|job| -> Result<_, Failure> {
                 let summary = self.correct(job, &corrector)?;
+                resume.completed(job)?;
                 progress.advance();
                 Ok(summary)
             })

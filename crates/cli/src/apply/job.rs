@@ -1,12 +1,11 @@
 //! One frame of `apply`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use depthcal_correction::Corrector;
 use depthcal_io::{DepthFrame, GrayImage, check_same_size, read_depth_frame, read_gray};
 
 use super::images::read_color;
-use super::written::Written;
 use crate::failure::{Failure, input};
 
 /// A depth image to be corrected, with the other images and the conditions of its frame.
@@ -20,10 +19,15 @@ pub(super) struct Job {
 }
 
 impl Job {
-    /// Everything that its results depend on, besides the calibration and the contents of its files.
-    pub(super) fn key(&self, written: &Written) -> String {
+    /// Everything that its results depend on, besides the calibration, the settings and the contents of its files.
+    pub(super) fn key(&self) -> String {
         let Self { depth, image, color, unit_mm, time_s, temperature_c } = self;
-        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?} {written:?}")
+        format!("{depth:?} {image:?} {color:?} {unit_mm} {time_s:?} {temperature_c:?}")
+    }
+
+    /// Its files.
+    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+        std::iter::once(&self.depth).chain(&self.image).chain(&self.color).map(PathBuf::as_path)
     }
 
     /// Reads the depth image and, where there is one, the infrared image; checks their sizes and the colour image.

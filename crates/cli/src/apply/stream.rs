@@ -230,12 +230,17 @@ impl FrameJob for Job<'_> {
 
 /// Reads whole frames until the stream ends.
 fn read_frames(mut stream: impl Read, empty: &Receiver<Vec<u8>>, full: &SyncSender<Vec<u8>>) -> io::Result<()> {
+    let mut number = 0;
     while let Ok(mut frame) = empty.recv() {
+        number += 1;
         let mut filled = 0;
         while filled < frame.len() {
             match stream.read(&mut frame[filled..]) {
                 Ok(0) if filled == 0 => return Ok(()),
-                Ok(0) => return Err(io::Error::other(format!("the last frame ends after {filled} bytes"))),
+                Ok(0) => {
+                    let message = format!("frame {number} ends after {filled} of its {} bytes", frame.len());
+                    return Err(io::Error::other(message));
+                }
                 Ok(n) => filled += n,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),

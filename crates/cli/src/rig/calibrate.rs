@@ -15,9 +15,10 @@ use serde_json::{Value, json};
 
 use super::load::load;
 use super::print::{print_rig, print_transfers};
-use crate::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_rig_report};
+use crate::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
+use crate::results::Results;
 use crate::session::Session;
 use crate::voice::say;
 
@@ -45,6 +46,7 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
     if asked.estimator != Estimator::Joint {
         return Err(Failure::Input("a rig is calibrated by --estimator joint only: leave the option out".to_owned()));
     }
+    asked.output.check()?;
     let rig = load(asked.dataset, asked.reading, session)?;
     let mut options =
         RigOptions { each: session.calibrate_options(), lens: asked.lens.map(str::to_owned), ..RigOptions::default() };
@@ -70,9 +72,10 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
     );
     say!("\n{}", table(&evaluation.datasets, None));
     print_transfers(&evaluation.transfer);
-    let path = asked.output.file("calibration.json");
-    record.write(&path).map_err(input)?;
-    evaluation.write(asked.output.file("evaluation.json")).map_err(input)?;
+    let results = Results::begin(&asked.output.out)?;
+    let place = results.place();
+    let path = place.write("calibration.json", |path| record.write(path))?;
+    place.write("evaluation.json", |path| evaluation.write(path))?;
     let report = ReportInput {
         title: result.name.clone(),
         command_line: command_line(),
@@ -84,7 +87,8 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
     };
     let evaluated: Vec<_> = std::iter::once(fitted).chain(held_out).collect();
     let rig = ReportRig { cameras: placed, record, evaluated: &evaluated };
-    let report = write_rig_report(&report, &rig, session, &asked.output.out)?;
+    let report = place.write_rig_report(&report, &rig, session)?;
+    results.commit("calibration.json", session)?;
     say!("written: {} and {}", path.display(), report.display());
     let frames: Vec<Value> = result
         .cameras

@@ -22,9 +22,10 @@ use serde_json::{Value, json};
 use super::calibrate::add_effects;
 use super::load::load;
 use super::print::{drift_range, print_rig, print_transfers};
-use crate::common::{Output, Reading, command_line, frames_of, value_of, write_rig_report};
+use crate::common::{Output, Reading, command_line, frames_of, value_of};
 use crate::diagnosis_output::{Told, tell};
-use crate::failure::{Failure, input};
+use crate::failure::Failure;
+use crate::results::{Place, Results};
 use crate::session::Session;
 use crate::voice::say;
 
@@ -44,6 +45,7 @@ pub(crate) struct RigDiagnose<'a> {
 
 /// Diagnoses every camera of a rig that has depth, and adjusts all jointly again.
 pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Value, Failure> {
+    asked.output.check()?;
     let rig = load(asked.dataset, asked.reading, session)?;
     let verify = asked.verify.map(|path| load(path, asked.reading, session)).transpose()?;
     let mut options =
@@ -58,11 +60,13 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
         ..RigDiagnoseOptions::default()
     };
     let found = diagnose_rig(&rig.capture, verify.as_ref().map(|v| &v.capture), &options)?;
+    let results = Results::begin(&asked.output.out)?;
+    let place = results.place();
     let mut written: Vec<PathBuf> = Vec::new();
     let parts = rig_parts(&found, &rig.cameras, &names);
     let mut cameras = Vec::new();
     for (camera, loaded) in found.cameras.iter().zip(&parts) {
-        let own = tell_camera(camera, loaded, asked, verify.is_some(), session)?;
+        let own = tell_camera(camera, loaded, asked, verify.is_some(), session, &place.within(&camera.name))?;
         cameras.push(record_of(camera, own));
         written.push(asked.output.out.join(&camera.name));
     }
@@ -85,17 +89,15 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
         extrinsics_drift: found.drifts.iter().map(|test| drift_record_of(test, &found)).collect(),
         held_out: RigHeldOut { before, after: after.clone() },
     };
-    let file = asked.output.file("diagnosis.json");
-    record.write(&file).map_err(input)?;
+    let file = place.write("diagnosis.json", |path| record.write(path))?;
     let calibration = rig_record(&found.last, &found.fitted, reference).ok_or_else(no_cameras)?;
-    let path = asked.output.file("calibration.json");
-    calibration.write(&path).map_err(input)?;
+    let path = place.write("calibration.json", |path| calibration.write(path))?;
     let evaluation = evaluation_of(&found.fitted, "");
     let evaluation = Evaluation {
         datasets: evaluation.datasets.into_iter().chain(after.datasets).collect(),
         transfer: evaluation.transfer.into_iter().chain(after.transfer).collect(),
     };
-    evaluation.write(asked.output.file("evaluation.json")).map_err(input)?;
+    place.write("evaluation.json", |path| evaluation.write(path))?;
     let story: Vec<String> = record
         .cameras
         .iter()
@@ -116,7 +118,8 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
     };
     let placed = found.last.placed();
     let shown = ReportRig { cameras: &placed, record: &calibration, evaluated: &[&found.fitted, &found.after] };
-    let report = write_rig_report(&report, &shown, session, &asked.output.out)?;
+    let report = place.write_rig_report(&report, &shown, session)?;
+    results.commit("calibration.json", session)?;
     say!("written: {} and {}", file.display(), report.display());
     written.extend([file, path, report]);
     let frames: Vec<Value> = found
@@ -139,6 +142,7 @@ fn tell_camera(
     asked: &RigDiagnose<'_>,
     verified: bool,
     session: &Session,
+    place: &Place<'_>,
 ) -> Result<DiagnosisFile, Failure> {
     say!("\n[{}]", camera.name);
     if camera.poses_from_others {
@@ -153,7 +157,7 @@ fn tell_camera(
         verified: verified && !camera.poses_from_others,
         story: Vec::new(),
     };
-    let (record, _) = tell(d, &fitted, loaded, told, session, &asked.output.out.join(&camera.name))?;
+    let (record, _) = tell(d, &fitted, loaded, told, session, place)?;
     for EffectInRig { spec, left_out } in &camera.in_rig {
         let GainInterval { value, low, high } = left_out.gain_percent;
         say!(

@@ -12,9 +12,10 @@ use serde_json::{Value, json};
 
 use super::load::load;
 use super::print::print_transfers;
-use crate::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of, write_rig_report};
+use crate::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
+use crate::results::Results;
 use crate::session::Session;
 use crate::voice::say;
 
@@ -51,8 +52,9 @@ pub(crate) fn evaluate(asked: &RigEvaluate<'_>, session: &Session) -> Result<Val
     let evaluation = evaluation_of(&all.iter().map(|(rig, _)| rig).collect::<Vec<_>>(), "");
     say!("\n{}", table(&evaluation.datasets, None));
     print_transfers(&evaluation.transfer);
-    let path = asked.output.file("evaluation.json");
-    evaluation.write(&path).map_err(input)?;
+    let results = Results::begin(&asked.output.out)?;
+    let place = results.place();
+    let path = place.write("evaluation.json", |path| evaluation.write(path))?;
     let shown: Vec<ReportDataset<'_>> = all
         .iter()
         .filter_map(|(rig, role)| rig.cameras.first().map(|evaluated| ReportDataset { evaluated, role: *role }))
@@ -68,7 +70,8 @@ pub(crate) fn evaluate(asked: &RigEvaluate<'_>, session: &Session) -> Result<Val
     };
     let evaluated: Vec<_> = all.iter().map(|(rig, _)| rig).collect();
     let rig = ReportRig { cameras: &cameras, record: asked.record, evaluated: &evaluated };
-    let report = write_rig_report(&report, &rig, session, &asked.output.out)?;
+    let report = place.write_rig_report(&report, &rig, session)?;
+    results.commit("evaluation.json", session)?;
     say!("written: {} and {}", path.display(), report.display());
     Ok(json!({
         "frames": frames,

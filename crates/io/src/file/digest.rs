@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use super::error::FileError;
 
@@ -31,6 +32,11 @@ pub fn digest_files(root: &Path, files: &[PathBuf]) -> Result<String, FileError>
 pub fn digest_contents(contents: impl IntoIterator<Item = (String, Vec<u8>)>) -> String {
     let entries: Vec<_> = contents.into_iter().map(|(name, bytes)| (name, blake3::hash(&bytes))).collect();
     digest_entries(&entries)
+}
+
+/// Digest (BLAKE3, 64 hexadecimal digits) of a value as JSON; `None` where it cannot be written as such.
+pub fn digest_json(value: &impl Serialize) -> Option<String> {
+    serde_json::to_vec(value).ok().map(|bytes| blake3::hash(&bytes).to_hex().to_string())
 }
 
 fn digest_entries(entries: &[(String, blake3::Hash)]) -> String {

@@ -1,7 +1,7 @@
 //! Errors of files.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a file could not be read or written, or why its contents are refused.
 #[derive(Debug, thiserror::Error)]
@@ -16,7 +16,7 @@ pub enum FileError {
         error: io::Error,
     },
     /// The file, or its folder, cannot be written.
-    #[error("{path}: cannot write the file: {error}")]
+    #[error("{path}: cannot write here: {error}{}", remedy(error))]
     Write {
         /// The file.
         path: PathBuf,
@@ -76,6 +76,48 @@ pub enum FileError {
         /// The fault, and what is expected.
         problem: String,
     },
+}
+
+impl FileError {
+    /// The same error of a file that is not in `from` but, under the same name, in `to`.
+    pub(super) fn moved(mut self, from: &Path, to: &Path) -> Self {
+        let (FileError::Read { path, .. }
+        | FileError::Write { path, .. }
+        | FileError::Json { path, .. }
+        | FileError::Format { path, .. }
+        | FileError::Version { path, .. }
+        | FileError::NotFinite { path, .. }
+        | FileError::Invalid { path, .. }) = &mut self;
+        if let Ok(name) = path.strip_prefix(from) {
+            *path = to.join(name);
+        }
+        self
+    }
+}
+
+/// What helps against an error of writing.
+fn remedy(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::StorageFull => {
+            "; free some space, or give a folder on another disk. What was there before is unchanged"
+        }
+        io::ErrorKind::QuotaExceeded => {
+            "; free some of your quota, or give a folder elsewhere. What was there before is unchanged"
+        }
+        io::ErrorKind::FileTooLarge => {
+            "; the system limits the size of files (ulimit -f): raise the limit. What was there before is unchanged"
+        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "; give a folder that you may write, or change its permissions"
+        }
+        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => {
+            "; a file is in the place of a folder: give another folder, or move the file away"
+        }
+        io::ErrorKind::IsADirectory => {
+            "; a folder is in the place of the file: give another name, or move the folder away"
+        }
+        _ => "",
+    }
 }
 
 fn versions(oldest: u32, newest: u32) -> String {

@@ -5,12 +5,14 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::error::FileError;
+use super::temporary::{temporary_file, without_name};
 
 /// Writes the file `path` with the bytes that `fill` writes: under a temporary name in the same folder, synchronised to
 /// the disk, then renamed.
 ///
 /// Missing parent folders are created. When anything fails, or the program is interrupted, `path` keeps its former
-/// contents. The temporary name starts with a dot, so that globs such as `*.png` do not match it.
+/// contents. The temporary name, `.NAME.RANDOM.depthcal.tmp`, starts with a dot, so that globs such as `*.png` do not match it; the
+/// next run that writes into the folder removes what a killed one left.
 ///
 /// # Errors
 /// [`FileError::Write`] with `path`: the folder or the file cannot be created, or `fill` failed.
@@ -19,7 +21,7 @@ where
     F: FnOnce(&mut dyn Write) -> io::Result<()>,
 {
     let path = path.as_ref();
-    write(path, fill).map_err(|error| FileError::Write { path: path.to_owned(), error })
+    write(path, fill).map_err(|error| FileError::Write { path: path.to_owned(), error: without_name(error) })
 }
 
 fn write<F>(path: &Path, fill: F) -> io::Result<()>
@@ -33,26 +35,25 @@ where
     };
     fs::create_dir_all(folder)?;
 
-    let mut prefix = std::ffi::OsString::from(".");
-    prefix.push(name);
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(".tmp");
-    // Temporary files are private to the user by default; a result gets the permissions of any new file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.tempfile_in(folder)?;
-
+    let file = temporary_file(folder, name)?;
     let mut writer = BufWriter::new(file);
     fill(&mut writer)?;
     let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|failure| failure.error)?;
     // The rename survives a crash only once the folder is synchronised, which not every file system supports.
+    synchronise(folder);
+    Ok(())
+}
+
+/// Makes renames in a folder survive a crash of the machine, where the system supports it.
+pub(super) fn synchronise(folder: &Path) {
     #[cfg(unix)]
     if let Ok(folder) = fs::File::open(folder) {
         let _ = folder.sync_all();
     }
-    Ok(())
+    #[cfg(not(unix))]
+    let _ = folder;
 }
 
 #[cfg(test)]
