@@ -24,6 +24,7 @@ pub fn calibration(bytes: &[u8]) {
 }
 
 /// Reads the bytes as every other record, and writes and reads again what is one.
+#[allow(clippy::redundant_closure, reason = "readers are generic over the path, closures are not")]
 pub fn records(bytes: &[u8]) {
     let path = memory_folder::file("record.json", bytes);
     again(&path, |p| Comparison::read(p), |record, p| record.write(p));
