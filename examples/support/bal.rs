@@ -8,6 +8,9 @@ use bzip2::read::MultiBzDecoder;
 
 use crate::words::{ProblemFileError, Words, utf8};
 
+/// Most bytes of text per byte of a compressed file.
+const LARGEST_RATIO: u64 = 64;
+
 /// A bundle adjustment problem.
 ///
 /// A camera is [r1 r2 r3, t1 t2 t3, f, k1, k2]: rotation vector (rad), translation, focal length (px), and radial
@@ -44,8 +47,15 @@ impl BalProblem {
         let read_error = |error| ProblemFileError::Read { path: path.to_owned(), error };
         let mut bytes = fs::read(path).map_err(read_error)?;
         if bytes.starts_with(b"BZh") {
+            // Numbers shrink to a fifth; what is much shorter is made to fill the memory.
+            let limit = LARGEST_RATIO * bytes.len() as u64;
             let mut text = Vec::new();
-            MultiBzDecoder::new(bytes.as_slice()).read_to_end(&mut text).map_err(read_error)?;
+            MultiBzDecoder::new(bytes.as_slice()).take(limit + 1).read_to_end(&mut text).map_err(read_error)?;
+            if text.len() as u64 > limit {
+                let problem =
+                    format!("it is {LARGEST_RATIO} times as long without compression, which is no list of numbers");
+                return Err(read_error(std::io::Error::new(std::io::ErrorKind::InvalidData, problem)));
+            }
             bytes = text;
         }
         Self::parse(path, &bytes)

@@ -61,5 +61,6 @@ pub(crate) fn camera_info(calibration: &[u8], size: [usize; 2], is_depth: bool) 
         [p[2] * binned[0], p[3] * binned[1], p[0] * binned[0] - corner[0] - 0.5, p[1] * binned[1] - corner[1] - 0.5];
     // k1 k2 p1 p2 k3 k4 k5 k6, as OpenCV and ROS order them.
     let distortion = vec![p[4], p[5], p[13], p[12], p[6], p[7], p[8], p[9]];
-    Some(CameraInfo { width: size[0], height: size[1], model: "rational_polynomial".into(), distortion, pinhole })
+    let model = "rational_polynomial".to_owned();
+    Some(CameraInfo { width: size[0], height: size[1], model, distortion, pinhole }).filter(CameraInfo::is_plausible)
 }

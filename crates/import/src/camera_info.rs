@@ -20,7 +20,7 @@ pub struct CameraInfo {
 }
 
 impl CameraInfo {
-    /// Reads a message; `None` where it is cut off, or has no focal length.
+    /// Reads a message; `None` where it is cut off, or its numbers are no camera's.
     pub(crate) fn read(mut fields: Fields<'_>) -> Option<Self> {
         fields.header()?;
         let (height, width) = (fields.u32()? as usize, fields.u32()? as usize);
@@ -31,9 +31,19 @@ impl CameraInfo {
             *entry = fields.f64()?;
         }
         let pinhole = [k[0], k[4], k[2], k[5]];
-        let usable =
-            width > 0 && height > 0 && pinhole[0] > 0.0 && pinhole[1] > 0.0 && pinhole.iter().all(|p| p.is_finite());
-        usable.then_some(CameraInfo { width, height, model, distortion, pinhole })
+        Some(CameraInfo { width, height, model, distortion, pinhole }).filter(CameraInfo::is_plausible)
+    }
+
+    /// Whether a `dataset.toml` takes these numbers. Drivers without a calibration write zeros.
+    pub(crate) fn is_plausible(&self) -> bool {
+        let [fx, fy, cx, cy] = self.pinhole;
+        let is_focal = |f: f64| (1.0..=1e5).contains(&f);
+        self.width > 0
+            && self.height > 0
+            && is_focal(fx)
+            && is_focal(fy)
+            && cx.abs().max(cy.abs()) <= 1e5
+            && self.distortion.iter().all(|k| k.abs() <= 1000.0)
     }
 
     /// Brown–Conrady k1 k2 p1 p2 k3 where the model is that.

@@ -109,12 +109,10 @@ pub(crate) fn describe(
         problem: format!("dataset.toml cannot be written: {error}"),
     };
     let text = description.to_toml().map_err(|error| invalid(&error))?;
+    // A file that could not be read back is not written.
+    DatasetFile::parse(&out.join(DATASET_FILE), &text).map_err(|error| invalid(&error))?;
     let text = match board {
-        Some(_) => {
-            // A file that could not be read back is not written.
-            DatasetFile::parse(&out.join(DATASET_FILE), &text).map_err(|error| invalid(&error))?;
-            text
-        }
+        Some(_) => text,
         None => {
             let start = text.find("[frames]").unwrap_or(0);
             format!(

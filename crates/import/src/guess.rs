@@ -61,10 +61,12 @@ pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&
                 }
             }
         } else if has_info(packet.stream) {
-            if !infos.iter().any(|(known, _)| known == name)
-                && let Ok(Content::Info(info)) = content(path, &packet)
-            {
-                infos.push((name.clone(), info));
+            if !infos.iter().any(|(known, _)| known == name) {
+                match content(path, &packet) {
+                    Ok(Content::Info(info)) => infos.push((name.clone(), info)),
+                    Ok(Content::Picture(..)) => {}
+                    Err(error) => tracing::warn!("intrinsics are left out: {error}"),
+                }
             }
         } else if !others.iter().any(|known| known.starts_with(name.as_str())) {
             others.push(format!("{name} ({})", packet.stream.kind));

@@ -32,12 +32,19 @@ pub(crate) fn content<'a>(path: &Path, packet: &'a Packet<'_>) -> Result<Content
         |problem: String| ImportError::Message { path: path.to_owned(), stream: packet.stream.name.clone(), problem };
     let cut = || problem("a message is cut off or not of its type".into());
     if let Layout::Track(size) = packet.layout {
-        let encoding = if packet.stream.kind == "b16g" { Encoding::Mono16Big } else { Encoding::File };
+        let data: &[u8] = &packet.data;
+        if packet.stream.kind != "b16g" {
+            // Width and height are in the file.
+            let picture = Picture { width: 0, height: 0, step: 0, encoding: Encoding::File, data };
+            return Ok(Content::Picture(packet.time_ns, picture));
+        }
         let [width, height] = size;
-        return Ok(Content::Picture(
-            packet.time_ns,
-            Picture { width, height, step: 2 * width, encoding, data: &packet.data },
-        ));
+        let needed = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(2));
+        if needed.is_none_or(|needed| needed == 0 || needed > data.len()) {
+            return Err(problem(format!("an image of {width}×{height} px has {} bytes", data.len())));
+        }
+        let picture = Picture { width, height, step: 2 * width, encoding: Encoding::Mono16Big, data };
+        return Ok(Content::Picture(packet.time_ns, picture));
     }
     let mut fields = Fields::new(packet.layout, &packet.data).ok_or_else(cut)?;
     if has_info(packet.stream) {

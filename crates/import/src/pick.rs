@@ -55,7 +55,7 @@ pub(crate) fn pick(
         true
     })?;
     let of = seen.len();
-    let best = best_of_windows(seen, SEARCHED * wanted);
+    let best = best_of_windows(seen, SEARCHED.saturating_mul(wanted));
     match board {
         #[cfg(feature = "detect")]
         Some(board) => with_board(recording, stream, board, best, wanted, of),

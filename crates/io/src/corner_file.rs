@@ -4,6 +4,7 @@
 //! of the board. `-` stands for a value that there is not. mrcal and mrgingham write it; see mrcal's `mrcal-calibrate-cameras`,
 //! `--corners-cache`.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -76,6 +77,7 @@ pub fn read_corners(path: &Path) -> Result<Vec<ImageCorners>, CornerFileError> {
     let text = fs::read_to_string(path).map_err(|error| CornerFileError::Read { path: path.to_owned(), error })?;
     let mut legend: Option<Legend> = None;
     let mut images: Vec<ImageCorners> = Vec::new();
+    let mut first_lines: BTreeMap<String, usize> = BTreeMap::new();
     for (number, text) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let line = Line { path, number: number + 1, cells: cells(text) };
         let Some(first) = line.cells.first() else { continue };
@@ -97,8 +99,7 @@ pub fn read_corners(path: &Path) -> Result<Vec<ImageCorners>, CornerFileError> {
             last.lines.push(line.number);
             continue;
         }
-        if let Some(before) = images.iter().find(|i| i.image == image) {
-            let first = before.lines[0];
+        if let Some(first) = first_lines.insert(image.clone(), line.number) {
             let problem = format!("line {first} is of {image} already: write all its corners one after another");
             return Err(line.wrong(problem));
         }

@@ -31,8 +31,8 @@ pub use file::{
 };
 pub use image::{
     DEPTH_EXTENSIONS, DepthFrame, DepthImage, DepthValues, GrayImage, IMAGE_EXTENSIONS, ImageError, RgbImage,
-    check_same_size, decode_depth_frame, decode_gray, read_depth, read_depth_frame, read_gray, read_rgb, write_depth,
-    write_depth_frame, write_gray, write_rgb,
+    check_same_size, decode_depth_frame, decode_gray, decode_rgb, read_depth, read_depth_frame, read_gray, read_rgb,
+    write_depth, write_depth_frame, write_gray, write_rgb,
 };
 pub use pcd::write_pcd;
 pub use ply::{Cloud, PlyFormat, write_ply};

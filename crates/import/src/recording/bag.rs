@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use rosbag::{ChunkRecord, MessageRecord, RosBag};
@@ -11,12 +11,14 @@ use rosbag::{ChunkRecord, MessageRecord, RosBag};
 use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged};
 use crate::error::ImportError;
 
+const VERSION: &[u8] = b"#ROSBAG V2.0\n";
+
 pub(super) fn visit(
     path: &Path,
     wanted: &dyn Fn(&StreamInfo) -> bool,
     visitor: &mut Visitor<'_>,
 ) -> Result<(), ImportError> {
-    check_index(path)?;
+    check_claims(path)?;
     let bag = RosBag::new(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?;
     let fault = |error: rosbag::Error| damaged(path, "ROS 1 bag", error);
     let mut streams: BTreeMap<u32, (StreamInfo, bool)> = BTreeMap::new();
@@ -43,25 +45,87 @@ pub(super) fn visit(
     Ok(())
 }
 
-/// Refuses a bag whose index would begin beyond the end of the file, which the reader takes on trust.
-fn check_index(path: &Path) -> Result<(), ImportError> {
+/// Refuses a bag whose index would begin beyond the end of the file, or with a chunk that claims more memory than it can fill: the reader
+/// takes both on trust.
+fn check_claims(path: &Path) -> Result<(), ImportError> {
     let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
     let file = File::open(path).map_err(unreadable)?;
     let length = file.metadata().map_err(unreadable)?.len();
-    // The first record is padded to 4096 bytes.
-    let mut head = Vec::new();
-    file.take(4096 + 13).read_to_end(&mut head).map_err(unreadable)?;
-    let field = b"index_pos=";
-    let place = head.windows(field.len()).position(|window| window == field).map(|at| at + field.len());
-    let position = place.and_then(|at| head.get(at..)?.first_chunk()).map(|bytes| u64::from_le_bytes(*bytes));
-    match position {
-        // Records of chunks lie between the first record and the index.
-        Some(index) if index >= head.len() as u64 && index <= length => Ok(()),
-        Some(0) => Err(damaged(
-            path,
-            "ROS 1 bag",
-            "it has no index, as its recording was interrupted (`rosbag reindex` adds one)",
-        )),
-        _ => Err(damaged(path, "ROS 1 bag", "it is cut off before its index")),
+    match check_records(&mut BufReader::new(file), length) {
+        Ok(None) => Ok(()),
+        Ok(Some(fault)) => Err(damaged(path, "ROS 1 bag", fault)),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Err(damaged(path, "ROS 1 bag", "it is cut off")),
+        Err(error) => Err(unreadable(error)),
     }
+}
+
+/// Bytes of a chunk per byte of it compressed, at most, and largest chunk, bytes. Recorders begin a new chunk after 768 KiB; LZ4 and bzip2 make
+/// 1/255 and less of images of one grey value.
+const LARGEST_RATIO: u64 = 1024;
+const LARGEST: u64 = 1 << 30;
+/// Longest header of a record, bytes: that of a connection has the name of its topic.
+const LONGEST_HEADER: u32 = 1 << 20;
+
+/// Walks over the records before the index, of which it reads the headers; says what is wrong with the first that claims too much.
+fn check_records(reader: &mut BufReader<File>, length: u64) -> io::Result<Option<String>> {
+    reader.seek_relative(VERSION.len() as i64)?;
+    let mut at = VERSION.len() as u64;
+    // The first record says where the index begins.
+    let mut index = None;
+    while index.is_none_or(|index| at < index) {
+        let record = at;
+        let header_length = u32::from_le_bytes(read4(reader)?);
+        if header_length > LONGEST_HEADER {
+            return Ok(Some(format!("its record at byte {record} has an implausibly long header")));
+        }
+        let mut header = vec![0; header_length as usize];
+        reader.read_exact(&mut header)?;
+        let data = u64::from(u32::from_le_bytes(read4(reader)?));
+        let end = match index {
+            Some(end) => end,
+            None => match field(&header, b"index_pos=").and_then(|bytes| bytes.first_chunk()) {
+                Some([0, 0, 0, 0, 0, 0, 0, 0]) => {
+                    let interrupted = "it has no index, as its recording was interrupted (`rosbag reindex` adds one)";
+                    return Ok(Some(interrupted.to_owned()));
+                }
+                Some(bytes) => u64::from_le_bytes(*bytes),
+                None => return Ok(Some("its first record does not say where the index is".to_owned())),
+            },
+        };
+        if end > length {
+            return Ok(Some("it is cut off before its index".to_owned()));
+        }
+        index = Some(end);
+        if let Some(size) = field(&header, b"size=").and_then(|bytes| bytes.first_chunk()) {
+            let size = u64::from(u32::from_le_bytes(*size));
+            if size > LARGEST || size / LARGEST_RATIO > data {
+                return Ok(Some(format!("its chunk at byte {record} claims {size} bytes, made of {data}")));
+            }
+        }
+        at += 8 + u64::from(header_length) + data;
+        if at > end {
+            return Ok(Some(format!("its record at byte {record} reaches into the index")));
+        }
+        reader.seek_relative(data as i64)?;
+    }
+    Ok(None)
+}
+
+fn read4(reader: &mut impl Read) -> io::Result<[u8; 4]> {
+    let mut bytes = [0; 4];
+    reader.read_exact(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The value of the field that begins with `name`.
+fn field<'a>(header: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
+    let mut rest = header;
+    while let Some((length, tail)) = rest.split_first_chunk() {
+        let (one, tail) = tail.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        if let Some(value) = one.strip_prefix(name) {
+            return Some(value);
+        }
+        rest = tail;
+    }
+    None
 }

@@ -4,11 +4,45 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use rusqlite::limits::Limit;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, OpenFlags};
 
 use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged, plain_type};
 use crate::error::ImportError;
+
+/// Instructions of SQLite's machine per byte of the file: reading and sorting a message takes some tens, and none is that short. A damaged
+/// file may have pages that contain themselves, and would be read for ever.
+const INSTRUCTIONS_PER_BYTE: u64 = 100;
+/// Instructions that every file may take, and how many are counted at a time.
+const INSTRUCTIONS: u64 = 1_000_000;
+const COUNTED: u64 = 10_000;
+/// Longest value that every file may have, bytes; larger ones are within a file of their length.
+const LONGEST: u64 = 1 << 20;
+
+/// Opens the file, with limits to what it can make of its length.
+fn open(path: &Path) -> Result<Connection, ImportError> {
+    let fault = |error: rusqlite::Error| damaged(path, "ROS 2 bag", error);
+    let length = std::fs::metadata(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?.len();
+    let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(fault)?;
+    let longest = length.max(LONGEST).try_into().unwrap_or(i32::MAX);
+    database.set_limit(Limit::SQLITE_LIMIT_LENGTH, longest).map_err(fault)?;
+    let limit = INSTRUCTIONS + INSTRUCTIONS_PER_BYTE.saturating_mul(length);
+    let mut count = 0;
+    let is_enough = move || {
+        count += COUNTED;
+        count > limit
+    };
+    database.progress_handler(COUNTED as i32, Some(is_enough)).map_err(fault)?;
+    // A view of these names could compute anything, as its own SQL says.
+    let tables =
+        "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages')";
+    let found: i64 = database.query_row(tables, [], |row| row.get(0)).map_err(fault)?;
+    if found != 2 {
+        return Err(damaged(path, "ROS 2 bag", "it does not have the two tables topics and messages"));
+    }
+    Ok(database)
+}
 
 pub(super) fn visit(
     path: &Path,
@@ -16,7 +50,7 @@ pub(super) fn visit(
     visitor: &mut Visitor<'_>,
 ) -> Result<(), ImportError> {
     let fault = |error: rusqlite::Error| damaged(path, "ROS 2 bag", error);
-    let database = Connection::open_with_flags(path, OpenFlags::SQLITE_OPEN_READ_ONLY).map_err(fault)?;
+    let database = open(path)?;
     let mut topics = database.prepare("SELECT id, name, type, serialization_format FROM topics").map_err(fault)?;
     let mut rows = topics.query([]).map_err(fault)?;
     let mut streams: BTreeMap<i64, StreamInfo> = BTreeMap::new();
@@ -47,4 +81,40 @@ pub(super) fn visit(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::*;
+
+    const TOPICS: &str = "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);
+        INSERT INTO topics VALUES(1, '/a', 'sensor_msgs/msg/Image', 'cdr');";
+
+    fn complaint(sql: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.db3");
+        Connection::open(&path).unwrap().execute_batch(&format!("{TOPICS}{sql}")).unwrap();
+        let visited = visit(&path, &|_| true, &mut |_| Ok(ControlFlow::Continue(())));
+        visited.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn views_are_no_tables() {
+        let message = complaint(
+            "CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)
+             SELECT i AS id, 1 AS topic_id, i AS timestamp, x'00' AS data FROM n;",
+        );
+        assert!(message.contains("a.db3") && message.contains("two tables topics and messages"), "{message}");
+    }
+
+    #[test]
+    fn values_that_the_file_does_not_hold_are_refused() {
+        let message = complaint(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB AS (zeroblob(900000000)));
+             INSERT INTO messages VALUES(1, 1, 1);",
+        );
+        assert!(message.contains("too big"), "{message}");
+    }
 }

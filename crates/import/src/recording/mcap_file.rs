@@ -1,39 +1,133 @@
 //! MCAP, by the `mcap` crate: ROS 2's default, also with messages of ROS 1.
+//!
+//! The crate takes records apart, out of chunks and compression. Their fields are read here, since the crate reserves memory for strings by
+//! the lengths that they claim.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read};
 use std::path::Path;
 
-use mcap::io::MessageReader;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged, plain_type};
 use crate::error::ImportError;
+
+/// Bytes of a record per byte of the file, and most bytes of one where the file is shorter: those of compressed chunks are allocated before
+/// they are read. Images of one grey value shrink to a thousandth.
+const LARGEST_RATIO: u64 = 1024;
+const LARGEST: u64 = 1 << 30;
+/// Bytes that are read at a time, so that memory grows with the file, not with what a record claims.
+const STEP: usize = 1 << 20;
+
+const SCHEMA: u8 = 3;
+const CHANNEL: u8 = 4;
+const MESSAGE: u8 = 5;
+
+struct Channel {
+    stream: StreamInfo,
+    layout: Layout,
+    is_wanted: bool,
+}
 
 pub(super) fn visit(
     path: &Path,
     wanted: &dyn Fn(&StreamInfo) -> bool,
     visitor: &mut Visitor<'_>,
 ) -> Result<(), ImportError> {
-    let file = File::open(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?;
-    let mut streams: BTreeMap<u16, (StreamInfo, Layout, bool)> = BTreeMap::new();
-    for message in MessageReader::new(BufReader::new(file)) {
-        let message = message.map_err(|error| damaged(path, "MCAP", error))?;
-        let channel = &message.channel;
-        let (stream, layout, is_wanted) = streams.entry(channel.id).or_insert_with(|| {
-            let kind = channel.schema.as_ref().map_or_else(String::new, |schema| plain_type(&schema.name));
-            let stream = StreamInfo { name: channel.topic.clone(), kind };
-            let layout = if channel.message_encoding == "ros1" { Layout::Ros1 } else { Layout::Cdr };
-            let readable = ["cdr", "ros1"].contains(&channel.message_encoding.as_str());
-            let is_wanted = readable && wanted(&stream);
-            (stream, layout, is_wanted)
-        });
-        if *is_wanted {
-            let packet = Packet { stream, layout: *layout, time_ns: message.log_time, data: message.data };
-            if visitor(packet)?.is_break() {
-                break;
+    let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
+    let file = File::open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
+    let limit = length.saturating_mul(LARGEST_RATIO).min(LARGEST).max(length);
+    let options = LinearReaderOptions::default().with_record_length_limit(limit.try_into().unwrap_or(usize::MAX));
+    let mut file = BufReader::new(file);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut schemas: BTreeMap<u16, String> = BTreeMap::new();
+    let mut channels: BTreeMap<u16, Channel> = BTreeMap::new();
+    while let Some(event) = reader.next_event() {
+        let (op, data) = match event.map_err(|error| damaged(path, "MCAP", error))? {
+            LinearReadEvent::ReadRequest(bytes) => {
+                let read = file.read(reader.insert(bytes.clamp(1, STEP))).map_err(unreadable)?;
+                reader.notify_read(read);
+                continue;
             }
+            LinearReadEvent::Record { opcode, data } => (opcode, Record { rest: data }),
+        };
+        let cut = || damaged(path, "MCAP", format!("a record of type {op} is cut off"));
+        match op {
+            SCHEMA => {
+                let (id, name) = data.schema().ok_or_else(cut)?;
+                schemas.insert(id, name);
+            }
+            CHANNEL => {
+                let (id, schema, name, encoding) = data.channel().ok_or_else(cut)?;
+                // The summary repeats them.
+                channels.entry(id).or_insert_with(|| {
+                    let kind = schemas.get(&schema).map_or_else(String::new, |name| plain_type(name));
+                    let stream = StreamInfo { name, kind };
+                    let is_wanted = ["cdr", "ros1"].contains(&encoding.as_str()) && wanted(&stream);
+                    let layout = if encoding == "ros1" { Layout::Ros1 } else { Layout::Cdr };
+                    Channel { stream, layout, is_wanted }
+                });
+            }
+            MESSAGE => {
+                let (id, time_ns, data) = data.message().ok_or_else(cut)?;
+                let unknown = || damaged(path, "MCAP", format!("a message is of channel {id}, which is not described"));
+                let channel = channels.get(&id).ok_or_else(unknown)?;
+                if channel.is_wanted {
+                    let Channel { stream, layout, .. } = channel;
+                    let packet = Packet { stream, layout: *layout, time_ns, data: Cow::Borrowed(data) };
+                    if visitor(packet)?.is_break() {
+                        return Ok(());
+                    }
+                }
+            }
+            _ => {}
         }
     }
     Ok(())
+}
+
+/// The fields of a record, little-endian and without padding. `None` where it ends before them.
+struct Record<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Record<'a> {
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (bytes, rest) = self.rest.split_first_chunk()?;
+        self.rest = rest;
+        Some(*bytes)
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.number().map(u16::from_le_bytes)
+    }
+
+    fn string(&mut self) -> Option<String> {
+        let length = u32::from_le_bytes(self.number()?) as usize;
+        let (bytes, rest) = self.rest.split_at_checked(length)?;
+        self.rest = rest;
+        Some(String::from_utf8_lossy(bytes).into_owned())
+    }
+
+    /// Identifier and name.
+    fn schema(mut self) -> Option<(u16, String)> {
+        Some((self.u16()?, self.string()?))
+    }
+
+    /// Identifier, that of the schema, topic and encoding of the messages.
+    fn channel(mut self) -> Option<(u16, u16, String, String)> {
+        Some((self.u16()?, self.u16()?, self.string()?, self.string()?))
+    }
+
+    /// Identifier of the channel, time of recording in ns, and the message.
+    fn message(mut self) -> Option<(u16, u64, &'a [u8])> {
+        let channel = self.u16()?;
+        let _sequence: [u8; 4] = self.number()?;
+        let time_ns = u64::from_le_bytes(self.number()?);
+        let _published: [u8; 8] = self.number()?;
+        Some((channel, time_ns, self.rest))
+    }
 }

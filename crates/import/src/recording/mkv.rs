@@ -1,9 +1,10 @@
-//! Matroska of the Azure Kinect's and the Femto's recorders: frames by the `matroska-demuxer` crate, attachments by `matroska`.
+//! Matroska of the Azure Kinect's and the Femto's recorders: frames, by the `matroska-demuxer` crate.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use matroska_demuxer::{Frame, MatroskaFile};
@@ -18,7 +19,7 @@ pub(super) fn visit(
 ) -> Result<(), ImportError> {
     let file = File::open(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?;
     let fault = |error: matroska_demuxer::DemuxError| damaged(path, "Matroska file", error);
-    let mut file = MatroskaFile::open(BufReader::new(file)).map_err(fault)?;
+    let mut file = guarded(path, || MatroskaFile::open(BufReader::new(file)))?.map_err(fault)?;
     let scale = file.info().timestamp_scale().get();
     let mut streams: BTreeMap<u64, (StreamInfo, [usize; 2])> = BTreeMap::new();
     for track in file.tracks() {
@@ -35,7 +36,7 @@ pub(super) fn visit(
         }
     }
     let mut frame = Frame::default();
-    while file.next_frame(&mut frame).map_err(fault)? {
+    while guarded(path, || file.next_frame(&mut frame))?.map_err(fault)? {
         let Some((stream, size)) = streams.get(&frame.track) else { continue };
         let time_ns = frame.timestamp.saturating_mul(scale);
         let packet = Packet { stream, layout: Layout::Track(*size), time_ns, data: Cow::Borrowed(&frame.data) };
@@ -46,8 +47,8 @@ pub(super) fn visit(
     Ok(())
 }
 
-/// The contents of the attachment `name`; `None` where there is none.
-pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>, ImportError> {
-    let file = matroska::open(path).map_err(|error| damaged(path, "Matroska file", error))?;
-    Ok(file.attachments.into_iter().find(|attachment| attachment.name == name).map(|attachment| attachment.data))
+/// What the demuxer gives. Its sums of broken numbers wrap in a release build, and panic where overflow is checked, as in tests; it is generic
+/// over the reader, so that its arithmetic is compiled with ours, and nothing before it can tell which numbers it will add.
+fn guarded<T>(path: &Path, read: impl FnOnce() -> T) -> Result<T, ImportError> {
+    catch_unwind(AssertUnwindSafe(read)).map_err(|_| damaged(path, "Matroska file", "its numbers are out of range"))
 }

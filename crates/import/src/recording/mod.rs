@@ -1,5 +1,6 @@
 //! Containers: what a recording holds, message by message in the order of the file.
 
+mod attachment;
 mod bag;
 mod db3;
 mod file;
@@ -7,7 +8,7 @@ mod mcap_file;
 mod mkv;
 mod packet;
 
+pub(crate) use attachment::attachment;
 pub(crate) use file::Recording;
-pub(crate) use mkv::attachment;
 pub use packet::StreamInfo;
 pub(crate) use packet::{Layout, Packet};

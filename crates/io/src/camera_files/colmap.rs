@@ -8,7 +8,7 @@ use std::path::Path;
 use super::capability::{HeldLens, nearest};
 use super::error::CameraFileError;
 use super::export_camera::ExportCamera;
-use super::intrinsics::{FileLens, Intrinsics};
+use super::intrinsics::{FileLens, Intrinsics, size_px};
 use super::outcome::Export;
 use super::text::number;
 
@@ -51,10 +51,12 @@ pub(super) fn read(path: &Path, id: &str, words: &[&str]) -> Result<Intrinsics, 
     let [model, width, height, values @ ..] = words else {
         return Err(fault("line", "is too short, expected MODEL WIDTH HEIGHT PARAMS".to_owned()));
     };
-    let size = |name: &str, text: &str| {
-        text.parse::<usize>().ok().filter(|n| *n > 0).ok_or_else(|| fault(name, format!("is '{text}', expected px")))
+    let px = |name: &str, text: &str| {
+        text.parse::<u32>().map(f64::from).map_err(|_| fault(name, format!("is '{text}', expected px")))
     };
-    let size = [size("WIDTH", width)?, size("HEIGHT", height)?];
+    let (w, h) = (px("WIDTH", width)?, px("HEIGHT", height)?);
+    let size =
+        size_px(w, h).ok_or_else(|| fault("WIDTH", format!("{w} and HEIGHT {h} are no size of an image in px")))?;
     let parsed: Option<Vec<f64>> = values.iter().map(|v| v.parse().ok().filter(|v: &f64| v.is_finite())).collect();
     let p = parsed.ok_or_else(|| fault("PARAMS", "are not all finite numbers".to_owned()))?;
     // Number of parameters, whether there is one focal length, the lens.

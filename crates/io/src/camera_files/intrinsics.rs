@@ -2,6 +2,8 @@
 
 use depthcal_model::{Block, Camera, Register, RegisterError};
 
+use crate::image::MAX_PIXELS;
+
 /// Pinhole and lens of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Intrinsics {
@@ -38,6 +40,13 @@ impl FileLens {
     pub fn fisheye(coefficients: [f64; 4]) -> Self {
         Self { piece: "kannala_brandt", values: coefficients.to_vec() }
     }
+}
+
+/// Width and height of an image, px, from numbers of a file; `None` where they are none, or of more pixels than any image that is read.
+pub(super) fn size_px(width: f64, height: f64) -> Option<[usize; 2]> {
+    let is_count = |n: f64| n >= 1.0 && n.fract() == 0.0;
+    (is_count(width) && is_count(height) && width * height <= MAX_PIXELS as f64)
+        .then_some([width as usize, height as usize])
 }
 
 impl Intrinsics {

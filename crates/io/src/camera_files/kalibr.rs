@@ -59,11 +59,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
     if !(fx > 0.0 && fy > 0.0) {
         return Err(node.fault("intrinsics", format!("have the focal lengths {fx} and {fy}, expected positive ones")));
     }
-    let size = match node.numbers("resolution")?.as_deref() {
-        None => None,
-        Some([w, h]) if *w >= 1.0 && *h >= 1.0 => Some([*w as usize, *h as usize]),
-        Some(_) => return Err(node.fault("resolution", "is no width and height in px")),
-    };
+    let size = node.size_list("resolution")?;
     Ok(Intrinsics { size, pinhole: [fx, fy, cx, cy, 0.0], lens })
 }
 

@@ -67,11 +67,7 @@ pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
         "LENSMODEL_CAHVOR" => Some(FileLens { piece: "cahvor", values: k.to_vec() }),
         _ => FileLens::opencv(k),
     };
-    let size = match node.numbers("imagersize")?.as_deref() {
-        None => None,
-        Some([w, h]) if *w >= 1.0 && *h >= 1.0 => Some([*w as usize, *h as usize]),
-        Some(_) => return Err(node.fault("imagersize", "is no width and height in px")),
-    };
+    let size = node.size_list("imagersize")?;
     Ok(Intrinsics { size, pinhole: [*fx, *fy, *cx, *cy, 0.0], lens })
 }
 

@@ -416,6 +416,45 @@ proptest! {
 }
 
 #[test]
+fn yaml_that_would_fill_stack_or_memory_is_refused() {
+    let message = fails(&format!("a: {}{}", "[".repeat(100), "]".repeat(100)));
+    assert!(message.contains("camera.yaml: line 1: has more than 32 lists"), "{message}");
+    let message = fails(&format!("a: {}", "[".repeat(100_000)));
+    assert!(message.contains("camera.yaml") && message.contains("recursion limit"), "{message}");
+    let deep = (0..100).map(|i| format!("{}- a:\n", "  ".repeat(2 * i))).collect::<String>();
+    assert!(fails(&deep).contains("has more than 32 lists"));
+    // Each line ten times the one before: 10⁹ numbers.
+    let bomb: String = (1..10).map(|i| format!("a{i}: &a{i} [{}]\n", format!("*a{},", i - 1).repeat(10))).collect();
+    let message = fails(&format!("a0: &a0 [1]\n{bomb}"));
+    assert!(message.contains("line 2: has an alias") && message.contains("write the value itself"), "{message}");
+}
+
+#[test]
+fn sizes_that_no_image_has_are_refused() {
+    let kalibr = |size: &str| {
+        format!("cam0:\n  camera_model: pinhole\n  intrinsics: [5.0, 5.0, 3.0, 2.0]\n  resolution: {size}\n")
+    };
+    let mrcal = |size: &str| {
+        format!("{{ 'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [5, 5, 3, 2], 'imagersize': {size} }}")
+    };
+    let ros = |size: &str| {
+        let [width, height] = size.trim_matches(['[', ']']).split_once(',').map(|(w, h)| [w, h]).unwrap();
+        format!(
+            "image_width: {width}\nimage_height: {height}\ncamera_matrix:\n  data: [5, 0, 3, 0, 5, 2, 0, 0, 1]\n\
+             distortion_model: plumb_bob\n"
+        )
+    };
+    for size in ["[1e300,480]", "[60000,60000]", "[640.5,480]", "[0,480]", "[-640,480]"] {
+        for (text, field) in [(kalibr(size), "resolution"), (mrcal(size), "imagersize"), (ros(size), "image_width")] {
+            let message = fails(&text);
+            assert!(message.contains(field) && message.contains("px"), "{size}: {message}");
+        }
+    }
+    let message = fails("1 PINHOLE 4294967295 4294967295 5 5 3 2\n");
+    assert!(message.contains("camera 1: WIDTH") && message.contains("px"), "{message}");
+}
+
+#[test]
 fn a_calibration_gives_its_camera() {
     let piece = |hook, name: &str| PieceRecord {
         hook,

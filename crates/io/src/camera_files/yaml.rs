@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use yaml_rust2::parser::{Event, Parser};
 use yaml_rust2::{Yaml, YamlLoader};
 
 use super::error::CameraFileError;
+use super::intrinsics::size_px;
 
 /// A mapping of a document, and where it is.
 #[derive(Clone, Copy)]
@@ -15,6 +17,34 @@ pub(super) struct Node<'a> {
     name: &'a str,
 }
 
+/// Largest depth of lists and mappings in each other. Camera files have four; the parser's stack would not stand thousands.
+const DEEPEST: usize = 32;
+/// Largest text that is read, bytes. Cameras with all their numbers are some kilobytes; mrcal may append its optimisation.
+const LARGEST: usize = 64 << 20;
+
+/// Refuses what the loader takes on trust: depth, which it walks by recursion, and aliases, a few of which in each other are more than
+/// any memory holds.
+fn check_structure(body: &str, syntax: impl Fn(String) -> CameraFileError) -> Result<(), CameraFileError> {
+    let mut parser = Parser::new_from_str(body);
+    let mut depth = 0_usize;
+    loop {
+        let (event, mark) = parser.next_token().map_err(|e| syntax(format!("is no valid YAML: {e}")))?;
+        let line = mark.line();
+        match event {
+            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
+            Event::SequenceEnd | Event::MappingEnd => depth = depth.saturating_sub(1),
+            Event::Alias(_) => {
+                return Err(syntax(format!("line {line}: has an alias (*NAME): write the value itself")));
+            }
+            Event::StreamEnd => return Ok(()),
+            _ => {}
+        }
+        if depth > DEEPEST {
+            return Err(syntax(format!("line {line}: has more than {DEEPEST} lists or mappings in each other")));
+        }
+    }
+}
+
 /// The first document of a text. OpenCV's directive `%YAML:1.0`, which is no valid one, is left out.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Yaml, CameraFileError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -23,6 +53,12 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Yaml, CameraFileError> {
         None => text,
     };
     let syntax = |reason: String| CameraFileError::Syntax { path: path.to_owned(), reason };
+    if body.len() > LARGEST {
+        return Err(syntax(format!(
+            "has more than {LARGEST} bytes, which is no camera: give the file of the camera alone"
+        )));
+    }
+    check_structure(body, syntax)?;
     let documents = YamlLoader::load_from_str(body).map_err(|e| syntax(format!("is no valid YAML: {e}")))?;
     documents.into_iter().next().ok_or_else(|| syntax("is empty".to_owned()))
 }
@@ -105,14 +141,19 @@ impl<'a> Node<'a> {
 
     /// A width and a height, px, from two fields.
     pub fn size(&self, fields: [&str; 2]) -> Result<Option<[usize; 2]>, CameraFileError> {
-        let [width, height] = fields.map(|field| self.number(field));
-        match (width, height) {
-            (None, None) => Ok(None),
-            (Some(w), Some(h)) if w >= 1.0 && h >= 1.0 && w.fract() == 0.0 && h.fract() == 0.0 && w.max(h) < 1e6 => {
-                Ok(Some([w as usize, h as usize]))
-            }
-            _ => Err(self.fault(fields[0], format!("and `{}` are no size of an image in px", fields[1]))),
+        let fault = || self.fault(fields[0], format!("and `{}` are no size of an image in px", fields[1]));
+        match fields.map(|field| self.number(field)) {
+            [None, None] => Ok(None),
+            [Some(width), Some(height)] => size_px(width, height).map(Some).ok_or_else(fault),
+            _ => Err(fault()),
         }
+    }
+
+    /// A width and a height, px, in a list.
+    pub fn size_list(&self, field: &str) -> Result<Option<[usize; 2]>, CameraFileError> {
+        let Some(numbers) = self.numbers(field)? else { return Ok(None) };
+        let size = if let [width, height] = numbers[..] { size_px(width, height) } else { None };
+        size.map(Some).ok_or_else(|| self.fault(field, "is no width and height of an image in px"))
     }
 }
 

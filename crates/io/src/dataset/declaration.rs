@@ -8,6 +8,7 @@ use toml::de::DeTable;
 
 use super::camera_hint::{CameraHint, IntrinsicNumbers};
 use super::error::DatasetError;
+use super::inside::within;
 use super::section::{Field, Section, Source};
 use super::suggest::nearest;
 use super::text::{CAMERAS, read_text};
@@ -333,7 +334,7 @@ fn smallest(kind: &str) -> usize {
 }
 
 fn frames_from(frames: &Section<'_>) -> Result<FramesSection, DatasetError> {
-    let glob = |field| Ok::<_, DatasetError>(frames.string(field)?.map(str::to_owned));
+    let glob = |field| path_of(frames, field);
     let section = FramesSection {
         image: glob(IMAGE)?,
         depth: glob(DEPTH_GLOB)?,
@@ -351,6 +352,21 @@ fn frames_from(frames: &Section<'_>) -> Result<FramesSection, DatasetError> {
         return Err(frames.source.field_error(frames.required(ASSOCIATIONS)?, ASSOCIATIONS, problem));
     }
     Ok(section)
+}
+
+/// A glob or the name of a file in the dataset's folder.
+///
+/// # Errors
+/// [`DatasetError::Field`] where it leads out of the folder.
+pub(crate) fn path_of(section: &Section<'_>, field: Field) -> Result<Option<String>, DatasetError> {
+    let Some(given) = section.string(field)? else { return Ok(None) };
+    let root = section.source.path.parent().unwrap_or(Path::new(""));
+    if within(root, root, Path::new(given)).is_none() {
+        let problem =
+            "leads out of the dataset's folder, where no file is read (a symbolic link in the folder is followed)";
+        return Err(section.source.field_error(section.required(field)?, field, problem));
+    }
+    Ok(Some(given.to_owned()))
 }
 
 fn depth_from(depth: &Section<'_>) -> Result<DepthSection, DatasetError> {

@@ -195,6 +195,19 @@ pub enum DatasetError {
         /// Text of the cell.
         value: String,
     },
+    /// A path that leads out of the dataset's folder.
+    #[error(
+        "{path}:{line}: {given} lies outside of the dataset's folder, where no file is read: move or copy the files there, or put a symbolic \
+         link to their folder there"
+    )]
+    Outside {
+        /// The table or list that names it.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// The path as written.
+        given: String,
+    },
     /// No row of the table belongs to a frame.
     #[error(
         "{path}: no row belongs to a frame:{}{}: write one row per frame, named by its file stem",

@@ -1,5 +1,6 @@
 //! A dataset: a folder of captures with its frames.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use depthcal_model::Target;
@@ -8,6 +9,7 @@ use super::camera_hint::CameraHint;
 use super::declaration::{DATASET_FILE, DatasetFile, unit_missing};
 use super::error::DatasetError;
 use super::frames::{Frame, Frames, find_frames};
+use super::inside::file_in;
 use super::pairing::{Pairing, Stray};
 use crate::file::{FileError, digest_files};
 
@@ -51,18 +53,31 @@ impl Dataset {
         if file.depth.is_none() && frames.iter().any(|frame| frame.depth.is_some()) {
             return Err(unit_missing(&file_path));
         }
-        Ok(Dataset {
+        let dataset = Dataset {
             name: folder_name(root),
             root: root.to_owned(),
             target: file.board,
             frames,
             depth_unit_mm: file.depth.map(|depth| depth.unit_mm),
             camera: file.camera,
-            metadata: file.frames.metadata.map(|name| root.join(name)),
+            metadata: file.frames.metadata.map(|name| file_in(root, &name)),
             pairing,
             strays,
             lists,
-        })
+        };
+        dataset.check_intrinsics()?;
+        Ok(dataset)
+    }
+
+    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may have no end.
+    pub(super) fn check_intrinsics(&self) -> Result<(), DatasetError> {
+        match self.intrinsics_file() {
+            Some(path) if path.exists() && !path.is_file() => {
+                let error = io::Error::new(io::ErrorKind::InvalidInput, "camera.intrinsics has to name a regular file");
+                Err(DatasetError::Read { path, error })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The file of intrinsics that `[camera]` names, without the name of one of its cameras.

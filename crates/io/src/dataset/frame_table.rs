@@ -1,6 +1,6 @@
 //! `frames.csv`: time, temperature and further quantities of every frame.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,8 @@ impl FrameMetadata {
 
 /// A row of the table.
 pub(crate) struct Row {
+    /// Line in the table, from 1.
+    pub line: u64,
     pub frame: String,
     /// Its image, where the table has a column of images and names one.
     pub image: Option<String>,
@@ -59,8 +61,9 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError>
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(reader);
     let head = reader.headers().map_err(|error| csv_error(path, error))?.clone();
     let fault = |problem: String| DatasetError::Table { path: path.to_owned(), line: 1, problem };
-    for (i, name) in head.iter().enumerate() {
-        if head.iter().take(i).any(|earlier| earlier == name) {
+    let mut seen = BTreeSet::new();
+    for name in &head {
+        if !seen.insert(name) {
             return Err(fault(format!("there are two columns `{name}`: rename or remove one")));
         }
     }
@@ -70,10 +73,11 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError>
     };
 
     let mut rows: Vec<Row> = Vec::new();
+    let mut names: BTreeSet<String> = BTreeSet::new();
     for record in reader.records() {
         let record = record.map_err(|error| csv_error(path, error))?;
         let line = record.position().map_or(0, csv::Position::line);
-        let mut row = Row { frame: String::new(), image: None, depth: None, metadata: FrameMetadata::default() };
+        let mut row = Row { line, frame: String::new(), image: None, depth: None, metadata: FrameMetadata::default() };
         for (i, (column, cell)) in head.iter().zip(&record).enumerate() {
             let number = || finite(cell).ok_or_else(|| cell_error(path, line, column, cell));
             match column {
@@ -88,7 +92,7 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError>
         }
         let problem = if row.frame.is_empty() {
             "the column `frame` is empty: give the file stem of the frame".into()
-        } else if rows.iter().any(|earlier| earlier.frame == row.frame) {
+        } else if !names.insert(row.frame.clone()) {
             format!("there are two rows for the frame \"{}\": remove one", row.frame)
         } else {
             rows.push(row);

@@ -1,12 +1,13 @@
 //! The frames of a dataset: files found by globs, lists and tables, paired, and given their rows of the table.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::candidate::Candidate;
 use super::declaration::{FramesSection, files_missing};
 use super::error::DatasetError;
 use super::frame_table::{self, FrameMetadata, FrameTable, Row};
+use super::inside::{file_in, within};
 use super::natural;
 use super::pairing::{self, Pairing, Stray};
 use super::time_list::{is_list, read_associations, read_list};
@@ -36,11 +37,11 @@ pub(crate) struct Frames {
 
 /// Finds the frames that `[frames]` of `file`, the `dataset.toml` in the folder `root`, declares.
 pub(crate) fn find_frames(root: &Path, file: &Path, section: &FramesSection) -> Result<Frames, DatasetError> {
-    let table_path = section.metadata.as_ref().map(|name| root.join(name));
+    let table_path = section.metadata.as_ref().map(|name| file_in(root, name));
     let table = table_path.as_deref().map(frame_table::read).transpose()?;
     let mut found = match (&section.associations, table) {
         (Some(list), table) => {
-            let mut found = associated(root, &root.join(list))?;
+            let mut found = associated(root, &file_in(root, list))?;
             if let (Some(path), Some(table)) = (&table_path, table) {
                 assign_rows(path, table.rows, &mut found)?;
             }
@@ -72,8 +73,8 @@ fn globbed(root: &Path, file: &Path, section: &FramesSection) -> Result<Frames, 
         if !is_list(pattern) {
             return find_files(root, file, field, pattern).map(Some);
         }
-        let list = root.join(pattern);
-        let (files, missing): (Vec<_>, Vec<_>) = read_list(&list)?.into_iter().partition(|f| f.path.is_file());
+        let list = file_in(root, pattern);
+        let (files, missing): (Vec<_>, Vec<_>) = read_list(root, &list)?.into_iter().partition(|f| f.path.is_file());
         found.strays.extend(
             missing
                 .iter()
@@ -112,11 +113,11 @@ fn globbed(root: &Path, file: &Path, section: &FramesSection) -> Result<Frames, 
             pairing::by_name(images, depth)
         }
     };
-    let left = |files: &[Candidate], used: &dyn Fn(usize) -> bool| -> Vec<PathBuf> {
-        (0..files.len()).filter(|i| !used(*i)).map(|i| files[i].path.clone()).collect()
+    let left = |files: &[Candidate], used: BTreeSet<usize>| -> Vec<PathBuf> {
+        (0..files.len()).filter(|i| !used.contains(i)).map(|i| files[i].path.clone()).collect()
     };
-    let lone_images = left(images, &|i| pairs.iter().any(|pair| pair.1 == i));
-    let lone_depth = left(depth, &|i| pairs.iter().any(|pair| pair.2 == i));
+    let lone_images = left(images, pairs.iter().map(|pair| pair.1).collect());
+    let lone_depth = left(depth, pairs.iter().map(|pair| pair.2).collect());
     if pairs.is_empty() {
         let names = |files: &[PathBuf]| {
             files.iter().map(|f| f.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
@@ -150,7 +151,8 @@ fn frame(name: String, image: Option<&Candidate>, depth: Option<&Candidate>, tim
 /// Frames of TUM's associations.
 fn associated(root: &Path, list: &Path) -> Result<Frames, DatasetError> {
     let mut found = Frames { pairing: Pairing::Table, lists: vec![list.to_owned()], ..Frames::default() };
-    for (image, depth) in read_associations(list)? {
+    let mut names = BTreeSet::new();
+    for (image, depth) in read_associations(root, list)? {
         if let Some(missing) = [&image, &depth].into_iter().find(|file| !file.path.is_file()) {
             found.strays.push(Stray::file(
                 root,
@@ -160,7 +162,7 @@ fn associated(root: &Path, list: &Path) -> Result<Frames, DatasetError> {
             continue;
         }
         let name = image.stem();
-        if found.frames.iter().any(|frame| frame.name == name) {
+        if !names.insert(name.clone()) {
             found.strays.push(Stray::file(
                 root,
                 &depth.path,
@@ -180,28 +182,32 @@ fn associated(root: &Path, list: &Path) -> Result<Frames, DatasetError> {
 /// Frames whose files a table names. Files that the globs find besides are strays.
 fn tabled(root: &Path, file: &Path, section: &FramesSection, table: FrameTable) -> Result<Frames, DatasetError> {
     let mut found = Frames { pairing: Pairing::Table, ..Frames::default() };
-    let Some(table_path) = section.metadata.as_ref().map(|name| root.join(name)) else { return Ok(found) };
+    let Some(table_path) = section.metadata.as_ref().map(|name| file_in(root, name)) else { return Ok(found) };
     let folder = table_path.parent().unwrap_or(root);
     // A kind without a column of its own is found by its glob, by the frame's name.
-    let by_glob = |has: bool, field, pattern: &Option<String>| -> Result<Vec<Candidate>, DatasetError> {
-        match pattern {
-            Some(pattern) if !has && !is_list(pattern) => find_files(root, file, field, pattern),
-            _ => Ok(Vec::new()),
-        }
+    let by_glob = |has: bool, field, pattern: &Option<String>| -> Result<BTreeMap<String, PathBuf>, DatasetError> {
+        let files = match pattern {
+            Some(pattern) if !has && !is_list(pattern) => find_files(root, file, field, pattern)?,
+            _ => Vec::new(),
+        };
+        // Of several files of one stem the first counts.
+        Ok(files.into_iter().rev().map(|file| (file.stem(), file.path)).collect())
     };
     let images = by_glob(table.has_images, "frames.image", &section.image)?;
     let depth = by_glob(table.has_depth, "frames.depth", &section.depth)?;
     let wants_image = table.has_images || section.image.is_some();
     let wants_depth = table.has_depth || section.depth.is_some();
     for row in table.rows {
-        let of = |cell: &Option<String>, has: bool, files: &[Candidate]| {
-            if has {
-                cell.as_ref().map(|name| folder.join(name))
-            } else {
-                files.iter().find(|file| file.stem() == row.frame).map(|file| file.path.clone())
+        let of = |cell: &Option<String>, has: bool, files: &BTreeMap<String, PathBuf>| match cell {
+            Some(given) if has => {
+                let outside =
+                    || DatasetError::Outside { path: table_path.clone(), line: row.line, given: given.clone() };
+                within(root, folder, Path::new(given)).map(|path| Some(root.join(path))).ok_or_else(outside)
             }
+            _ if has => Ok(None),
+            _ => Ok(files.get(&row.frame).cloned()),
         };
-        let (image, depth) = (of(&row.image, table.has_images, &images), of(&row.depth, table.has_depth, &depth));
+        let (image, depth) = (of(&row.image, table.has_images, &images)?, of(&row.depth, table.has_depth, &depth)?);
         let lacks = |wants: bool, file: &Option<PathBuf>, what: &str| {
             let problem = match file {
                 None => format!("it names no {what}"),
@@ -225,10 +231,9 @@ fn tabled(root: &Path, file: &Path, section: &FramesSection, table: FrameTable) 
     }
     for (pattern, field) in [(&section.image, "frames.image"), (&section.depth, "frames.depth")] {
         let Some(pattern) = pattern.as_ref().filter(|pattern| !is_list(pattern)) else { continue };
-        let used =
-            |path: &Path| found.frames.iter().any(|f| [&f.image, &f.depth].into_iter().flatten().any(|p| p == path));
+        let used: BTreeSet<&PathBuf> = found.frames.iter().flat_map(|f| f.image.iter().chain(&f.depth)).collect();
         let lone: Vec<Candidate> =
-            find_files(root, file, field, pattern)?.into_iter().filter(|file| !used(&file.path)).collect();
+            find_files(root, file, field, pattern)?.into_iter().filter(|file| !used.contains(&file.path)).collect();
         let reason = "no row of the table names it";
         found.strays.extend(lone.iter().map(|candidate| Stray::file(root, &candidate.path, reason)));
     }
@@ -242,11 +247,11 @@ fn find_files(root: &Path, file: &Path, field: &'static str, pattern: &str) -> R
     let Some(folder) = root.to_str() else {
         return Err(glob_error("the folder's own name is not UTF-8, which no glob can match; rename it".into()));
     };
-    let full = if Path::new(pattern).is_absolute() {
-        pattern.to_owned()
-    } else {
-        format!("{}/{pattern}", glob::Pattern::escape(folder))
+    let inside = within(root, root, Path::new(pattern));
+    let Some(inside) = inside.as_deref().and_then(Path::to_str) else {
+        return Err(glob_error("it leads out of the dataset's folder".into()));
     };
+    let full = format!("{}/{inside}", glob::Pattern::escape(folder));
     // Hidden files are temporary or the operating system's; `*` must not match a `/`.
     let options =
         glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };

@@ -8,6 +8,7 @@ mod error;
 mod folder;
 mod frame_table;
 mod frames;
+mod inside;
 mod natural;
 mod pairing;
 mod rig;

@@ -11,6 +11,7 @@ use super::error::DatasetError;
 use super::folder::{Dataset, folder_name, root_of};
 use super::frame_table::{self, FrameMetadata, FrameTable};
 use super::frames::{Frame, Frames, find_frames};
+use super::inside::{file_in, within};
 use super::natural;
 use super::pairing::{self, Pairing, Stray};
 use super::rig_declaration::{CameraSection, RigFile, declares_cameras};
@@ -62,13 +63,13 @@ impl RigDataset {
         let root = root_of(path.as_ref());
         let file = root.join(DATASET_FILE);
         let declared = RigFile::read(&file)?;
-        let table_path = declared.metadata.as_ref().map(|name| root.join(name));
+        let table_path = declared.metadata.as_ref().map(|name| file_in(root, name));
         let table = table_path.as_deref().map(frame_table::read).transpose()?;
         let of_table = table.as_ref().is_some_and(|table| {
             declared.cameras.iter().any(|c| table.columns.iter().any(|name| is_column_of(name, &c.name)))
         });
         let (mut found, pairing) = if let (true, Some(table), Some(path)) = (of_table, &table, &table_path) {
-            (tabled(path, table, &declared)?, Pairing::Table)
+            (tabled(root, path, table, &declared)?, Pairing::Table)
         } else {
             matched(root, &file, &declared)?
         };
@@ -99,6 +100,7 @@ impl RigDataset {
                 strays: own.strays,
                 lists: own.lists,
             };
+            dataset.check_intrinsics()?;
             cameras.push(RigMember { name: section.name, dataset });
         }
         Ok(Self { name: folder_name(root), root: root.to_owned(), target: declared.board, cameras, pairing })
@@ -110,8 +112,8 @@ fn is_column_of(column: &str, camera: &str) -> bool {
 }
 
 /// The frames of every camera where the table names their files.
-fn tabled(path: &Path, table: &FrameTable, declared: &RigFile) -> Result<Vec<Frames>, DatasetError> {
-    let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
+fn tabled(root: &Path, path: &Path, table: &FrameTable, declared: &RigFile) -> Result<Vec<Frames>, DatasetError> {
+    let folder = path.parent().unwrap_or(root);
     let mut found: Vec<Frames> = declared.cameras.iter().map(|_| empty(Pairing::Table)).collect();
     for row in &table.rows {
         // Columns of files are no quantities of the frame.
@@ -119,8 +121,17 @@ fn tabled(path: &Path, table: &FrameTable, declared: &RigFile) -> Result<Vec<Fra
         let mut metadata = row.metadata.clone();
         metadata.other.retain(|name, _| !files(name));
         for (camera, own) in declared.cameras.iter().zip(&mut found) {
-            let file = |kind: &str| row.metadata.other.get(&format!("{}.{kind}", camera.name)).map(|f| folder.join(f));
-            let (image, depth) = (file("image"), file("depth"));
+            let file = |kind: &str| {
+                let given = row.metadata.other.get(&format!("{}.{kind}", camera.name));
+                let outside = |given: &String| DatasetError::Outside {
+                    path: path.to_owned(),
+                    line: row.line,
+                    given: given.clone(),
+                };
+                let inside = |given| within(root, folder, Path::new(given)).ok_or_else(|| outside(given));
+                given.map(inside).transpose().map(|path| path.map(|path| root.join(path)))
+            };
+            let (image, depth) = (file("image")?, file("depth")?);
             if let Some(missing) = [&image, &depth].into_iter().flatten().find(|file| !file.is_file()) {
                 let reason = format!("there is no file {}", missing.display());
                 own.strays.push(Stray { name: format!("row {}", row.frame), reason });

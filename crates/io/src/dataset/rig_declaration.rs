@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::boards::{BOARDS, boards_of};
 use super::camera_hint::CameraHint;
-use super::declaration::{CAMERA_KEYS, camera_from};
+use super::declaration::{CAMERA_KEYS, camera_from, path_of};
 use super::error::DatasetError;
 use super::section::{Field, Section, Source};
 use super::text::{CAMERAS, read_text};
@@ -87,7 +87,7 @@ impl RigFile {
         };
         let (mut metadata, mut within_s) = (None, None);
         if let Some(frames) = &frames {
-            metadata = frames.string(METADATA)?.map(str::to_owned);
+            metadata = path_of(frames, METADATA)?;
             within_s = frames.get(WITHIN).map(|_| frames.positive(WITHIN, 0.0..=3600.0)).transpose()?;
         }
         let value = root.get(CAMERAS).ok_or_else(|| source.missing(SECTION))?;
@@ -135,8 +135,7 @@ fn member<'a>(source: Source<'a>, name: &str, value: &'a Spanned<DeValue<'a>>) -
         return Err(source.field_error(value, SECTION, problem));
     }
     let own: Section<'a> = section(source, value, &format!("cameras.{name}."), MEMBER_KEYS)?;
-    let text = |field| Ok::<_, DatasetError>(own.string(field)?.map(str::to_owned));
-    let (image, depth) = (text(IMAGE)?, text(DEPTH)?);
+    let (image, depth) = (path_of(&own, IMAGE)?, path_of(&own, DEPTH)?);
     let unit_mm = own.get(UNIT).map(|_| own.positive(UNIT, 0.002..=1000.0)).transpose()?;
     if depth.is_some() && unit_mm.is_none() {
         return Err(source.field_error(value, UNIT, format!("is missing in [cameras.{name}]")));

@@ -10,6 +10,9 @@ use super::temporary::{temporary_file, without_name};
 /// Writes the file `path` with the bytes that `fill` writes: under a temporary name in the same folder, synchronised to
 /// the disk, then renamed.
 ///
+/// Where `path` is a symbolic link, the link is replaced by the file, and what it points to stays as it is: no output reaches a file that
+/// was not named. A link among the folders of `path` is followed, since results go to the folder that the user chose.
+///
 /// Missing parent folders are created. When anything fails, or the program is interrupted, `path` keeps its former
 /// contents. The temporary name, `.NAME.RANDOM.depthcal.tmp`, starts with a dot, so that globs such as `*.png` do not match it; the
 /// next run that writes into the folder removes what a killed one left.
@@ -111,6 +114,43 @@ mod tests {
         fs::write(&plain, b"x").unwrap();
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&plain));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_replaced_and_its_target_is_not_touched() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let (elsewhere, link) = (folder.path().join("elsewhere"), folder.path().join("result.txt"));
+        fs::write(&elsewhere, "precious").unwrap();
+        // A link to a file, a link to nothing, and a link to itself.
+        for target in [elsewhere.as_path(), Path::new("nowhere"), &link] {
+            let _ = fs::remove_file(&link);
+            symlink(target, &link).unwrap();
+            write_atomically(&link, |w| w.write_all(b"new")).unwrap();
+            assert!(fs::symlink_metadata(&link).unwrap().is_file());
+            assert_eq!(
+                (fs::read(&link).unwrap(), fs::read(&elsewhere).unwrap()),
+                (b"new".to_vec(), b"precious".to_vec())
+            );
+        }
+        assert_eq!(names(folder.path()), ["elsewhere", "result.txt"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_may_be_a_link() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real"), folder.path().join("out"));
+        fs::create_dir(&real).unwrap();
+        symlink(&real, &link).unwrap();
+        write_atomically(link.join("a/result.txt"), |w| w.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(real.join("a/result.txt")).unwrap(), b"new");
+        // A folder that is not there is not made through a link.
+        symlink(folder.path().join("nowhere"), folder.path().join("dangling")).unwrap();
+        let error = write_atomically(folder.path().join("dangling/result.txt"), |_| Ok(())).unwrap_err();
+        assert!(error.to_string().contains("dangling/result.txt") && !folder.path().join("nowhere").exists());
     }
 
     #[test]

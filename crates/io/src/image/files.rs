@@ -38,14 +38,7 @@ pub fn read_gray(path: impl AsRef<Path>) -> Result<GrayImage, ImageError> {
 /// As [`read_gray`].
 pub fn read_rgb(path: impl AsRef<Path>) -> Result<RgbImage, ImageError> {
     let path = path.as_ref();
-    let bytes = read(path)?;
-    if png16::is_png(&bytes) {
-        png16::decode_rgb(path, &bytes)
-    } else if jpeg::is_jpeg(&bytes) {
-        jpeg::decode_rgb(path, &bytes)
-    } else {
-        decoded::rgb(path, decode_other(path, &bytes)?)
-    }
+    decode_rgb(path, &read(path)?)
 }
 
 /// Reads a depth image of 16-bit steps: a grey PNG, TIFF, NPY, NPZ, EXR or PGM of whole numbers.
@@ -158,6 +151,20 @@ pub fn decode_gray(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
         jpeg::decode(path, bytes)
     } else {
         decoded::gray(path, decode_other(path, bytes)?)
+    }
+}
+
+/// Decodes the bytes of an image as [`read_rgb`] does; `path` only names their source in errors.
+///
+/// # Errors
+/// As [`read_gray`].
+pub fn decode_rgb(path: &Path, bytes: &[u8]) -> Result<RgbImage, ImageError> {
+    if png16::is_png(bytes) {
+        png16::decode_rgb(path, bytes)
+    } else if jpeg::is_jpeg(bytes) {
+        jpeg::decode_rgb(path, bytes)
+    } else {
+        decoded::rgb(path, decode_other(path, bytes)?)
     }
 }
 

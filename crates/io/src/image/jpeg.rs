@@ -8,7 +8,7 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::error::ImageError;
-use super::pixels::{luma, pixels};
+use super::pixels::{fits, luma, pixels};
 use super::raster::{GrayImage, RgbImage};
 
 pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
@@ -56,6 +56,8 @@ fn decode_as<P>(
     decoder.decode_headers().map_err(|error| damaged(error.to_string()))?;
     let (width, height) = decoder.dimensions().ok_or_else(|| damaged("it has no size".into()))?;
     let count = pixels(path, width, height)?;
+    // A block of 64 pixels takes a bit at least, in a progressive image without contrast.
+    fits(path, "JPEG", count, 512, bytes.len())?;
     let values = decoder.decode().map_err(|error| damaged(error.to_string()))?;
     let data = match values.len() / count {
         1 => from_one(values),

@@ -6,6 +6,7 @@ use depthcal_model::Target;
 use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
+use super::board::check_board;
 use super::camera::{CameraRecord, NoiseRecord, PieceRecord, unique, unit_quaternion};
 use super::findings::DiagnosisDeclaration;
 use super::lens_comparison::LensComparison;
@@ -203,6 +204,7 @@ impl Versioned for Calibration {
 
     fn check(&self) -> Result<(), Fault> {
         self.camera.check()?;
+        check_board(&self.target, "target")?;
         if let Some(covariance) = &self.covariance {
             covariance.check()?;
         }

@@ -7,6 +7,7 @@ use depthcal_model::{FormulaDefinition, Of, On};
 use serde::{Deserialize, Serialize};
 
 use crate::file::Fault;
+use crate::image::MAX_PIXELS;
 
 /// The camera as a chain of pieces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -137,13 +138,23 @@ impl NoiseRecord {
 
 impl CameraRecord {
     pub(super) fn check(&self) -> Result<(), Fault> {
-        for (field, size) in [("camera.width", self.width), ("camera.height", self.height)] {
-            if size == 0 {
-                return Err(Fault::new(field, "is 0, expected the size of the image in px"));
-            }
-        }
+        check_size([self.width, self.height], "camera")?;
         check_pieces(&self.pieces, "camera.pieces")
     }
+}
+
+/// Checks the width and the height, px, of the camera that the file has at `place`: corrections have tables of this size.
+pub(super) fn check_size([width, height]: [usize; 2], place: &str) -> Result<(), Fault> {
+    for (field, size) in [("width", width), ("height", height)] {
+        if size == 0 {
+            return Err(Fault::new(format!("{place}.{field}"), "is 0, expected the size of the image in px"));
+        }
+    }
+    if width.checked_mul(height).is_none_or(|pixels| pixels > MAX_PIXELS) {
+        let problem = format!("is {width}, and the height {height}: no image of more than {MAX_PIXELS} px is read");
+        return Err(Fault::new(format!("{place}.width"), problem));
+    }
+    Ok(())
 }
 
 /// Checks the pieces that the file has at `place`.

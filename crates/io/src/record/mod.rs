@@ -1,5 +1,6 @@
 //! The records: JSON files that commands write and later commands and the report read.
 
+mod board;
 mod calibration;
 mod camera;
 mod comparison;

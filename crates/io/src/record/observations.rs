@@ -6,6 +6,7 @@ use std::path::Path;
 use depthcal_model::Target;
 use serde::{Deserialize, Serialize};
 
+use super::board::check_board;
 use super::reference::FileReference;
 use crate::dataset::FrameMetadata;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
@@ -98,6 +99,7 @@ impl Versioned for Observations {
     const VERSION: u32 = 1;
 
     fn check(&self) -> Result<(), Fault> {
+        check_board(&self.target, "target")?;
         let markers = self.target.len();
         for (i, frame) in self.frames.iter().enumerate() {
             for (j, marker) in frame.markers.iter().enumerate() {

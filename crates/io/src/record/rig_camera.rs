@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::camera::{CameraRecord, NoiseRecord, PieceRecord, check_pieces, unit_quaternion};
+use super::camera::{CameraRecord, NoiseRecord, PieceRecord, check_pieces, check_size, unit_quaternion};
 use crate::file::Fault;
 
 /// A camera of a rig: its chain of pieces, its place on the rig, and how it was fitted.
@@ -118,14 +118,7 @@ impl RigCameraRecord {
 
     /// Checks the camera with this place in the list.
     pub(super) fn check(&self, place: usize) -> Result<(), Fault> {
-        for (field, size) in [("width", self.width), ("height", self.height)] {
-            if size == 0 {
-                return Err(Fault::new(
-                    format!("cameras[{place}].{field}"),
-                    "is 0, expected the size of the image in px",
-                ));
-            }
-        }
+        check_size([self.width, self.height], &format!("cameras[{place}]"))?;
         unit_quaternion(&self.camera_from_rig.rotation, || format!("cameras[{place}].camera_from_rig.rotation"))?;
         self.noise.check(&format!("cameras[{place}].noise"))?;
         check_pieces(&self.pieces, &format!("cameras[{place}].pieces"))

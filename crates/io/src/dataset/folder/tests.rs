@@ -217,3 +217,91 @@ fn the_digest_follows_the_contents() {
     fs::write(folder.path().join("depth/a.png"), "changed").unwrap();
     assert_ne!(before, digest());
 }
+
+#[test]
+fn no_glob_leads_out_of_the_folder() {
+    for (field, sections) in [
+        ("frames.image", "[frames]\nimage = \"../*.png\"\n"),
+        ("frames.image", "[frames]\nimage = \"ir/../../*.png\"\n"),
+        ("frames.image", "[frames]\nimage = \"/etc/*\"\n"),
+        ("frames.image", "[frames]\nimage = \"../rgb.txt\"\n"),
+        ("frames.depth", "[frames]\ndepth = \"/etc/*\"\n[depth]\nunit_mm = 1\n"),
+        ("frames.metadata", "[frames]\nmetadata = \"../frames.csv\"\n"),
+        ("frames.associations", "[frames]\nassociations = \"/a.txt\"\n[depth]\nunit_mm = 1\n"),
+    ] {
+        let message = complaint(&make(sections, &["ir/1.png"]));
+        assert!(message.contains("dataset.toml:7") && message.contains(field), "{message}");
+        assert!(message.contains("leads out") && message.contains("symbolic link"), "{message}");
+    }
+    let rig = make("[cameras.a]\nimage = \"../*.png\"\n", &[]);
+    let message = crate::dataset::RigDataset::open(rig.path()).unwrap_err().to_string();
+    assert!(message.contains("cameras.NAME.image") && message.contains("leads out"), "{message}");
+}
+
+#[test]
+fn no_table_and_no_list_leads_out_of_the_folder() {
+    let tabled = "[frames]\nmetadata = \"frames.csv\"\n";
+    let listed = "[frames]\nimage = \"a/list.txt\"\n";
+    let pairs = "[frames]\nassociations = \"a/list.txt\"\n[depth]\nunit_mm = 1\n";
+    for (sections, table, text) in [
+        (tabled, "frames.csv", "frame,image\n1,ir/1.png\n2,../2.png\n"),
+        (tabled, "frames.csv", "frame,image\n1,ir/1.png\n2,/etc/passwd\n"),
+        (listed, "a/list.txt", "1 ../ir/1.png\n2 ../../2.png\n"),
+        (pairs, "a/list.txt", "1 ../ir/1.png 1 ../ir/1.png\n2 ../ir/1.png 2 /etc/passwd\n"),
+    ] {
+        let folder = make(sections, &["ir/1.png", table]);
+        fs::write(folder.path().join(table), text).unwrap();
+        let message = complaint(&folder);
+        let line = text.lines().count();
+        assert!(message.contains(&format!("{table}:{line}: ")) && message.contains("outside"), "{message}");
+    }
+    // Of cameras of a rig.
+    let folder = make("[cameras.a]\nimage = \"ir/*.png\"\n[frames]\nmetadata = \"frames.csv\"\n", &["ir/1.png"]);
+    fs::write(folder.path().join("frames.csv"), "frame,a.image\n1,ir/1.png\n2,../2.png\n").unwrap();
+    let message = crate::dataset::RigDataset::open(folder.path()).unwrap_err().to_string();
+    assert!(message.contains("frames.csv:3: ../2.png"), "{message}");
+}
+
+#[test]
+fn absolute_paths_into_the_folder_and_parents_within_it_are_read() {
+    let folder = make("[frames]\nmetadata = \"a/../frames.csv\"\n", &["ir/1.png"]);
+    let own = folder.path().join("ir/1.png");
+    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", own.display()))
+        .unwrap();
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&own)) && dataset.frames.len() == 2);
+}
+
+/// A link in the folder is its owner's; a parent behind a link is taken out before the link could give it another meaning.
+#[cfg(unix)]
+#[test]
+fn links_in_the_folder_are_followed() {
+    use std::os::unix::fs::symlink;
+    let elsewhere = tempfile::tempdir().unwrap();
+    fs::create_dir(elsewhere.path().join("ir")).unwrap();
+    fs::write(elsewhere.path().join("ir/1.png"), "").unwrap();
+    fs::write(elsewhere.path().join("2.png"), "").unwrap();
+    let folder = make("[frames]\nimage = \"ir/*.png\"\n", &["3.png"]);
+    symlink(elsewhere.path().join("ir"), folder.path().join("ir")).unwrap();
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.frames[0].image, Some(folder.path().join("ir/1.png")));
+    let parent = format!("{BOARD}[frames]\nimage = \"ir/../*.png\"\n");
+    fs::write(folder.path().join("dataset.toml"), parent).unwrap();
+    let names: Vec<_> = Dataset::open(folder.path()).unwrap().frames.into_iter().map(|frame| frame.name).collect();
+    assert_eq!(names, ["3"]);
+    // Folders that contain themselves end.
+    symlink(folder.path(), folder.path().join("again")).unwrap();
+    let all = format!("{BOARD}[frames]\nimage = \"**/3.png\"\n");
+    fs::write(folder.path().join("dataset.toml"), all).unwrap();
+    let _ = Dataset::open(folder.path());
+}
+
+#[cfg(unix)]
+#[test]
+fn intrinsics_may_lie_outside_but_are_a_regular_file() {
+    let folder = make("[frames]\nimage = \"ir/*.png\"\n[camera]\nintrinsics = \"../camera.yml\"\n", &["ir/1.png"]);
+    let dataset = Dataset::open(folder.path()).unwrap();
+    assert_eq!(dataset.intrinsics_file(), Some(folder.path().join("../camera.yml")));
+    let endless = make("[frames]\nimage = \"ir/*.png\"\n[camera]\nintrinsics = \"/dev/zero\"\n", &["ir/1.png"]);
+    assert!(complaint(&endless).contains("/dev/zero: cannot read: camera.intrinsics has to name a regular file"));
+}

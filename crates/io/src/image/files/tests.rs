@@ -166,6 +166,17 @@ fn a_truncated_jpeg_is_named_wherever_it_is_cut() {
     }
 }
 
+#[test]
+fn a_jpeg_that_claims_more_than_it_holds_is_refused_before_memory_is_allocated() {
+    let mut bytes = from_hex(GREY_JPEG);
+    let header = bytes.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+    for (size, problem) in [([60_000_u16; 2], "60000"), ([16_000; 2], "too short for the 256000000 bytes")] {
+        bytes[header + 5..header + 9].copy_from_slice(&[size[0].to_be_bytes(), size[1].to_be_bytes()].concat());
+        let message = decode_gray(name(), &bytes).unwrap_err().to_string();
+        assert!(message.contains(problem), "{message}");
+    }
+}
+
 proptest! {
     #[test]
     fn damaged_jpeg_is_no_panic(position in any::<prop::sample::Index>(), value in any::<u8>(), red in any::<bool>()) {

@@ -150,6 +150,27 @@ fn faults_name_the_field() {
     }
 }
 
+/// Corrections have tables of the image's size, and detections one of the board's.
+#[test]
+fn sizes_that_would_fill_the_memory_are_refused() {
+    let huge = |c: &mut Calibration| (c.camera.width, c.camera.height) = (usize::MAX, 2);
+    assert!(fault_of(huge).contains("`camera.width` is 18446744073709551615"));
+    assert!(fault_of(|c| (c.camera.width, c.camera.height) = (1 << 20, 1 << 20)).contains("268435456 px"));
+    assert!(fault_of(|c| c.target.columns = usize::MAX).contains("`target.columns` is 18446744073709551615"));
+    let several = |c: &mut Calibration| {
+        let board = depthcal_model::Target { rows: 1001, ..c.target.clone() };
+        let own = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
+        c.target = depthcal_model::Target::several(vec![own]);
+    };
+    assert!(fault_of(several).contains("`target.boards[0].board.rows` is 1001"));
+    let nested = |c: &mut Calibration| {
+        let board = depthcal_model::Target::several(Vec::new());
+        let own = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
+        c.target = depthcal_model::Target::several(vec![own]);
+    };
+    assert!(fault_of(nested).contains("is several boards again"));
+}
+
 fn parse(text: &str) -> Result<Calibration, FileError> {
     parse_versioned(Path::new("c.json"), text.as_bytes())
 }
