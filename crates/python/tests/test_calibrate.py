@@ -83,23 +83,24 @@ def test_fits_of_other_noise_agree_within_their_standard_deviations(points):
         assert abs(row.value - other[row.name].value) < 4.5 * np.hypot(row.std_dev, other[row.name].std_dev), row.name
 
 
-def test_start_values_and_fixed_intrinsics(images, corners):
+def test_start_values_and_fixed_intrinsics(dataset, images, corners):
     frames = [depthcal.Frame(corners[name], depth, gray, name) for name, (gray, depth) in images.items()]
     k = np.array([[580.0, 0, 320], [0, 580.0, 240], [0, 0, 1]])
-    fixed = depthcal.Dataset.from_arrays(BOARD, frames, unit_mm=1.0, intrinsics=k, distortion=[0] * 5, fixed=True)
+    given = dict(intrinsics=k, distortion=[0] * 5, fixed=True)
+    fixed = depthcal.Dataset.from_arrays(BOARD, frames, unit_mm=dataset.unit_mm, **given)
     fit = depthcal.calibrate(fixed)
     assert fit.calibration.value("pinhole.fx") == 580.0
     assert all(row.fixed for row in fit.calibration.parameters if row.name.startswith("pinhole."))
     np.testing.assert_array_equal(fit.calibration.matrix, k)
 
 
-def test_only_some_markers_of_a_frame(images, corners):
+def test_only_some_markers_of_a_frame(dataset, images, corners):
     frames = []
     for name, (gray, depth) in images.items():
         ids, found = corners[name]
         some = ids < 9 * 4
         frames.append(depthcal.Frame((ids[some], found[some]), depth, gray, name))
-    fit = depthcal.calibrate(depthcal.Dataset.from_arrays(BOARD, frames, unit_mm=1.0))
+    fit = depthcal.calibrate(depthcal.Dataset.from_arrays(BOARD, frames, unit_mm=dataset.unit_mm))
     assert fit.errors[0].reprojection_px < 0.3
 
 

@@ -164,11 +164,13 @@ fn sizes_that_would_fill_the_memory_are_refused() {
     };
     assert!(fault_of(several).contains("`target.boards[0].board.rows` is 1001"));
     let nested = |c: &mut Calibration| {
-        let board = depthcal_model::Target::several(Vec::new());
+        let inner = depthcal_model::NumberedBoard { name: "b".into(), first_tag: 0, board: c.target.clone() };
+        let board = depthcal_model::Target::several(vec![inner]);
         let own = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
         c.target = depthcal_model::Target::several(vec![own]);
     };
-    assert!(fault_of(nested).contains("is several boards again"));
+    let message = fault_of(nested);
+    assert!(message.contains("is several boards again"), "{message}");
 }
 
 fn parse(text: &str) -> Result<Calibration, FileError> {
