@@ -87,7 +87,7 @@ impl Hand {
 fn main() -> Result<(), Failure> {
     let options = Options::of_arguments()?;
     let camera = CameraTruth::published(1)?;
-    let simulation = |seed: u64| Simulation::new(camera.clone(), Kind::General(1), &[], seed);
+    let simulation = |seed: u64| Simulation::new(camera, Kind::General(1), &[], seed);
     simulation(2).frames(60).write_dataset(options.folder.join("other"))?;
 
     let cycle_s = AT_REST_S + ON_THE_WAY_S;

@@ -251,7 +251,7 @@ impl Truth {
         }
         // A mirrored image is that of a mirrored camera.
         let last = camera.width as f64 - 1.0;
-        let mut mirrored = camera.clone();
+        let mut mirrored = *camera;
         mirrored.centre_px[0] = last - camera.centre_px[0];
         mirrored.skew_px = -camera.skew_px;
         mirrored.lens[3] = -camera.lens[3];

@@ -21,7 +21,7 @@ const LARGER: f64 = 1.18;
 impl Rendered {
     pub fn new(seed: u64, frames: usize) -> Result<Self, Failure> {
         let camera = CameraTruth::published(1 + (seed % 4) as usize)?;
-        let simulation = |seed: u64| Simulation::new(camera.clone(), Kind::General(1), &[], seed);
+        let simulation = |seed: u64| Simulation::new(camera, Kind::General(1), &[], seed);
         let plain = simulation(500 + seed).frames(frames);
         let truth = plain.renderer()?.truth().clone();
         let poses: Vec<Pose> = truth.frames.iter().map(|frame| frame.pose).collect();
