@@ -2,7 +2,9 @@
 
 mod support;
 
-use depthcal::io::{DepthFrame, DepthValues, read_depth_frame, write_depth_frame};
+use std::fmt::Write as _;
+
+use depthcal::io::{Calibration, DepthFrame, DepthValues, Observations, read_depth_frame, write_depth_frame};
 use support::{BOARD, Folder, HEIGHT, WIDTH, calibration_with_unit, depth, fails, stdout, succeeds};
 
 /// Floating-point depth in metres, with pixels that are no measurement.
@@ -85,6 +87,49 @@ fn strays_of_a_dataset_are_listed() {
     let output = succeeds(["apply", &folder.arg("calibration.json"), &folder.arg("data"), "--out", &folder.arg("out")]);
     assert!(stdout(&output).contains("not corrected: depth/2.png (no image pairs with it)"), "{}", stdout(&output));
     assert_eq!(folder.names("out"), ["0.png", "1.png", "3.png"]);
+}
+
+/// The markers that `detect` found, as any program might write them: the calibration is that of the detector, but for the weights, which
+/// the file does not have.
+#[test]
+fn markers_of_another_detector_take_the_place_of_ours() {
+    let folder = Folder::new();
+    let [captures, corners] = ["captures", "corners.vnl"].map(|name| folder.arg(name));
+    succeeds(["simulate", "--frames", "12", "--out", &captures]);
+    let observations = |out: &str, extra: &[&str]| -> Observations {
+        let out = folder.arg(out);
+        succeeds(["detect", &captures, "--no-cache", "--out", &out].iter().chain(extra).copied());
+        Observations::read(format!("{out}/observations.json")).unwrap()
+    };
+    let detected = observations("detected", &[]);
+    let mut text = "# filename x y level\n".to_owned();
+    for frame in &detected.frames {
+        for index in 0..detected.target.len() {
+            let pixel = frame.markers.iter().find(|m| m.index == index).map(|m| m.pixel);
+            let cells = pixel.map_or("- - -".to_owned(), |[u, v]| format!("{u} {v} 0"));
+            writeln!(text, "elsewhere/image/{}.png {cells}", frame.name).unwrap();
+        }
+    }
+    folder.write("corners.vnl", text);
+    let given = observations("given", &["--markers", &corners]);
+    let pixels = |o: &Observations| -> Vec<_> {
+        o.frames.iter().flat_map(|f| f.markers.iter().map(|m| (f.name.clone(), m.index, m.pixel))).collect()
+    };
+    assert!(pixels(&detected).len() > 400);
+    assert_eq!(pixels(&given), pixels(&detected));
+
+    let camera = |out: &str, extra: &[&str]| {
+        let out = folder.arg(out);
+        succeeds(["calibrate", &captures, "--no-cache", "--out", &out].iter().chain(extra).copied());
+        Calibration::read(format!("{out}/calibration.json")).unwrap()
+    };
+    let (ours, theirs) = (camera("ours", &[]), camera("theirs", &["--markers", &corners]));
+    for (ours, theirs) in ours.camera.pieces.iter().zip(&theirs.camera.pieces) {
+        for (a, b) in ours.parameters.iter().zip(&theirs.parameters).filter(|(a, _)| !a.fixed) {
+            let (difference, std) = ((a.value - b.value).abs(), a.std_dev.unwrap());
+            assert!(difference < 0.5 * std, "{}: {} or {}, standard deviation {std}", a.name, a.value, b.value);
+        }
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //!
 //! Every capture is rendered, spoiled, written as a dataset, detected, calibrated and diagnosed as by the command line. A fit is *right* where
 //! all free parameters together are within three standard deviations of the truth (χ² at 0.27 %). A *warning* is an error instead of a
-//! result, a frame that is left out and listed, or, of `diagnose`, a bad frame, a declaration that cannot be right, or any verdict but `adequate`. What
+//! result, a frame or a marker that is left out and listed, or, of `diagnose`, a bad frame, a declaration that cannot be right, or any verdict but `adequate`. What
 //! counts is the last column but one: results that are not right and say nothing.
 
 mod case;
@@ -58,10 +58,11 @@ fn main() -> Result<(), Failure> {
          either | depth error on other frames over that of the unspoiled: median, worst |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    let plain = |rendered: &Rendered| Outcome::of(rendered, &Case::nothing(), rendered.frames.len());
+    let anything = Outcome { dropped: usize::MAX, wrong_markers: usize::MAX, ..Outcome::default() };
+    let plain = |rendered: &Rendered| Outcome::of(rendered, &Case::nothing(), &anything);
     let plain: Vec<Outcome> = rendered.par_iter().map(plain).collect::<Result<_, _>>()?;
     for case in cases().iter().filter(|case| wanted(case)) {
-        let outcome = |(rendered, plain): (&Rendered, &Outcome)| Outcome::of(rendered, case, plain.dropped);
+        let outcome = |(rendered, plain): (&Rendered, &Outcome)| Outcome::of(rendered, case, plain);
         let outcomes: Vec<Outcome> = rendered.par_iter().zip(&plain).map(outcome).collect::<Result<_, _>>()?;
         println!("{}", row(&case.name, &outcomes, &plain));
     }

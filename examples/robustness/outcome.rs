@@ -44,13 +44,15 @@ pub struct Outcome {
     pub diagnose_warns: bool,
     /// Frames that were left out.
     pub dropped: usize,
+    /// Markers that were left out as wrong.
+    pub wrong_markers: usize,
     /// Depth error on other frames, mm.
     pub depth_rms_mm: Option<f64>,
 }
 
 impl Outcome {
-    /// `usual` is the number of frames that are left out where nothing is wrong.
-    pub fn of(rendered: &Rendered, case: &Case, usual: usize) -> Result<Self, Failure> {
+    /// `usual` is what becomes of the capture where nothing is wrong: a frame or a marker more that is left out, with words, is a warning.
+    pub fn of(rendered: &Rendered, case: &Case, usual: &Self) -> Result<Self, Failure> {
         let folder = tempfile::tempdir()?;
         let mut rng = ChaCha8Rng::seed_from_u64(rendered.seed);
         write(rendered, case.fault, folder.path(), &mut rng)?;
@@ -79,12 +81,14 @@ impl Outcome {
         };
         let contradicts = loaded.circle_diameter.is_some_and(|measured| measured.contradicts_declaration());
         let dropped = fit.capture.dropped.len();
+        let wrong_markers = fit.capture.frames.iter().map(|frame| frame.wrong_markers.len()).sum();
         let truth = Truth::of(rendered, case.fault)?;
         let is_off = implausible_scale(&fit.capture, PLAUSIBLE_SCALE_DEVIATION).is_some();
         let mut outcome = Self {
             right: truth.is_hit_by(&fit),
-            calibrate_warns: contradicts || is_off || dropped > usual,
+            calibrate_warns: contradicts || is_off || dropped > usual.dropped || wrong_markers > usual.wrong_markers,
             dropped,
+            wrong_markers,
             depth_rms_mm: evaluate(&fit.camera, &truth.other).record().depth_rms_mm.map(|error| error.after),
             ..Self::default()
         };

@@ -91,10 +91,8 @@ pub fn read_corners(path: &Path) -> Result<Vec<ImageCorners>, CornerFileError> {
         let Some(legend) = &legend else {
             return Err(line.wrong("a legend is missing: begin the file with `# filename x y level`".to_owned()));
         };
-        let (image, entry) = legend.corner(&line)?;
-        if let Some(last) = images.last_mut().filter(|last| last.image == image && !last.corners.is_empty())
-            && let Entry::Corner(corner) = entry
-        {
+        let (image, corner) = legend.corner(&line)?;
+        if let Some(last) = images.last_mut().filter(|last| last.image == image) {
             last.corners.push(corner);
             last.lines.push(line.number);
             continue;
@@ -103,21 +101,15 @@ pub fn read_corners(path: &Path) -> Result<Vec<ImageCorners>, CornerFileError> {
             let problem = format!("line {first} is of {image} already: write all its corners one after another");
             return Err(line.wrong(problem));
         }
-        let corners = match entry {
-            Entry::NoBoard => Vec::new(),
-            Entry::Corner(corner) => vec![corner],
-        };
-        images.push(ImageCorners { image, lines: vec![line.number], corners });
+        images.push(ImageCorners { image, lines: vec![line.number], corners: vec![corner] });
+    }
+    // A single line without a corner says that the board was not found; no board has one marker.
+    for image in &mut images {
+        if image.corners == [None] {
+            image.corners.clear();
+        }
     }
     Ok(images)
-}
-
-/// What a line says.
-enum Entry {
-    /// The board was not found in the image.
-    NoBoard,
-    /// A corner, `None` where it was not found.
-    Corner(Option<FileCorner>),
 }
 
 /// A line's cells, each with the column at which it begins, from 1.
@@ -182,8 +174,8 @@ impl Legend {
         Ok(Legend { fields: names.len(), filename: need("filename")?, x: need("x")?, y: need("y")?, quality })
     }
 
-    /// The image of a line, and what the line says of it.
-    fn corner(&self, line: &Line) -> Result<(String, Entry), CornerFileError> {
+    /// The image of a line, and its corner, `None` where it was not found.
+    fn corner(&self, line: &Line) -> Result<(String, Option<FileCorner>), CornerFileError> {
         let cell = |index: usize| line.cells.get(index).map_or("-", |cell| cell.1);
         // Where there is no board, mrgingham leaves out the last fields.
         let no_board = [self.x, self.y].iter().all(|&index| cell(index) == "-");
@@ -213,12 +205,8 @@ impl Legend {
             }
             None => Some(1.0),
         };
-        if x.is_none() && y.is_none() && (self.quality.is_none() || quality.is_none()) {
-            return Ok((image, Entry::NoBoard));
-        }
         let usable = quality.filter(|std| *std > 0.0 && std.is_finite());
-        let corner = x.zip(y).zip(usable);
-        Ok((image, Entry::Corner(corner.map(|((x, y), relative_std)| FileCorner { pixel: [x, y], relative_std }))))
+        Ok((image, x.zip(y).zip(usable).map(|((x, y), relative_std)| FileCorner { pixel: [x, y], relative_std })))
     }
 }
 
@@ -236,14 +224,16 @@ mod tests {
     #[test]
     fn boards_missing_boards_and_missing_corners() {
         let text = "## made by hand\n# filename x y level\na.png 1.5 2 0\na.png 3 4 1\na.png - - 2\na.png 5 6 -\n\
-                    # a comment\nb.png - - -\nc.png - -\nd.png 7 8 -1\n";
+                    # a comment\nb.png - - -\nc.png - -\nd.png 7 8 -1\nd.png 7 8 0\ne.png - - -\ne.png - -\ne.png 1 2 0\n";
         let images = read(text).expect("valid");
         let names: Vec<&str> = images.iter().map(|i| i.image.as_str()).collect();
-        assert_eq!(names, ["a.png", "b.png", "c.png", "d.png"]);
+        assert_eq!(names, ["a.png", "b.png", "c.png", "d.png", "e.png"]);
         let corner = |pixel, relative_std| Some(FileCorner { pixel, relative_std });
         assert_eq!(images[0].corners, [corner([1.5, 2.0], 1.0), corner([3.0, 4.0], 2.0), None, None]);
         assert!(images[1].corners.is_empty() && images[2].corners.is_empty());
-        assert_eq!((images[3].lines[0], images[3].corners.as_slice()), (10, &[None][..]));
+        assert_eq!(images[3].lines, [10, 11]);
+        assert_eq!(images[3].corners, [None, corner([7.0, 8.0], 1.0)]);
+        assert_eq!(images[4].corners, [None, None, corner([1.0, 2.0], 1.0)]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `diagnose`: what a model lacks.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_calibration::calibration_record::calibration_record;
@@ -14,6 +14,7 @@ use depthcal_model::Register;
 use depthcal_report::{
     ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files, verdict_sentence,
 };
+use depthcal_rig::load::LoadedRig;
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
@@ -24,18 +25,34 @@ use crate::request::{base_options, json, model_request, register_with};
 use crate::running::run;
 use crate::written::{html, save_together, write_report, write_text};
 
+/// What was examined: a dataset, or a camera of a rig by its index.
+pub(crate) enum Examined {
+    Dataset(Arc<Loaded>),
+    OfRig(Arc<LoadedRig>, usize),
+}
+
+impl Examined {
+    fn loaded(&self) -> &Loaded {
+        match self {
+            Self::Dataset(loaded) => loaded,
+            Self::OfRig(rig, camera) => &rig.cameras[*camera],
+        }
+    }
+}
+
 /// A diagnosis.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 pub(crate) struct Diagnosis {
-    found: Box<Found>,
-    fitted: Evaluated,
-    record: DiagnosisFile,
+    pub(crate) found: Box<Found>,
+    pub(crate) fitted: Evaluated,
+    pub(crate) record: DiagnosisFile,
     /// With the formulas that were found.
-    register: Register,
-    loaded: Arc<Loaded>,
-    verified: bool,
-    stages: StageTimes,
-    call: String,
+    pub(crate) register: Register,
+    pub(crate) loaded: Examined,
+    pub(crate) title: String,
+    pub(crate) verified: bool,
+    pub(crate) stages: StageTimes,
+    pub(crate) call: String,
 }
 
 /// Finds what a model lacks.
@@ -72,7 +89,8 @@ pub(crate) fn diagnose(
         let (record, register) =
             diagnosis_record(&found, loaded.reference.clone(), &request.model, &register, progress).map_err(input)?;
         let (verified, stages) = (verify.is_some(), progress.stage_times());
-        Ok(Diagnosis { found: Box::new(found), fitted, record, register, loaded, verified, stages, call })
+        let (title, loaded) = (loaded.capture.name.clone(), Examined::Dataset(loaded));
+        Ok(Diagnosis { found: Box::new(found), fitted, record, register, loaded, title, verified, stages, call })
     })
 }
 
@@ -94,7 +112,7 @@ impl Diagnosis {
         let diagnosis =
             ReportDiagnosis { record: &self.record, before: &found.before.evaluated, register: &self.register };
         make(&ReportInput {
-            title: self.loaded.capture.name.clone(),
+            title: self.title.clone(),
             command_line: self.call.clone(),
             stages: self.stages.clone(),
             calibrated: Some(&found.last),
@@ -102,6 +120,25 @@ impl Diagnosis {
             diagnosis: Some(diagnosis),
             story: &[],
         })
+    }
+}
+
+impl Diagnosis {
+    /// Writes all files into a folder; returns their names.
+    pub(crate) fn write(&self, out: &Path) -> Result<Vec<PathBuf>, Failure> {
+        self.record.write(out.join("diagnosis.json")).map_err(input)?;
+        let (last, loaded) = (&self.found.last, self.loaded.loaded());
+        write_calibration(last, &self.fitted, loaded, self.datasets(), &self.register, out).map_err(input)?;
+        self.report(|report| write_report(report, out))?;
+        let mut written = ["diagnosis.json", "calibration.json", "report.html"].map(PathBuf::from).to_vec();
+        for formula in &self.found.formulas {
+            for (name, text) in effect_files(&formula.effect) {
+                let name = PathBuf::from("effects").join(name);
+                write_text(out.join(&name), &text)?;
+                written.push(name);
+            }
+        }
+        Ok(written)
     }
 }
 
@@ -125,7 +162,7 @@ impl Diagnosis {
     /// The calibration of the last model.
     fn calibration(&self) -> Calibration {
         let last = &self.found.last;
-        let record = calibration_record(last, &self.fitted, self.loaded.reference.clone(), None);
+        let record = calibration_record(last, &self.fitted, self.loaded.loaded().reference.clone(), None);
         Calibration::new(record, last.camera.clone(), self.register.clone())
     }
 
@@ -147,23 +184,6 @@ impl Diagnosis {
     /// Writes `diagnosis.json`, `calibration.json`, `evaluation.json`, `observations.json`, `report.html` and the files of formulas that
     /// were found into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
-        run(py, None, |_| {
-            save_together(&out, "calibration.json", |out| {
-                self.record.write(out.join("diagnosis.json")).map_err(input)?;
-                let last = &self.found.last;
-                write_calibration(last, &self.fitted, &self.loaded, self.datasets(), &self.register, out)
-                    .map_err(input)?;
-                self.report(|report| write_report(report, out))?;
-                let mut written = ["diagnosis.json", "calibration.json", "report.html"].map(PathBuf::from).to_vec();
-                for formula in &self.found.formulas {
-                    for (name, text) in effect_files(&formula.effect) {
-                        let name = PathBuf::from("effects").join(name);
-                        write_text(out.join(&name), &text)?;
-                        written.push(name);
-                    }
-                }
-                Ok(written)
-            })
-        })
+        run(py, None, |_| save_together(&out, "calibration.json", |out| self.write(out)))
     }
 }

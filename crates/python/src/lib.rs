@@ -5,7 +5,7 @@
 //! users are in the package's Python files.
 //!
 //! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work;
-//! - `rig`, `fleet`: several cameras on one body, many of one type;
+//! - `rig`, `rig_diagnosed`, `fleet`: several cameras on one body, many of one type;
 //! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
 //! - `request`, `failure`, `running`: what all steps share.
@@ -30,6 +30,7 @@ mod markers;
 mod registration;
 mod request;
 mod rig;
+mod rig_diagnosed;
 mod running;
 mod simulated;
 mod written;
@@ -55,6 +56,7 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<rig::Rig>()?;
     module.add_class::<rig::RigFit>()?;
     module.add_class::<rig::RigEvaluation>()?;
+    module.add_class::<rig_diagnosed::RigDiagnosis>()?;
     module.add_class::<fleet::Fleet>()?;
     module.add_class::<effect::Effect>()?;
     module.add_function(wrap_pyfunction!(dataset::load, module)?)?;
@@ -66,6 +68,7 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(rig::load_rig, module)?)?;
     module.add_function(wrap_pyfunction!(rig::calibrate_rig, module)?)?;
     module.add_function(wrap_pyfunction!(rig::evaluate_rigs, module)?)?;
+    module.add_function(wrap_pyfunction!(rig_diagnosed::diagnose_rigs, module)?)?;
     module.add_function(wrap_pyfunction!(fleet::fleet, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate_points, module)?)?;

@@ -34,7 +34,7 @@ impl From<RigError> for Failure {
 #[pyclass(frozen, module = "depthcal._depthcal")]
 #[derive(Debug)]
 pub(crate) struct Rig {
-    loaded: Arc<LoadedRig>,
+    pub(crate) loaded: Arc<LoadedRig>,
     path: PathBuf,
 }
 
@@ -97,12 +97,12 @@ impl Rig {
 }
 
 /// A report of a rig as HTML.
-fn html(report: &ReportInput<'_>, rig: &ReportRig<'_>) -> Result<String, Failure> {
+pub(crate) fn html(report: &ReportInput<'_>, rig: &ReportRig<'_>) -> Result<String, Failure> {
     render_rig(report, rig).map_err(input)
 }
 
 /// The reference's errors on a dataset, for the sections of a report on one camera.
-fn shown(rig: &EvaluatedRig, role: Role) -> Option<ReportDataset<'_>> {
+pub(crate) fn shown(rig: &EvaluatedRig, role: Role) -> Option<ReportDataset<'_>> {
     rig.cameras.first().map(|evaluated| ReportDataset { evaluated, role })
 }
 

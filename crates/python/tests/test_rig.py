@@ -76,6 +76,21 @@ def test_a_rig_is_evaluated_as_by_the_command_line(command_line, rig, rig_fit, r
         depthcal.evaluate_rig(one, rig)
 
 
+def test_a_rig_is_diagnosed_as_by_the_command_line(command_line, rig, rig_folder, tmp_path):
+    command_line("diagnose", rig_folder, "--no-discovery", "--out", tmp_path / "cli")
+    diagnosis = depthcal.diagnose_rig(rig, discovery=False)
+    written = diagnosis.save(tmp_path / "python")
+    assert all(path.is_file() for path in written)
+    equal(tmp_path / "python", tmp_path / "cli", "diagnosis.json", "calibration.json", "evaluation.json")
+    own = ["diagnosis.json", "calibration.json", "evaluation.json", "observations.json", "scores.json"]
+    equal(tmp_path / "python", tmp_path / "cli", *(f"infrared/{name}" for name in own))
+    assert list(diagnosis.cameras) == ["infrared"] and diagnosis.record["without_depth"] == ["colour"]
+    assert diagnosis.verdict == diagnosis.cameras["infrared"].verdict and "[infrared]" in repr(diagnosis)
+    assert diagnosis.calibration.cameras == rig.cameras and "<html" in diagnosis.report.html
+    with pytest.raises(depthcal.InputError, match="folds"):
+        depthcal.diagnose_rig(rig, folds=1)
+
+
 def test_depth_is_registered_as_by_the_command_line(command_line, rig_folder, tmp_path):
     cv2 = pytest.importorskip("cv2", reason="SKIPPED: registration; OpenCV is not installed")
     path = rig_folder.parent / "calibrated" / "calibration.json"

@@ -8,6 +8,7 @@ use tracing::{info, warn};
 use super::error::CalibrateError;
 use super::settle::{Attempt, ROUNDS, State};
 use crate::adjust::adjustment::Adjusted;
+use crate::observe::gross_markers::gross_markers;
 use crate::observe::wrong_markers::{limit_px, take_wrong};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
 use crate::start::{
@@ -23,6 +24,23 @@ const BAD_FRAME_FLOOR_PX: f64 = 0.5;
 /// The markers of a frame.
 pub(super) fn markers_of(frame: &DetectedFrame) -> FrameMarkers<'_> {
     FrameMarkers { name: &frame.name, markers: &frame.markers }
+}
+
+/// The capture without grossly wrong markers, of which frames keep a list.
+pub(super) fn without_gross_markers(capture: &Capture) -> Capture {
+    let without = |frame: &DetectedFrame| {
+        let wrong = gross_markers(&capture.target, &frame.markers);
+        let count = wrong.iter().filter(|wrong| **wrong).count();
+        let mut frame = frame.clone();
+        if count > 0 {
+            warn!("frame {}: {count} of its {} markers left out, far from all others", frame.name, wrong.len());
+            let mut wrong = wrong.iter();
+            let gross = frame.markers.extract_if(.., |_| wrong.next().is_some_and(|wrong| *wrong));
+            frame.wrong_markers.extend(gross);
+        }
+        frame
+    };
+    capture.with_frames(capture.frames.par_iter().map(without).collect())
 }
 
 /// The capture without frames whose markers determine no homography, which are among its dropped.

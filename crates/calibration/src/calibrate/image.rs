@@ -4,7 +4,7 @@ use depthcal_model::{Block, Camera};
 
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
-use super::frame_checks::{markers_of, posed, repair, with_homographies};
+use super::frame_checks::{markers_of, posed, repair, with_homographies, without_gross_markers};
 use super::held::{check, hold};
 use super::lens_choice::settle_with_chosen_lens;
 use super::lens_comparison::{AUTO, fit_best_lens};
@@ -43,6 +43,7 @@ fn calibrate_image_with_lens(
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {
     let _stage = options.progress.stage("image calibration");
     let options = &options.for_board(&capture.target);
+    let capture = &without_gross_markers(capture);
     let capture = with_homographies(capture);
     let (lens, order) = requested(&options.lens);
     let declared = options.camera.clone();

@@ -7,6 +7,7 @@ pub mod board_region;
 mod capture;
 pub mod depth_sampling;
 pub(crate) mod frame_light;
+pub(crate) mod gross_markers;
 mod kept_light;
 pub mod marker_depth;
 pub mod neighbourhood;

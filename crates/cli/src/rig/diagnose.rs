@@ -4,19 +4,14 @@ use std::path::{Path, PathBuf};
 
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::Loaded;
-use depthcal_io::{
-    DiagnosisFile, Evaluation, GainInterval, RigCameraDiagnosis, RigDiagnosisFile, RigDriftTest, RigEffect, RigHeldOut,
-    RigLeftOut,
-};
-use depthcal_model::{ModelSpec, PieceSpec};
+use depthcal_io::{DiagnosisFile, Evaluation, GainInterval};
+use depthcal_model::ModelSpec;
 use depthcal_report::format::number;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, verdict_sentence};
 use depthcal_rig::RigOptions;
 use depthcal_rig::diagnose::{
-    CameraDiagnosis, DriftTest, EffectInRig, LeftOutErrors, RigDiagnoseOptions, RigDiagnosis, diagnose_rig,
+    CameraDiagnosis, EffectInRig, RigDiagnoseOptions, RigDiagnosis, RigDiagnosisRecords, diagnose_rig,
 };
-use depthcal_rig::judge::EvaluatedRig;
-use depthcal_rig::record::{drift_record, rig_record};
 use serde_json::{Value, json};
 
 use super::calibrate::add_effects;
@@ -64,10 +59,9 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
     let place = results.place();
     let mut written: Vec<PathBuf> = Vec::new();
     let parts = rig_parts(&found, &rig.cameras, &names);
-    let mut cameras = Vec::new();
+    let mut own = Vec::new();
     for (camera, loaded) in found.cameras.iter().zip(&parts) {
-        let own = tell_camera(camera, loaded, asked, verify.is_some(), session, &place.within(&camera.name))?;
-        cameras.push(record_of(camera, own));
+        own.push(tell_camera(camera, loaded, asked, verify.is_some(), session, &place.within(&camera.name))?);
         written.push(asked.output.out.join(&camera.name));
     }
     for name in &found.without_depth {
@@ -76,27 +70,15 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
     print_drifts(&found);
     say!("\nall cameras jointly, with what was added");
     print_rig(&found.last);
-    say!("\nheld-out frames, with the declared models");
-    let before = print_errors(&found.before);
-    say!("\nheld-out frames, with what was added");
-    let after = print_errors(&found.after);
     let reference = rig.cameras.first().map(|c| c.reference.clone()).ok_or_else(no_cameras)?;
-    let record = RigDiagnosisFile {
-        dataset: reference.clone(),
-        verdict: found.verdict,
-        cameras,
-        without_depth: found.without_depth.clone(),
-        extrinsics_drift: found.drifts.iter().map(|test| drift_record_of(test, &found)).collect(),
-        held_out: RigHeldOut { before, after: after.clone() },
-    };
+    let RigDiagnosisRecords { diagnosis: record, calibration, evaluation } =
+        RigDiagnosisRecords::new(&found, reference, own).ok_or_else(no_cameras)?;
+    say!("\nheld-out frames, with the declared models");
+    print_errors(&record.held_out.before);
+    say!("\nheld-out frames, with what was added");
+    print_errors(&record.held_out.after);
     let file = place.write("diagnosis.json", |path| record.write(path))?;
-    let calibration = rig_record(&found.last, &found.fitted, reference).ok_or_else(no_cameras)?;
     let path = place.write("calibration.json", |path| calibration.write(path))?;
-    let evaluation = evaluation_of(&found.fitted, "");
-    let evaluation = Evaluation {
-        datasets: evaluation.datasets.into_iter().chain(after.datasets).collect(),
-        transfer: evaluation.transfer.into_iter().chain(after.transfer).collect(),
-    };
     place.write("evaluation.json", |path| evaluation.write(path))?;
     let story: Vec<String> = record
         .cameras
@@ -178,22 +160,6 @@ fn rig_parts<'a>(found: &RigDiagnosis, loaded: &'a [Loaded], names: &[&str]) -> 
     found.cameras.iter().filter_map(of).collect()
 }
 
-/// Whether a drift is part of the last rig.
-fn is_added(test: &DriftTest, found: &RigDiagnosis) -> bool {
-    let camera = found.last.camera(&test.camera);
-    camera.and_then(|c| c.drift).is_some_and(|(drift, _)| drift.over == test.drift.over)
-}
-
-fn drift_record_of(test: &DriftTest, found: &RigDiagnosis) -> RigDriftTest {
-    RigDriftTest {
-        camera: test.camera.clone(),
-        drift: drift_record((test.drift, test.std_devs)),
-        p_value: test.p_value,
-        left_out: test.left_out.map(left_out_record),
-        added: is_added(test, found),
-    }
-}
-
 fn print_drifts(found: &RigDiagnosis) {
     for test in &found.drifts {
         let (camera, over) = (&test.camera, drift_range(test.drift.over, test.drift.range));
@@ -201,41 +167,12 @@ fn print_drifts(found: &RigDiagnosis) {
             let GainInterval { value, low, high } = errors.gain_percent;
             format!(", the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to {high:.1})")
         });
-        let added = if is_added(test, found) { "added" } else { "not added" };
+        let added = if found.has_added(test) { "added" } else { "not added" };
         say!("\nextrinsics_drift of {camera} over {over}: {added}; p = {}{errors}", number(test.p_value));
     }
 }
 
-fn record_of(camera: &CameraDiagnosis, diagnosis: DiagnosisFile) -> RigCameraDiagnosis {
-    let texts = |specs: &[PieceSpec]| specs.iter().map(ToString::to_string).collect();
-    let shown = |effect: &EffectInRig| RigEffect {
-        effect: effect.spec.to_string(),
-        left_out: left_out_record(effect.left_out),
-    };
-    RigCameraDiagnosis {
-        camera: camera.name.clone(),
-        poses_from_others: camera.poses_from_others,
-        effects: texts(&camera.effects),
-        not_adjusted: texts(&camera.not_adjusted),
-        in_rig: camera.in_rig.iter().map(shown).collect(),
-        diagnosis,
-    }
-}
-
-fn left_out_record(LeftOutErrors { before, after, gain_percent }: LeftOutErrors) -> RigLeftOut {
-    RigLeftOut { before, after, gain_percent }
-}
-
-fn evaluation_of(rig: &EvaluatedRig, suffix: &str) -> Evaluation {
-    let (mut datasets, mut transfer) = (rig.records(), rig.transfer_records());
-    datasets.iter_mut().for_each(|d| d.name += suffix);
-    transfer.iter_mut().for_each(|t| t.dataset += suffix);
-    Evaluation { datasets, transfer }
-}
-
-fn print_errors(rig: &EvaluatedRig) -> Evaluation {
-    let evaluation = evaluation_of(rig, " (held out)");
+fn print_errors(evaluation: &Evaluation) {
     say!("{}", table(&evaluation.datasets, None));
     print_transfers(&evaluation.transfer);
-    evaluation
 }

@@ -35,6 +35,7 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> fmt::Debug for Erased<H, P, M> {
 /// Directions that one dual number carries: the compiler keeps wider ones in memory instead of registers.
 const CHUNK: usize = 4;
 type Dual = DualSVec64<CHUNK>;
+const _: () = assert!(CHUNK <= 4, "wider dual numbers do not fit into registers");
 
 impl<H: Hook, const P: usize, M: Piece<H, P>> Erased<H, P, M> {
     pub(crate) fn new(piece: M) -> Self {

@@ -61,7 +61,7 @@ class Diagnosis(Judged):
 
     @property
     def verdict(self) -> str:
-        """``adequate``, ``explained`` or ``unexplained``."""
+        """``adequate``, ``effect`` or ``unexplained`` (docs/diagnose.md)."""
         return self.record["verdict"]
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ import numpy as np
 
 from . import _depthcal, _progress
 from ._calibration import Calibration
-from ._effects import EffectLike, in_words, model_in_words
+from ._diagnose import Diagnosis
+from ._effects import Effect, EffectLike, in_words, model_in_words
 from ._evaluate import DatasetErrors, Evaluation, dataset_errors
 from ._fit import Fitted, arguments_in_words
 from ._tables import Table
@@ -108,6 +110,34 @@ class RigEvaluation(Evaluation):
         return _transfers(self.record)
 
 
+class RigDiagnosis(Fitted):
+    """What the models of a rig's cameras lack: what ``depthcal diagnose`` writes of a dataset of several cameras."""
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The contents of ``diagnosis.json``."""
+        return json.loads(self._native.json())
+
+    @property
+    def verdict(self) -> str:
+        """The worst of the cameras' verdicts: ``adequate``, ``effect`` or ``unexplained``."""
+        return self.record["verdict"]
+
+    @property
+    def cameras(self) -> dict[str, Diagnosis]:
+        """The own diagnosis of every camera with depth, by its name."""
+        return {name: Diagnosis(native) for name, native in self._native.own()}
+
+    @property
+    def transfers(self) -> Table[TransferError]:
+        """Errors from camera to camera with what was added, on fitted and on held-out frames."""
+        return _transfers(self.evaluation)
+
+    def __repr__(self) -> str:
+        told = [f"[{name}] {diagnosis.sentence}" for name, diagnosis in self.cameras.items()]
+        return "\n".join([*told, "held-out frames, with what was added:", self._native.table()])
+
+
 def load_rig(
     path: str | os.PathLike[str],
     *,
@@ -164,6 +194,44 @@ def evaluate_rig(
     natives = [rig._native for rig in listed]
     show = _progress.show(progress)
     return RigEvaluation(_depthcal.evaluate_rigs(calibration._native, natives, "a calibration", call, show))
+
+
+def diagnose_rig(
+    rig: Rig,
+    *,
+    verify: Rig | None = None,
+    model: EffectLike | Sequence[EffectLike] = "projective",
+    effects: Sequence[EffectLike] = (),
+    candidates: Sequence[Effect] = (),
+    lens: str | None = None,
+    folds: int = 5,
+    discovery: bool = True,
+    progress: _progress.Progress = None,
+) -> RigDiagnosis:
+    """Finds what the models of a rig's cameras lack: the search of :func:`diagnose` on every camera with depth, tests of places that drift,
+    and the joint adjustment of all cameras with what was added.
+
+    Arguments are those of :func:`diagnose`; effects and held parameters of one camera begin with its name and a colon. The result is
+    that of the command line, to the byte. Raises :class:`InputError` and :class:`UntrustedFitError`.
+    """
+    model_text, natives = model_in_words(model)
+    texts, more = in_words(effects)
+    words = arguments_in_words(
+        model=model_text if model_text != "projective" else None, effects=texts or None, lens=lens
+    )
+    native = _depthcal.diagnose_rigs(
+        rig._native,
+        None if verify is None else verify._native,
+        model_text,
+        texts,
+        natives + more + in_words(candidates)[1],
+        lens,
+        folds,
+        discovery,
+        f"depthcal.diagnose_rig(depthcal.load_rig({rig._native.path!r}){words})",
+        _progress.show(progress),
+    )
+    return RigDiagnosis(native)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 mod alone;
 mod drift_test;
 mod driver;
+mod files;
 mod joint_search;
 mod left_out;
 mod trial;
@@ -10,5 +11,6 @@ mod trial;
 pub use alone::{alone, examined, with_projected_markers};
 pub use drift_test::{DriftTest, drift_tests};
 pub use driver::{CameraDiagnosis, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+pub use files::RigDiagnosisRecords;
 pub use left_out::LeftOutErrors;
 pub use trial::EffectInRig;
