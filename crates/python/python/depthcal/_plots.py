@@ -87,14 +87,12 @@ def steps(diagnosis: Diagnosis, ax: Any = None) -> Any:
     """Held-out depth error before the first and after every step."""
     ax = _axes(ax, (7, 4))
     rows = list(diagnosis.steps)
-    if not rows:
-        ax.text(0.5, 0.5, diagnosis.sentence, ha="center", va="center", wrap=True, transform=ax.transAxes)
-        ax.set_axis_off()
-        return ax
-    values = [rows[0].depth_rms_before_mm] + [row.depth_rms_after_mm for row in rows]
+    declared = diagnosis.record["held_out"]["before"].get("depth_rms_mm")
+    values = [declared] + [row.depth_rms_after_mm for row in rows]
     names = ["declared model"] + [f"+ {row.effect}" for row in rows]
     ax.plot(range(len(values)), [np.nan if v is None else v for v in values], "o-")
     ax.set_xticks(range(len(values)), names, rotation=20, ha="right")
     ax.set_ylim(bottom=0)
     ax.set_ylabel("held-out depth error, rms (mm)")
+    ax.set_title(diagnosis.sentence, fontsize="small", wrap=True)
     return ax
