@@ -21,7 +21,7 @@ use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
-use crate::request::{base_options, json, model_request, register_with};
+use crate::request::{base_options, checked_folds, json, model_request, register_with};
 use crate::running::run;
 use crate::written::{html, save_together, write_report, write_text};
 
@@ -72,9 +72,7 @@ pub(crate) fn diagnose(
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Diagnosis> {
-    if folds < 2 {
-        return Err(input(format!("folds is {folds}: give at least 2")).into());
-    }
+    let folds = checked_folds(folds)?;
     let mut register = register_with(&effects)?;
     let request = model_request(model, with, lens, &mut register)?;
     let loaded = dataset.loaded.clone();

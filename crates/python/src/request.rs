@@ -38,6 +38,11 @@ pub(crate) fn base_options(register: &Register, progress: &ProgressHandle) -> Ca
     CalibrateOptions { register: register.clone(), progress: progress.clone(), ..CalibrateOptions::default() }
 }
 
+/// A number of cross-validation folds that a diagnosis can do with.
+pub(crate) fn checked_folds(folds: usize) -> Result<usize, Failure> {
+    if folds < 2 { Err(input(format!("folds is {folds}: give at least 2"))) } else { Ok(folds) }
+}
+
 /// The estimator of that name.
 pub(crate) fn estimator_of(name: &str) -> Result<Estimator, Failure> {
     let all = [Estimator::Joint, Estimator::Linear, Estimator::Irls, Estimator::Nonlinear];

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::{LoadOptions, default_cache};
+use depthcal_calibration::progress::ProgressHandle;
 use depthcal_calibration::stage_clock::StageTimes;
-use depthcal_calibration::task::{HoldOut, OptionNames};
+use depthcal_calibration::task::{HoldOut, ModelRequest, OptionNames};
 use depthcal_io::Calibration as Record;
 use depthcal_model::Register;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, render_rig};
@@ -96,6 +97,22 @@ impl Rig {
     }
 }
 
+/// What is asked for, in the terms of a rig.
+pub(crate) fn rig_options(
+    request: &ModelRequest,
+    register: &Register,
+    rig: &LoadedRig,
+    progress: &ProgressHandle,
+) -> Result<RigOptions, Failure> {
+    let each = base_options(register, progress);
+    let mut options = RigOptions { each, lens: request.lens.clone(), ..RigOptions::default() };
+    let text = &request.model;
+    options.each.model =
+        register.model_spec(text).map_err(|e| input(format!("{} {text}: {e}", request.names.model)))?;
+    add_effects(OptionNames::ARGUMENTS.with, &request.with, rig, &mut options)?;
+    Ok(options)
+}
+
 /// A report of a rig as HTML.
 pub(crate) fn html(report: &ReportInput<'_>, rig: &ReportRig<'_>) -> Result<String, Failure> {
     render_rig(report, rig).map_err(input)
@@ -136,12 +153,7 @@ pub(crate) fn calibrate_rig(
     let request = model_request(model, with, lens, &mut register)?;
     let loaded = rig.loaded.clone();
     run(py, progress.as_ref(), move |progress| {
-        let mut options =
-            RigOptions { each: base_options(&register, progress), lens: request.lens, ..RigOptions::default() };
-        let text = &request.model;
-        options.each.model =
-            register.model_spec(text).map_err(|e| input(format!("{} {text}: {e}", request.names.model)))?;
-        add_effects(OptionNames::ARGUMENTS.with, &request.with, &loaded, &mut options)?;
+        let options = rig_options(&request, &register, &loaded, progress)?;
         let fit = fit(&loaded, &options, hold_out)?;
         Ok(RigFit { fit, register, stages: progress.stage_times(), call })
     })

@@ -5,19 +5,17 @@ use std::path::PathBuf;
 use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::stage_clock::StageTimes;
-use depthcal_calibration::task::{OptionNames, diagnosis_record};
-use depthcal_report::{ReportInput, ReportRig, Role, verdict_sentence};
-use depthcal_rig::RigOptions;
+use depthcal_calibration::task::diagnosis_record;
+use depthcal_report::{ReportInput, ReportRig, Role, rig_sentences};
 use depthcal_rig::diagnose::{RigDiagnoseOptions, RigDiagnosis as Found, RigDiagnosisRecords, diagnose_rig};
-use depthcal_rig::task::add_effects;
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
 use crate::diagnosed::{Diagnosis, Examined};
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
-use crate::request::{base_options, json, model_request, register_with};
-use crate::rig::{Rig, html, shown};
+use crate::request::{checked_folds, json, model_request, register_with};
+use crate::rig::{Rig, html, rig_options, shown};
 use crate::running::run;
 use crate::written::{save_together, write_text};
 
@@ -51,21 +49,14 @@ pub(crate) fn diagnose_rigs(
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<RigDiagnosis> {
-    if folds < 2 {
-        return Err(input(format!("folds is {folds}: give at least 2")).into());
-    }
+    let folds = checked_folds(folds)?;
     let mut register = register_with(&effects)?;
     let request = model_request(model, with, lens, &mut register)?;
     let loaded = rig.loaded.clone();
     let verify = verify.map(|rig| rig.loaded.clone());
     run(py, progress.as_ref(), move |progress| {
-        let text = request.model;
-        let mut options =
-            RigOptions { each: base_options(&register, progress), lens: request.lens, ..RigOptions::default() };
-        options.each.model =
-            register.model_spec(&text).map_err(|e| input(format!("{} {text}: {e}", request.names.model)))?;
-        add_effects(OptionNames::ARGUMENTS.with, &request.with, &loaded, &mut options)?;
-        let options = RigDiagnoseOptions { rig: options, folds, formulas: discovery, ..RigDiagnoseOptions::default() };
+        let rig = rig_options(&request, &register, &loaded, progress)?;
+        let options = RigDiagnoseOptions { rig, folds, formulas: discovery, ..RigDiagnoseOptions::default() };
         let mut found = diagnose_rig(&loaded.capture, verify.as_ref().map(|verify| &verify.capture), &options)?;
         let no_cameras = || input("the dataset declares no cameras");
         let mut examined = Vec::new();
@@ -78,7 +69,7 @@ pub(crate) fn diagnose_rigs(
             drop(stage);
             let reference = loaded.cameras[index].reference.clone();
             let (record, register) =
-                diagnosis_record(&camera.diagnosis, reference, &text, &register, progress).map_err(input)?;
+                diagnosis_record(&camera.diagnosis, reference, &request.model, &register, progress).map_err(input)?;
             examined.push((index, fitted, record, register));
         }
         let reference = loaded.cameras.first().map(|camera| camera.reference.clone()).ok_or_else(no_cameras)?;
@@ -109,10 +100,7 @@ pub(crate) fn diagnose_rigs(
 impl RigDiagnosis {
     fn html(&self) -> Result<String, Failure> {
         let found = &self.found;
-        let sentence = |(name, diagnosis): &(String, Py<Diagnosis>)| {
-            format!("{name}: {} (its own report is in the folder {name}).", verdict_sentence(&diagnosis.get().record))
-        };
-        let story: Vec<String> = self.own.iter().map(sentence).collect();
+        let story = rig_sentences(&self.records.diagnosis);
         let datasets: Vec<_> = [(&found.fitted, Role::Fitted), (&found.after, Role::HeldOut)]
             .into_iter()
             .filter_map(|(rig, role)| shown(rig, role))

@@ -66,7 +66,7 @@ pub use formula_plot::formula_plot;
 pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};
 pub use prior::prior_sentences;
 pub use render::render;
-pub use rig::{ReportRig, render_rig};
+pub use rig::{ReportRig, render_rig, rig_sentences};
 
 #[cfg(test)]
 mod tests;

@@ -2,12 +2,13 @@
 
 use std::fmt::Write;
 
-use depthcal_io::{Calibration, TransferError};
+use depthcal_io::{Calibration, RigCameraDiagnosis, RigDiagnosisFile, TransferError};
 use depthcal_rig::PlacedCamera;
 use depthcal_rig::judge::{EvaluatedRig, Transfer};
 use nalgebra::Isometry3;
 
 use super::content::Content;
+use super::diagnosis::verdict_sentence;
 use super::figures::{rig_in_space, transfer_by_distance, transfer_over_image};
 use super::format::{count, number};
 use super::html::escape;
@@ -24,6 +25,15 @@ pub struct ReportRig<'a> {
     pub record: &'a Calibration,
     /// Errors on every dataset, the fitted one first.
     pub evaluated: &'a [&'a EvaluatedRig],
+}
+
+/// The verdicts of a rig's cameras in a sentence each, which introduce the report of its diagnosis.
+pub fn rig_sentences(diagnosis: &RigDiagnosisFile) -> Vec<String> {
+    let sentence = |camera: &RigCameraDiagnosis| {
+        let (name, verdict) = (&camera.camera, verdict_sentence(&camera.diagnosis));
+        format!("{name}: {verdict} (its own report is in the folder {name}).")
+    };
+    diagnosis.cameras.iter().map(sentence).collect()
 }
 
 /// Renders a report of a rig as one self-contained HTML file: the sections of its reference camera, and one of the rig.

@@ -98,9 +98,7 @@ pub fn fit(rig: &LoadedRig, options: &RigOptions, hold_out: Option<HoldOut>) -> 
     drop(stage);
     let mut evaluation = evaluation_of(&[&fitted], "");
     if let Some(held_out) = &held_out {
-        let held_out = evaluation_of(&[held_out], " (held out)");
-        evaluation.datasets.extend(held_out.datasets);
-        evaluation.transfer.extend(held_out.transfer);
+        extend(&mut evaluation, evaluation_of(&[held_out], " (held out)"));
     }
     // A dataset without cameras has not been fitted.
     let no_cameras = || RigError::NoImages { rig: rig.dataset.name.clone() };
@@ -116,6 +114,12 @@ pub fn evaluation_of(rigs: &[&EvaluatedRig], suffix: &str) -> Evaluation {
     datasets.iter_mut().for_each(|d| d.name += suffix);
     transfer.iter_mut().for_each(|t| t.dataset += suffix);
     Evaluation { datasets, transfer }
+}
+
+/// Adds the errors on further captures to a record.
+pub(crate) fn extend(evaluation: &mut Evaluation, more: Evaluation) {
+    evaluation.datasets.extend(more.datasets);
+    evaluation.transfer.extend(more.transfer);
 }
 
 /// Why a calibration cannot be evaluated on a dataset of a rig.

@@ -7,7 +7,7 @@
 
 use depthcal_model::Target;
 use depthcal_statistics::upper_median;
-use nalgebra::{DMatrix, DVector, Dyn, OMatrix, U2};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, OMatrix, U2};
 
 use super::stages::MarkerObservation;
 
@@ -57,12 +57,13 @@ impl FarOff {
 fn far_off(design: &DMatrix<f64>, pixels: &OMatrix<f64, Dyn, U2>) -> Option<FarOff> {
     let mut weights = DVector::from_element(design.nrows(), 1.0);
     for _ in 0..ITERATIONS[0] {
-        let (distances, _) = distances(design, pixels, &weights)?;
+        let distances = Fit::new(design, pixels, &weights)?.distances;
         weights.iter_mut().zip(&distances).for_each(|(weight, d)| *weight = 1.0 / d.max(FLOOR_PX));
     }
     let mut found = None;
     for _ in 0..ITERATIONS[1] {
-        let (distances, leverages) = distances(design, pixels, &weights)?;
+        let fit = Fit::new(design, pixels, &weights)?;
+        let (leverages, distances) = (fit.leverages(design), fit.distances);
         // The median of a Rayleigh distribution is 1.18 standard deviations of a coordinate; the fit takes its share of the freedoms.
         let freedoms = 1.0 - design.ncols() as f64 / design.nrows() as f64;
         let std_px = upper_median(&mut distances.clone())? / (2.0 * std::f64::consts::LN_2 * freedoms).sqrt();
@@ -94,22 +95,29 @@ fn design(points: &[[f64; 2]], degree: i32, terms: usize) -> DMatrix<f64> {
     design
 }
 
-/// Distances of the pixels from the polynomial that fits them best with these weights, px, and their leverages: the variances of the
-/// polynomial at them per variance of a marker of weight one.
-fn distances(
-    design: &DMatrix<f64>,
-    pixels: &OMatrix<f64, Dyn, U2>,
-    weights: &DVector<f64>,
-) -> Option<(Vec<f64>, Vec<f64>)> {
-    let mut weighted = design.clone();
-    for (mut row, weight) in weighted.row_iter_mut().zip(weights) {
-        row *= *weight;
+/// A weighted fit of the polynomial.
+struct Fit {
+    normal: Cholesky<f64, Dyn>,
+    /// Distances of the pixels from it, px.
+    distances: Vec<f64>,
+}
+
+impl Fit {
+    fn new(design: &DMatrix<f64>, pixels: &OMatrix<f64, Dyn, U2>, weights: &DVector<f64>) -> Option<Self> {
+        let mut weighted = design.clone();
+        for (mut row, weight) in weighted.row_iter_mut().zip(weights) {
+            row *= *weight;
+        }
+        let normal = (weighted.transpose() * design).cholesky()?;
+        let residuals = pixels - design * normal.solve(&(weighted.transpose() * pixels));
+        Some(Self { normal, distances: residuals.row_iter().map(|r| r.norm()).collect() })
     }
-    let normal = (weighted.transpose() * design).cholesky()?;
-    let residuals = pixels - design * normal.solve(&(weighted.transpose() * pixels));
-    let spread = normal.solve(&design.transpose());
-    let leverages = design.row_iter().zip(spread.column_iter()).map(|(row, column)| row.transpose().dot(&column));
-    Some((residuals.row_iter().map(|r| r.norm()).collect(), leverages.collect()))
+
+    /// Variances of the polynomial at the markers per variance of a marker of weight one.
+    fn leverages(&self, design: &DMatrix<f64>) -> Vec<f64> {
+        let spread = self.normal.solve(&design.transpose());
+        design.row_iter().zip(spread.column_iter()).map(|(row, column)| row.transpose().dot(&column)).collect()
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use depthcal_calibration::load::Loaded;
 use depthcal_io::{DiagnosisFile, Evaluation, GainInterval};
 use depthcal_model::ModelSpec;
 use depthcal_report::format::number;
-use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, verdict_sentence};
+use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, rig_sentences};
 use depthcal_rig::RigOptions;
 use depthcal_rig::diagnose::{
     CameraDiagnosis, EffectInRig, RigDiagnoseOptions, RigDiagnosis, RigDiagnosisRecords, diagnose_rig,
@@ -80,11 +80,7 @@ pub(crate) fn diagnose(asked: &RigDiagnose<'_>, session: &Session) -> Result<Val
     let file = place.write("diagnosis.json", |path| record.write(path))?;
     let path = place.write("calibration.json", |path| calibration.write(path))?;
     place.write("evaluation.json", |path| evaluation.write(path))?;
-    let story: Vec<String> = record
-        .cameras
-        .iter()
-        .map(|c| format!("{}: {} (its own report is in the folder {0}).", c.camera, verdict_sentence(&c.diagnosis)))
-        .collect();
+    let story = rig_sentences(&record);
     let shown: Vec<ReportDataset<'_>> = [(&found.fitted, Role::Fitted), (&found.after, Role::HeldOut)]
         .into_iter()
         .filter_map(|(rig, role)| rig.cameras.first().map(|evaluated| ReportDataset { evaluated, role }))

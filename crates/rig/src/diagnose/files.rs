@@ -11,7 +11,7 @@ use super::driver::{CameraDiagnosis, RigDiagnosis};
 use super::left_out::LeftOutErrors;
 use super::trial::EffectInRig;
 use crate::record::{drift_record, rig_record};
-use crate::task::evaluation_of;
+use crate::task::{evaluation_of, extend};
 
 /// The records of a diagnosis, of all cameras together.
 #[derive(Debug, Clone)]
@@ -29,11 +29,8 @@ impl RigDiagnosisRecords {
     /// `found.cameras`. `None` where the rig has no cameras.
     pub fn new(found: &RigDiagnosis, reference: FileReference, own: Vec<DiagnosisFile>) -> Option<Self> {
         let [before, after] = [&found.before, &found.after].map(|rig| evaluation_of(&[rig], " (held out)"));
-        let fitted = evaluation_of(&[&found.fitted], "");
-        let evaluation = Evaluation {
-            datasets: fitted.datasets.into_iter().chain(after.datasets.iter().cloned()).collect(),
-            transfer: fitted.transfer.into_iter().chain(after.transfer.iter().cloned()).collect(),
-        };
+        let mut evaluation = evaluation_of(&[&found.fitted], "");
+        extend(&mut evaluation, after.clone());
         let diagnosis = RigDiagnosisFile {
             dataset: reference.clone(),
             verdict: found.verdict,
