@@ -60,7 +60,8 @@ fn effects_in_other_places_are_named_with_their_place() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// Effects well above their detectable sizes: each is found, alone, and what is left is the noise.
+/// Effects well above their detectable sizes: each is found, alone, and what is left is the noise. Where the simulator gives the size in
+/// units of the parameters themselves, it is found within 10 %.
 #[test]
 fn undeclared_effects_are_named_and_taken_up() {
     let cases = [
@@ -80,21 +81,19 @@ fn undeclared_effects_are_named_and_taken_up() {
             let d = run(&simulation(&[case], 2));
             let right = names(&d) == [case.0] && d.verdict == Verdict::Effect;
             let better = d.after.errors.depth_rms_mm <= d.before.errors.depth_rms_mm;
-            (!right || !better).then(|| format!("{}: {:?}, {:?}, {:?}", case.0, names(&d), d.verdict, decisions(&d)))
+            let fitted: Vec<f64> = d.steps.iter().flat_map(|s| &s.parameters).map(|p| p.value).collect();
+            let size = match (case.0, &fitted[..]) {
+                ("range_offset", [mm]) => mm.abs(),
+                ("depth_registration", [u, v]) => u.hypot(*v),
+                ("range_offset" | "depth_registration", _) => f64::NAN,
+                _ => case.1,
+            };
+            let accurate = (size / case.1 - 1.0).abs() < 0.1;
+            (!right || !better || !accurate)
+                .then(|| format!("{}: {:?} {fitted:?}, {:?}, {:?}", case.0, names(&d), d.verdict, decisions(&d)))
         })
         .collect();
     assert!(failures.is_empty(), "{failures:#?}");
-}
-
-/// One-parameter effects whose size the simulator gives in millimetres of the parameter itself: 10 %.
-#[test]
-fn sizes_are_right() {
-    let d = run(&simulation(&[("range_offset", 6.0)], 3));
-    let offset = d.steps[0].parameters[0].value;
-    assert!((offset - 6.0).abs() < 0.6, "{offset} mm instead of 6");
-    let d = run(&simulation(&[("depth_registration", 2.0)], 3));
-    let shift = d.steps[0].parameters[0].value.hypot(d.steps[0].parameters[1].value);
-    assert!((shift - 2.0).abs() < 0.2, "{shift} px instead of 2");
 }
 
 #[test]

@@ -36,6 +36,22 @@ mod tests {
     }
 
     #[test]
+    fn a_piece_can_be_taken_out() {
+        let (all, fewer) = (Register::builtin(), Register::builtin().without("cyclic_depth"));
+        assert!(all.find("cyclic_depth").is_some() && fewer.find("cyclic_depth").is_none());
+        assert_eq!(fewer.names().count() + 1, all.names().count());
+        assert!(!Register::empty().names().any(|_| true));
+    }
+
+    #[test]
+    fn values_are_found_by_the_parameters_names() {
+        let mut d = Register::builtin().block("projective", None).unwrap();
+        d.theta = vec![1e-5, -2e-5, 3e-5, 1.02];
+        assert_eq!((d.value("dy"), d.value("dw"), d.value("w")), (Some(-2e-5), Some(1.02), None));
+        assert!(d.free.iter().all(|free| *free) && d.hold().free.iter().all(|free| !free));
+    }
+
+    #[test]
     fn maps_of_offsets_get_scale_and_offset_unless_the_stack_says_otherwise() {
         let register = Register::builtin();
         let names = |model: &str| -> Vec<String> {

@@ -298,6 +298,7 @@ mod tests {
             let camera = camera(&[("brown_conrady", &lens), ("tilted_sensor", &[0.02, -0.01])]);
             assert!(camera.has_fixed_rays());
             let grid = PixelGrid { first: [-3.0, -2.5], step: 1.5, columns: 110, rows: 82 };
+            assert_eq!(grid.pixel(4, 2), [3.0, 0.5]);
             for (i, ray) in camera.rays_of_grid(&grid).iter().enumerate() {
                 let single = camera.ray(grid.pixel(i % grid.columns, i / grid.columns), 1e-3);
                 match single {

@@ -293,6 +293,7 @@ mod tests {
         }
         assert_eq!("free_map+none".parse::<ModelSpec>().unwrap().to_string(), "none+free_map");
         assert_eq!("none".parse::<ModelSpec>(), Ok(ModelSpec::none()));
+        assert!(ModelSpec::none().is_none() && !ModelSpec::of(PieceSpec::new("projective")).is_none());
     }
 
     #[test]

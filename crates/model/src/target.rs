@@ -325,4 +325,45 @@ mod tests {
         assert_eq!(april.len(), 144);
         assert_eq!(april.point(6), [69.0, 30.0]);
     }
+
+    /// Corners of every board at its ends, counted by hand.
+    #[test]
+    fn markers_are_where_boards_have_them() {
+        let board = |pattern, columns, rows, spacing_mm| Target { pattern, columns, rows, spacing_mm };
+        let april = board(Pattern::Aprilgrid { marker_mm: 30.0 }, 6, 2, 39.0);
+        // The second tag of the second row, clockwise from its top left.
+        let corners: Vec<[f64; 2]> = (28..32).map(|i| april.point(i)).collect();
+        assert_eq!(corners, [[39.0, 39.0], [69.0, 39.0], [69.0, 69.0], [39.0, 69.0]]);
+        assert_eq!(april.marker_rectangle(), [[0.0, 0.0], [225.0, 69.0]]);
+
+        let chessboard = board(Pattern::Chessboard, 8, 6, 25.0);
+        assert_eq!((chessboard.point(13), chessboard.size_mm()), ([125.0, 25.0], [175.0, 125.0]));
+        assert!(
+            !chessboard.has_circles() && !chessboard.is_empty() && board(Pattern::Chessboard, 0, 6, 25.0).is_empty()
+        );
+
+        // The rectangle of ChArUco's squares is centred on that of its corners.
+        let charuco = board(Pattern::Charuco { marker_mm: 15.0, dictionary: "DICT_5X5_100".into() }, 7, 5, 20.0);
+        assert_eq!(charuco.point(7), [40.0, 40.0]);
+        assert_eq!((charuco.marker_rectangle(), charuco.size_mm()), ([[20.0, 20.0], [120.0, 80.0]], [140.0, 100.0]));
+
+        let dots = board(Pattern::AsymmetricCircles { circle_diameter_mm: 10.0 }, 4, 11, 17.0);
+        assert!(dots.has_circles());
+        assert_eq!((dots.point(43), dots.marker_rectangle()), ([102.0, 170.0], [[0.0, 0.0], [119.0, 170.0]]));
+
+        let own = |name: &str, board| NumberedBoard { name: name.into(), first_tag: 0, board };
+        let both = Target::several(vec![own("a", april.clone()), own("b", charuco.clone())]);
+        assert_eq!(both.point(48 + 7), charuco.point(7));
+        assert_eq!((both.point(47), both.point(48)), (april.point(47), charuco.point(0)));
+        assert!(both.point(48 + 24)[0].is_nan() && both.points_of(2).is_empty());
+        assert_eq!(both.points_of(1).last(), Some(&(71, charuco.point(23))));
+    }
+
+    #[test]
+    fn layouts_are_known_by_their_names() {
+        for layout in [CharucoLayout::Current, CharucoLayout::Legacy] {
+            assert_eq!(CharucoLayout::named(layout.name()), Some(layout));
+        }
+        assert_eq!(CharucoLayout::named("new"), None);
+    }
 }

@@ -230,3 +230,6 @@ fn in_own_form(
     let by_merit = |a: &usize, b: &usize| penalized_merit(examination, *a).total_cmp(&penalized_merit(examination, *b));
     others.max_by(by_merit).unwrap_or(first)
 }
+
+#[cfg(test)]
+mod tests;

@@ -42,3 +42,21 @@ impl Phasors {
         StrayLight { scene: self.0.map(|p| p.map(|part| part / own)), near }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pixel at the border of an amplitude image has the light of its neighbours and not that of the scene, or the other way round.
+    #[test]
+    fn light_is_known_only_where_both_parts_are() {
+        let known = StrayLight { scene: [[0.5, -0.1]; FREQUENCIES], near: 1.2 };
+        assert!(known.is_known());
+        assert!(!StrayLight { near: f32::NAN, ..known }.is_known());
+        assert!(!StrayLight { scene: StrayLight::UNKNOWN.scene, ..known }.is_known());
+        assert!(!StrayLight::UNKNOWN.is_known());
+        let dark = Phasors([[3.0, 4.0]; FREQUENCIES]);
+        assert!(!dark.over(0.0, f32::INFINITY).is_known(), "a pixel without signal");
+        assert_eq!(dark.over(2.0, 1.1), StrayLight { scene: [[1.5, 2.0]; FREQUENCIES], near: 1.1 });
+    }
+}

@@ -47,3 +47,38 @@ impl FieldLayout {
         (bin == first && weight < 1.0) || (bin == first + 1 && weight > 0.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::nodes::Domain;
+    use super::*;
+
+    /// Bins are those with a weight: one at and beyond the ends and on a node, two between nodes.
+    #[test]
+    fn an_observation_touches_the_bins_that_it_is_interpolated_from() {
+        let grid = Grid::linear(2, 2, 4).over(&Domain { size_px: [10.0, 10.0], depth_mm: Some([500.0, 2000.0]) });
+        let layout = FieldLayout { grid, fields: 1, shared: 0 };
+        let touched = |z: f64| (0..4).filter(|bin| layout.touches_bin(1.0 / z, *bin)).collect::<Vec<_>>();
+        for (z, expected) in [
+            (300.0, &[0][..]),
+            (499.0, &[0]),
+            (700.0, &[0, 1]),
+            (1200.0, &[1, 2]),
+            (1999.0, &[2, 3]),
+            (2001.0, &[3]),
+            (4000.0, &[3]),
+        ] {
+            assert_eq!(touched(z), expected, "{z} mm");
+        }
+    }
+
+    #[test]
+    fn parameters_are_counted_and_numbered_node_by_node() {
+        let layout = FieldLayout { grid: Grid::linear(5, 4, 3), fields: 2, shared: 1 };
+        assert_eq!((layout.per_node(), layout.node(2, 3), layout.cell_parameter_count()), (6, 17 * 6, 4 * 6 + 1));
+        assert_eq!(layout.cell_nodes([2, 1]).collect::<Vec<_>>(), [7, 8, 12, 13].map(|node| 6 * node));
+        let cubic = FieldLayout { grid: Grid::cubic(6, 5), fields: 1, shared: 0 };
+        assert_eq!(cubic.cell_parameter_count(), 16);
+        assert_eq!(cubic.cell_nodes([1, 1]).nth(4), Some(2 * 6 + 1));
+    }
+}

@@ -253,4 +253,51 @@ mod tests {
         assert_eq!(grid.options()["width_px"], 512.0);
         assert_eq!(Grid::linear(8, 6, 5).with_options(&grid.options()).options(), grid.options());
     }
+
+    /// Constants by halves: what is not given stays as it was, and what makes no sense is not taken.
+    #[test]
+    fn constants_are_brought_into_their_range() {
+        let with = |grid: Grid, given: &[(&str, f64)]| {
+            grid.with_options(&given.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect())
+        };
+        let linear = Grid::linear(8, 6, 5);
+        assert_eq!(with(linear, &[("near_mm", 450.0)]).range_mm(), [450.0, USUAL_RANGE_MM[1]]);
+        assert_eq!(with(linear, &[("far_mm", 4500.0)]).range_mm(), [USUAL_RANGE_MM[0], 4500.0]);
+        for given in [[900.0, 900.0], [900.0, 200.0]] {
+            let [near, far] = given;
+            assert_eq!(with(linear, &[("near_mm", near), ("far_mm", far)]).range_mm(), USUAL_RANGE_MM, "{given:?}");
+        }
+        for wrong in [0.0, -3.0, f64::INFINITY, f64::NAN] {
+            assert_eq!(with(linear, &[("near_mm", wrong), ("width_px", wrong)]), linear, "{wrong}");
+        }
+        assert_eq!(with(linear, &[("width_px", 320.0)]).options()["height_px"], USUAL_SIZE_PX[1]);
+        let extreme = with(linear, &[("columns", 1e9), ("rows", -4.0), ("bins", 0.0)]);
+        assert_eq!((extreme.columns, extreme.rows, extreme.bins), (MOST_NODES, 2, 1));
+        // A field over the image alone has no bins.
+        let cubic = with(Grid::cubic(7, 5), &[("rows", 2.0), ("bins", 9.0), ("near_mm", 100.0)]);
+        assert_eq!((cubic.columns, cubic.rows, cubic.bins, cubic.range_mm), (7, 4, 1, None));
+        assert!(!cubic.options().contains_key("bins") && !cubic.in_depth() && linear.in_depth());
+        assert_eq!((linear.columns_and_rows(), Grid::linear(8, 6, 1).in_depth()), (48, false));
+    }
+
+    /// Two nodes are the fewest that a depth can lie between; the weight's slope is that of its differences.
+    #[test]
+    fn two_depth_nodes_are_interpolated_too() {
+        let over =
+            |bins| Grid::linear(2, 2, bins).over(&Domain { size_px: [10.0, 10.0], depth_mm: Some([400.0, 1200.0]) });
+        assert_eq!(over(1).depth_weight(1.0 / 700.0), (0, 0.0, 0.0));
+        for (bins, node) in [(2, 0), (9, 5)] {
+            let grid = over(bins);
+            let (first, weight, slope) = grid.depth_weight(1.0 / 960.0);
+            let expected = 560.0 * (bins - 1) as f64 / 800.0 - node as f64;
+            assert!(first == node && (weight - expected).abs() < 1e-12, "{bins} bins: {first} {weight}");
+            let h = 1e-9;
+            let ends = [-h, h].map(|h| grid.depth_weight(1.0 / 960.0 + h).1);
+            let difference = (ends[1] - ends[0]) / (2.0 * h);
+            assert!((slope / difference - 1.0).abs() < 1e-6, "{bins} bins: {slope} {difference}");
+            // At the last node the last cell ends, and so does the slope.
+            assert_eq!(grid.depth_weight(1.0 / 1200.5), (bins - 2, 1.0, 0.0));
+            assert_eq!(grid.depth_weight(1.0 / 399.5), (0, 0.0, 0.0));
+        }
+    }
 }

@@ -48,3 +48,17 @@ impl Default for Context {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Observations that were written before these covariates were there.
+    #[test]
+    fn covariates_that_a_file_lacks_are_unknown() {
+        let text = r#"{"pixel": [3.0, 4.0], "amplitude": 700.0, "time_s": 2.0, "temperature_c": 25.0}"#;
+        let context: Context = serde_json::from_str(text).unwrap();
+        assert!(context.surround.is_nan() && context.slope.iter().all(|s| s.is_nan()) && !context.stray.is_known());
+        assert_eq!((context.pixel, context.amplitude), ([3.0, 4.0], 700.0));
+    }
+}

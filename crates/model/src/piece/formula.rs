@@ -202,3 +202,34 @@ fn is_true_state(of: &Of) -> bool {
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left out of a file is what it has without: zero, and nothing else.
+    #[test]
+    fn only_what_says_nothing_is_left_out() {
+        let parameter = |nominal| {
+            let (unit, meaning) = ("mm".to_owned(), String::new());
+            ParameterTable { unit, nominal, scale: None, value: None, meaning }
+        };
+        assert_eq!(serde_json::to_string(&parameter(0.0)).unwrap(), r#"{"unit":"mm"}"#);
+        for nominal in [1.0, -2.5, 1e-12] {
+            let text = serde_json::to_string(&parameter(nominal)).unwrap();
+            assert_eq!(serde_json::from_str::<ParameterTable>(&text).unwrap(), parameter(nominal), "{text}");
+        }
+    }
+
+    #[test]
+    fn short_forms_are_those_of_the_tables() {
+        let table = FormulaParameter::Unit("mm".to_owned()).table();
+        assert_eq!((table.unit.as_str(), table.nominal, table.scale), ("mm", 0.0, None));
+        let search = Some(FormulaSearch::Period);
+        let long = FormulaConstant::Table(ConstantTable { value: 3.0, unit: Some("mm".to_owned()), search });
+        let short = FormulaConstant::Value(3.0);
+        assert_eq!([long.value(), short.value(), long.with_value(4.0).value()], [3.0, 3.0, 4.0]);
+        assert_eq!((long.unit(), short.unit()), (Some("mm"), None));
+        assert_eq!((long.with_value(4.0).search(), short.search()), (search, None));
+    }
+}

@@ -159,3 +159,33 @@ impl FromStr for On {
         Self::ALL.into_iter().find(|on| on.name() == text).ok_or(UnknownPlacement)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The words of a report, and the texts of files and their inverses.
+    #[test]
+    fn places_and_forms_are_said_where_they_are_not_the_piece_s_own() {
+        let placement = |of, on| Placement { of, on };
+        assert!(placement(Of::True, None).is_own() && placement(Of::True, None).words().is_empty());
+        let both = placement(Of::Measured, Some(On::InverseDepth));
+        assert_eq!(both.words(), ["after the depth model", "added to inverse depth"]);
+        assert_eq!(both.to_string(), "@of=measured@on=inverse_depth");
+        assert_eq!(placement(Of::True, Some(On::Factor)).words(), ["as a factor of depth"]);
+        assert_eq!(Of::True.words(), "before the depth model");
+        assert!(Of::ALL.into_iter().all(|of| of.name().parse() == Ok(of)) && "depth".parse::<Of>().is_err());
+        assert!(On::ALL.into_iter().all(|on| on.name().parse() == Ok(on)) && "true".parse::<On>().is_err());
+    }
+
+    /// A size of 4 mm at 1 m in each form, and back.
+    #[test]
+    fn sizes_are_those_at_the_reference_depth() {
+        for (on, at_2_m) in [(On::Depth, 2004.0), (On::InverseDepth, 1.0 / (1.0 / 2000.0 - 4e-6)), (On::Factor, 2008.0)]
+        {
+            let (measured, _) = on.apply(1.0 / 2000.0, 4.0);
+            assert!((1.0 / measured - at_2_m).abs() < 1e-9, "{}: {}", on.name(), 1.0 / measured);
+            assert!((on.size_mm(1.0 / 2000.0, measured) - 4.0).abs() < 1e-9, "{}", on.name());
+        }
+    }
+}

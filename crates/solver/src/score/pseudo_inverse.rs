@@ -58,3 +58,53 @@ pub(super) fn pseudo_inverse_scaled(
     }
     (DMatrix::from_fn(n, n, |i, k| scale[i] * inverse[(i, k)] * scale[k]), rank)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A regular matrix, one of rank 2, and one with a component of no curvature, whose columns differ by ten orders of magnitude.
+    fn matrices() -> [(DMatrix<f64>, usize); 3] {
+        let j = DMatrix::from_row_slice(4, 3, &[1.0, 0.2, -0.3, 0.4, 2.0, 0.1, -0.7, 0.3, 1.5, 0.2, 0.2, 0.9]);
+        let gram = |j: &DMatrix<f64>| j.tr_mul(j);
+        let scaled = DMatrix::from_fn(4, 3, |i, k| j[(i, k)] * [1e-5, 1.0, 1e5][k]);
+        let mut twins = scaled.clone();
+        twins.set_column(2, &(scaled.column(0) * 3.0));
+        let mut without = scaled.clone();
+        without.set_column(1, &DVector::zeros(4));
+        [(gram(&scaled), 3), (gram(&twins), 2), (gram(&without), 2)]
+    }
+
+    /// A A⁺ A = A and A⁺ A A⁺ = A⁺ (Penrose 1955), in units in which the diagonal is 1.
+    #[test]
+    fn pseudo_inverses_invert_on_the_range() {
+        for (a, expected_rank) in matrices() {
+            let (inverse, rank) = pseudo_inverse_scaled(&a, &a.diagonal(), NEGLIGIBLE);
+            assert_eq!(rank, expected_rank);
+            let size = a.diagonal().map(|d| if d > 0.0 { d.sqrt() } else { 1.0 });
+            let unit = |m: DMatrix<f64>| DMatrix::from_fn(3, 3, |i, k| m[(i, k)] / size[i] / size[k]);
+            let inverse_unit = DMatrix::from_fn(3, 3, |i, k| inverse[(i, k)] * size[i] * size[k]);
+            let a_unit = unit(a.clone());
+            assert!((&a_unit * &inverse_unit * &a_unit - &a_unit).amax() < 1e-12);
+            assert!((&inverse_unit * &a_unit * &inverse_unit - &inverse_unit).amax() < 1e-12 * inverse_unit.amax());
+            assert_eq!(pseudo_inverse(&a, NEGLIGIBLE), inverse);
+            let rhs = &a * DVector::from_vec(vec![1e5, -2.0, 3e-5]);
+            let (solved, product) = (pseudo_solve(&a, &rhs, NEGLIGIBLE), &inverse * &rhs);
+            assert!((&solved - &product).component_mul(&size).amax() < 1e-9, "{solved} {product}");
+        }
+    }
+
+    /// Curvatures before a projection say what counts as nothing after it.
+    #[test]
+    fn what_a_projection_leaves_is_judged_by_what_was_there() {
+        let left = DMatrix::from_diagonal(&DVector::from_vec(vec![1e-13, 2.0]));
+        let (inverse, rank) = pseudo_inverse_scaled(&left, &DVector::from_vec(vec![1.0, 4.0]), NEGLIGIBLE);
+        assert_eq!((rank, inverse[(0, 0)]), (1, 0.0));
+        assert!((inverse[(1, 1)] - 0.5).abs() < 1e-15);
+        assert_eq!(pseudo_inverse_scaled(&left, &left.diagonal(), NEGLIGIBLE).1, 2);
+        assert_eq!(
+            pseudo_inverse_scaled(&DMatrix::zeros(0, 0), &DVector::zeros(0), NEGLIGIBLE),
+            (DMatrix::zeros(0, 0), 0)
+        );
+    }
+}
