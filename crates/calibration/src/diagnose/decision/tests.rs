@@ -247,9 +247,49 @@ fn an_effect_beside_something_unexplained_is_named_where_it_holds() {
     let Decision::Unexplained { free, explained, competitor } = decision else { panic!("{decision:?}") };
     assert!((0.2..0.5).contains(&explained), "{explained}");
     assert_eq!((free, competitor), (place(&imitated, "free"), Competitor::FreeFunction));
+    // One that resembles it, and is there: a part of its gain stays.
+    let both = examined(Planted { a_with_c: 0.5, ..planted }, 14);
+    let (name, _, _, unexplained) = added(&both, decided(&both, &[], &[]));
+    assert_eq!((name.as_str(), unexplained), ("a", true));
     // Where the function adds little to an effect that imitates it well, the effect stands.
     let same = examined(Planted { c: 0.55, a_with_c: 0.97, ..Planted::default() }, 10);
     assert_eq!(added(&same, decided(&same, &[], &[])).0, "a");
+}
+
+/// What is said to be enough is enough: each rule at the very value that this capture has.
+#[test]
+fn limits_belong_to_what_is_named() {
+    let quiet = |e: &Examination, thresholds: &Thresholds| decide(e, &quiet_planes(), 1e-4, &[], &[], thresholds);
+    let by_default = Thresholds::default();
+    let e = examined(Planted { a: 0.3, c: 0.15, ..Default::default() }, 15);
+    let decision = quiet(&e, &by_default);
+    let Decision::Add { explained, .. } = decision else { panic!("{decision:?}") };
+    assert!(
+        (0.75..1.0).contains(&explained),
+        "{explained}: nothing but the effect explains anything: the test shows nothing"
+    );
+    for (least_explained, expected) in [(explained, false), (explained + 1e-9, true)] {
+        assert_eq!(added(&e, quiet(&e, &Thresholds { least_explained, ..by_default })).3, expected);
+    }
+    let decision = decide(&e, &planes(6.0), 1e-4, &[], &[], &by_default);
+    let Decision::Add { of_planes, .. } = decision else { panic!("{decision:?}") };
+    for (least_explained_of_planes, expected) in [(of_planes, false), (of_planes + 1e-9, true)] {
+        let thresholds = Thresholds { least_explained_of_planes, ..by_default };
+        assert_eq!(added(&e, decide(&e, &planes(6.0), 1e-4, &[], &[], &thresholds)).3, expected);
+    }
+    // Beside something unexplained a name takes more: significance below its level, and a share of the cost.
+    let e = examined(Planted { a: 0.3, c: 0.55, ..Default::default() }, 7);
+    let names_a = |thresholds: &Thresholds| match quiet(&e, thresholds) {
+        Decision::Add { effect, leaves_unexplained, .. } => leaves_unexplained && effect == place(&e, "a"),
+        _ => false,
+    };
+    let a = &e.evidence[place(&e, "a")];
+    let level = a.score.clustered_p_value * e.tests as f64;
+    assert!(!names_a(&Thresholds { clustered_level: level, ..by_default }));
+    assert!(names_a(&Thresholds { clustered_level: 1.01 * level, ..by_default }));
+    let share = merit(a) / e.cost();
+    assert!(!names_a(&Thresholds { least_named_share: 1.01 * share, ..by_default }));
+    assert!(names_a(&Thresholds { least_named_share: 0.99 * share, ..by_default }));
 }
 
 /// Frames that deviate by planes of their own, more than the effect accounts for.
@@ -274,6 +314,10 @@ fn planes_of_frames_compete_with_effects() {
         let expected = if unexplained { statistic / (FRAMES as f64 * (of_plane - 3.0)) } else { share(of_plane) };
         assert!((of_planes / expected - 1.0).abs() < 1e-9, "{of_planes} {expected}");
     }
+    // An effect that takes up four fifths of what the function does stands beside it: the function adds a quarter.
+    let same = examined(Planted { c: 0.55, a_with_c: 0.8_f64.sqrt(), ..Default::default() }, 17);
+    let decision = decide(&same, &planes(200.0), 1e-4, &[], &[], &Thresholds::default());
+    assert_eq!(added(&same, decision), ("a".to_owned(), Vec::new(), Vec::new(), true));
     let shaken = shaken(Planted { a: 0.3, ..Default::default() });
     let decision = decide(&shaken, &planes(200.0), 1e-4, &[], &[], &Thresholds::default());
     let Decision::Unexplained { free, explained, competitor } = decision else { panic!("{decision:?}") };
