@@ -94,6 +94,18 @@ mod tests {
         }
     }
 
+    /// Well-scaled matrices, which a wrong scale leaves positive definite: solved by hand.
+    #[test]
+    fn regular_systems_are_solved() {
+        let solve = |a: &[f64], rhs: &[f64]| {
+            let n = rhs.len();
+            pseudo_solve(&DMatrix::from_row_slice(n, n, a), &DVector::from_row_slice(rhs), NEGLIGIBLE)
+        };
+        assert!((solve(&[4.0], &[2.0])[0] - 0.5).abs() < 1e-15);
+        let x = solve(&[4.0, 1.0, 1.0, 3.0], &[1.0, 2.0]);
+        assert!((x[0] - 1.0 / 11.0).abs() < 1e-15 && (x[1] - 7.0 / 11.0).abs() < 1e-15, "{x}");
+    }
+
     /// Curvatures before a projection say what counts as nothing after it.
     #[test]
     fn what_a_projection_leaves_is_judged_by_what_was_there() {
