@@ -217,7 +217,7 @@ fn scores_of_candidates_are_projections() {
     let score = -(projected.transpose() * &r);
     let joint = lin.efficient_scores(&[0, 1]);
     all_close(&joint.information, &information);
-    all_close(&DMatrix::from_columns(&[joint.score]), &DMatrix::from_columns(&[score.clone()]));
+    (0..2).for_each(|i| close(joint.score[i], score[i]));
     all_close(&joint.response, &-shared.clone().svd(true, true).solve(&own, 1e-9).unwrap());
     // In the other order, and alone.
     let turned = lin.efficient_scores(&[1, 0]);
