@@ -83,7 +83,7 @@ fn undeclared_effects_are_named_and_taken_up() {
             let better = d.after.errors.depth_rms_mm <= d.before.errors.depth_rms_mm;
             let fitted: Vec<f64> = d.steps.iter().flat_map(|s| &s.parameters).map(|p| p.value).collect();
             let size = match (case.0, &fitted[..]) {
-                ("range_offset", [mm]) => mm.abs(),
+                ("range_offset", [mm]) => *mm,
                 ("depth_registration", [u, v]) => u.hypot(*v),
                 ("range_offset" | "depth_registration", _) => f64::NAN,
                 _ => case.1,

@@ -375,7 +375,7 @@ fn held_out_gains_and_priors_are_those_of_taking_runs_out() {
         let change = lin.joint_change(candidates);
         let expected = best.1.rows(2, best.1.len() - 2);
         (0..expected.len()).for_each(|i| close(change[i], expected[i]));
-        // Of the six the best is neither the first nor the last, and they differ.
+        // The strengths differ: the strongest prior is worse than the weakest.
         let order: Vec<f64> = tried.iter().map(|t| sum(&t.0)).collect();
         assert!(order.iter().all(|c| *c >= sum(&best.0)) && order[5] > order[0] + 1e-3 * order[0].abs());
     }

@@ -14,7 +14,7 @@ use super::*;
 
 const FRAMES: usize = 40;
 const ROWS: usize = 25;
-/// Places of the candidates in the linearisation.
+/// Names of the candidates, in the order of the linearisation.
 const NAMES: [&str; 4] = ["a", "b", "twin", "free"];
 
 /// Regressors of a row: s of the model, a and b of two effects, one that resembles a, and c and c² − 1 of a free function.
@@ -247,7 +247,7 @@ fn an_effect_beside_something_unexplained_is_named_where_it_holds() {
     let Decision::Unexplained { free, explained, competitor } = decision else { panic!("{decision:?}") };
     assert!((0.2..0.5).contains(&explained), "{explained}");
     assert_eq!((free, competitor), (place(&imitated, "free"), Competitor::FreeFunction));
-    // One that resembles it, and is there: a part of its gain stays.
+    // An effect that is present and correlated with the free function keeps most of its gain when both are fitted.
     let both = examined(Planted { a_with_c: 0.5, ..planted }, 14);
     let (name, _, _, unexplained) = added(&both, decided(&both, &[], &[]));
     assert_eq!((name.as_str(), unexplained), ("a", true));
@@ -277,7 +277,8 @@ fn limits_belong_to_what_is_named() {
         let thresholds = Thresholds { least_explained_of_planes, ..by_default };
         assert_eq!(added(&e, decide(&e, &planes(6.0), 1e-4, &[], &[], &thresholds)).3, expected);
     }
-    // Beside something unexplained a name takes more: significance below its level, and a share of the cost.
+    // While something stays unexplained, an effect is named only if it is significant by the scatter between frames and explains a
+    // minimum share of the cost.
     let e = examined(Planted { a: 0.3, c: 0.55, ..Default::default() }, 7);
     let names_a = |thresholds: &Thresholds| match quiet(&e, thresholds) {
         Decision::Add { effect, leaves_unexplained, .. } => leaves_unexplained && effect == place(&e, "a"),
@@ -314,7 +315,7 @@ fn planes_of_frames_compete_with_effects() {
         let expected = if unexplained { statistic / (FRAMES as f64 * (of_plane - 3.0)) } else { share(of_plane) };
         assert!((of_planes / expected - 1.0).abs() < 1e-9, "{of_planes} {expected}");
     }
-    // An effect that takes up four fifths of what the function does stands beside it: the function adds a quarter.
+    // The free function gains only a quarter more than this effect alone, so the effect is named as well.
     let same = examined(Planted { c: 0.55, a_with_c: 0.8_f64.sqrt(), ..Default::default() }, 17);
     let decision = decide(&same, &planes(200.0), 1e-4, &[], &[], &Thresholds::default());
     assert_eq!(added(&same, decision), ("a".to_owned(), Vec::new(), Vec::new(), true));
