@@ -1,11 +1,9 @@
 //! `apply` on streams, and its runs that are interrupted.
 
-mod support;
-
 use std::process::Output;
 
+use crate::support::{self, CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, run_with_input, stderr, stdout, succeeds};
 use depthcal::io::{DepthImage, read_depth, write_depth};
-use support::{CALIBRATION, D, Folder, HEIGHT, PINHOLE, WIDTH, run_with_input, stderr, stdout, succeeds};
 
 const PIXELS: usize = WIDTH * HEIGHT;
 

@@ -2,13 +2,11 @@
 
 #![cfg(target_os = "linux")]
 
-mod support;
-
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 use std::time::{Duration, Instant};
 
-use support::{CALIBRATION, Folder, command, stderr};
+use crate::support::{CALIBRATION, Folder, command, stderr};
 
 /// Size of the frames, px.
 const SMALL: [usize; 2] = [16, 12];

@@ -1,13 +1,11 @@
 //! What a user may get wrong ends with exit code 1, a message that names the file, the field and the remedy, and
 //! nothing written.
 
-mod support;
-
-use depthcal::io::{GrayImage, read_depth, write_depth, write_gray};
-use support::{
-    BOARD, CALIBRATION, FRAMES, Folder, HEIGHT, UNIT, WIDTH, calibration_with, calibration_with_unit, command, depth,
-    fails, gray, succeeds,
+use crate::support::{
+    self, BOARD, CALIBRATION, FRAMES, Folder, HEIGHT, UNIT, WIDTH, calibration_with, calibration_with_unit, command,
+    depth, fails, gray, succeeds,
 };
+use depthcal::io::{GrayImage, read_depth, write_depth, write_gray};
 
 /// `calibrate` on the folder's dataset ends with these words and leaves no result.
 fn calibrate_fails(folder: &Folder, parts: &[&str]) {

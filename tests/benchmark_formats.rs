@@ -1,14 +1,5 @@
 //! The readers of benchmark files that the examples use: contents, and errors that name the line.
 
-#[path = "../examples/support/bal.rs"]
-mod bal;
-#[path = "support/measured.rs"]
-mod data;
-#[path = "../examples/support/g2o.rs"]
-mod g2o;
-#[path = "../examples/support/words.rs"]
-mod words;
-
 mod bal_problems {
     use std::io::Write;
     use std::path::Path;
@@ -70,7 +61,7 @@ mod bal_problems {
     /// workspace.
     #[test]
     fn a_problem_of_the_benchmark() {
-        let Some(path) = crate::data::measured("bal/problem-16-22106-pre.txt.bz2") else { return };
+        let Some(path) = crate::support::measured::measured("bal/problem-16-22106-pre.txt.bz2") else { return };
         let problem = BalProblem::read(path).unwrap();
         assert_eq!((problem.cameras.len(), problem.points.len(), problem.observations.len()), (16, 22106, 83718));
         assert!(problem.cameras.iter().all(|camera| (100.0..10_000.0).contains(&camera[6])), "focal lengths in px");

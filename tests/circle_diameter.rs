@@ -1,9 +1,7 @@
 //! The diameter of a board's dots: measured in the images where it is not declared, and compared with them where it is.
 
-mod support;
-
+use crate::support::{Folder, stderr, stdout, succeeds};
 use depthcal_simulate::Board;
-use support::{Folder, stderr, stdout, succeeds};
 
 /// What `calibrate` says of the dots of a capture whose `dataset.toml` has `circle_diameter_mm` so, or not at all.
 fn said(folder: &Folder, declared_mm: Option<f64>) -> String {

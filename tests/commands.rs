@@ -1,16 +1,14 @@
 //! The commands that need no board to be found: help and exit codes, export, apply, simulate.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::support::{
+    self, BOARD, CALIBRATION, D, FRAMES, Folder, HEIGHT, PINHOLE, WIDTH, calibration_with, calibration_with_unit,
+    depth, run, stderr, stdout, succeeds,
+};
 use depthcal::io::{Dataset, DepthImage, GrayImage, read_depth, read_json, write_depth, write_gray};
 use depthcal_simulate::Truth;
-use support::{
-    BOARD, CALIBRATION, D, FRAMES, Folder, HEIGHT, PINHOLE, WIDTH, calibration_with, calibration_with_unit, depth, run,
-    stderr, stdout, succeeds,
-};
 
 #[test]
 fn help_and_version() {

@@ -8,9 +8,7 @@ use depthcal::calibration::judge::evaluate::evaluate;
 use depthcal::calibration::load::{LoadOptions, Loaded, load};
 use depthcal_simulate::{Board, CameraTruth, Kind, Pattern, Simulation};
 
-mod support;
-
-use support::{Folder, succeeds};
+use crate::support::{Folder, succeeds};
 
 fn rendered(camera: CameraTruth, kind: Kind, seed: u64) -> Loaded {
     let folder = tempfile::tempdir().unwrap();

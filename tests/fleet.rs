@@ -2,12 +2,9 @@
 
 #![cfg(feature = "cli")]
 
-#[path = "support/schemas.rs"]
-mod schemas;
-mod support;
-
 use std::sync::Arc;
 
+use crate::support::{Folder, schemas, stdout, succeeds};
 use depthcal::calibration::adjust::camera_prior::CameraPrior;
 use depthcal::calibration::diagnose::effect_scores::effect_scores;
 use depthcal::calibration::simulated;
@@ -18,7 +15,6 @@ use depthcal::{CalibrateOptions, Calibrated, Capture, calibrate, calibration_rec
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use depthcal_statistics::{chi_squared_tail, noncentrality};
 use rayon::prelude::*;
-use support::{Folder, stdout, succeeds};
 
 const EFFECT: &str = "range_offset";
 /// Shared size of it, mm.

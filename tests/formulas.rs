@@ -2,10 +2,8 @@
 
 #![cfg(all(feature = "cli", feature = "detect"))]
 
-mod support;
-
+use crate::support::{Folder, fails, stdout, succeeds};
 use serde_json::Value;
-use support::{Folder, fails, stdout, succeeds};
 
 /// An effect that the catalogue lacks: rows differ, and the more so the nearer the board is.
 const ROW_GAIN: &str = r#"

@@ -2,12 +2,8 @@
 
 #![cfg(feature = "detect")]
 
-#[path = "support/schemas.rs"]
-mod schemas;
-mod support;
-
+use crate::support::{Folder, schemas, stderr, stdout, succeeds};
 use serde_json::Value;
-use support::{Folder, stderr, stdout, succeeds};
 
 fn json(arguments: &[&str]) -> (Value, String) {
     let output = succeeds(arguments.iter().chain(&["--json"]));

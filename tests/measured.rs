@@ -2,9 +2,6 @@
 
 #![cfg(feature = "detect")]
 
-#[path = "support/measured.rs"]
-mod data;
-
 use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::compare::{CompareOptions, compare};
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
@@ -16,7 +13,7 @@ use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
 /// The dataset of that name, or `None` where it is not present; the test is then reported as skipped.
 fn measured(name: &str) -> Option<Loaded> {
-    let path = data::measured(&format!("{name}/dataset.toml"))?;
+    let path = crate::support::measured::measured(&format!("{name}/dataset.toml"))?;
     let folder = path.parent().unwrap();
     Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap())
 }

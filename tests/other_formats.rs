@@ -1,11 +1,9 @@
 //! The commands on datasets and depth of other formats than PNG.
 
-mod support;
-
 use std::fmt::Write as _;
 
+use crate::support::{self, BOARD, Folder, HEIGHT, WIDTH, calibration_with_unit, depth, fails, stdout, succeeds};
 use depthcal::io::{Calibration, DepthFrame, DepthValues, Observations, read_depth_frame, write_depth_frame};
-use support::{BOARD, Folder, HEIGHT, WIDTH, calibration_with_unit, depth, fails, stdout, succeeds};
 
 /// Floating-point depth in metres, with pixels that are no measurement.
 fn metres() -> DepthFrame {

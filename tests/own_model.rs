@@ -3,13 +3,11 @@
 
 #![cfg(all(feature = "cli", feature = "detect"))]
 
-mod support;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::support::{self, Folder, stderr, stdout};
 use serde_json::Value;
-use support::{Folder, stderr, stdout};
 
 const MODEL: &str = "projective+cubic_vignette";
 
@@ -25,7 +23,7 @@ fn is_up_to_date(program: &Path) -> bool {
 }
 
 /// The example's binary, built with the profile of this test. Cargo builds it for `cargo test`, but not for
-/// `cargo test --test own_model`. It is built here only then: other features than those of the whole workspace compile most of it again.
+/// `cargo test --test suite`. It is built here only then: other features than those of the whole workspace compile most of it again.
 fn example() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();

@@ -3,17 +3,9 @@
 //! The other way: a dense Gauss–Newton method over homogeneous matrices, with rotations moved by the matrix exponential from
 //! the left and derivatives by differences. It shares neither parameterisation nor derivatives nor linear algebra.
 
-#[path = "../examples/support/g2o.rs"]
-mod g2o;
-#[path = "../examples/support/pose_factors.rs"]
-mod pose_factors;
-#[path = "../examples/support/synthetic.rs"]
-mod synthetic;
-#[path = "../examples/support/words.rs"]
-mod words;
-
+use crate::g2o::G2oGraph;
+use crate::{pose_factors, synthetic};
 use depthcal::solver::{Covariance, CovarianceOptions, LinearSolver, Options, Solution, minimize};
-use g2o::G2oGraph;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Rotation3, Vector3};
 
 fn read(text: &str) -> G2oGraph {

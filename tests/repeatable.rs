@@ -3,16 +3,14 @@
 
 #![cfg(all(unix, feature = "cli", feature = "detect"))]
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::{Duration, SystemTime};
 
+use crate::support::{self, CALIBRATION, Folder, command, depth, stderr, stdout, succeeds};
 use depthcal::io::{read_depth, write_depth};
-use support::{CALIBRATION, Folder, command, depth, stderr, stdout, succeeds};
 
 /// Runs a command with a cache of its own.
 fn run_with(cache: &Path, arguments: &[&str]) -> Output {

@@ -1,15 +1,11 @@
 //! Rendered rigs from the command line: simulate, calibrate, evaluate, register, against the truth of the simulation.
 #![cfg(feature = "detect")]
 
-#[path = "support/schemas.rs"]
-mod schemas;
-mod support;
-
+use crate::support::{Folder, fails, run_with_input, schemas, stderr, stdout, succeeds};
 use depthcal::io::{Calibration, Comparison, Evaluation, RigDiagnosisFile, Verdict, read_depth, read_json, read_rgb};
 use depthcal::rig::simulated::pose;
 use depthcal_simulate::RigTruth;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use support::{Folder, fails, run_with_input, stderr, stdout, succeeds};
 
 /// Runs `apply CALIBRATION -` on the bytes; returns what it writes.
 fn stream(calibration: &str, input: &[u8], more: &[&str]) -> Vec<u8> {

@@ -3,21 +3,19 @@
 
 #![cfg(all(unix, feature = "cli", feature = "detect"))]
 
-#[path = "support/measured.rs"]
-mod measured;
-mod support;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use measured::skipped;
-use support::{CALIBRATION, Folder, calibration_with_unit, command, depth, fails, run, stderr, stdout, succeeds};
+use crate::support::measured::skipped;
+use crate::support::{
+    self, CALIBRATION, Folder, calibration_with_unit, command, depth, fails, run, stderr, stdout, succeeds,
+};
 
 /// Contents of all files of a folder by path.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
-    for name in support::names(folder) {
+    for name in crate::support::names(folder) {
         let path = folder.join(name);
         if path.is_dir() {
             found.extend(contents(&path));

@@ -9,7 +9,7 @@ use depthcal::io::OF_CALIBRATION;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::state::{State, copy, state_of, visible};
+use super::state::{State, copy, state_of, visible};
 
 /// A command, in a folder with the inputs in `in`, the results in `out` and the cache of detections in `cache`.
 pub struct Case {

@@ -1,10 +1,8 @@
 //! Many frames, and images that hold no board.
 
-mod common;
-
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use common::{Camera, Pose, Scene, Texture};
+use crate::common::{self, Camera, Pose, Scene, Texture};
 use depthcal_detect::{DetectError, DetectOptions, FrameError, RefineOptions, detect, detect_all, refine_circles};
 use depthcal_io::GrayImage;
 use depthcal_model::target::{Pattern, Target};

@@ -1,8 +1,6 @@
 //! The bias of circle centres under perspective: there before refinement, gone after it.
 
-mod common;
-
-use common::{Camera, Pose, Scene, Texture};
+use crate::common::{self, Camera, Pose, Scene, Texture};
 use depthcal_detect::{DetectOptions, RefineOptions, detect, refine_circles};
 
 /// Mean displacement over all dots, px, in which noise averages out.

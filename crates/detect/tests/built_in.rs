@@ -1,8 +1,6 @@
 //! Every kind of board, found by the built-in detector in rendered images, against the renderer's truth. Nothing here needs OpenCV.
 
-mod common;
-
-use common::{Camera, Pose, Scene, Style, Texture};
+use crate::common::{self, Camera, Pose, Scene, Style, Texture};
 use depthcal_detect::{DetectOptions, Detector, detect};
 use depthcal_model::target::{CharucoLayout, Pattern, Target};
 

@@ -1,8 +1,8 @@
 //! Chessboards: the share of boards found, the order and the accuracy of their corners.
 
-mod common;
+#![cfg(feature = "opencv")]
 
-use common::{Camera, Pose, Scene, Texture};
+use crate::common::{self, Camera, Pose, Scene, Texture};
 use depthcal_detect::{DetectOptions, detect};
 use depthcal_model::target::Target;
 use rand::{RngExt, SeedableRng};

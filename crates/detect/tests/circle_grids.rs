@@ -1,8 +1,6 @@
 //! Circle grids: the share of boards found, and the accuracy of their dots.
 
-mod common;
-
-use common::{Camera, Pose, Scene, Texture};
+use crate::common::{self, Camera, Pose, Scene, Texture};
 use depthcal_detect::{DetectOptions, Detection, Polarity, detect};
 use depthcal_io::GrayImage;
 use depthcal_model::target::Target;

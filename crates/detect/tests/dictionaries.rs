@@ -1,5 +1,7 @@
 //! The dictionaries against OpenCV's: every cell of every tag.
 
+#![cfg(feature = "opencv")]
+
 #[cfg(not(fiducials = "contrib"))]
 #[test]
 fn every_cell_is_opencv_s() {

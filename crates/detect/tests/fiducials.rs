@@ -1,6 +1,6 @@
 //! ChArUco boards and AprilGrids, drawn by OpenCV's contrib module `aruco` and rendered by the tests.
 
-mod common;
+#![cfg(feature = "opencv")]
 
 use depthcal_detect::{DetectError, DetectOptions, detect};
 use depthcal_model::target::{Pattern, Target};
@@ -35,8 +35,8 @@ mod drawn {
     use opencv::prelude::*;
     use rayon::prelude::*;
 
-    use super::common::{self, Camera, Pose, Scene, Texture};
     use super::*;
+    use crate::common::{self, Camera, Pose, Scene, Texture};
 
     /// Pixels per mm of a drawn board.
     const SCALE: f64 = 8.0;

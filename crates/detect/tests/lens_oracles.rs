@@ -1,6 +1,8 @@
 //! The lens pieces against OpenCV's projections: `projectPoints` with 4, 5, 8, 12 and 14 coefficients and `fisheye::projectPoints`,
 //! ten thousand random points each.
 
+#![cfg(feature = "opencv")]
+
 use depthcal_model::{Block, Camera, Register};
 use nalgebra::Vector3;
 use opencv::core::{Mat, Point2d, Point3d, Vec3d, Vector};

@@ -1,8 +1,9 @@
 //! Measured captures: what is found is compared, frame by frame, with what OpenCV finds with its default settings.
 
-mod common;
+#![cfg(feature = "opencv")]
 
-use common::measured::{Capture, bytes, capture};
+use crate::common;
+use crate::common::measured::{Capture, bytes, capture};
 use depthcal_detect::{DetectOptions, Detection, detect_all};
 use depthcal_io::GrayImage;
 use depthcal_model::target::Target;

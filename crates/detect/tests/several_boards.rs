@@ -1,8 +1,6 @@
 //! Several boards in one image, told apart by the numbers of their tags.
 
-mod common;
-
-use common::{Camera, Pose, Scene, Style, Texture};
+use crate::common::{self, Camera, Pose, Scene, Style, Texture};
 use depthcal_detect::{DetectOptions, Detector, detect};
 use depthcal_io::GrayImage;
 use depthcal_model::target::{NumberedBoard, Target};

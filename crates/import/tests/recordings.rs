@@ -1,11 +1,9 @@
 //! Recordings written by other programs (`mcap-ros2-support`, `rosbags`) and by a camera's own recorder: what is imported is what was
 //! written, bit by bit. Skipped where Python, a package or the measured recording is absent.
 
-#[path = "../../../tests/support/python.rs"]
-mod python;
-
 use std::path::{Path, PathBuf};
 
+use crate::python;
 use depthcal_import::{ImportOptions, Imported, import};
 use depthcal_io::{Dataset, DepthValues, read_depth_frame, read_gray};
 

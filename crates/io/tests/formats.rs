@@ -1,10 +1,8 @@
 //! Images and depth against the programs that own their formats: frames bit-equal. Skipped where Python or a package is absent.
 
-#[path = "../../../tests/support/python.rs"]
-mod python;
-
 use std::path::Path;
 
+use crate::python;
 use depthcal_io::{DepthFrame, DepthValues, read_depth_frame, read_gray, read_rgb, write_depth_frame};
 
 const WIDTH: usize = 37;

@@ -1,9 +1,6 @@
 //! Reads measured captures, which are not part of the repository. Tests without their data print SKIPPED and pass.
 
-#[path = "../../../tests/support/measured.rs"]
-mod data;
-
-use data::measured;
+use crate::python::measured;
 use depthcal_io::{Dataset, check_same_size, read_depth, read_gray};
 use depthcal_model::Pattern;
 

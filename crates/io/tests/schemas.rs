@@ -5,7 +5,7 @@ use std::path::Path;
 use depthcal_io::{DatasetFile, RigFile, SchemaName};
 use serde_json::{Value, json};
 
-/// `UPDATE_DOCS=1 cargo test -p depthcal-io --test schemas` writes them.
+/// `UPDATE_DOCS=1 cargo test -p depthcal-io --test suite schemas` writes them.
 #[test]
 fn documented_schemas_are_current() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/schemas");

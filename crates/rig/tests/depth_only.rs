@@ -1,7 +1,6 @@
 //! A depth camera whose image cannot be had, on a rig with one that has infrared images.
 
-mod support;
-
+use crate::support;
 use depthcal_model::Camera;
 use depthcal_rig::simulated::{errors, rig_capture};
 use depthcal_rig::{RigError, RigOptions, calibrate_rig};

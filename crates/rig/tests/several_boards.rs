@@ -1,7 +1,6 @@
 //! Several boards at once, each with a pose of its own in every frame.
 
-mod support;
-
+use crate::support;
 use depthcal_model::{NumberedBoard, Pattern, Target};
 use depthcal_rig::simulated::{errors, pose, rig_capture, squared_error};
 use depthcal_rig::{RigCapture, RigOptions, calibrate_rig};

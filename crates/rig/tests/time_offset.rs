@@ -1,7 +1,6 @@
 //! Cameras that expose at other moments than their times say, before a board that moves.
 
-mod support;
-
+use crate::support;
 use depthcal_rig::simulated::{errors, rig_capture, squared_error};
 use depthcal_rig::{RigCapture, RigError, RigOptions, calibrate_rig};
 use depthcal_simulate::{Kind, PointOptions, RigCamera, RigPoints, RigSimulation, Waved};

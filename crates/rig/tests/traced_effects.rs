@@ -1,7 +1,6 @@
 //! Rigs with an effect on one camera that is not declared: the diagnosis names this camera and this effect, and no other camera has any.
 
-mod support;
-
+use crate::support;
 use depthcal_io::{Calibration, DriftOver, FileReference};
 use depthcal_model::Register;
 use depthcal_rig::diagnose::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};

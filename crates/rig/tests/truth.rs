@@ -1,7 +1,6 @@
 //! Rigs whose truth is known, captured without images by a simulator that shares no code with the fit.
 
-mod support;
-
+use crate::support;
 use depthcal_io::Calibration;
 use depthcal_model::Register;
 use depthcal_rig::judge::evaluate_rig;

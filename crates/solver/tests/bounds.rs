@@ -1,8 +1,6 @@
 //! Bounded components: the constrained optimum is found, by all methods and linear solvers.
 
-mod common;
-
-use common::{Bundle, Exponential, bundle, normal, rng};
+use crate::common::{Bundle, Exponential, bundle, normal, rng};
 use depthcal_solver::{
     Batch, Covariance, CovarianceOptions, Factor, Graph, Key, LinearSolver, Loss, Method, Options, Over,
     Preconditioner, Prior, Scalar, SolveError, StructureError, Values, minimize,

@@ -1,13 +1,11 @@
 //! Runs that are cut short and resumed from a file.
 
-mod common;
-
 use std::fs;
 use std::path::PathBuf;
 
+use crate::common::{Bundle, Exponential, bundle};
 use argmin::core::checkpointing::CheckpointingFrequency;
 use argmin::core::{Error, Executor, State};
-use common::{Bundle, Exponential, bundle};
 use depthcal_solver::{
     Batch, CheckpointError, CheckpointFile, CheckpointOptions, Damping, Graph, Interrupt, LevenbergMarquardt, Loss,
     Method, Options, Prior, Report, SolveError, SolverState, Values, Variable, minimize,

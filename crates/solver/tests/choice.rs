@@ -1,8 +1,6 @@
 //! The linear solver is chosen by estimated work, and the choice is reported.
 
-mod common;
-
-use common::{Bundle, Distance, bundle, normal3, rng};
+use crate::common::{Bundle, Distance, bundle, normal3, rng};
 use depthcal_solver::{
     Batch, Factor, Graph, LinearSolver, LinearSolverUsed, Loss, Options, Over, Preconditioner, Prior, Scalar, Values,
     minimize,

@@ -1,8 +1,6 @@
 //! Covariances against repeated estimation and against invariances.
 
-mod common;
-
-use common::{Bundle, bundle, normal, rng};
+use crate::common::{self, Bundle, bundle, normal, rng};
 use depthcal_solver::{
     Covariance, CovarianceError, CovarianceOptions, Graph, LinearSolver, Loss, Options, Values, Variable, minimize,
 };

@@ -1,8 +1,6 @@
 //! Problems too ill-conditioned for normal equations, and undetermined combinations of variables.
 
-mod common;
-
-use common::{Bundle, bundle};
+use crate::common::{Bundle, bundle};
 use depthcal_solver::{
     Batch, Factor, Graph, Key, LinearSolver, Loss, Method, Options, Over, Preconditioner, Scalar, Solution, Values,
     minimize,

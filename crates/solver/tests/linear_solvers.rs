@@ -1,8 +1,6 @@
 //! Every linear solver gives the solution of the dense normal equations, on random problems.
 
-mod common;
-
-use common::{normal, rng};
+use crate::common::{self, normal, rng};
 use depthcal_solver::{
     Covariance, CovarianceOptions, EvaluationError, FactorBatch, Graph, Key, LinearSolver, Options, Preconditioner,
     Values, VariableId, minimize,

@@ -1,8 +1,6 @@
 //! Laws of variables, losses, noise models and derivatives.
 
-mod common;
-
-use common::{Between, Distance, Projection, normal, normal3, rng};
+use crate::common::{Between, Distance, Projection, normal, normal3, rng};
 use depthcal_solver::{
     AutoDiffVariable, Batch, Factor, FactorBatch, Graph, Loss, Noise, NoiseError, Over, Scalar, Values, Variable,
     check_jacobians,

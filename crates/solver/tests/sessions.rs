@@ -1,9 +1,7 @@
 //! Sessions: after a change of the problem the result is that of a new solver, and symbolic factorisations are used again
 //! while they fit.
 
-mod common;
-
-use common::{Between, normal3, rng};
+use crate::common::{self, Between, normal3, rng};
 use depthcal_solver::{
     Batch, Graph, Key, LinearSolver, Noise, Options, Prior, Session, Solution, Values, VariableId, minimize,
 };

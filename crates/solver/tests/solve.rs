@@ -1,8 +1,6 @@
 //! Small problems with known solutions.
 
-mod common;
-
-use common::{Bundle, Distance, Exponential, bundle, normal, rng};
+use crate::common::{self, Bundle, Distance, Exponential, bundle, normal, rng};
 use depthcal_solver::{
     Batch, Covariance, CovarianceError, CovarianceOptions, Damping, EvaluationError, Factor, FactorBatch, Graph,
     Interrupt, LinearSolver, Loss, Method, Noise, Options, Over, Prior, Scalar, SolveError, StructureError,

@@ -1,8 +1,6 @@
 //! Results are bitwise identical for any number of threads.
 
-mod common;
-
-use common::{Between, Bundle, bundle, normal3, rng};
+use crate::common::{Between, Bundle, bundle, normal3, rng};
 use depthcal_solver::{
     Batch, Graph, LinearSolver, Loss, Method, Noise, Options, Preconditioner, Prior, Report, Values, minimize,
 };

@@ -10,6 +10,7 @@ use crate::modules::Tree;
 use crate::prints::prints;
 use crate::references::file_graph;
 use crate::sources::Sources;
+use crate::test_programs::check_test_programs;
 
 /// What is wrong with one crate.
 #[derive(Clone, Debug, Default)]
@@ -55,7 +56,7 @@ fn folder(tree: &Tree, file: &str) -> String {
 /// parsed are a violation.
 ///
 /// # Errors
-/// As [`check_layers`].
+/// As [`check_layers`] and [`check_test_programs`].
 pub fn check_workspace(root: &Path) -> Result<Vec<String>, StructureError> {
     let mut violations = check_layers(root)?;
     for layer in &LAYERS {
@@ -79,6 +80,7 @@ pub fn check_workspace(root: &Path) -> Result<Vec<String>, StructureError> {
         if layer.package != "depthcal-cli" {
             violations.extend(tagged("prints outside the command line's crate", report.prints));
         }
+        violations.extend(tagged("tests", check_test_programs(&folder)?));
     }
     Ok(violations)
 }

@@ -2,7 +2,7 @@
 //!
 //! Files of a crate must form a directed acyclic graph, so must its top-level modules ("folders"), and crates may depend only
 //! on crates below them in a declared order. Only code that is compiled into the library counts: items under `#[cfg(test)]`,
-//! `tests.rs` and `tests/` are left out.
+//! `tests.rs` and `tests/` are left out. Of `tests/` it is checked that no file is forgotten by the test programs.
 //!
 //! A file depends on another if it names an item that the other defines: in a `use`, in a path of an expression, a type, a
 //! pattern or a macro's arguments. A re-export is followed to the file that defines the item, so a `mod.rs` that only declares
@@ -22,6 +22,7 @@ mod names;
 mod prints;
 mod references;
 mod sources;
+mod test_programs;
 #[cfg(test)]
 mod tests;
 
@@ -31,3 +32,4 @@ pub use error::StructureError;
 pub use graph::{Edge, Graph};
 pub use layers::{LAYERS, check_layers};
 pub use sources::Sources;
+pub use test_programs::check_test_programs;

@@ -3,6 +3,7 @@
 use crate::check::{CrateReport, check_crate};
 use crate::layers::check_manifest;
 use crate::sources::Sources;
+use crate::test_programs::check_test_programs;
 
 fn check(files: &[(&str, &str)]) -> CrateReport {
     check_crate(&Sources::from_texts(files.iter().copied())).unwrap()
@@ -236,4 +237,25 @@ fn crates_depend_on_lower_ones_only() {
         assert!(found.len() == 1 && found[0].contains(message), "{text}: {found:?}");
     }
     assert!(check_manifest("depthcal", "[dependencies").is_err());
+}
+
+#[test]
+fn a_test_that_no_program_contains_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |path: &str, text: &str| {
+        let path = folder.path().join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    write("tests/suite.rs", "mod a;\nmod b;\nmod inline { mod c {} }");
+    for file in ["a.rs", "b/mod.rs", "b/more.rs", "c.rs", "d/mod.rs", "alone.rs", "data/x.json"] {
+        write(&format!("tests/{file}"), "");
+    }
+    let programs = "[[test]]\nname = \"suite\"\n[[test]]\nname = \"other\"\npath = \"tests/alone.rs\"";
+    write("Cargo.toml", &format!("[package]\nautotests = false\n{programs}"));
+    let names = |found: Vec<String>| found.iter().map(|v| v.split(' ').next().unwrap().to_owned()).collect::<Vec<_>>();
+    assert_eq!(names(check_test_programs(folder.path()).unwrap()), ["tests/c", "tests/d"]);
+    // Cargo finds every file itself.
+    write("Cargo.toml", &format!("[package]\n{programs}"));
+    assert_eq!(check_test_programs(folder.path()).unwrap(), [] as [String; 0]);
 }

@@ -1,5 +1,4 @@
 //! Rigs that several tests capture with; not every test has all of them.
-#![allow(dead_code)]
 
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Pose, RigCamera, RigPoints, RigSimulation, Streams};
 

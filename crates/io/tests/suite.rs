@@ -1,0 +1,9 @@
+//! The tests of the crate, one module per subject: `cargo test -p depthcal-io --test suite formats` runs those of one module.
+
+mod formats;
+mod measured_data;
+mod owners;
+mod schemas;
+
+#[path = "../../../tests/support/python.rs"]
+mod python;

@@ -1,0 +1,49 @@
+//! The tests of the whole program, one module per subject. One test program for all of them is linked once, and its tests run side by
+//! side: `cargo test --test suite crash_safety` runs those of one module.
+
+mod apply_runs;
+mod apply_streams;
+mod bad_input;
+mod benchmark_formats;
+mod circle_diameter;
+mod commands;
+mod compare;
+mod crash_safety;
+mod diagnose;
+mod discovered;
+mod effects;
+mod estimators;
+mod fields;
+mod fisheye;
+mod fleet;
+mod formulas;
+mod hard_captures;
+mod invariances;
+mod json;
+mod measured;
+mod other_formats;
+mod own_model;
+mod pose_graphs;
+mod rendered;
+mod repeatable;
+mod rig_stereo;
+mod rig_traced;
+mod rigs;
+mod start_values;
+mod stray_light;
+mod support;
+mod thresholds_documented;
+mod uncertainty;
+mod unwritable;
+
+// What the examples share, and tests here read with.
+#[path = "../examples/support/bal.rs"]
+mod bal;
+#[path = "../examples/support/g2o.rs"]
+mod g2o;
+#[path = "../examples/support/pose_factors.rs"]
+mod pose_factors;
+#[path = "../examples/support/synthetic.rs"]
+mod synthetic;
+#[path = "../examples/support/words.rs"]
+mod words;
