@@ -97,6 +97,22 @@ fn element(id: &[u8], data: &[u8]) -> Vec<u8> {
     [id, &[0x40 | (data.len() >> 8) as u8, data.len() as u8], data].concat()
 }
 
+/// A Matroska file of one segment.
+fn matroska(segment: &[u8]) -> Vec<u8> {
+    let kind =
+        [element(&[0x42, 0x82], b"matroska"), element(&[0x42, 0x87], &[4]), element(&[0x42, 0x85], &[2])].concat();
+    [element(&[0x1a, 0x45, 0xdf, 0xa3], &kind), element(&[0x18, 0x53, 0x80, 0x67], segment)].concat()
+}
+
+#[test]
+fn a_table_of_contents_of_a_matroska_file_that_refers_to_itself() {
+    const SEEK_HEAD: [u8; 4] = [0x11, 0x4d, 0x9b, 0x74];
+    // The first element of the segment is itself.
+    let entry = [element(&[0x53, 0xab], &SEEK_HEAD), element(&[0x53, 0xac], &[0])].concat();
+    let message = complaint("circle.mkv", &matroska(&element(&SEEK_HEAD, &element(&[0x4d, 0xbb], &entry))));
+    assert!(message.contains("leads back to the same places"), "{message}");
+}
+
 #[test]
 fn a_track_of_a_matroska_file_that_is_wider_than_memory() {
     let code = [&[0; 16][..], b"b16g", &[0; 20]].concat();
@@ -118,10 +134,6 @@ fn a_track_of_a_matroska_file_that_is_wider_than_memory() {
         element(&[0x16, 0x54, 0xae, 0x6b], &element(&[0xae], &track.concat())),
         element(&[0x1f, 0x43, 0xb6, 0x75], &cluster),
     ];
-    let kind =
-        [element(&[0x42, 0x82], b"matroska"), element(&[0x42, 0x87], &[4]), element(&[0x42, 0x85], &[2])].concat();
-    let file =
-        [element(&[0x1a, 0x45, 0xdf, 0xa3], &kind), element(&[0x18, 0x53, 0x80, 0x67], &segment.concat())].concat();
-    let message = complaint("wide.mkv", &file);
+    let message = complaint("wide.mkv", &matroska(&segment.concat()));
     assert!(message.contains("stream IR") && message.contains("has 4 bytes"), "{message}");
 }

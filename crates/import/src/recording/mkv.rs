@@ -7,8 +7,9 @@ use std::io::BufReader;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use matroska_demuxer::{Frame, MatroskaFile};
+use matroska_demuxer::{DemuxError, Frame, MatroskaFile};
 
+use super::bounded::Bounded;
 use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged};
 use crate::error::ImportError;
 
@@ -17,9 +18,16 @@ pub(super) fn visit(
     wanted: &dyn Fn(&StreamInfo) -> bool,
     visitor: &mut Visitor<'_>,
 ) -> Result<(), ImportError> {
-    let file = File::open(path).map_err(|error| ImportError::Read { path: path.to_owned(), error })?;
-    let fault = |error: matroska_demuxer::DemuxError| damaged(path, "Matroska file", error);
-    let mut file = guarded(path, || MatroskaFile::open(BufReader::new(file)))?.map_err(fault)?;
+    let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
+    let file = File::open(path).map_err(unreadable)?;
+    let length = file.metadata().map_err(unreadable)?.len();
+    let reader = Bounded::new(BufReader::new(file), length);
+    let fault = |error| match error {
+        // Its text would be that of the error's cause, mostly "None".
+        DemuxError::IoError(error) => damaged(path, "Matroska file", error),
+        error => damaged(path, "Matroska file", error),
+    };
+    let mut file = guarded(path, || MatroskaFile::open(reader))?.map_err(fault)?;
     let scale = file.info().timestamp_scale().get();
     let mut streams: BTreeMap<u64, (StreamInfo, [usize; 2])> = BTreeMap::new();
     for track in file.tracks() {

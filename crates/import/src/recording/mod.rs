@@ -2,6 +2,7 @@
 
 mod attachment;
 mod bag;
+mod bounded;
 mod db3;
 mod file;
 mod mcap_file;

@@ -1,5 +1,6 @@
 //! JPEG, by the `zune-jpeg` crate.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use zune_jpeg::JpegDecoder;
@@ -58,7 +59,13 @@ fn decode_as<P>(
     let count = pixels(path, width, height)?;
     // A block of 64 pixels takes a bit at least, in a progressive image without contrast.
     fits(path, "JPEG", count, 512, bytes.len())?;
-    let values = decoder.decode().map_err(|error| damaged(error.to_string()))?;
+    if has_unknown_sampling(bytes) {
+        return Err(damaged("its brightness is sampled more coarsely than its colour, which is not supported".into()));
+    }
+    // The decoder counts on lengths that belong together, which those of a damaged file need not.
+    let values = catch_unwind(AssertUnwindSafe(|| decoder.decode()))
+        .map_err(|_| damaged("its parts do not fit together".into()))?
+        .map_err(|error| damaged(error.to_string()))?;
     let data = match values.len() / count {
         1 => from_one(values),
         3 => from_three(values),
@@ -68,6 +75,31 @@ fn decode_as<P>(
         return Err(damaged("it has fewer pixels than its header says".into()));
     }
     Ok(([width, height], data))
+}
+
+/// Whether the components are sampled as no camera does it, and the decoder would panic: the first one more coarsely than another, or
+/// half as often as the others from row to row in a scan of its own (ITU-T T.81, B.2.2 and B.2.3).
+fn has_unknown_sampling(bytes: &[u8]) -> bool {
+    let mut factors: Vec<[u8; 2]> = Vec::new();
+    let mut rest = bytes.get(2..).unwrap_or_default();
+    while let [0xff, mark, high, low, segment @ ..] = rest {
+        match mark {
+            0xc0..=0xcf if ![0xc4, 0xc8, 0xcc].contains(mark) => {
+                let components = segment.get(6..).unwrap_or_default().chunks_exact(3);
+                let count = usize::from(*segment.get(5).unwrap_or(&0));
+                factors = components.take(count).map(|component| [component[1] >> 4, component[1] & 15]).collect();
+            }
+            0xda => {
+                let Some(first) = factors.first() else { return false };
+                let is_alone = usize::from(*segment.first().unwrap_or(&0)) < factors.len();
+                return is_alone && *first == [1, 2] || factors.iter().any(|f| f[0] > first[0] || f[1] > first[1]);
+            }
+            _ => {}
+        }
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        rest = rest.get(2 + length..).unwrap_or_default();
+    }
+    false
 }
 
 /// Whether the last scan has no end marker. The decoder would silently fill the missing part with grey.

@@ -177,6 +177,35 @@ fn a_jpeg_that_claims_more_than_it_holds_is_refused_before_memory_is_allocated()
     }
 }
 
+#[test]
+fn any_sampling_of_a_jpeg_is_an_image_or_an_error() {
+    let header = from_hex(RED_JPEG);
+    let frame = header.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+    let scan = header.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+    let one: &[u8] = &[0xff, 0xda, 0, 8, 1, 1, 0, 0, 0x3f, 0];
+    let three: &[u8] = &header[scan..scan + 14];
+    let (mut decoded, mut refused) = (0, 0);
+    let factors = [0x11, 0x12, 0x21, 0x22, 0x14, 0x41, 0x42, 0x44];
+    for count in 0..factors.len().pow(3) * 2 {
+        let [first, second, third] = [1, 8, 64].map(|place| factors[count / 2 / place % 8]);
+        let mut bytes = header[..scan].to_vec();
+        bytes[frame + 6] = 16;
+        bytes[frame + 8] = 40;
+        for (component, sampling) in [first, second, third].into_iter().enumerate() {
+            bytes[frame + 11 + 3 * component] = sampling;
+        }
+        bytes.extend([if count % 2 == 0 { one } else { three }, &[0; 400], &[0xff, 0xd9]].concat());
+        for image in [decode_gray(name(), &bytes).map(|_| ()), decode_rgb(name(), &bytes).map(|_| ())] {
+            // What the decoder panics at is known beforehand.
+            let message = image.err().map(|error| error.to_string()).unwrap_or_default();
+            assert!(!message.contains("do not fit together"), "{first:x} {second:x} {third:x}: {message}");
+            decoded += usize::from(message.is_empty());
+            refused += usize::from(message.contains("sampled more coarsely"));
+        }
+    }
+    assert!(decoded > 100 && refused > 1000, "{decoded} were decoded, {refused} refused");
+}
+
 proptest! {
     #[test]
     fn damaged_jpeg_is_no_panic(position in any::<prop::sample::Index>(), value in any::<u8>(), red in any::<bool>()) {
