@@ -184,3 +184,29 @@ impl Kernel for OnePixel<'_> {
         self.plan.correct(isa, self.inputs, self.index, self.z);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use depthcal_model::Register;
+
+    use super::*;
+
+    fn prepared(dw: f64) -> PreparedCamera {
+        let mut depth = Register::builtin().block("projective", None).unwrap();
+        depth.theta = vec![1e-4, -3e-6, -7e-6, dw];
+        PreparedCamera::new(&Camera::new(64, 48, [60.0, 60.0, 31.0, 24.0, 0.0], vec![depth])).unwrap()
+    }
+
+    /// The plan of another camera is off by a share of depth that is known.
+    #[test]
+    fn a_plan_that_is_off_is_refused() {
+        let camera = prepared(1.006);
+        let own = camera.error_of(camera.plan.as_ref().unwrap()).unwrap();
+        assert!(own < 0.001, "{own} mm");
+        let other = |share: f64| camera.error_of(prepared(1.006 * (1.0 + share)).plan.as_ref().unwrap());
+        // A share of 1e-6, less 2.5e-7 that f32 explains, is 0.004 mm at 5 m; further away more is tolerated than it grows.
+        let found = other(1e-6).unwrap();
+        assert!(found > 0.001 && found < 0.006, "{found} mm");
+        assert_eq!(other(1e-5), None);
+    }
+}

@@ -1,11 +1,17 @@
 //! Blocks of a camera by index, and the domain of its lens.
 
-use depthcal_model::{Block, Camera, Register};
+use depthcal_model::{Block, Camera, Context, Register};
 
 const PINHOLE: [f64; 5] = [500.0, 505.0, 320.0, 240.0, 0.0];
 
 fn block(text: &str) -> Block {
     Register::builtin().block(text, None).unwrap()
+}
+
+fn with_theta(text: &str, theta: &[f64]) -> Block {
+    let mut block = block(text);
+    block.theta = theta.to_vec();
+    block
 }
 
 /// Whatever the order given, and though fields are laid over the image, every piece is found at its index.
@@ -187,4 +193,36 @@ fn lenses_imitate_each_other() {
         let found = largest(&other.fitted_to_rays(&rays, &pixels));
         assert!(found < most_px, "{name}: {found}");
     }
+}
+
+/// A bent board by its formula, and a displaced depth image by its two numbers.
+#[test]
+fn points_of_the_board_and_pixels_of_the_image_are_those_of_the_pieces() {
+    let pieces = vec![with_theta("board_bow", &[2e-5, -1e-5, 3e-5]), with_theta("depth_registration", &[1.7, -0.6])];
+    let camera = Camera::new(640, 480, PINHOLE, pieces);
+    let [x, y] = [120.0, -70.0];
+    let height = 2e-5 * x * x - 1e-5 * x * y + 3e-5 * y * y;
+    assert_eq!(camera.board_point([x, y]), [x, y, height]);
+    let context = Context { pixel: [100.0, 200.0], ..Context::default() };
+    let [u, v] = camera.image_pixel(&context);
+    assert!((u - 98.3).abs() < 1e-12 && (v - 200.6).abs() < 1e-12, "({u}, {v})");
+}
+
+/// Where no true depth gives the measured one, the message has the pixel and the depth.
+#[test]
+fn depth_that_cannot_be_inverted_is_named() {
+    let projective = with_theta("projective", &[0.0, 0.0, 1e-3, 1.0]);
+    let camera = Camera::new(640, 480, PINHOLE, vec![projective]);
+    let context = Context { pixel: [12.0, 34.0], ..Context::default() };
+    assert!(camera.true_inverse_depth(&context, [0.1, 0.2], 1.0, 1.0 / 900.0).is_ok());
+    let error = camera.true_inverse_depth(&context, [0.1, 0.2], 1.0, 1.0 / 1500.0).unwrap_err().to_string();
+    assert!(error.contains("(12.0, 34.0)") && error.contains("1500.0 mm"), "{error}");
+}
+
+#[test]
+fn blocks_have_the_titles_of_their_pieces() {
+    for block in [block("projective"), block("brown_conrady")] {
+        assert_eq!(block.title(), block.piece().unwrap().title());
+    }
+    assert_eq!(Block::pinhole(PINHOLE).title(), "Pinhole K");
 }

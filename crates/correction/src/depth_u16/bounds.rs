@@ -95,3 +95,49 @@ impl Bounds {
         chunks.iter().fold(Bound { keeps_valid: true, ..Bound::default() }, |bound, chunk| bound.and(*chunk))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NONE: Bound = Bound { p: 0.0, q: 0.0, r: 0.0, r_above: 0.0, keeps_valid: false };
+
+    fn needs(bound: Bound, steps: u16) -> Option<&'static str> {
+        bound.needs(steps, 1.0).map(|precision| match precision {
+            Precision::Single => "f32",
+            Precision::Double => "f64",
+        })
+    }
+
+    #[test]
+    fn results_beyond_sixteen_bits_have_no_precision() {
+        // 60 000 · 1.1 = 66 000 steps, 59 000 · 1.1 = 64 900.
+        let larger = Bound { p: 0.1, ..NONE };
+        assert_eq!((needs(larger, 60_000), needs(larger, 59_000).is_some()), (None, true));
+        // 6000 steps more, by the constant.
+        let constant = Bound { q: 6000.0, ..NONE };
+        assert_eq!((needs(constant, 60_000), needs(constant, 59_000).is_some()), (None, true));
+        // 1 − r z is 0.04 and 0.06.
+        let pole = |r_above: f32| Bound { r_above, ..NONE };
+        assert_eq!((needs(pole(0.96e-3), 1000), needs(pole(0.94e-3), 1000).is_some()), (None, true));
+    }
+
+    #[test]
+    fn depth_that_could_shrink_to_nothing_has_no_precision() {
+        let of = |p: f32, keeps_valid: bool| needs(Bound { p, keeps_valid, ..NONE }, 10);
+        assert_eq!((of(0.46, true), of(0.44, true), of(0.46, false)), (None, Some("f32"), Some("f32")));
+        // 1 − p = 0.6 > 0.55 (1 + r z) up to r z = 0.09.
+        let with_r = |rz: f32| needs(Bound { p: 0.4, r: rz / 10.0, keeps_valid: true, ..NONE }, 10);
+        assert_eq!((with_r(0.1), with_r(0.08)), (None, Some("f32")));
+    }
+
+    #[test]
+    fn larger_changes_need_more_precision() {
+        assert_eq!(needs(Bound { p: 0.1, ..NONE }, 1000), Some("f32"));
+        // The change is 5000 steps: its roundings, 6 · 6e-8 · 5000, are more than a thousandth of a step; those of the coefficients,
+        // 6e-8 · 5000, are less.
+        assert_eq!(needs(Bound { p: 0.1, ..NONE }, 50_000), Some("f64"));
+        // 6e-8 · 20 000 is more than a thousandth.
+        assert_eq!(needs(Bound { p: 0.5, ..NONE }, 40_000), None);
+    }
+}

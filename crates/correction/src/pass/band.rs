@@ -178,3 +178,29 @@ fn near_half(measured: &[u16], z: &[f32], per_mm: f32, error_steps: f32, distanc
     }
     undecided > 0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_near_the_middle_between_two_steps_is_undecided() {
+        // Corrected depth, mm, measured 20 000 steps of 1 mm, error without that of f32.
+        let distance = |z: f32, error_steps: f32| {
+            let mut distances = [f32::NAN];
+            let undecided = near_half(&[20_000], &[z], 1.0, error_steps, &mut distances);
+            (undecided, distances[0])
+        };
+        // A quarter of a step from the next integer, so a quarter from the middle. f32 explains 20 100 · 2.5e-7, and twice that of
+        // the change of 100 steps.
+        let (undecided, found) = distance(20_100.25, 0.01);
+        assert!(!undecided && (found - (0.25 - 0.01 - 0.005_075)).abs() < 1e-4, "{found}");
+        assert!(distance(20_100.25, 0.26).0);
+        assert!((distance(20_099.75, 0.01).1 - found).abs() < 1e-6);
+        assert!(distance(20_100.5, 0.01).0);
+        // Errors that are tolerated.
+        let mut distances = [f32::NAN];
+        assert!(!near_half(&[10], &[10.5], 1.0, 1e-4, &mut distances));
+        assert_eq!(distances, [1.0]);
+    }
+}

@@ -30,6 +30,17 @@ pub(crate) fn inverse_depth(measured: &impl Fn(f64) -> f64, measured_rho: f64) -
 mod tests {
     use super::*;
 
+    /// A function of ten digits: steps never fall below the limit, and the place is as good as it can be.
+    #[test]
+    fn steps_of_the_function_are_no_failure() {
+        let stepped = |rho: f64| (1.02 * rho * 1e14).round() / 1e14;
+        let rho = inverse_depth(&stepped, 1.000_000_000_003_7e-3).unwrap();
+        assert!((1.02 * rho - 1e-3).abs() < 2e-14);
+        // Coarser than what counts as found.
+        let coarse = |rho: f64| (1.02 * rho * 1e12).round() / 1e12;
+        assert_eq!(inverse_depth(&coarse, 1.000_000_000_37e-3), None);
+    }
+
     #[test]
     fn finds_the_root_or_none() {
         let offset = |rho: f64| 1.02 * rho + 1e-5;

@@ -157,6 +157,22 @@ impl Plan {
         Some(Self { stages: vec![Stage::Separable(separable)], error_mm: 0.0 })
     }
 
+    /// Names of the kinds of stages, in the order in which they are applied.
+    #[cfg(test)]
+    pub fn kinds(&self) -> Vec<&'static str> {
+        let kind = |stage: &Stage| match stage {
+            Stage::Moebius(_) => "moebius",
+            Stage::Curve(_) => "curve",
+            Stage::PiecewiseFactor(_) => "piecewise_factor",
+            Stage::Separable(_) => "separable",
+            Stage::Frame(_) => "frame",
+            Stage::Amplitude(..) => "amplitude",
+            Stage::Cosine(..) => "cosine",
+            Stage::StrayLight(_) => "stray_light",
+        };
+        self.stages.iter().map(kind).collect()
+    }
+
     /// The Möbius map, where the plan has this single stage.
     pub fn only_moebius(&self) -> Option<&Moebius> {
         match self.stages.as_slice() {

@@ -1,5 +1,6 @@
 //! The corrector against the camera's own inverse in f64.
 
+mod fast_paths;
 mod fisheye;
 mod random_cases;
 mod stray_light;
