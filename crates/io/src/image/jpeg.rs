@@ -82,22 +82,27 @@ fn decode_as<P>(
 fn has_unknown_sampling(bytes: &[u8]) -> bool {
     let mut factors: Vec<[u8; 2]> = Vec::new();
     let mut rest = bytes.get(2..).unwrap_or_default();
-    while let [0xff, mark, high, low, segment @ ..] = rest {
+    while let [fill, mark, segment @ ..] = rest {
+        // As the decoder does, whatever lies between the segments is passed over.
+        if *fill != 0xff || matches!(mark, 0x00 | 0x01 | 0xd0..=0xd9 | 0xff) {
+            rest = &rest[1..];
+            continue;
+        }
+        let length = segment.first_chunk().map_or(0, |length| usize::from(u16::from_be_bytes(*length)));
         match mark {
             0xc0..=0xcf if ![0xc4, 0xc8, 0xcc].contains(mark) => {
-                let components = segment.get(6..).unwrap_or_default().chunks_exact(3);
-                let count = usize::from(*segment.get(5).unwrap_or(&0));
+                let components = segment.get(8..).unwrap_or_default().chunks_exact(3);
+                let count = usize::from(*segment.get(7).unwrap_or(&0));
                 factors = components.take(count).map(|component| [component[1] >> 4, component[1] & 15]).collect();
             }
             0xda => {
                 let Some(first) = factors.first() else { return false };
-                let is_alone = usize::from(*segment.first().unwrap_or(&0)) < factors.len();
+                let is_alone = usize::from(*segment.get(2).unwrap_or(&0)) < factors.len();
                 return is_alone && *first == [1, 2] || factors.iter().any(|f| f[0] > first[0] || f[1] > first[1]);
             }
             _ => {}
         }
-        let length = usize::from(u16::from_be_bytes([*high, *low]));
-        rest = rest.get(2 + length..).unwrap_or_default();
+        rest = segment.get(length..).unwrap_or_default();
     }
     false
 }

@@ -194,6 +194,8 @@ fn any_sampling_of_a_jpeg_is_an_image_or_an_error() {
         for (component, sampling) in [first, second, third].into_iter().enumerate() {
             bytes[frame + 11 + 3 * component] = sampling;
         }
+        // What is no segment is passed over.
+        bytes.splice(frame..frame, [0xff, 0x00].repeat(count % 3));
         bytes.extend([if count % 2 == 0 { one } else { three }, &[0; 400], &[0xff, 0xd9]].concat());
         for image in [decode_gray(name(), &bytes).map(|_| ()), decode_rgb(name(), &bytes).map(|_| ())] {
             // What the decoder panics at is known beforehand.
