@@ -96,3 +96,37 @@ impl Covariate {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::StrayLight;
+
+    #[test]
+    fn values_are_those_of_state_and_context() {
+        let context = Context {
+            temperature_c: 31.0,
+            time_s: 77.0,
+            amplitude: 900.0,
+            surround: 850.0,
+            stray: StrayLight { near: 1.25, ..StrayLight::UNKNOWN },
+            ..Context::default()
+        };
+        let state = [0.1, -0.2, 1.0 / 2048.0, 0.75];
+        for (covariate, expected) in [
+            (Covariate::Depth, 2048.0),
+            (Covariate::InverseDepth, 1.0 / 2048.0),
+            (Covariate::Incidence, 0.75),
+            (Covariate::Temperature, 31.0),
+            (Covariate::Time, 77.0),
+            (Covariate::Amplitude, 900.0),
+            (Covariate::Surroundings, 850.0),
+            (Covariate::StrayLight, 1.25),
+        ] {
+            assert_eq!(covariate.value(&state, &context), expected, "{covariate:?}");
+        }
+        let dark = Context { amplitude: 0.0, surround: 0.0, ..context };
+        assert!(Covariate::Amplitude.value(&state, &dark).is_nan());
+        assert!(Covariate::Surroundings.value(&state, &dark).is_nan());
+    }
+}
