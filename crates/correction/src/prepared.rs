@@ -187,13 +187,11 @@ impl Kernel for OnePixel<'_> {
 
 #[cfg(test)]
 mod tests {
-    use depthcal_model::Register;
-
     use super::*;
+    use crate::tests::block;
 
     fn prepared(dw: f64) -> PreparedCamera {
-        let mut depth = Register::builtin().block("projective", None).unwrap();
-        depth.theta = vec![1e-4, -3e-6, -7e-6, dw];
+        let depth = block("projective", &[1e-4, -3e-6, -7e-6, dw]);
         PreparedCamera::new(&Camera::new(64, 48, [60.0, 60.0, 31.0, 24.0, 0.0], vec![depth])).unwrap()
     }
 

@@ -1,5 +1,9 @@
 //! Fields in both directions: what is measured is corrected exactly, and folds are refused.
 
+use std::sync::Arc;
+
+use depthcal_model::depth::PolynomialMap;
+use depthcal_model::field::{Domain, Field, Grid};
 use depthcal_model::register::Options;
 use depthcal_model::{Block, Camera, CameraError, Context, Register};
 use nalgebra::Vector3;
@@ -88,6 +92,34 @@ fn folds_are_refused_with_model_pixel_and_depth() {
     assert!(message.contains("multiplier") && message.contains("100.0, 50.0"), "{message}");
     // Where correction meets the fold it refuses as well.
     assert!(matches!(camera.correct(&context, 1.0, 1.0 / 850.0), Err(CameraError::NotInvertible { .. })));
+}
+
+/// With equal nodes over the image, a field at the depth of a bin is its local function with the numbers of that bin. No
+/// built-in field has several numbers per bin; a user's may have.
+#[test]
+fn a_bin_has_the_numbers_of_its_own_fields() {
+    let domain = Domain { size_px: [640.0, 480.0], depth_mm: Some([500.0, 2000.0]) };
+    let mut block = Block::new(Arc::new(Field::new(PolynomialMap, Grid::linear(3, 2, 3).over(&domain))));
+    let number = |name: &str, bin: usize| match name {
+        "c0" => [3.0, -2.0, 7.0][bin],
+        "c1" => [0.01, 0.02, -0.03][bin],
+        _ => [2e-6, -4e-6, 1e-6][bin],
+    };
+    let names: Vec<String> = block.parameters().iter().map(|parameter| parameter.name.to_string()).collect();
+    for (value, name) in block.theta.iter_mut().zip(&names) {
+        let (field, place) = name.trim_end_matches(']').split_once('[').unwrap();
+        *value = number(field, place.rsplit(',').next().unwrap().parse().unwrap());
+    }
+    let camera = Camera::new(640, 480, [500.0, 500.0, 320.0, 240.0, 0.0], vec![block]);
+    for (bin, z) in [(0, 500.0), (2, 2000.0)] {
+        let [c0, c1, c2] = ["c0", "c1", "c2"].map(|name| number(name, bin));
+        for pixel in [[0.0, 0.0], [411.3, 77.9], [639.0, 479.0]] {
+            let context = Context { pixel, ..Context::default() };
+            let measured = 1.0 / camera.measured_inverse_depth(&context, [0.2, -0.3], 1.0, 1.0 / z);
+            let expected = z + c0 + c1 * z + c2 * z * z;
+            assert!((measured - expected).abs() < 1e-9, "{z} mm at {pixel:?}: {measured} instead of {expected}");
+        }
+    }
 }
 
 /// The piece of one cell is the whole field, seen from a pixel of that cell.

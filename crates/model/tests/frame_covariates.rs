@@ -1,6 +1,6 @@
 //! The light of whole frames against sums over all pixels as the definitions have them.
 
-use depthcal_model::frame_covariates::{NEAR_PX, NEAR_REACH, NEAR_WEIGHTS, SPREAD_PX};
+use depthcal_model::frame_covariates::{BLOCK_PX, NEAR_PX, NEAR_REACH, NEAR_WEIGHTS, SPREAD_PX};
 use depthcal_model::{FrameCovariates, Modulation, StrayLight};
 
 const SIZE: [usize; 2] = [147, 101];
@@ -122,6 +122,23 @@ fn invalid_pixels_have_the_range_of_their_neighbours() {
             let found = covariates.at(&amplitude, pixel);
             assert!(close(found, expected, f64::from(found.near), 0.02), "{none} {pixel:?}: {found:?}, {expected:?}");
         }
+    }
+}
+
+/// A band without a range between two walls: its upper half is at the upper wall, its lower half at the lower one.
+#[test]
+fn invalid_pixels_between_two_walls_have_the_range_of_the_nearer_one() {
+    let amplitude = amplitudes();
+    // Four of seven rows of blocks.
+    let wall = |_: usize, v: usize| if v < 3 * BLOCK_PX { 900.0 } else { 1500.0 };
+    let band = BLOCK_PX..5 * BLOCK_PX;
+    let range = |i: usize| if band.contains(&(i / SIZE[0])) { 0.0 } else { wall(0, i / SIZE[0]) as f32 };
+    let covariates = FrameCovariates::new(Modulation::default(), SIZE, &amplitude, range).unwrap();
+    for pixel in PIXELS {
+        let own = mean_3x3(&|x, y| at(&amplitude, x, y), pixel);
+        let expected = Modulation::default().mhz.map(|f| scene(&amplitude, &wall, f, pixel).map(|p| p / own));
+        let found = covariates.at(&amplitude, pixel);
+        assert!(close(found, expected, f64::from(found.near), 2e-3), "{pixel:?}: {found:?}, {expected:?}");
     }
 }
 

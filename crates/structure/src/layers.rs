@@ -5,6 +5,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use crate::error::StructureError;
+use crate::sources::read_text;
 
 /// A crate of the workspace and its folder.
 pub struct Layer {
@@ -72,10 +73,8 @@ pub fn check_layers(root: &Path) -> Result<Vec<String>, StructureError> {
     for layer in &LAYERS {
         let path = root.join(layer.folder).join("Cargo.toml");
         if path.exists() {
-            let text =
-                std::fs::read_to_string(&path).map_err(|source| StructureError::Read { path: path.clone(), source })?;
-            let found = check_manifest(layer.package, &text)
-                .map_err(|message| StructureError::Manifest { path: path.clone(), message })?;
+            let found = check_manifest(layer.package, &read_text(&path)?)
+                .map_err(|message| StructureError::Manifest { path, message })?;
             violations.extend(found);
         }
     }

@@ -56,14 +56,10 @@ impl Tree {
             path: file.to_owned(),
             source: std::io::ErrorKind::NotFound.into(),
         })?;
-        let syntax = syn::parse_file(text).map_err(|e| StructureError::Syntax {
-            path: file.to_owned(),
-            line: e.span().start().line,
-            message: e.to_string(),
-        })?;
+        let items = parse(file, text)?;
         self.files.push((file.to_owned(), path.clone()));
         let index = self.files.len() - 1;
-        self.add_module(sources, index, parent, path, folder, syntax.items)
+        self.add_module(sources, index, parent, path, folder, items)
     }
 
     fn add_module(
@@ -149,6 +145,18 @@ impl Tree {
             }
         }
         self.modules[index].syntax.push(item);
+    }
+}
+
+/// The items of a file with this text.
+pub fn parse(file: &Path, text: &str) -> Result<Vec<Item>, StructureError> {
+    match syn::parse_file(text) {
+        Ok(syntax) => Ok(syntax.items),
+        Err(error) => Err(StructureError::Syntax {
+            path: file.to_owned(),
+            line: error.span().start().line,
+            message: error.to_string(),
+        }),
     }
 }
 

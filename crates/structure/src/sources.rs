@@ -44,10 +44,14 @@ impl Sources {
             if entry.path().is_dir() {
                 self.read_folder(root, &path)?;
             } else if path.extension().is_some_and(|e| e == "rs") {
-                let text = std::fs::read_to_string(entry.path()).map_err(failed(&entry.path()))?;
-                self.files.insert(path, text);
+                self.files.insert(path, read_text(&entry.path())?);
             }
         }
         Ok(())
     }
+}
+
+/// The text of a file.
+pub fn read_text(path: &Path) -> Result<String, StructureError> {
+    std::fs::read_to_string(path).map_err(|source| StructureError::Read { path: path.to_owned(), source })
 }

@@ -8,6 +8,8 @@ use syn::Item;
 use toml::{Table, Value};
 
 use crate::error::StructureError;
+use crate::modules::parse;
+use crate::sources::read_text;
 
 /// Files and folders of `tests/` of the crate in `folder` that are neither a test program of its manifest nor a module of one.
 ///
@@ -15,7 +17,7 @@ use crate::error::StructureError;
 /// A manifest, a folder or a file that cannot be read or parsed.
 pub fn check_test_programs(folder: &Path) -> Result<Vec<String>, StructureError> {
     let manifest = folder.join("Cargo.toml");
-    let parsed: Table = read(&manifest)?.parse().map_err(|error: toml::de::Error| StructureError::Manifest {
+    let parsed: Table = read_text(&manifest)?.parse().map_err(|error: toml::de::Error| StructureError::Manifest {
         path: manifest,
         message: error.message().to_owned(),
     })?;
@@ -47,18 +49,9 @@ pub fn check_test_programs(folder: &Path) -> Result<Vec<String>, StructureError>
 
 /// Names of the modules that a test program has in files of their own.
 fn declared_modules(path: &Path) -> Result<Vec<String>, StructureError> {
-    let syntax = syn::parse_file(&read(path)?).map_err(|error| StructureError::Syntax {
-        path: path.to_owned(),
-        line: error.span().start().line,
-        message: error.to_string(),
-    })?;
     let name = |item: Item| match item {
         Item::Mod(module) if module.content.is_none() => Some(module.ident.to_string()),
         _ => None,
     };
-    Ok(syntax.items.into_iter().filter_map(name).collect())
-}
-
-fn read(path: &Path) -> Result<String, StructureError> {
-    std::fs::read_to_string(path).map_err(|source| StructureError::Read { path: path.to_owned(), source })
+    Ok(parse(path, &read_text(path)?)?.into_iter().filter_map(name).collect())
 }

@@ -207,3 +207,32 @@ pub(crate) fn piece(
         shape: shape.unwrap_or(Shape::Other),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+    use crate::tests::block;
+
+    #[test]
+    fn samples_are_spread_over_the_whole_image() {
+        let camera = Camera::new(160, 120, [140.0, 139.0, 77.9, 60.2, 0.0], Vec::new());
+        let mut rays = vec![[0.0; 2]; 160 * 120];
+        let all = samples(&camera, &rays);
+        let columns: HashSet<usize> = all.iter().map(|index| index % 160).collect();
+        let rows: HashSet<usize> = all.iter().map(|index| index / 160).collect();
+        assert_eq!((columns.len(), rows.len(), all.iter().collect::<HashSet<_>>().len()), (23, 23, 23 * 23));
+        assert_eq!((all.iter().min(), all.iter().max()), (Some(&0), Some(&(160 * 120 - 1))));
+        rays[0] = [f64::NAN; 2];
+        assert_eq!(samples(&camera, &rays).len(), 23 * 23 - 1);
+    }
+
+    /// Breathing moves every pixel but that on the optical axis, which is the first one here.
+    #[test]
+    fn rays_are_fixed_only_if_those_of_all_pixels_are() {
+        let camera = |pieces| Camera::new(160, 120, [140.0, 139.0, 0.0, 0.0, 0.0], pieces);
+        assert!(rays_are_fixed(&camera(vec![block("depth_registration", &[1.7, -0.6])])));
+        assert!(!rays_are_fixed(&camera(vec![block("focus_breathing", &[3.0])])));
+    }
+}

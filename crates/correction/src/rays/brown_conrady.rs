@@ -69,15 +69,10 @@ pub(crate) fn distort<T: Real, const FMA: bool>(k: &[T; 5], x: T, y: T) -> [T; 5
 
 #[cfg(test)]
 mod tests {
-    use depthcal_model::{Block, Register};
+    use depthcal_model::Block;
 
     use super::*;
-
-    fn block(name: &str, theta: &[f64]) -> Block {
-        let mut block = Register::builtin().block(name, None).unwrap();
-        block.theta = theta.to_vec();
-        block
-    }
+    use crate::tests::block;
 
     fn of(blocks: Vec<Block>) -> Option<BrownConrady> {
         BrownConrady::of(&Camera::new(160, 120, [140.0, 139.0, 77.9, 60.2, 0.3], blocks))

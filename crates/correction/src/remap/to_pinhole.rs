@@ -181,13 +181,11 @@ fn source(camera: &Camera, [fx, fy, cx, cy, skew]: [f64; 5], [u, v]: [f64; 2]) -
 
 #[cfg(test)]
 mod tests {
-    use depthcal_model::Register;
-
     use super::*;
+    use crate::tests::block;
 
     fn camera(width: usize, height: usize) -> Camera {
-        let mut lens = Register::builtin().block("brown_conrady", None).unwrap();
-        lens.theta = vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756];
+        let lens = block("brown_conrady", &[-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
         let f = 0.745 * width as f64;
         Camera::new(width, height, [f, f, 0.49 * width as f64, 0.5 * height as f64, 0.0], vec![lens])
     }

@@ -14,7 +14,8 @@ use crate::{CorrectionSummary, Corrector, CorrectorError, FrameContext, Needs, P
 const WIDTH: usize = 160;
 const HEIGHT: usize = 120;
 
-fn block(name: &str, theta: &[f64]) -> Block {
+/// A piece of the register with these parameters.
+pub fn block(name: &str, theta: &[f64]) -> Block {
     let mut block = Register::builtin().block(name, None).unwrap();
     block.theta = theta.to_vec();
     block
@@ -155,12 +156,16 @@ fn effects_of_time_temperature_and_amplitude_are_taken_from_the_frame() {
     let data = (0..WIDTH * HEIGHT).map(|i| 100 + (i % 3000) as u16).collect();
     let amplitude = GrayImage { width: WIDTH, height: HEIGHT, data, bits: 16 };
     let known = FrameContext { time_s: 250.0, temperature_c: 41.0, amplitude: Some((&amplitude).into()) };
+    let unknown = FrameContext::default();
+    let of_model = Context { time_s: 250.0, temperature_c: 41.0, ..Context::default() };
     let measured: Vec<f32> = depths(300.0, 4000.0).map(|z| z as f32).collect();
     let mut results = [vec![0.0; measured.len()], vec![0.0; measured.len()]];
-    for (context, out) in [known, FrameContext::default()].iter().zip(&mut results) {
-        corrector.correct_f32(&measured, context, out).unwrap();
+    for ((context, frame), out) in [(known, of_model), (unknown, Context::default())].into_iter().zip(&mut results) {
+        corrector.correct_f32(&measured, &context, out).unwrap();
         for index in (0..measured.len()).step_by(7) {
-            let expected = reference(&camera, context, index, f64::from(measured[index]));
+            let signal = context.amplitude.map_or(f64::NAN, |image| f64::from(image.data[index]));
+            let at = Context { pixel: pixel(index, WIDTH), amplitude: signal, ..frame };
+            let expected = 1.0 / camera.correct(&at, 1.0, 1.0 / f64::from(measured[index])).unwrap().1;
             assert!((f64::from(out[index]) - expected).abs() < 0.01);
         }
     }

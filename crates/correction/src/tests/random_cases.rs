@@ -7,17 +7,12 @@ use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
 use crate::conventions::pixel;
 use crate::prepared::PreparedCamera;
+use crate::tests::block;
 use crate::{CorrectionSummary, Corrector, FrameContext, PointsMut};
 
 /// Two chunks, and not a multiple of the length of any block.
 const WIDTH: usize = 67;
 const HEIGHT: usize = 23;
-
-fn block(name: &str, theta: Vec<f64>) -> Block {
-    let mut block = Register::builtin().block(name, None).unwrap();
-    block.theta = theta;
-    block
-}
 
 /// A map whose values go up and down by `size`.
 fn map(name: &str, size: f64, phase: f64) -> Block {
@@ -29,7 +24,7 @@ fn map(name: &str, size: f64, phase: f64) -> Block {
 /// Depth pieces: each kind of table of a Möbius map, and a multiplier map with bins over depth.
 fn pieces() -> impl Strategy<Value = Vec<Block>> {
     let projective =
-        [-3e-4..3e-4, -1e-4..1e-4, -1e-5..1e-5, 0.8..1.25f64].prop_map(|theta| block("projective", theta.to_vec()));
+        [-3e-4..3e-4, -1e-4..1e-4, -1e-5..1e-5, 0.8..1.25f64].prop_map(|theta| block("projective", &theta));
     let of_size =
         |name: &'static str, most: f64| (0.0..most, 0.0..6.0f64).prop_map(move |(size, phase)| map(name, size, phase));
     prop_oneof![
@@ -37,7 +32,7 @@ fn pieces() -> impl Strategy<Value = Vec<Block>> {
         of_size("multiplier@bins=1", 0.1).prop_map(|m| vec![m]),
         of_size("bspline", 2e-5).prop_map(|b| vec![b]),
         (projective.clone(), of_size("multiplier@bins=1", 0.1)).prop_map(|(p, m)| vec![p, m]),
-        (projective.clone(), -30.0..30.0f64).prop_map(|(p, c)| vec![block("range_offset", vec![c]), p]),
+        (projective.clone(), -30.0..30.0f64).prop_map(|(p, c)| vec![block("range_offset", &[c]), p]),
         of_size("multiplier", 0.1).prop_map(|m| vec![m]),
         (projective, of_size("multiplier@bins=5", 0.05)).prop_map(|(p, m)| vec![p, m]),
     ]
@@ -53,7 +48,7 @@ fn sixteen_bits_are_the_exact_inverse_rounded() {
     let frames = (pieces(), prop_oneof![Just(1.0), 0.1..1.0f64, 1.0..5.0f64], 0u64..1 << 40, 0..3u32);
     let worst = std::cell::Cell::new(0.0f64);
     let outcome = runner().run(&frames, |(pieces, unit_mm, seed, range)| {
-        let lens = block("brown_conrady", vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
+        let lens = block("brown_conrady", &[-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
         let pieces = [lens].into_iter().chain(pieces).collect();
         let camera = Camera::new(WIDTH, HEIGHT, [58.0, 58.0, 32.9, 11.2, 0.0], pieces);
         let corrector = Corrector::new(&camera).unwrap();
@@ -115,7 +110,7 @@ fn sixteen_bits_are_the_exact_inverse_rounded() {
 fn points_are_corrected_depth_times_ray() {
     let frames = (pieces(), 0u64..1 << 40);
     let outcome = runner().run(&frames, |(pieces, seed)| {
-        let lens = block("brown_conrady", vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
+        let lens = block("brown_conrady", &[-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
         let pieces = [lens].into_iter().chain(pieces).collect();
         let camera = Camera::new(WIDTH, HEIGHT, [58.0, 58.0, 32.9, 11.2, 0.0], pieces);
         let corrector = Corrector::new(&camera).unwrap();
@@ -152,7 +147,7 @@ fn points_are_corrected_depth_times_ray() {
 fn what_is_no_measurement_becomes_nothing_and_changes_nothing_else() {
     let frames = (pieces(), prop_oneof![Just(1.0), 0.1..1.0f64, 1.0..5.0f64], 0u64..1 << 40, 2u64..40, 2u64..40);
     let outcome = runner().run(&frames, |(pieces, unit_mm, seed, zeros, greatest)| {
-        let lens = block("brown_conrady", vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
+        let lens = block("brown_conrady", &[-0.1468, 0.0463, 0.0012, -0.0007, -0.0756]);
         let pieces = [lens].into_iter().chain(pieces).collect();
         let corrector = Corrector::new(&Camera::new(WIDTH, HEIGHT, [58.0, 58.0, 32.9, 11.2, 0.0], pieces)).unwrap();
         let n = WIDTH * HEIGHT;

@@ -222,6 +222,14 @@ mod tests {
     }
 
     #[test]
+    fn a_file_has_one_formula_or_one_for_each_coordinate() {
+        let texts = |json: &str| serde_json::from_str::<FormulaText>(json).unwrap().texts().to_vec();
+        assert_eq!(texts(r#""a*z""#), ["a*z"]);
+        assert_eq!(texts(r#"["a*x", "a*y"]"#), ["a*x", "a*y"]);
+        assert!(serde_json::from_str::<FormulaText>(r#"["a*x", "a*y", "a"]"#).is_err());
+    }
+
+    #[test]
     fn short_forms_are_those_of_the_tables() {
         let table = FormulaParameter::Unit("mm".to_owned()).table();
         assert_eq!((table.unit.as_str(), table.nominal, table.scale), ("mm", 0.0, None));
