@@ -169,11 +169,13 @@ impl PreparedCamera {
 }
 
 /// A single pixel through a plan.
-struct OnePixel<'a> {
-    plan: &'a Plan,
-    inputs: &'a FrameInputs<'a>,
-    index: usize,
-    z: &'a mut [f32; 1],
+pub(crate) struct OnePixel<'a> {
+    pub plan: &'a Plan,
+    pub inputs: &'a FrameInputs<'a>,
+    /// Row-major index of the pixel.
+    pub index: usize,
+    /// Measured depth, mm, which becomes the true one; NaN where the stages do not reach.
+    pub z: &'a mut [f32; 1],
 }
 
 impl Kernel for OnePixel<'_> {

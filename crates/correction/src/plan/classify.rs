@@ -226,6 +226,9 @@ mod tests {
         assert_eq!((all.iter().min(), all.iter().max()), (Some(&0), Some(&(160 * 120 - 1))));
         rays[0] = [f64::NAN; 2];
         assert_eq!(samples(&camera, &rays).len(), 23 * 23 - 1);
+
+        let few: Vec<[f64; 2]> = pixels(&camera).collect();
+        assert_eq!((few.len(), few[0], few[12], few[24]), (25, [0.0, 0.0], [80.0, 60.0], [159.0, 119.0]));
     }
 
     /// Breathing moves every pixel but that on the optical axis, which is the first one here.

@@ -91,3 +91,46 @@ impl Index for f32 {
         (self + 8_388_608.0).to_bits() as usize & 0x7f_ffff
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Linear between entries, up to a surface that is seen at a right angle.
+    #[test]
+    fn a_table_over_the_cosine_is_the_function() {
+        let affine = |cosine: f64| [1.0 + 0.02 * (1.0 / cosine - 1.0), 8.0 * (1.0 / cosine - 1.0)];
+        let table = ByCosine::over_cosine(affine);
+        let cosines: Vec<f32> = (0..=800).map(|i| 0.2 + 0.001 * i as f32).chain([1.0]).collect();
+        let mut z = vec![1000.0; cosines.len()];
+        table.correct(&cosines, &mut z);
+        for (cosine, z) in cosines.iter().zip(&z) {
+            let [m, c] = affine(f64::from(*cosine).min(1.0));
+            let expected = (1000.0 - c) / m;
+            // f32 has steps of 6e-5 mm here; curvature 16/cos³ times an eighth of the squared distance of entries is 1.5e-5 mm.
+            assert!((f64::from(*z) - expected).abs() < 2e-4, "{cosine}: {z} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn a_table_over_amplitude_has_every_value_of_its_own() {
+        let affine = |amplitude: f64| [1.0 + 1e-6 * amplitude, 3.0 - 1e-4 * amplitude];
+        let table = ByAmplitude::over_amplitude(affine);
+        let amplitudes = [0, 1, 2, 40_000, u16::MAX];
+        let mut z = [1000.0; 5];
+        table.correct(&amplitudes, &mut z);
+        for (amplitude, z) in amplitudes.into_iter().zip(z) {
+            let [m, c] = affine(f64::from(amplitude));
+            assert!((f64::from(z) - (1000.0 - c) / m).abs() < 2e-4, "{amplitude}: {z}");
+        }
+    }
+
+    #[test]
+    fn what_is_invalid_stays_and_what_has_no_depth_is_nan() {
+        let table = ByAmplitude::over_amplitude(|amplitude| [if amplitude > 10.0 { -1.0 } else { 1.0 }, 50.0]);
+        let mut z = [0.0, f32::NAN, 60.0, 40.0, 60.0];
+        table.correct(&[5, 5, 5, 5, 11], &mut z);
+        assert_eq!((z[0], z[2]), (0.0, 10.0));
+        assert!(z[1].is_nan() && z[3].is_nan() && z[4].is_nan(), "{z:?}");
+    }
+}

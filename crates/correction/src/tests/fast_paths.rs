@@ -3,9 +3,11 @@
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
 
-use super::{CYCLIC, PROJECTIVE, REGISTRATION, camera};
+use super::{CYCLIC, HEIGHT, PROJECTIVE, REGISTRATION, WIDTH, camera};
+use crate::FrameContext;
 use crate::plan::Plan;
-use crate::prepared::PreparedCamera;
+use crate::prepared::{OnePixel, PreparedCamera};
+use crate::simd::dispatch;
 
 fn kinds(camera: &Camera) -> Vec<&'static str> {
     PreparedCamera::new(camera).unwrap().plan.as_ref().map(Plan::kinds).unwrap_or_default()
@@ -19,6 +21,13 @@ fn in_effect(spec: &str) -> Block {
         *value += scale * (0.6 + 0.4 * (0.9 * i as f64).sin());
     }
     piece
+}
+
+/// A camera with a usual lens and this piece.
+fn with_lens(piece: Block) -> Camera {
+    let plain = camera(&[]);
+    let lens = plain.blocks().iter().filter(|block| block.hook() == HookKind::Lens).cloned();
+    Camera::new(plain.width, plain.height, plain.pinhole(), lens.chain([piece]).collect())
 }
 
 #[test]
@@ -45,10 +54,27 @@ fn every_built_in_depth_piece_has_the_stage_of_its_form() {
     ] {
         let piece = in_effect(spec);
         assert_eq!(piece.hook(), HookKind::Depth, "{spec}");
-        let plain = camera(&[]);
-        let lens = plain.blocks().iter().filter(|block| block.hook() == HookKind::Lens).cloned();
-        let whole = Camera::new(plain.width, plain.height, plain.pinhole(), lens.chain([piece]).collect());
-        assert_eq!(kinds(&whole), [expected], "{spec}");
+        assert_eq!(kinds(&with_lens(piece)), [expected], "{spec}");
+    }
+}
+
+/// What the stages do not reach goes to the inverse in f64, which is far slower.
+#[test]
+fn stages_reach_all_depths_of_the_working_range() {
+    for spec in
+        ["projective", "bspline", "multiplier", "cyclic_depth", "disparity_decay", "polynomial_map", "temporal_drift"]
+    {
+        let camera = PreparedCamera::new(&with_lens(in_effect(spec))).unwrap();
+        let plan = camera.plan.as_ref().unwrap();
+        let context = FrameContext { time_s: 300.0, ..FrameContext::default() };
+        let inputs = plan.inputs(&context, None, None);
+        for index in [0, WIDTH / 3, HEIGHT / 2 * WIDTH + WIDTH / 2, WIDTH * HEIGHT - 1] {
+            for measured_mm in [320.0, 700.0, 1431.0, 4100.0] {
+                let mut z = [measured_mm];
+                dispatch(OnePixel { plan, inputs: &inputs, index, z: &mut z });
+                assert!(z[0] > 0.0, "{spec}: pixel {index}, {measured_mm} mm: {}", z[0]);
+            }
+        }
     }
 }
 
