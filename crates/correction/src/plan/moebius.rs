@@ -244,3 +244,19 @@ pub(crate) fn correct_uniform<I: Isa>(isa: I, [p, q, r]: [f32; 3], z: &mut [f32]
         *z = one::<I, true, true>(isa, (p, q, r), *z);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// p, q, r are those of the formula above; a map that falls, or that has no numbers, has none.
+    #[test]
+    fn maps_that_rise_have_an_inverse() {
+        let [a, b, c, d] = [1.02, 5.0, 1e-5, 0.99];
+        let [p, q, r] = coefficients([a, b, c, d]);
+        assert_eq!([p, q, r], [a / d - 1.0, b / d, -c / d]);
+        for falling in [[-1.0, 0.0, 0.0, 1.0], [1.0, 2e5, 1e-5, 1.0], [f64::NAN, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]] {
+            assert_eq!(coefficients(falling).map(f64::to_bits), NO_INVERSE.map(f64::to_bits), "{falling:?}");
+        }
+    }
+}

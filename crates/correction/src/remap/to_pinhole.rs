@@ -258,10 +258,11 @@ mod tests {
             let mut seen = 0;
             for index in (0..camera.width * camera.height).step_by(13) {
                 let [u, v] = pixel(index, camera.width);
-                let at = source(&camera, [fx, fy, cx, cy, 0.0], [u, v]);
+                let skew = 2.5;
+                let at = source(&camera, [fx, fy, cx, cy, skew], [u, v]);
                 let Ok([x, y]) = camera.ray(at, TYPICAL_RHO) else { continue };
                 seen += 1;
-                assert!((fx * x + cx - u).hypot(fy * y + cy - v) < 1e-6, "pixel {index}");
+                assert!((fx * x + skew * y + cx - u).hypot(fy * y + cy - v) < 1e-6, "pixel {index}");
             }
             assert!(seen > camera.width * camera.height / 20, "{seen}");
         }
