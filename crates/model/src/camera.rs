@@ -436,7 +436,7 @@ impl Camera {
         // infinite depth: reject it.
         let tolerance = 1e-13 * measured.abs();
         // Where a step raises measured depth, no true depth gives what lies between: the step's place is the answer.
-        let in_gap = high - low <= 4.0 * f64::EPSILON * high;
+        let in_gap = high.is_finite() && high - low <= 4.0 * f64::EPSILON * high;
         let settled = (value - measured).abs() <= tolerance || in_gap;
         if settled && slope > 0.0 && rho * slope > 10.0 * tolerance { Ok(rho) } else { Err(folded()) }
     }

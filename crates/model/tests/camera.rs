@@ -1,6 +1,7 @@
 //! Blocks of a camera by index, and the domain of its lens.
 
-use depthcal_model::{Block, Camera, Context, Register};
+use depthcal_model::hook::{Depth, DepthState};
+use depthcal_model::{Block, Camera, Context, Parameter, Piece, Register, Scalar};
 
 const PINHOLE: [f64; 5] = [500.0, 505.0, 320.0, 240.0, 0.0];
 
@@ -217,6 +218,34 @@ fn depth_that_cannot_be_inverted_is_named() {
     assert!(camera.true_inverse_depth(&context, [0.1, 0.2], 1.0, 1.0 / 900.0).is_ok());
     let error = camera.true_inverse_depth(&context, [0.1, 0.2], 1.0, 1.0 / 1500.0).unwrap_err().to_string();
     assert!(error.contains("(12.0, 34.0)") && error.contains("1500.0 mm"), "{error}");
+}
+
+/// Measured inverse depth that grows like a logarithm: 8·10⁻⁴ would need e⁸⁰⁰.
+#[derive(Debug)]
+struct Logarithm;
+
+impl Piece<Depth, 1> for Logarithm {
+    const NAME: &'static str = "logarithm";
+    const SUMMARY: &'static str = "grows like a logarithm";
+    const EQUATION: &'static str = "s ln(1 + 1000 ρ)";
+    const SOURCE: &'static str = "a test";
+    const PARAMETERS: [Parameter; 1] = [Parameter::new("s", "1/mm", 1e-6, 1e-7)];
+
+    fn map<T: Scalar>(&self, state: DepthState<T>, [s]: [T; 1], _: &Context) -> T {
+        s * (state.rho * 1000.0 + 1.0).ln()
+    }
+}
+
+/// An iteration that has found no bound from above has found no step between two depths either.
+#[test]
+fn depth_that_is_out_of_reach_is_refused() {
+    let mut register = Register::builtin();
+    register.add(|_| Logarithm);
+    let camera = Camera::new(640, 480, PINHOLE, vec![register.block("logarithm", None).unwrap()]);
+    let of = |measured: f64| camera.true_inverse_depth(&Context::default(), [0.1, 0.2], 1.0, measured);
+    let expected = (0.7_f64.exp() - 1.0) / 1000.0;
+    assert!((of(0.7e-6).unwrap() / expected - 1.0).abs() < 1e-12);
+    assert!(of(8e-4).is_err());
 }
 
 #[test]
