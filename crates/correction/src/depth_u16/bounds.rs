@@ -131,6 +131,26 @@ mod tests {
         assert_eq!((with_r(0.1), with_r(0.08)), (None, Some("f32")));
     }
 
+    /// Over two chunks, of whose second a pixel is another: that the map keeps valid depth must hold at all pixels.
+    #[test]
+    fn valid_depth_is_kept_only_where_all_pixels_keep_it() {
+        let keeps = |other: [f64; 4], ray: [f64; 2]| {
+            let mut rays = vec![[0.1, -0.2]; CHUNK + 9];
+            rays[CHUNK + 5] = ray;
+            let usual = [1.02, 0.0, -1e-6, 1.0];
+            let map = Moebius::new(|i| if i == CHUNK + 5 { other } else { usual }, &rays);
+            let bounds = Bounds::new(&map, rays.len());
+            let [first, both] = [CHUNK, CHUNK + 9].map(|length| bounds.of(0, length).keeps_valid);
+            // A map with a constant has one at every pixel.
+            assert_eq!(first, other[1] == 0.0);
+            both
+        };
+        let ray = [0.1, -0.2];
+        assert!(keeps([1.03, 0.0, -2e-6, 1.0], ray) && keeps([1.39, 0.0, 0.0, 1.0], ray));
+        assert!(!keeps([1.41, 0.0, 0.0, 1.0], ray) && !keeps([1.02, 4.0, -1e-6, 1.0], ray));
+        assert!(!keeps([1.03, 0.0, -2e-6, 1.0], [f64::NAN; 2]));
+    }
+
     #[test]
     fn larger_changes_need_more_precision() {
         assert_eq!(needs(Bound { p: 0.1, ..NONE }, 1000), Some("f32"));

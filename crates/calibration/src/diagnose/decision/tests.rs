@@ -189,6 +189,30 @@ fn an_effect_that_looks_the_same_is_said() {
     );
 }
 
+/// Effects are told apart by their gains over the frames, or by what is left of the one beside the other: either is enough.
+#[test]
+fn effects_that_one_criterion_tells_apart_are_not_alike() {
+    let thresholds = Thresholds::default();
+    let criteria = |e: &Examination, first: usize, other: usize| {
+        let t = mean_to_standard_error(&difference(&e.evidence[first].gains, &e.evidence[other].gains));
+        let beside = e.linearization.score_adjusted(e.evidence[first].index, &[e.evidence[other].index]).p_value;
+        (t < thresholds.distinguishing_t, beside > thresholds.level)
+    };
+    let mut e = examined(Planted { a: 0.3, with_twin: true, ..Default::default() }, 2);
+    let [a, twin] = ["a", "twin"].map(|name| place(&e, name));
+    assert_eq!(criteria(&e, a, twin), (true, true));
+    assert_eq!(indistinguishable(&e, a, &[a], &thresholds), [twin]);
+    assert!(indistinguishable(&e, a, &[a, twin], &thresholds).is_empty());
+    e.evidence[twin].gains = e.evidence[a].gains.iter().map(|gain| 0.5 * gain).collect();
+    assert_eq!(criteria(&e, a, twin), (false, true));
+    assert!(indistinguishable(&e, a, &[a], &thresholds).is_empty());
+    // Two effects of the same size that have nothing to do with each other.
+    let e = examined(Planted { a: 0.3, b: 0.3, ..Default::default() }, 4);
+    let [a, b] = ["a", "b"].map(|name| place(&e, name));
+    assert_eq!(criteria(&e, a, b), (true, false));
+    assert!(indistinguishable(&e, a, &[a], &thresholds).is_empty());
+}
+
 #[test]
 fn what_no_effect_explains_has_no_name() {
     let e = examined(Planted { c: 0.3, ..Default::default() }, 3);
