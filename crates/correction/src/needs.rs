@@ -8,8 +8,11 @@ pub struct Needs {
     pub time: bool,
     /// The temperature of the frame.
     pub temperature: bool,
-    /// The infrared amplitude: of the pixel, or of all pixels for [`Needs::stray_light`].
+    /// The infrared amplitude: of the pixel, of those around it for [`Needs::surroundings`], of all pixels for
+    /// [`Needs::stray_light`].
     pub amplitude: bool,
+    /// The infrared amplitude around the pixel. It is computed from that of the frame.
+    pub surroundings: bool,
     /// The light of the whole frame. It is computed from its depth and its infrared amplitude.
     pub stray_light: bool,
     /// The angle of incidence at the pixel. It is computed from the depth around the pixel; the frame need not bring

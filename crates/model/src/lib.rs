@@ -43,13 +43,13 @@ pub mod target;
 
 pub use block::Block;
 pub use camera::{Camera, CameraError};
-pub use frame_covariates::{FrameCovariates, Modulation, StrayLight};
+pub use frame_covariates::{FrameCovariates, Modulation, SURROUND_PX, StrayLight};
 pub use inverse::PixelGrid;
 pub use needed_light::needed_light;
 pub use piece::{
     AddsTo, AnyPiece, BoardSide, Constant, ConstantTable, Context, Covariate, FormulaConstant, FormulaDefinition,
     FormulaParameter, FormulaSearch, FormulaText, Of, On, Options, Parameter, ParameterTable, Piece, Placement,
-    REFERENCE_DEPTH_MM, Role, SURROUND_PX, Scan, ScanKind, erase,
+    REFERENCE_DEPTH_MM, Role, Scan, ScanKind, erase,
 };
 pub use register::{Register, RegisterError};
 pub use scalar::Scalar;

@@ -125,7 +125,7 @@ const STAGES: [(Stage, &str, &str); 8] = [
     (
         Stage::Surroundings,
         "depends on the amplitude around the pixel",
-        "none: frames are given without it, and the piece corrects nothing",
+        "none: all pixels are inverted by the camera, which takes the amplitude around each from the frame's infrared image",
     ),
     (
         Stage::StrayLight,

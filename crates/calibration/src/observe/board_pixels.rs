@@ -1,6 +1,7 @@
 //! The depth pixels of a frame that lie on the board.
 
 use depthcal_io::DepthFrame;
+use depthcal_model::frame_covariates::Surroundings;
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::Thinning;
 use nalgebra::{Isometry3, Point3};
@@ -8,7 +9,6 @@ use nalgebra::{Isometry3, Point3};
 use super::board_plane::BoardSurface;
 use super::board_region::BoardRegion;
 use super::frame_light::light;
-use super::neighbourhood::Surroundings;
 use super::pixel_rays::PixelRays;
 use super::stages::{DepthPixel, OpenFrame};
 
@@ -60,7 +60,7 @@ fn image_pixels(
     let surface = rays.surface(camera_from_board);
     let [fx, ..] = rays.camera().pinhole();
     let image = frame.image.as_deref().filter(|_| rays.needs_surroundings());
-    let surroundings = image.map(|i| Surroundings::of(i, low, high));
+    let surroundings = image.map(|i| Surroundings::of(&i.data, [i.width, i.height], low, high));
     let light = light(frame, unit_mm, rays).zip(frame.image.as_deref());
     let within = (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
     let mut pixels = Vec::with_capacity(thinning.expected(within / 2));

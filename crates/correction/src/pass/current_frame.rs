@@ -1,6 +1,7 @@
 //! The frame that is being corrected, and the inverse of its pixels in f64.
 
 use depthcal_model::Context;
+use depthcal_model::frame_covariates::mean_and_slope;
 
 use crate::conventions::pixel;
 use crate::frame_context::FrameContext;
@@ -25,7 +26,12 @@ pub(crate) struct CurrentFrame<'a> {
 impl CurrentFrame<'_> {
     /// The model's context at a pixel.
     fn context(&self, index: usize) -> Context {
-        let context = self.context.at(pixel(index, self.prepared.camera.width), index);
+        let (width, height) = (self.prepared.camera.width, self.prepared.camera.height);
+        let mut context = self.context.at(pixel(index, width), index);
+        if let (true, Some(image)) = (self.prepared.needs.surroundings, self.context.amplitude) {
+            let of_pixel = mean_and_slope(image.data, [width, height], [index % width, index / width]);
+            (context.surround, context.slope) = of_pixel;
+        }
         match self.light {
             Some(light) => Context { stray: light.at(index), ..context },
             None => context,

@@ -48,6 +48,13 @@ fn amplitudes() -> [Context; 2] {
     changed(|c, factor| c.amplitude *= factor)
 }
 
+fn surroundings() -> [Context; 2] {
+    changed(|c, factor| {
+        c.surround *= factor;
+        c.slope = c.slope.map(|slope| slope * factor);
+    })
+}
+
 fn lights() -> [Context; 2] {
     changed(|c, factor| {
         c.stray.scene.as_flattened_mut().iter_mut().for_each(|part| *part *= factor as f32);
@@ -89,11 +96,12 @@ pub(crate) fn needs(camera: &Camera) -> Needs {
     };
     let usual = measured(&reference(), 1.0);
     let depends = |contexts: [Context; 2]| contexts.iter().any(|context| measured(context, 1.0) != usual);
-    let stray_light = depends(lights());
+    let (stray_light, surroundings) = (depends(lights()), depends(surroundings()));
     Needs {
         time: depends(times()),
         temperature: depends(temperatures()),
-        amplitude: stray_light || depends(amplitudes()),
+        amplitude: stray_light || surroundings || depends(amplitudes()),
+        surroundings,
         stray_light,
         incidence: [0.4, 0.8].iter().any(|cosine| measured(&reference(), *cosine) != usual),
     }
@@ -119,6 +127,8 @@ pub(crate) struct PieceClass {
     pub frame: bool,
     /// Whether it depends on the infrared amplitude of the pixel.
     pub amplitude: bool,
+    /// Whether it depends on the infrared amplitude around the pixel.
+    pub surroundings: bool,
     /// Whether it depends on the light of the whole frame.
     pub light: bool,
     /// Whether it depends on the angle of incidence.
@@ -129,7 +139,7 @@ pub(crate) struct PieceClass {
 impl PieceClass {
     /// Whether it is the same in every frame, whatever the frame shows.
     pub fn is_static(&self) -> bool {
-        !(self.frame || self.amplitude || self.light || self.incidence)
+        !(self.frame || self.amplitude || self.surroundings || self.light || self.incidence)
     }
 }
 
@@ -177,7 +187,8 @@ pub(crate) fn piece(
     let pixel = places.iter().any(|place| values(*place, &reference(), 1.0) != values(first, &reference(), 1.0));
 
     let cases = || {
-        let contexts = [&[reference()][..], &times(), &temperatures(), &amplitudes(), &lights()].concat();
+        let contexts =
+            [&[reference()][..], &times(), &temperatures(), &amplitudes(), &surroundings(), &lights()].concat();
         contexts.into_iter().flat_map(|context| [(context, 1.0), (context, 0.5)])
     };
     let fits = |shape: Shape| {
@@ -202,6 +213,7 @@ pub(crate) fn piece(
         pixel,
         frame: depends(times()) || depends(temperatures()),
         amplitude: depends(amplitudes()),
+        surroundings: depends(surroundings()),
         light: depends(lights()),
         incidence: [0.4, 0.8].iter().any(|cosine| differs(&reference(), *cosine)),
         shape: shape.unwrap_or(Shape::Other),
@@ -211,6 +223,9 @@ pub(crate) fn piece(
 #[cfg(test)]
 mod tests {
     use std::collections::HashSet;
+
+    use depthcal_model::hook::{Depth, DepthState};
+    use depthcal_model::{Block, Parameter, Piece, Register, Scalar};
 
     use super::*;
     use crate::tests::block;
@@ -229,6 +244,81 @@ mod tests {
 
         let few: Vec<[f64; 2]> = pixels(&camera).collect();
         assert_eq!((few.len(), few[0], few[12], few[24]), (25, [0.0, 0.0], [80.0, 60.0], [159.0, 119.0]));
+    }
+
+    fn small_camera(pieces: Vec<Block>) -> Camera {
+        Camera::new(160, 120, [140.0, 139.0, 77.9, 60.2, 0.0], pieces)
+    }
+
+    /// The class of z_m = z + e with e(context, ray, cosine), mm.
+    fn class(e: impl Fn(&Context, [f64; 2], f64) -> f64) -> PieceClass {
+        let rays: Vec<[f64; 2]> = (0..160 * 120).map(|i| [i % 160, i / 160].map(|c| 0.01 * c as f64)).collect();
+        piece(&small_camera(Vec::new()), &rays, |context, ray, cosine, rho| rho / (1.0 + e(context, ray, cosine) * rho))
+    }
+
+    #[test]
+    fn a_piece_depends_on_what_changes_it_and_on_nothing_else() {
+        let dependencies = |class: PieceClass| {
+            let all = [
+                (class.pixel, "pixel"),
+                (class.frame, "frame"),
+                (class.amplitude, "amplitude"),
+                (class.surroundings, "surroundings"),
+                (class.light, "light"),
+                (class.incidence, "incidence"),
+            ];
+            assert_eq!((class.shape, class.is_static()), (Shape::AffineInDepth, !all[1..].iter().any(|(is, _)| *is)));
+            all.into_iter().filter(|(is, _)| *is).map(|(_, name)| name).collect::<Vec<_>>()
+        };
+        assert!(dependencies(class(|_, _, _| 3.0)).is_empty());
+        assert_eq!(dependencies(class(|c, _, _| 0.1 * c.pixel[1])), ["pixel"]);
+        assert_eq!(dependencies(class(|_, ray, _| 2.0 * ray[0])), ["pixel"]);
+        assert_eq!(dependencies(class(|c, _, _| 1e-3 * c.time_s)), ["frame"]);
+        assert_eq!(dependencies(class(|c, _, _| 0.1 * c.temperature_c)), ["frame"]);
+        assert_eq!(dependencies(class(|c, _, _| c.amplitude.ln())), ["amplitude"]);
+        assert_eq!(dependencies(class(|c, _, _| c.surround.ln())), ["surroundings"]);
+        assert_eq!(dependencies(class(|c, _, _| 10.0 * c.slope[1])), ["surroundings"]);
+        assert_eq!(dependencies(class(|c, _, _| f64::from(c.stray.scene[2][1]))), ["light"]);
+        assert_eq!(dependencies(class(|c, _, _| f64::from(c.stray.near))), ["light"]);
+        assert_eq!(dependencies(class(|_, _, cosine| 1.0 / cosine)), ["incidence"]);
+        assert_eq!(dependencies(class(|c, ray, _| c.amplitude.ln() * ray[1])), ["pixel", "amplitude"]);
+    }
+
+    /// At the first pixel it is affine.
+    #[test]
+    fn a_piece_has_the_form_that_it_has_at_all_pixels() {
+        let rays = vec![[0.0; 2]; 160 * 120];
+        let of = |measured: fn(&Context, f64) -> f64| {
+            piece(&small_camera(Vec::new()), &rays, |context, _, _, rho| measured(context, rho)).shape
+        };
+        assert_eq!(of(|c, rho| rho + 1e-7 * c.pixel[0]), Shape::AffineInInverse);
+        assert_eq!(of(|c, rho| rho + 1e-3 * c.pixel[0] * rho * rho), Shape::Other);
+    }
+
+    /// Drifts in proportion to the column, so that the first pixel does not.
+    #[derive(Debug)]
+    struct DriftOfColumns;
+
+    impl Piece<Depth, 1> for DriftOfColumns {
+        const NAME: &'static str = "drift_of_columns";
+        const SUMMARY: &'static str = "columns drift";
+        const EQUATION: &'static str = "z + d u t";
+        const SOURCE: &'static str = "a test";
+        const PARAMETERS: [Parameter; 1] = [Parameter::new("d", "mm/(px s)", 0.0, 1e-6)];
+
+        fn map<T: Scalar>(&self, s: DepthState<T>, [d]: [T; 1], c: &Context) -> T {
+            s.rho / (d * (c.pixel[0] * c.time_s) * s.rho + 1.0)
+        }
+    }
+
+    #[test]
+    fn needs_are_those_of_all_pixels() {
+        let mut register = Register::builtin();
+        register.add(|_| DriftOfColumns);
+        let mut drift = register.block("drift_of_columns", None).unwrap();
+        assert_eq!(needs(&small_camera(vec![drift.clone()])), Needs::default());
+        drift.theta = vec![1e-5];
+        assert_eq!(needs(&small_camera(vec![drift])), Needs { time: true, ..Needs::default() });
     }
 
     /// Breathing moves every pixel but that on the optical axis, which is the first one here.

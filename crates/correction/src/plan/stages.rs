@@ -105,6 +105,9 @@ impl Plan {
                 rest = before;
                 continue;
             }
+            if class.surroundings {
+                return None;
+            }
             let piece = piece.clone();
             stages.push(if class.light {
                 if class.frame || class.amplitude || class.incidence {

@@ -4,6 +4,7 @@ mod fast_paths;
 mod fisheye;
 mod random_cases;
 mod stray_light;
+mod surroundings;
 
 use depthcal_io::{DepthImage, GrayImage};
 use depthcal_model::{Block, Camera, Context, Register};

@@ -20,7 +20,7 @@ pub use crate::scalar::Scalar;
 pub use any::AnyPiece;
 pub(crate) use constant::worded;
 pub use constant::{BoardSide, Constant, Options, Scan, ScanKind};
-pub use context::{Context, SURROUND_PX};
+pub use context::Context;
 pub use covariate::Covariate;
 pub use definition::Piece;
 pub(crate) use erased::Erased;
