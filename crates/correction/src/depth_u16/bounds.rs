@@ -138,7 +138,8 @@ mod tests {
             let mut rays = vec![[0.1, -0.2]; CHUNK + 9];
             rays[CHUNK + 5] = ray;
             let usual = [1.02, 0.0, -1e-6, 1.0];
-            let map = Moebius::new(|i| if i == CHUNK + 5 { other } else { usual }, &rays);
+            let map =
+                Moebius::new(|all| all.iter().map(|i| if *i == CHUNK + 5 { other } else { usual }).collect(), &rays);
             let bounds = Bounds::new(&map, rays.len());
             let [first, both] = [CHUNK, CHUNK + 9].map(|length| bounds.of(0, length).keeps_valid);
             // A map with a constant has one at every pixel.

@@ -143,16 +143,34 @@ impl PieceClass {
     }
 }
 
-/// a (1/mm) and b of ρ_m = a + b ρ.
-pub(crate) fn affine_in_inverse(measured: impl Fn(f64) -> f64) -> [f64; 2] {
-    let a = measured(0.0);
-    [a, (measured(TYPICAL_RHO) - a) / TYPICAL_RHO]
+/// A pixel's observation of a depth.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Observation {
+    pub context: Context,
+    /// (x, y).
+    pub ray: [f64; 2],
+    /// Cosine of the angle of incidence.
+    pub cosine: f64,
+    /// True inverse depth, 1/mm.
+    pub rho: f64,
 }
 
-/// m and c (mm) of z_m = m z + c.
-pub(crate) fn affine_in_depth(measured: impl Fn(f64) -> f64) -> [f64; 2] {
+/// A piece that is affine in depth or in inverse depth is known from its values at two inverse depths, 1/mm.
+pub(crate) fn affine_at(shape: Shape) -> [f64; 2] {
+    match shape {
+        Shape::AffineInInverse => [0.0, TYPICAL_RHO],
+        _ => [1.0 / DEPTHS_MM[0], 1.0 / DEPTHS_MM[3]],
+    }
+}
+
+/// a (1/mm) and b of ρ_m = a + b ρ, or m and c (mm) of z_m = m z + c, from the measured inverse depths at those of [`affine_at`].
+pub(crate) fn affine(shape: Shape, measured: [f64; 2]) -> [f64; 2] {
+    if shape == Shape::AffineInInverse {
+        let a = measured[0];
+        return [a, (measured[1] - a) / TYPICAL_RHO];
+    }
     let [near, far] = [DEPTHS_MM[0], DEPTHS_MM[3]];
-    let [near_m, far_m] = [near, far].map(|z| 1.0 / measured(1.0 / z));
+    let [near_m, far_m] = measured.map(|rho| 1.0 / rho);
     let m = (far_m - near_m) / (far - near);
     [m, near_m - m * near]
 }
@@ -165,26 +183,32 @@ pub(crate) fn samples(camera: &Camera, rays: &[[f64; 2]]) -> Vec<usize> {
     all.filter(|index| !rays[*index][0].is_nan()).collect()
 }
 
-/// Classifies a depth piece. `measured` maps context, ray (x, y), cosine of the angle of incidence and true inverse
-/// depth (1/mm) to measured inverse depth (1/mm); `rays` has the ray of every pixel.
-pub(crate) fn piece(
-    camera: &Camera,
-    rays: &[[f64; 2]],
-    measured: impl Fn(&Context, [f64; 2], f64, f64) -> f64,
-) -> PieceClass {
+/// Classifies a depth piece. `measured` gives the measured inverse depths (1/mm) of observations, many at a time, because pieces in
+/// other languages take long for each call; `rays` has the ray of every pixel.
+pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Observation]) -> Vec<f64>) -> PieceClass {
     let places: Vec<([f64; 2], [f64; 2])> =
         samples(camera, rays).into_iter().map(|i| (pixel(i, camera.width), rays[i])).collect();
-    let values = |(pixel, ray): ([f64; 2], [f64; 2]), context: &Context, cosine: f64| {
-        let context = Context { pixel, ..*context };
-        DEPTHS_MM.map(|z| measured(&context, ray, cosine, 1.0 / z).to_bits())
+    // One row of values per place: those at the given inverse depths.
+    let values = |places: &[([f64; 2], [f64; 2])], context: &Context, cosine: f64, rhos: &[f64]| {
+        let observations: Vec<Observation> = places
+            .iter()
+            .flat_map(|(pixel, ray)| {
+                let context = Context { pixel: *pixel, ..*context };
+                rhos.iter().map(move |rho| Observation { context, ray: *ray, cosine, rho: *rho })
+            })
+            .collect();
+        measured(&observations)
     };
-    let few = || places.iter().step_by(1 + places.len() / (GRID * GRID)).copied();
-    let differs = |context: &Context, cosine: f64| {
-        few().any(|place| values(place, context, cosine) != values(place, &reference(), 1.0))
+    let rhos = DEPTHS_MM.map(|z| 1.0 / z);
+    let bits = |places: &[([f64; 2], [f64; 2])], context: &Context, cosine: f64| -> Vec<u64> {
+        values(places, context, cosine, &rhos).into_iter().map(f64::to_bits).collect()
     };
+    let few: Vec<_> = places.iter().step_by(1 + places.len() / (GRID * GRID)).copied().collect();
+    let usual = bits(&few, &reference(), 1.0);
+    let differs = |context: &Context, cosine: f64| bits(&few, context, cosine) != usual;
     let depends = |contexts: [Context; 2]| contexts.iter().any(|context| differs(context, 1.0));
-    let first = few().next().unwrap_or_default();
-    let pixel = places.iter().any(|place| values(*place, &reference(), 1.0) != values(first, &reference(), 1.0));
+    let pixel =
+        bits(&places, &reference(), 1.0).chunks(rhos.len()).any(|values| Some(values) != usual.get(..rhos.len()));
 
     let cases = || {
         let contexts =
@@ -192,16 +216,13 @@ pub(crate) fn piece(
         contexts.into_iter().flat_map(|context| [(context, 1.0), (context, 0.5)])
     };
     let fits = |shape: Shape| {
-        places.iter().all(|(pixel, ray)| {
-            cases().all(|(context, cosine)| {
-                let context = Context { pixel: *pixel, ..context };
-                let at = |rho: f64| measured(&context, *ray, cosine, rho);
-                let coefficients = match shape {
-                    Shape::AffineInInverse => affine_in_inverse(at),
-                    _ => affine_in_depth(at),
-                };
-                [150.0, 413.0, 907.0, 1733.0, 3109.0, 9000.0].into_iter().all(|z| {
-                    let (found, [k0, k1]) = (at(1.0 / z), coefficients);
+        let checked = [150.0, 413.0, 907.0, 1733.0, 3109.0, 9000.0];
+        let [first, second] = affine_at(shape);
+        let rhos: Vec<f64> = [first, second].into_iter().chain(checked.map(|z| 1.0 / z)).collect();
+        cases().all(|(context, cosine)| {
+            values(&places, &context, cosine, &rhos).chunks(rhos.len()).all(|values| {
+                let [k0, k1] = affine(shape, [values[0], values[1]]);
+                checked.iter().zip(&values[2..]).all(|(z, found)| {
                     let expected = if shape == Shape::AffineInInverse { k0 + k1 / z } else { 1.0 / (k0 * z + k1) };
                     (found - expected).abs() <= 1e-10 * expected.abs()
                 })
@@ -253,7 +274,9 @@ mod tests {
     /// The class of z_m = z + e with e(context, ray, cosine), mm.
     fn class(e: impl Fn(&Context, [f64; 2], f64) -> f64) -> PieceClass {
         let rays: Vec<[f64; 2]> = (0..160 * 120).map(|i| [i % 160, i / 160].map(|c| 0.01 * c as f64)).collect();
-        piece(&small_camera(Vec::new()), &rays, |context, ray, cosine, rho| rho / (1.0 + e(context, ray, cosine) * rho))
+        piece(&small_camera(Vec::new()), &rays, |observations| {
+            observations.iter().map(|o| o.rho / (1.0 + e(&o.context, o.ray, o.cosine) * o.rho)).collect()
+        })
     }
 
     #[test]
@@ -289,7 +312,8 @@ mod tests {
     fn a_piece_has_the_form_that_it_has_at_all_pixels() {
         let rays = vec![[0.0; 2]; 160 * 120];
         let of = |measured: fn(&Context, f64) -> f64| {
-            piece(&small_camera(Vec::new()), &rays, |context, _, _, rho| measured(context, rho)).shape
+            let all = |o: &[Observation]| o.iter().map(|o| measured(&o.context, o.rho)).collect();
+            piece(&small_camera(Vec::new()), &rays, all).shape
         };
         assert_eq!(of(|c, rho| rho + 1e-7 * c.pixel[0]), Shape::AffineInInverse);
         assert_eq!(of(|c, rho| rho + 1e-3 * c.pixel[0] * rho * rho), Shape::Other);

@@ -14,6 +14,8 @@ use crate::simd::{Aligned, Isa};
 /// A 2×2 matrix [A, B, C, D]: z ↦ (A z + B) / (C z + D).
 pub(crate) type Matrix = [f64; 4];
 
+pub(crate) const IDENTITY: Matrix = [1.0, 0.0, 0.0, 1.0];
+
 /// The matrix of "first `inner`, then `outer`".
 pub(crate) fn compose([a, b, c, d]: Matrix, [e, f, g, h]: Matrix) -> Matrix {
     [a * e + b * g, a * f + b * h, c * e + d * g, c * f + d * h]
@@ -33,6 +35,9 @@ pub(crate) const NEAREST_POLE: f32 = 1e-6;
 /// Coefficients with which no depth has a result: every depth lies beyond the pole (1 − r z < 0), and where r is not
 /// stored, z = 0.
 const NO_INVERSE: [f64; 3] = [-1.0, 0.0, 1e30];
+
+/// Pixels whose matrices are computed together.
+const BAND: usize = 4096;
 
 /// The coefficients of all pixels. `q` and `r` are empty where they are 0 at all pixels, `p` where it is the same at
 /// all pixels.
@@ -62,10 +67,17 @@ pub(crate) enum Tables {
 }
 
 impl Moebius {
-    /// Tables from a matrix for every pixel; `rays` are the true rays of the pixels, NaN where there is none.
-    pub fn new(matrices: impl Fn(usize) -> Matrix + Sync, rays: &[[f64; 2]]) -> Self {
-        let of_pixel = |i: usize| if rays[i][0].is_nan() { NO_INVERSE } else { coefficients(matrices(i)) };
-        let all: Vec<[f64; 3]> = (0..rays.len()).into_par_iter().map(of_pixel).collect();
+    /// Tables from a matrix for every pixel that has a ray: `matrices` gives those of the pixels with the given indices. `rays` are the
+    /// true rays of the pixels, NaN where there is none.
+    pub fn new(matrices: impl Fn(&[usize]) -> Vec<Matrix> + Sync, rays: &[[f64; 2]]) -> Self {
+        let mut all = vec![NO_INVERSE; rays.len()];
+        all.par_chunks_mut(BAND).zip(rays.par_chunks(BAND)).enumerate().for_each(|(band, (all, rays))| {
+            let seen: Vec<usize> = (0..rays.len()).filter(|i| !rays[*i][0].is_nan()).collect();
+            let indices: Vec<usize> = seen.iter().map(|i| band * BAND + i).collect();
+            for (i, matrix) in seen.into_iter().zip(matrices(&indices)) {
+                all[i] = coefficients(matrix);
+            }
+        });
         let usable = |c: &&[f64; 3]| **c != NO_INVERSE;
         let Some(&[p0, ..]) = all.iter().find(usable) else { return Self::from_all(&all, [true; 3]) };
         let same_p = all.iter().filter(usable).all(|c| (c[0] - p0).abs() <= 1e-12);

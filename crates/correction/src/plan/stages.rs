@@ -10,7 +10,7 @@ use depthcal_model::{Camera, Context};
 use super::classify::{self, PieceClass, Shape};
 use super::covariate_table::{ByAmplitude, ByCosine};
 use super::curve::Curve;
-use super::moebius::{self, Moebius, Tables};
+use super::moebius::{self, IDENTITY, Moebius, Tables};
 use super::piece::DepthPiece;
 use super::piecewise_factor::PiecewiseFactor;
 use super::separable::Separable;
@@ -78,9 +78,7 @@ impl Plan {
             .filter_map(|block| {
                 let piece = block.piece()?.clone();
                 let mut piece = DepthPiece { piece, theta: block.theta.clone(), shape: Shape::Other };
-                let class = classify::piece(camera, rays, |context, ray, cosine, rho| {
-                    piece.measured(context, ray, cosine, rho)
-                });
+                let class = classify::piece(camera, rays, |observations| piece.measured_of(observations));
                 piece.shape = class.shape;
                 Some((piece, class))
             })
@@ -96,11 +94,17 @@ impl Plan {
             let run = rest.iter().rev().take_while(|(_, c)| c.is_static() && c.shape != Shape::Other).count();
             if run > 0 {
                 let (before, run) = rest.split_at(rest.len() - run);
-                let matrix = |index: usize| {
-                    let inverses = run.iter().map(|(piece, _)| piece.inverse(&context(index), rays[index], 1.0));
-                    inverses.fold([1.0, 0.0, 0.0, 1.0], moebius::compose)
+                let matrices = |indices: &[usize]| {
+                    let mut matrices = vec![IDENTITY; indices.len()];
+                    for (piece, _) in run {
+                        let inverses = piece.inverses(indices.iter().map(|index| (context(*index), rays[*index])));
+                        for (matrix, inverse) in matrices.iter_mut().zip(inverses) {
+                            *matrix = moebius::compose(*matrix, inverse);
+                        }
+                    }
+                    matrices
                 };
-                stages.push(Stage::Moebius(Moebius::new(matrix, rays)));
+                stages.push(Stage::Moebius(Moebius::new(matrices, rays)));
                 marks_pixels_without_ray = true;
                 rest = before;
                 continue;
@@ -142,7 +146,7 @@ impl Plan {
         }
         // Pixels without a ray have no true depth, whatever the value of the pieces there.
         if !marks_pixels_without_ray && (stages.is_empty() || rays.iter().any(|ray| ray[0].is_nan())) {
-            stages.push(Stage::Moebius(Moebius::new(|_| [1.0, 0.0, 0.0, 1.0], rays)));
+            stages.push(Stage::Moebius(Moebius::new(|indices| vec![IDENTITY; indices.len()], rays)));
         }
         (stages.len() <= MOST_STAGES).then_some(Self { stages, error_mm: 0.0 })
     }
