@@ -1,17 +1,15 @@
 //! Every file of the fuzzers' corpus (`fuzz/corpus/TARGET/`), read as the fuzz target reads it: broken input is an error, never a panic.
-//!
-//! The test is in this crate because it is the lowest that makes cameras of calibrations; it needs neither detection nor OpenCV.
 
-#[path = "../../../examples/support/bal.rs"]
+#[path = "../examples/support/bal.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]
 mod bal;
-#[path = "../../../examples/support/g2o.rs"]
+#[path = "../examples/support/g2o.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]
 mod g2o;
-#[path = "../../../fuzz/src/targets/mod.rs"]
+#[path = "../fuzz/src/targets/mod.rs"]
 #[allow(dead_code, reason = "targets are called from their list")]
 mod targets;
-#[path = "../../../examples/support/words.rs"]
+#[path = "../examples/support/words.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]
 mod words;
 
@@ -22,7 +20,7 @@ use std::time::{Duration, Instant};
 const LONGEST: Duration = Duration::from_secs(10);
 
 fn fuzz() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz")
 }
 
 #[test]

@@ -1,5 +1,5 @@
 //! What is done with the bytes of a fuzzer, for every reader of depthcal. The programs in `fuzz_targets/` call one of these functions
-//! each; `crates/calibration/tests/broken_input.rs` compiles the same functions and calls them with every file of `corpus/`.
+//! each; `tests/broken_input.rs` compiles the same functions and calls them with every file of `corpus/`.
 
 #[path = "../../examples/support/bal.rs"]
 pub mod bal;

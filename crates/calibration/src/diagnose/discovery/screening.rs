@@ -219,6 +219,21 @@ impl Groups {
     }
 }
 
+/// Σ w² a b, in as many sums side by side as the processor adds at a time.
+fn weighted_dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
+    const LANES: usize = 8;
+    let (chunks, rest) = weights.as_chunks::<LANES>();
+    let ((a_chunks, a_rest), (b_chunks, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let mut sums = [0.0; LANES];
+    for ((w, a), b) in chunks.iter().zip(a_chunks).zip(b_chunks) {
+        for lane in 0..LANES {
+            sums[lane] += (w[lane] * a[lane]) * (w[lane] * b[lane]);
+        }
+    }
+    let rest: f64 = rest.iter().zip(a_rest).zip(b_rest).map(|((w, a), b)| (w * a) * (w * b)).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
 /// Sums over the frames of a group for the columns of some functions.
 #[derive(Clone)]
 struct OfGroup {
@@ -279,8 +294,7 @@ impl Job<'_> {
             for c in 0..width {
                 let own = values.column(c);
                 let of_pose = products.view((0, c), (POSE, 1));
-                sum.squares[c] +=
-                    frame.weights.iter().zip(&own).map(|(w, v)| (w * v).powi(2)).sum::<f64>() - of_pose.norm_squared();
+                sum.squares[c] += weighted_dot(&frame.weights, own.as_slice(), own.as_slice()) - of_pose.norm_squared();
                 sum.gradient[c] += products[(POSE + shared, c)];
             }
             for (function, start) in
@@ -289,8 +303,7 @@ impl Job<'_> {
                 if function.kind.columns() == 2 {
                     let of_pose = |c: usize| products.view((0, c), (POSE, 1));
                     let (sine, cosine) = (values.column(start), values.column(start + 1));
-                    let pairs = sine.iter().zip(&cosine);
-                    let own: f64 = frame.weights.iter().zip(pairs).map(|(w, (a, b))| w * w * a * b).sum();
+                    let own = weighted_dot(&frame.weights, sine.as_slice(), cosine.as_slice());
                     sum.neighbours[start] += own - of_pose(start).dot(&of_pose(start + 1));
                 }
             }
