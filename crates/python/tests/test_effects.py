@@ -92,7 +92,10 @@ def test_a_calibration_with_a_function_is_read_with_it(points, tmp_path):
     again = depthcal.Calibration.load(tmp_path / "c.json", effects=[delay])
     assert list(again.parameters) == list(fit.calibration.parameters)
     depth = np.full((480, 640), 1500, np.uint16)
+    calls = delay.cost.calls
     corrected = depthcal.Corrector(again).correct_to_mm(depth)
+    # In batches: fewer calls than a tenth of the pixels.
+    assert 0 < delay.cost.calls - calls < depth.size / 10
     replaced = depthcal.calibrate(points, effects=[formula()]).calibration
     # A table of a function and of a formula: both within their tolerances of the same model.
     assert np.abs(corrected - depthcal.Corrector(replaced).correct_to_mm(depth)).max() < 0.05
