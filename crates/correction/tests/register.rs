@@ -3,7 +3,7 @@
 use depthcal_correction::{colours_of, depth_into};
 use depthcal_io::RgbImage;
 use depthcal_model::{Camera, Register};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A depth camera of 160×120 px, and a colour camera of three times as many with a lens, to its side.
 fn cameras() -> (Camera, Camera, Isometry3<f64>) {
@@ -77,7 +77,13 @@ fn the_nearest_surface_wins_and_hidden_points_have_no_colour() {
                 let is_board = point[2] < 800.0;
                 mixed += usize::from(if is_board { *blue > 0 } else { *red > 0 });
             }
-            None => hidden += usize::from(point[2] > 800.0),
+            None => {
+                // Points beyond the image have no colour either.
+                let seen = colour_from_depth * Point3::from(point.map(f64::from));
+                let [u, v] = colour.project(&seen.coords).unwrap();
+                let inside = (1.0..478.0).contains(&u) && (1.0..358.0).contains(&v);
+                hidden += usize::from(inside && point[2] > 800.0);
+            }
         }
     }
     // 60 mm to the side, the board hides a strip of the wall 60 · (1500/500 − 1) mm wide, a tenth of a focal length.

@@ -175,4 +175,36 @@ mod tests {
             assert!(seen.corrected.abs_diff(expected.corrected) <= 1, "{seen:?} {expected:?}");
         }
     }
+
+    /// In f64 results are those of the formula, to the step; 0 beyond the pole, without a measurement, and below half a step.
+    #[test]
+    fn what_single_precision_does_not_resolve_is_rounded_in_double() {
+        const UNIT_MM: f64 = 0.25;
+        let p: Vec<f32> = (0..PIXELS).map(|i| 0.1 * (0.37 * i as f32).sin()).collect();
+        let q: Vec<f32> = (0..PIXELS).map(|i| 30.0 * (0.61 * i as f32).sin()).collect();
+        let r: Vec<f32> =
+            (0..PIXELS).map(|i| if i % 19 == 3 { 1e30 } else { 1e-5 * (0.83 * i as f32).sin() }).collect();
+        let measured: Vec<u16> = (0..PIXELS).map(|i| if i % 11 == 1 { 0 } else { (i * 397 % 50_000) as u16 }).collect();
+        let c = Coefficients { p0: 0.0, p: &p, q: &q, r: &r };
+        let check = |with_q: bool, out: &[u16], corrected: usize| {
+            for i in 0..PIXELS {
+                let z = f64::from(measured[i]) * UNIT_MM;
+                let (p, q, r) = (f64::from(p[i]), if with_q { f64::from(q[i]) } else { 0.0 }, f64::from(r[i]));
+                let steps = (z + (z * (p + r * z) + q) / (1.0 - r * z)) / UNIT_MM;
+                let is_valid = measured[i] > 0 && r * z < 1.0 && steps > 0.5;
+                let expected = if is_valid { steps.round() as u16 } else { 0 };
+                assert_eq!(out[i], expected, "pixel {i}: {steps}");
+            }
+            assert_eq!(corrected, out.iter().filter(|steps| **steps > 0).count());
+            // Most pixels have a result.
+            assert!(corrected > PIXELS / 2);
+        };
+        let mut out = [0; PIXELS];
+        let corrected =
+            in_double::<true, true, true>(&mut Chunk { c, unit_mm: UNIT_MM, measured: &measured, out: &mut out });
+        check(true, &out, corrected);
+        let corrected =
+            in_double::<true, false, true>(&mut Chunk { c, unit_mm: UNIT_MM, measured: &measured, out: &mut out });
+        check(false, &out, corrected);
+    }
 }

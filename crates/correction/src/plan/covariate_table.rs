@@ -128,9 +128,9 @@ mod tests {
     #[test]
     fn what_is_invalid_stays_and_what_has_no_depth_is_nan() {
         let table = ByAmplitude::over_amplitude(|amplitude| [if amplitude > 10.0 { -1.0 } else { 1.0 }, 50.0]);
-        let mut z = [0.0, f32::NAN, 60.0, 40.0, 60.0];
-        table.correct(&[5, 5, 5, 5, 11], &mut z);
+        let mut z = [0.0, f32::NAN, 60.0, 40.0, 60.0, 50.0];
+        table.correct(&[5, 5, 5, 5, 11, 5], &mut z);
         assert_eq!((z[0], z[2]), (0.0, 10.0));
-        assert!(z[1].is_nan() && z[3].is_nan() && z[4].is_nan(), "{z:?}");
+        assert!(z[1].is_nan() && z[3..].iter().all(|z| z.is_nan()), "{z:?}");
     }
 }

@@ -271,4 +271,19 @@ mod tests {
             assert_eq!(coefficients(falling).map(f64::to_bits), NO_INVERSE.map(f64::to_bits), "{falling:?}");
         }
     }
+
+    #[test]
+    fn a_pole_that_is_affine_in_the_ray_is_found() {
+        let mut rays: Vec<[f64; 2]> = (0..400).map(|i| [0.03 * f64::from(i % 20), 0.02 * f64::from(i / 20)]).collect();
+        rays[7] = [f64::NAN; 2];
+        let of_ray = |[x, y]: [f64; 2]| [0.0, 0.0, 1e-5 * x - 2e-5 * y + 3e-5];
+        let mut all: Vec<[f64; 3]> = rays.iter().map(|ray| of_ray(*ray)).collect();
+        let found = affine_in_ray(&all, &rays).expect("it is affine");
+        for (found, expected) in found.into_iter().zip([1e-5, -2e-5, 3e-5]) {
+            assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+        }
+        // A single pixel that is another is enough.
+        all[211][2] += 1e-9;
+        assert_eq!(affine_in_ray(&all, &rays), None);
+    }
 }
