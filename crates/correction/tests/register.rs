@@ -93,6 +93,33 @@ fn the_nearest_surface_wins_and_hidden_points_have_no_colour() {
     assert_eq!(alone.holes, 480 * 360);
 }
 
+/// Colours are interpolated between pixels, both ways.
+#[test]
+fn colours_are_those_of_the_place_between_pixels() {
+    let (depth, colour, colour_from_depth) = cameras();
+    let points = points(&depth, |_, _| 1200.0);
+    let registered = depth_into(&points, depth.width, &colour, &colour_from_depth);
+    // Steps of 40 at every second column, and at every third row: linear between neighbours.
+    let levels = |i: usize, period: usize| if i % period == 0 { 200 } else { 160 };
+    let pixel = |i: usize| [levels(i % 480, 2), levels(i / 480, 3), 7];
+    let image = RgbImage { width: 480, height: 360, data: (0..480 * 360).map(pixel).collect() };
+    let mut checked = 0;
+    for (point, found) in points.iter().zip(colours_of(&points, &colour, &colour_from_depth, &registered, &image)) {
+        let Some(found) = found else { continue };
+        let seen = colour_from_depth * Point3::from(point.map(f64::from));
+        let between = |at: f64, period: usize| {
+            let [here, next] = [0.0, 1.0].map(|k| f64::from(levels((at.floor() + k) as usize, period)));
+            here + (next - here) * at.fract()
+        };
+        let [u, v] = colour.project(&seen.coords).unwrap();
+        let expected = [between(u, 2), between(v, 3), 7.0];
+        // Rounded to whole numbers; points are f32.
+        assert!(found.iter().zip(expected).all(|(f, e)| (f64::from(*f) - e).abs() < 0.6), "{found:?} {expected:?}");
+        checked += 1;
+    }
+    assert!(checked > 10_000, "{checked}");
+}
+
 /// A board whose depth has holes, as on dark print: the wall behind is not seen through them, and its points that the board hides get none
 /// of the board's colours. Holes in the wall itself hide nothing.
 #[test]
