@@ -100,7 +100,7 @@ fn colours_are_those_of_the_place_between_pixels() {
     let points = points(&depth, |_, _| 1200.0);
     let registered = depth_into(&points, depth.width, &colour, &colour_from_depth);
     // Steps of 40 at every second column, and at every third row: linear between neighbours.
-    let levels = |i: usize, period: usize| if i % period == 0 { 200 } else { 160 };
+    let levels = |i: usize, period: usize| if i.is_multiple_of(period) { 200 } else { 160 };
     let pixel = |i: usize| [levels(i % 480, 2), levels(i / 480, 3), 7];
     let image = RgbImage { width: 480, height: 360, data: (0..480 * 360).map(pixel).collect() };
     let mut checked = 0;
