@@ -217,8 +217,7 @@ pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Obse
     };
     let fits = |shape: Shape| {
         let checked = [150.0, 413.0, 907.0, 1733.0, 3109.0, 9000.0];
-        let [first, second] = affine_at(shape);
-        let rhos: Vec<f64> = [first, second].into_iter().chain(checked.map(|z| 1.0 / z)).collect();
+        let rhos: Vec<f64> = affine_at(shape).into_iter().chain(checked.map(|z| 1.0 / z)).collect();
         cases().all(|(context, cosine)| {
             values(&places, &context, cosine, &rhos).chunks(rhos.len()).all(|values| {
                 let [k0, k1] = affine(shape, [values[0], values[1]]);

@@ -72,10 +72,10 @@ impl Moebius {
     pub fn new(matrices: impl Fn(&[usize]) -> Vec<Matrix> + Sync, rays: &[[f64; 2]]) -> Self {
         let mut all = vec![NO_INVERSE; rays.len()];
         all.par_chunks_mut(BAND).zip(rays.par_chunks(BAND)).enumerate().for_each(|(band, (all, rays))| {
-            let seen: Vec<usize> = (0..rays.len()).filter(|i| !rays[*i][0].is_nan()).collect();
-            let indices: Vec<usize> = seen.iter().map(|i| band * BAND + i).collect();
-            for (i, matrix) in seen.into_iter().zip(matrices(&indices)) {
-                all[i] = coefficients(matrix);
+            let first = band * BAND;
+            let seen: Vec<usize> = (first..first + rays.len()).filter(|i| !rays[i - first][0].is_nan()).collect();
+            for (i, matrix) in seen.iter().zip(matrices(&seen)) {
+                all[i - first] = coefficients(matrix);
             }
         });
         let usable = |c: &&[f64; 3]| **c != NO_INVERSE;

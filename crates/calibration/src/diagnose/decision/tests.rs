@@ -189,7 +189,8 @@ fn an_effect_that_looks_the_same_is_said() {
     );
 }
 
-/// Effects are told apart by their gains over the frames, or by what is left of the one beside the other: either is enough.
+/// Two effects are told apart if their gains differ from frame to frame, or if one still explains something once the other is in the
+/// model. Either is enough.
 #[test]
 fn effects_that_one_criterion_tells_apart_are_not_alike() {
     let thresholds = Thresholds::default();
