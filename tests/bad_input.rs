@@ -280,3 +280,18 @@ fn recordings_need_their_feature() {
         assert_eq!(folder.names("out"), [""; 0]);
     }
 }
+
+/// The evaluation of one calibration never lies beside another.
+#[test]
+fn an_evaluation_is_not_written_beside_another_calibration() {
+    let folder = Folder::new();
+    folder.write("given.json", CALIBRATION).write("out/calibration.json", calibration_with_unit(1.0));
+    let [given, out] = ["given.json", "out"].map(|name| folder.arg(name));
+    fails(
+        ["evaluate", &given, "missing", "--out", &out],
+        &[&out, "a calibration other than", &given, "another folder"],
+    );
+    assert_eq!(folder.names("out"), ["calibration.json"]);
+    let own = folder.arg("out/calibration.json");
+    fails(["evaluate", &own, "missing", "--out", &out], &["missing", "dataset.toml"]);
+}

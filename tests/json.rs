@@ -58,6 +58,13 @@ fn calibrate_evaluate_diagnose_and_compare() {
     assert_eq!(value["frames"][0]["dataset"], "other");
     assert_eq!(value["datasets"][0]["name"], "other");
 
+    let before = std::fs::read(&calibration).unwrap();
+    let (_, words) = json(&["evaluate", &calibration, &other, "--out", &result]);
+    for name in ["evaluation.json", "report.html"] {
+        assert!(words.contains(&format!("replaced: {result}/{name}, ")), "{words}");
+    }
+    assert_eq!(std::fs::read(&calibration).unwrap(), before, "beside its evaluation a calibration stays");
+
     let (value, _) = json(&["diagnose", &captures, "--verify", &other, "--out", &folder.arg("diagnosed")]);
     let rounds = stages(&value);
     for part in ["round 1: examining", "round 1: fitting", "judging on held-out frames", "separability"] {

@@ -47,10 +47,29 @@ impl Python {
     }
 }
 
-/// An empty folder of a test for its files.
-pub fn folder(name: &str) -> PathBuf {
+/// An empty folder of a test for its files, which is removed at the end of a test that passes.
+pub struct Scratch(PathBuf);
+
+/// The folder of the test with this name.
+pub fn folder(name: &str) -> Scratch {
     let folder = std::env::temp_dir().join(format!("depthcal-{name}-{}", std::process::id()));
     let _ = std::fs::remove_dir_all(&folder);
     std::fs::create_dir_all(&folder).expect("a folder");
-    folder
+    Scratch(folder)
+}
+
+impl std::ops::Deref for Scratch {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            let _ = std::fs::remove_dir_all(&self.0);
+        }
+    }
 }

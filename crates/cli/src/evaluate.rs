@@ -66,6 +66,7 @@ impl Evaluate {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
         self.output.check()?;
+        self.output.check_no_other_calibration(&self.calibration)?;
         let given = GivenCamera::read(&self.calibration, &session.register)?;
         if let GivenCamera::Calibration(record, _) = &given
             && !record.cameras.is_empty()

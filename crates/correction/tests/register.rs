@@ -55,6 +55,19 @@ fn a_plane_has_its_own_depth_in_the_other_camera() {
     assert!(covered + registered.holes <= 480 * 360 && registered.holes > 0);
 }
 
+/// A depth camera that sees more than the other one, in pixels 30 times as large: the surface reaches all four edges, although the points
+/// next to an edge lie far outside.
+#[test]
+fn surfaces_reach_the_edges_of_the_image() {
+    let depth = Camera::new(24, 20, [14.0, 14.0, 11.5, 9.5, 0.0], vec![]);
+    let colour = Camera::new(480, 360, [420.0, 420.0, 240.0, 180.0, 0.0], vec![]);
+    let points = points(&depth, |_, _| 1000.0);
+    let registered = depth_into(&points, depth.width, &colour, &Isometry3::identity());
+    let gaps: Vec<_> = (0..480 * 360).filter(|i| registered.depth_mm[*i] == 0.0).map(|i| [i % 480, i / 480]).collect();
+    assert!(gaps.is_empty(), "{gaps:?}");
+    assert!(registered.depth_mm.iter().all(|z| (z - 1000.0).abs() < 0.01));
+}
+
 /// A near board before a wall: the near one wins, nothing joins the two, and points of the wall that the board hides from the colour camera
 /// have no colour, while the others have that of their surface.
 #[test]

@@ -218,6 +218,21 @@ fn a_missing_folder_is_named() {
     assert!(matches!(e, CheckpointError::Io { .. }) && e.to_string().contains("no-such-folder"), "{e}");
 }
 
+/// A link under the temporary name, as in a folder that others may write into too, is replaced; what it points to is not written.
+#[cfg(unix)]
+#[test]
+fn a_link_is_not_followed() {
+    let Bundle { graph, values, .. } = bundle(4, 30, 0.5, Loss::Trivial, 3);
+    let (path, victim) = (Scratch::new("link"), Scratch::new("link-victim"));
+    let link = Scratch(format!("{}.{}.tmp", path.0.display(), std::process::id()).into());
+    fs::remove_file(&link.0).ok();
+    fs::write(&victim.0, "theirs").unwrap();
+    std::os::unix::fs::symlink(&victim.0, &link.0).unwrap();
+    run(&graph, &values, &Options::default(), Some(&path)).unwrap();
+    assert_eq!(fs::read_to_string(&victim.0).unwrap(), "theirs");
+    assert!(path.0.symlink_metadata().unwrap().is_file() && !link.0.exists());
+}
+
 /// A variable without `Variable::state`.
 #[derive(Clone, Debug)]
 struct Opaque(Vector2<f64>);

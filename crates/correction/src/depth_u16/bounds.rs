@@ -158,6 +158,9 @@ mod tests {
         // The change is 5000 steps: its roundings, 6 · 6e-8 · 5000, are more than a thousandth of a step; those of the coefficients,
         // 6e-8 · 5000, are less.
         assert_eq!(needs(Bound { p: 0.1, ..NONE }, 50_000), Some("f64"));
+        // The change is 0.85 / 0.15 · 176 = 1000 steps, of which f32 would do; but the roundings of 1 − r z are magnified by 1.85 / 0.15.
+        let near_pole = Bound { r: 0.85 / 176.0, r_above: 0.85 / 176.0, ..NONE };
+        assert_eq!(needs(near_pole, 176), Some("f64"));
         // 6e-8 · 20 000 is more than a thousandth.
         assert_eq!(needs(Bound { p: 0.5, ..NONE }, 40_000), None);
     }

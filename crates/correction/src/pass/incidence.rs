@@ -72,3 +72,26 @@ fn cosine(width: usize, pixels: &[[f64; 3]], index: usize) -> Option<f64> {
     let cosine = rho / (normal * (1.0 + x0 * x0 + y0 * y0).sqrt());
     cosine.is_finite().then(|| cosine.clamp(STEEPEST, 1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A window of a plane in which only the first `n` pixels have depth, the one that is asked for among them.
+    #[test]
+    fn a_plane_needs_its_fewest_pixels() {
+        let of = |n: usize| {
+            let pixels: Vec<[f64; 3]> = (0..25)
+                .map(|i| {
+                    let (x, y) = ((i % 5) as f64 * 0.01, (i / 5) as f64 * 0.01);
+                    if i < n { [x, y, 1e-3 * (1.0 + 0.5 * x)] } else { [f64::NAN; 3] }
+                })
+                .collect();
+            cosine(5, &pixels, 0)
+        };
+        // ρ = α x + γ at x = y = 0: γ / |(α, γ)|.
+        let expected = 1.0 / 1.25f64.sqrt();
+        assert_eq!(of(FEWEST - 1), None);
+        assert!((of(FEWEST).unwrap() - expected).abs() < 1e-9);
+    }
+}

@@ -8,6 +8,9 @@ use super::gaps::closed_gaps;
 
 /// Neighbouring pixels whose depths differ by a larger share are not of one surface: a surface seen at 80° has a hundredth.
 const JOINED: f32 = 0.025;
+/// How far outside a triangle a pixel may lie, as a share of the height of the triangle: by rounding, a pixel on the edge that two triangles
+/// share may seem to lie outside of both, and would become a hole.
+const ON_EDGE: f32 = 1e-5;
 /// Rows of the image that one thread fills.
 const BAND: usize = 64;
 /// Depth that is larger than that of the surface in front of it by more than this share is hidden.
@@ -154,7 +157,7 @@ fn fill(band: &mut [f32], width: usize, first: usize, [a, b, c]: &[Seen; 3]) {
             };
             let (of_c, of_a) = (part(a, b), part(b, c));
             let of_b = 1.0 - of_a - of_c;
-            if of_a >= 0.0 && of_b >= 0.0 && of_c >= 0.0 {
+            if of_a.min(of_b).min(of_c) >= -ON_EDGE {
                 put(u, v, of_a / a.depth_mm + of_b / b.depth_mm + of_c / c.depth_mm);
             }
         }

@@ -17,4 +17,6 @@ pub(crate) use aligned::Aligned;
 pub(crate) use aligned::LINE;
 pub(crate) use count::{count_f32, count_u16, measurement};
 pub(crate) use dispatch::{Kernel, dispatch};
+#[cfg(test)]
+pub(crate) use isa::Portable;
 pub(crate) use isa::{Isa, LANES, Specialised};

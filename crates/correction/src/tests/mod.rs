@@ -93,6 +93,22 @@ fn agrees_with_the_camera() {
     }
 }
 
+/// Changes of some 15 000 steps, whose f32 has steps of a thousandth: they are computed in f64.
+#[test]
+fn large_changes_are_rounded_as_precisely_as_small_ones() {
+    for factor in (0..20).map(|i| 1.27 + 0.0017 * f64::from(i)) {
+        let camera = camera(&[("projective", &[0.0, 0.0, 0.0, factor])]);
+        let measured = image(depths(40_000.0, 48_000.0).map(|z| z as u16).collect());
+        let mut corrected = blank();
+        Corrector::new(&camera).unwrap().correct_u16(&measured, 1.0, &FrameContext::default(), &mut corrected).unwrap();
+        for index in 0..measured.data.len() {
+            let raw = f64::from(measured.data[index]);
+            let error = f64::from(corrected.data[index]) - reference(&camera, &FrameContext::default(), index, raw);
+            assert!(error.abs() <= HALF_A_STEP, "{factor}: {raw}: {error}");
+        }
+    }
+}
+
 #[test]
 fn invalid_stays_invalid_and_results_saturate() {
     // z = z_m / 2 and z = 2 z_m.

@@ -196,7 +196,9 @@ impl CheckpointFile {
     fn replace(&self, text: &str) -> io::Result<()> {
         let mut aside = self.path.clone().into_os_string();
         aside.push(format!(".{}.tmp", std::process::id()));
-        let written = File::create(&aside).and_then(|mut file| {
+        // A file that a killed run left, or a link that someone else put there, is not written through.
+        fs::remove_file(&aside).ok();
+        let written = File::create_new(&aside).and_then(|mut file| {
             file.write_all(text.as_bytes())?;
             file.sync_all()
         });
