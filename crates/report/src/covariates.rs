@@ -112,7 +112,7 @@ pub(super) fn all(image: &Image) -> Vec<Covariate> {
         new(
             "surround",
             "brightness of the surroundings",
-            "ln of surroundings over own amplitude",
+            "ln of surroundings over own",
             "Above zero: a dark pixel among brighter ones. A trend indicates that signals of neighbouring pixels mix.",
             Box::new(|p| (p.context.surround / p.context.amplitude).ln()),
         ),
