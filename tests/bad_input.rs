@@ -281,7 +281,7 @@ fn recordings_need_their_feature() {
     }
 }
 
-/// The evaluation of one calibration never lies beside another.
+/// `evaluate` refuses a folder that holds another calibration.
 #[test]
 fn an_evaluation_is_not_written_beside_another_calibration() {
     let folder = Folder::new();

@@ -5,8 +5,11 @@
 #[path = "measured.rs"]
 mod measured;
 
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+use tempfile::TempDir;
 
 #[allow(unused_imports, reason = "not every test uses all of it")]
 pub use measured::{measured, skipped};
@@ -47,29 +50,18 @@ impl Python {
     }
 }
 
-/// An empty folder of a test for its files, which is removed at the end of a test that passes.
-pub struct Scratch(PathBuf);
+/// An empty folder of a test for its files, which is removed at its end.
+pub struct Scratch(TempDir);
 
 /// The folder of the test with this name.
 pub fn folder(name: &str) -> Scratch {
-    let folder = std::env::temp_dir().join(format!("depthcal-{name}-{}", std::process::id()));
-    let _ = std::fs::remove_dir_all(&folder);
-    std::fs::create_dir_all(&folder).expect("a folder");
-    Scratch(folder)
+    Scratch(tempfile::Builder::new().prefix(&format!("depthcal-{name}-")).tempdir().expect("a folder"))
 }
 
-impl std::ops::Deref for Scratch {
+impl Deref for Scratch {
     type Target = Path;
 
     fn deref(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        if !std::thread::panicking() {
-            let _ = std::fs::remove_dir_all(&self.0);
-        }
+        self.0.path()
     }
 }

@@ -128,7 +128,7 @@ fn write_both(files: [(&Path, &[u8]); 2]) -> Result<(), Failure> {
         let path = staged.folder().join(name(path));
         write_atomically(path, |file| file.write_all(bytes)).map_err(|error| input(staged.located(error)))?;
     }
-    staged.commit(&name(files[0].0), &[]).map_err(input)?;
+    staged.commit(&name(files[0].0)).map_err(input)?;
     Ok(())
 }
 

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_io::{Evaluation, RigDataset};
+use depthcal_io::{Calibration, Evaluation, RigDataset};
 use depthcal_model::{Camera, Register};
 
 use serde_json::{Value, json};
 
 use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
-use super::failure::Failure;
+use super::failure::{Failure, input};
 use super::formula_files;
 use super::given_camera::GivenCamera;
 use super::recording::Recording;
@@ -66,8 +66,9 @@ impl Evaluate {
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
         self.output.check()?;
-        self.output.check_no_other_calibration(&self.calibration)?;
         let given = GivenCamera::read(&self.calibration, &session.register)?;
+        let name = self.calibration.display().to_string();
+        Calibration::check_no_other_in(&self.output.out, given.record(), &name).map_err(input)?;
         if let GivenCamera::Calibration(record, _) = &given
             && !record.cameras.is_empty()
             && self.datasets.iter().all(RigDataset::is_rig)

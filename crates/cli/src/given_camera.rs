@@ -45,11 +45,16 @@ impl GivenCamera {
         }
     }
 
-    /// Digest of the dataset that the camera was fitted to, where that is known.
-    pub(super) fn fitted_digest(&self) -> Option<&str> {
+    /// The record, of a calibration.
+    pub(super) fn record(&self) -> Option<&Calibration> {
         match self {
-            Self::Calibration(calibration, _) => Some(&calibration.dataset.digest),
+            Self::Calibration(calibration, _) => Some(calibration),
             Self::Intrinsics(..) => None,
         }
+    }
+
+    /// Digest of the dataset that the camera was fitted to, where that is known.
+    pub(super) fn fitted_digest(&self) -> Option<&str> {
+        self.record().map(|calibration| calibration.dataset.digest.as_str())
     }
 }

@@ -1,9 +1,8 @@
 //! The files of a command's results, which take their places together when all are written.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{FileError, OF_CALIBRATION, StagedResults, check_writable, write_atomically};
+use depthcal_io::{FileError, StagedResults, check_writable, write_atomically};
 use depthcal_report::{ReportInput, ReportRig, render, render_rig};
 
 use super::common::Output;
@@ -19,21 +18,6 @@ impl Output {
     /// Refuses a folder that cannot be written, before any work is done.
     pub(super) fn check(&self) -> Result<(), Failure> {
         check_writable(&self.out).map_err(input)
-    }
-
-    /// Refuses a folder with a calibration other than `evaluated`: its evaluation and report would be replaced by those of `evaluated`,
-    /// and be taken for its own.
-    pub(super) fn check_no_other_calibration(&self, evaluated: &Path) -> Result<(), Failure> {
-        let present = self.out.join("calibration.json");
-        let same = |contents: &[u8]| fs::read(evaluated).is_ok_and(|evaluated| evaluated == contents);
-        match fs::read(&present) {
-            Ok(contents) if !same(&contents) => Err(Failure::Input(format!(
-                "--out {}: holds a calibration other than {}, whose evaluation and report would be replaced: choose another folder",
-                self.out.display(),
-                evaluated.display()
-            ))),
-            _ => Ok(()),
-        }
     }
 }
 
@@ -57,26 +41,15 @@ impl Results {
     /// Replaces the earlier results: of a calibration all that tells of it, else the files that were written alone. `first` is the
     /// file that the others tell of.
     pub(super) fn commit(self, first: &str, session: &Session) -> Result<(), Failure> {
-        let dependants: &[&str] = if first == "calibration.json" { OF_CALIBRATION } else { &[] };
-        let replaced = self.replaced_of_calibration(first);
-        let removed = self.staged.commit(first, dependants).map_err(input)?;
+        let displaced = self.staged.commit(first).map_err(input)?;
         session.committed();
-        for path in removed {
+        for path in displaced.removed {
             say!("removed: {}, which told of the calibration that was replaced", path.display());
         }
-        for path in replaced {
+        for path in displaced.replaced {
             say!("replaced: {}, which an earlier command had written beside calibration.json", path.display());
         }
         Ok(())
-    }
-
-    /// The files beside a calibration that stays, but are replaced.
-    fn replaced_of_calibration(&self, first: &str) -> Vec<PathBuf> {
-        if first == "calibration.json" || !self.out.join("calibration.json").is_file() {
-            return Vec::new();
-        }
-        let new = OF_CALIBRATION.iter().filter(|name| self.staged.folder().join(name).is_file());
-        new.map(|name| self.out.join(name)).filter(|path| path.is_file()).collect()
     }
 }
 

@@ -26,7 +26,7 @@ pub use dataset::{
     FramesSection, IntrinsicNumbers, Pairing, RigDataset, RigFile, RigMember, Stray,
 };
 pub use file::{
-    FileError, OF_CALIBRATION, StagedDataset, StagedResults, check_writable, digest_contents, digest_files,
+    Displaced, FileError, OF_CALIBRATION, StagedDataset, StagedResults, check_writable, digest_contents, digest_files,
     digest_json, is_temporary, read_json, write_atomically, write_json, write_json_compact,
 };
 pub use image::{

@@ -7,7 +7,7 @@ use depthcal_calibration::judge::evaluate::{Evaluated, evaluate as judge};
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_calibration::task::{OptionNames, with_effects};
-use depthcal_io::{DatasetEvaluation, Evaluation as Record};
+use depthcal_io::{Calibration as CalibrationRecord, DatasetEvaluation, Evaluation as Record};
 use depthcal_report::{ReportDataset, ReportInput, Role};
 use pyo3::prelude::*;
 
@@ -23,6 +23,7 @@ use crate::written::{html, save_together, write_report};
 #[derive(Debug)]
 pub(crate) struct Evaluation {
     evaluated: Vec<(Evaluated, Role)>,
+    record: Arc<CalibrationRecord>,
     title: String,
     stages: StageTimes,
     call: String,
@@ -61,7 +62,7 @@ pub(crate) fn evaluate(
             let _stage = progress.stage("evaluation");
             evaluated.push((judge(&camera, capture), if is_own { Role::Fitted } else { Role::Other }));
         }
-        Ok(Evaluation { evaluated, title, stages: progress.stage_times(), call })
+        Ok(Evaluation { evaluated, record, title, stages: progress.stage_times(), call })
     })
 }
 
@@ -113,6 +114,7 @@ impl Evaluation {
     /// Writes `evaluation.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
+            CalibrationRecord::check_no_other_in(&out, Some(&self.record), &self.title).map_err(input)?;
             save_together(&out, "evaluation.json", |out| {
                 let record = Record { datasets: self.records(), ..Record::default() };
                 record.write(out.join("evaluation.json")).map_err(input)?;

@@ -299,6 +299,7 @@ impl RigEvaluation {
     /// Writes `evaluation.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
+            Record::check_no_other_in(&out, Some(&self.record), &self.title).map_err(input)?;
             save_together(&out, "evaluation.json", |out| {
                 self.record().write(out.join("evaluation.json")).map_err(input)?;
                 write_text(out.join("report.html"), &self.html()?)?;

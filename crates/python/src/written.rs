@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{OF_CALIBRATION, StagedResults, write_atomically};
+use depthcal_io::{StagedResults, write_atomically};
 use depthcal_report::{ReportInput, render};
 
 use crate::failure::{Failure, input};
@@ -23,8 +23,7 @@ pub(crate) fn save_together(
         }
         other => other,
     })?;
-    let dependants: &[&str] = if first == "calibration.json" { OF_CALIBRATION } else { &[] };
-    staged.commit(first, dependants).map_err(input)?;
+    staged.commit(first).map_err(input)?;
     Ok(names.into_iter().map(|name| out.join(name)).collect())
 }
 

@@ -71,6 +71,13 @@ def test_evaluation_on_another_capture(tmp_path):
     assert evaluation.report.html
     assert {path.name for path in evaluation.save(tmp_path)} == {"evaluation.json", "report.html"}
     assert "dot error" in repr(evaluation)
+    fit.save(tmp_path / "fit")
+    evaluation.save(tmp_path / "fit")
+    depthcal.calibrate(other).save(tmp_path / "other")
+    before = (tmp_path / "other" / "evaluation.json").read_bytes()
+    with pytest.raises(depthcal.InputError, match="a calibration other than .*another folder"):
+        evaluation.save(tmp_path / "other")
+    assert (tmp_path / "other" / "evaluation.json").read_bytes() == before
 
 
 def test_a_diagnosis_names_what_was_planted():

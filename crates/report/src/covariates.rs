@@ -112,7 +112,7 @@ pub(super) fn all(image: &Image) -> Vec<Covariate> {
         new(
             "surround",
             "brightness of the surroundings",
-            "ln of surroundings over own",
+            "ln of ratio to the pixel",
             "Above zero: a dark pixel among brighter ones. A trend indicates that signals of neighbouring pixels mix.",
             Box::new(|p| (p.context.surround / p.context.amplitude).ln()),
         ),

@@ -39,43 +39,39 @@ mod tests {
 
     const UNIT_MM: f32 = 0.5;
 
-    /// The loop of the machine, and the plain loop with and without fused multiplication.
-    struct OnAll<'a, const CORRECT: bool> {
+    /// A frame whose points are computed in every version of the loop.
+    #[derive(Clone, Copy)]
+    struct Frame<'a, const CORRECT: bool> {
         map: (f32, [f32; 3]),
         measured: &'a [u16],
         rays: [&'a [f32]; 2],
     }
 
-    impl<const CORRECT: bool> OnAll<'_, CORRECT> {
-        fn with<I: Isa>(&self, isa: I, specialised: bool) -> Option<(PointCounts, Vec<f32>)> {
+    impl<const CORRECT: bool> Kernel for Frame<'_, CORRECT> {
+        type Output = Option<(PointCounts, Vec<f32>)>;
+
+        #[inline(always)]
+        fn run<I: Isa>(self, isa: I) -> Self::Output {
             let n = self.measured.len();
             let mut out = vec![7.0; 3 * n];
+            // None of the cubics is accurate, so that the rays are used.
             let cubics = vec![[[f32::NAN; 4]; 2]; n.div_ceil(LANES)];
-            let (map, measured, rays) = (self.map, self.measured, self.rays);
+            let Self { map, measured, rays } = self;
             let pixels = DepthOnRays { map, measured, unit_mm: UNIT_MM, rays, cubics: &cubics, out: &mut out };
-            let counts = if specialised {
-                from_u16::<I, CORRECT>(isa, pixels)
-            } else {
-                portable::from_u16::<I, CORRECT>(isa, pixels)
-            };
-            counts.map(|counts| (counts, out))
-        }
-
-        fn results(self) -> [Option<(PointCounts, Vec<f32>)>; 3] {
-            [self.with(Portable::<false>, false), self.with(Portable::<true>, false), dispatch(self)]
+            let counts = from_u16::<I, CORRECT>(isa, pixels)?;
+            Some((counts, out))
         }
     }
 
-    impl<const CORRECT: bool> Kernel for OnAll<'_, CORRECT> {
-        type Output = Option<(PointCounts, Vec<f32>)>;
-
-        fn run<I: Isa>(self, isa: I) -> Self::Output {
-            self.with(isa, true)
+    impl<const CORRECT: bool> Frame<'_, CORRECT> {
+        /// By the plain loop without and with fused multiplication, and by the version for the machine.
+        fn results(self) -> [Option<(PointCounts, Vec<f32>)>; 3] {
+            [self.run(Portable::<false>), self.run(Portable::<true>), dispatch(self)]
         }
     }
 
     /// Depth with gaps, and rays some of which are missing.
-    fn frame(n: usize) -> (Vec<u16>, [Vec<f32>; 2]) {
+    fn depth_and_rays(n: usize) -> (Vec<u16>, [Vec<f32>; 2]) {
         let steps = |i: usize| match i % 5 {
             0 => 0,
             1 => u16::MAX,
@@ -88,13 +84,13 @@ mod tests {
     }
 
     fn points_of<const CORRECT: bool>(n: usize) {
-        let (measured, rays) = frame(n);
+        let (measured, rays) = depth_and_rays(n);
         let (p, d) = if CORRECT { (0.02, [3e-6, -2e-6, 1e-6]) } else { (0.0, [0.0; 3]) };
-        let all = OnAll::<CORRECT> { map: (p, d), measured: &measured, rays: [&rays[0], &rays[1]] };
+        let frame = Frame::<CORRECT> { map: (p, d), measured: &measured, rays: [&rays[0], &rays[1]] };
         let has_depth = |i: usize| measured[i] > 0 && measured[i] < u16::MAX;
         let depths = (0..n).filter(|i| has_depth(*i)).count();
         let points = (0..n).filter(|i| has_depth(*i) && !rays[0][*i].is_nan()).count();
-        for result in all.results() {
+        for result in frame.results() {
             let (counts, out) = result.unwrap();
             assert_eq!(counts, PointCounts { depths, points }, "{n} pixels");
             for i in 0..n {
@@ -129,8 +125,8 @@ mod tests {
             let y = vec![0.0; n];
             for (steps, usable) in [(1900, true), (2000, false), (2400, false), (0, true), (u16::MAX, true)] {
                 let measured: Vec<u16> = (0..n).map(|i| if i == at { steps } else { 3000 }).collect();
-                let all = OnAll::<true> { map: (0.0, [1e-3, 0.0, 0.0]), measured: &measured, rays: [&x, &y] };
-                for result in all.results() {
+                let frame = Frame::<true> { map: (0.0, [1e-3, 0.0, 0.0]), measured: &measured, rays: [&x, &y] };
+                for result in frame.results() {
                     assert_eq!(result.is_some(), usable, "pixel {at}: {steps} steps");
                 }
             }

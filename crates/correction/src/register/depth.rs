@@ -157,7 +157,7 @@ fn fill(band: &mut [f32], width: usize, first: usize, [a, b, c]: &[Seen; 3]) {
             };
             let (of_c, of_a) = (part(a, b), part(b, c));
             let of_b = 1.0 - of_a - of_c;
-            if of_a.min(of_b).min(of_c) >= -ON_EDGE {
+            if [of_a, of_b, of_c].iter().all(|part| *part >= -ON_EDGE) {
                 put(u, v, of_a / a.depth_mm + of_b / b.depth_mm + of_c / c.depth_mm);
             }
         }

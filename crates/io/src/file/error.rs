@@ -76,6 +76,16 @@ pub enum FileError {
         /// The fault, and what is expected.
         problem: String,
     },
+    /// The folder that an evaluation is to be written into has the calibration of another camera or fit.
+    #[error(
+        "{path}: holds a calibration other than {evaluated}, whose evaluation and report would be replaced: choose another folder"
+    )]
+    OtherCalibration {
+        /// The folder.
+        path: PathBuf,
+        /// Name of the calibration, or of the camera file, that was evaluated.
+        evaluated: String,
+    },
 }
 
 impl FileError {
@@ -87,7 +97,8 @@ impl FileError {
         | FileError::Format { path, .. }
         | FileError::Version { path, .. }
         | FileError::NotFinite { path, .. }
-        | FileError::Invalid { path, .. }) = &mut self;
+        | FileError::Invalid { path, .. }
+        | FileError::OtherCalibration { path, .. }) = &mut self;
         if let Ok(name) = path.strip_prefix(from) {
             *path = to.join(name);
         }

@@ -13,7 +13,7 @@ mod write;
 pub use digest::{digest_contents, digest_files, digest_json};
 pub use error::FileError;
 pub use json::{read_json, write_json, write_json_compact};
-pub use staged::{OF_CALIBRATION, StagedResults, check_writable};
+pub use staged::{Displaced, OF_CALIBRATION, StagedResults, check_writable};
 pub use staged_dataset::StagedDataset;
 pub use temporary::is_temporary;
 #[cfg(test)]

@@ -15,6 +15,17 @@ use super::write::synchronise;
 pub const OF_CALIBRATION: &[&str] =
     &["diagnosis.json", "evaluation.json", "observations.json", "report.html", "scores.json"];
 
+const CALIBRATION: &str = "calibration.json";
+
+/// Earlier files that a command removed or replaced ([`StagedResults::commit`]).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Displaced {
+    /// Files that told of the calibration that was replaced, and were not written anew.
+    pub removed: Vec<PathBuf>,
+    /// Files beside a calibration that stayed.
+    pub replaced: Vec<PathBuf>,
+}
+
 /// A hidden folder within a folder of results, in which a command writes its files before any of the present ones is touched.
 ///
 /// A disk that is full, or a run that is killed, leaves the earlier results as they were. [`commit`](Self::commit) then puts the new
@@ -49,31 +60,33 @@ impl StagedResults {
         error.moved(self.staging.path(), &self.out)
     }
 
-    /// Puts the files into their places; returns the earlier files of `dependants` that were removed and not replaced.
+    /// Puts the files into their places; returns what that removed and replaced beside a calibration.
     ///
-    /// `first` is the file that all others tell of; `dependants` are names of files that tell of an earlier `first`. In every folder
-    /// that has a new `first`, these are removed before it is replaced, and the new ones follow it: whenever this is interrupted,
-    /// each file tells of the `first` beside it or is missing.
+    /// `first` is the file that all others tell of. In every folder that has a new `first`, the earlier files that tell of it
+    /// ([`OF_CALIBRATION`] if it is a `calibration.json`, and those that are written anew) are removed before it is replaced, and the new
+    /// ones follow it: whenever this is interrupted, each file tells of the `first` beside it or is missing.
     ///
     /// # Errors
     /// [`FileError::Write`] with the file. Where something that cannot be replaced is in the way of a file, nothing is changed.
-    pub fn commit(self, first: &str, dependants: &[&str]) -> Result<Vec<PathBuf>, FileError> {
-        let steps = self.steps(first, dependants)?;
+    pub fn commit(self, first: &str) -> Result<Displaced, FileError> {
+        let steps = self.steps(first)?;
+        let replaced = if first == CALIBRATION { Vec::new() } else { replaced_beside_calibration(&steps) };
         // Two runs that end at once follow each other. A system that cannot lock folders does without.
         let lock = File::open(&self.out).ok().filter(|folder| folder.lock().is_ok());
         for step in &steps {
             step.take().map_err(|error| FileError::Write { path: step.target().to_owned(), error })?;
         }
         drop(lock);
-        let replaced = |path: &Path| steps.iter().any(|s| matches!(s, Step::Move { to, .. } if to == path));
+        let is_new = |path: &Path| steps.iter().any(|s| matches!(s, Step::Move { to, .. } if to == path));
         let removed = steps.iter().filter_map(|step| match step {
-            Step::Remove { path } if !replaced(path) => Some(path.clone()),
+            Step::Remove { path } if !is_new(path) => Some(path.clone()),
             _ => None,
         });
-        Ok(removed.collect())
+        Ok(Displaced { removed: removed.collect(), replaced })
     }
 
-    fn steps(&self, first: &str, dependants: &[&str]) -> Result<Vec<Step>, FileError> {
+    fn steps(&self, first: &str) -> Result<Vec<Step>, FileError> {
+        let dependants = if first == CALIBRATION { OF_CALIBRATION } else { &[] };
         let unreadable = |error| FileError::Write { path: self.out.clone(), error };
         let files = files_in(self.staging.path()).map_err(unreadable)?;
         let target = |file: &Path| match file.strip_prefix(self.staging.path()) {
@@ -141,6 +154,17 @@ impl Step {
     }
 }
 
+/// The files of [`OF_CALIBRATION`] that the steps will replace in folders whose calibration stays.
+fn replaced_beside_calibration(steps: &[Step]) -> Vec<PathBuf> {
+    let is_of_calibration =
+        |path: &Path| path.is_file() && OF_CALIBRATION.iter().any(|name| path.file_name().is_some_and(|n| n == *name));
+    let targets = steps.iter().filter_map(|step| match step {
+        Step::Move { to, .. } => Some(to),
+        _ => None,
+    });
+    targets.filter(|to| is_of_calibration(to) && to.with_file_name(CALIBRATION).is_file()).cloned().collect()
+}
+
 /// All files of a folder and the folders in it, sorted.
 fn files_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
@@ -178,8 +202,6 @@ pub fn check_writable(out: &Path) -> Result<(), FileError> {
 mod tests {
     use super::*;
 
-    const FIRST: &str = "calibration.json";
-
     /// A folder with results of an earlier run, and new ones that are ready.
     fn prepared() -> (TempDir, StagedResults) {
         let folder = tempfile::tempdir().unwrap();
@@ -211,8 +233,9 @@ mod tests {
     #[test]
     fn new_results_replace_the_earlier_ones_and_all_that_tells_of_them() {
         let (folder, staged) = prepared();
-        let removed = staged.commit(FIRST, OF_CALIBRATION).unwrap();
-        assert_eq!(removed, ["diagnosis.json", "scores.json"].map(|name| folder.path().join(name)));
+        let displaced = staged.commit(CALIBRATION).unwrap();
+        assert!(displaced.replaced.is_empty());
+        assert_eq!(displaced.removed, ["diagnosis.json", "scores.json"].map(|name| folder.path().join(name)));
         let expected = [
             ("calibration.json", "new"),
             ("effects/a.toml", "old"),
@@ -229,13 +252,13 @@ mod tests {
     #[test]
     fn no_interruption_leaves_files_that_contradict_each_other() {
         let (_folder, staged) = prepared();
-        let count = staged.steps(FIRST, OF_CALIBRATION).unwrap().len();
+        let count = staged.steps(CALIBRATION).unwrap().len();
         for taken in 0..=count {
             let (folder, staged) = prepared();
-            for step in &staged.steps(FIRST, OF_CALIBRATION).unwrap()[..taken] {
+            for step in &staged.steps(CALIBRATION).unwrap()[..taken] {
                 step.take().unwrap();
             }
-            let calibration = of(folder.path(), FIRST);
+            let calibration = of(folder.path(), CALIBRATION);
             assert!(calibration.is_some());
             for name in OF_CALIBRATION {
                 let dependant = of(folder.path(), name);
@@ -243,6 +266,21 @@ mod tests {
             }
             assert_eq!(of(folder.path(), "notes.txt").as_deref(), Some("old"));
         }
+    }
+
+    /// An evaluation in the folder of its calibration: what is replaced is told, in the folder and in those within it.
+    #[test]
+    fn files_beside_a_calibration_that_stays_are_told() {
+        let (folder, staged) = prepared();
+        fs::remove_file(staged.folder().join("calibration.json")).unwrap();
+        for part in [folder.path(), staged.folder()] {
+            fs::create_dir(part.join("alone")).unwrap();
+            fs::write(part.join("alone/report.html"), "").unwrap();
+        }
+        let displaced = staged.commit("evaluation.json").unwrap();
+        let replaced = vec![folder.path().join("report.html")];
+        assert_eq!(displaced, Displaced { removed: vec![], replaced });
+        assert_eq!(of(folder.path(), CALIBRATION).as_deref(), Some("old"));
     }
 
     #[test]
@@ -259,7 +297,7 @@ mod tests {
         let (folder, staged) = prepared();
         fs::create_dir(folder.path().join("evaluation.json")).unwrap();
         let before = contents(folder.path());
-        let error = staged.commit(FIRST, OF_CALIBRATION).unwrap_err().to_string();
+        let error = staged.commit(CALIBRATION).unwrap_err().to_string();
         assert!(error.contains("evaluation.json") && error.contains("move the folder away"), "{error}");
         assert_eq!(contents(folder.path()), before);
     }

@@ -1,5 +1,6 @@
 //! `calibration.json`: a calibrated depth camera, its uncertainty, and the data that it was fitted to.
 
+use std::io;
 use std::path::Path;
 
 use depthcal_model::Target;
@@ -135,6 +136,26 @@ impl Calibration {
     /// [`FileError::NotFinite`] or [`FileError::Invalid`] with the field, [`FileError::Write`]; nothing is written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
         write_versioned(path.as_ref(), self, false)
+    }
+
+    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was evaluated:
+    /// the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is `None` for a
+    /// camera file of another program, and `name` is what the message calls the evaluated one.
+    ///
+    /// # Errors
+    /// [`FileError::OtherCalibration`]; a `calibration.json` that cannot be read counts as another.
+    pub fn check_no_other_in(folder: &Path, evaluated: Option<&Self>, name: &str) -> Result<(), FileError> {
+        match Self::read(folder.join("calibration.json")) {
+            Err(FileError::Read { error, .. }) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+            Ok(present) if evaluated.is_some_and(|evaluated| present.is_same_fit(evaluated)) => Ok(()),
+            _ => Err(FileError::OtherCalibration { path: folder.to_owned(), evaluated: name.to_owned() }),
+        }
+    }
+
+    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to none.
+    fn is_same_fit(&self, other: &Self) -> bool {
+        let without_observations = |c: &Self| Self { observations: None, ..c.clone() };
+        without_observations(self) == without_observations(other)
     }
 
     /// The piece called `name`.
