@@ -42,8 +42,7 @@
 //! | [`formula`] | effects given as formulas instead of Rust |
 //! | [`solver`] | nonlinear least squares on factor graphs; knows no cameras |
 //! | [`io`] | datasets, images, result files, exports |
-//! | [`calibration`] | captures to a judged model: calibrate, evaluate, compare, diagnose |
-//! | [`rig`] | several cameras on one rigid body, calibrated together |
+//! | [`calibration`] | captures of one camera or a rig to a judged model: calibrate, evaluate, compare, diagnose |
 //! | [`fleet`] | what the calibrations of many cameras say together |
 //! | [`correction`] | every pixel of every frame |
 //! | `report` (feature `cli`) | self-contained HTML pages |
@@ -61,7 +60,6 @@ pub use depthcal_io as io;
 pub use depthcal_model as model;
 #[cfg(feature = "cli")]
 pub use depthcal_report as report;
-pub use depthcal_rig as rig;
 pub use depthcal_solver as solver;
 
 pub use depthcal_calibration::calibrate::{CalibrateError, CalibrateOptions, Calibrated, calibrate};

@@ -1,10 +1,11 @@
 //! The image part of a rig against OpenCV's stereoCalibrate: the same observations, the same optimum.
 #![cfg(feature = "detect")]
 
-use depthcal_rig::adjust::RigAdjustment;
-use depthcal_rig::simulated::rig_capture;
-use depthcal_rig::state::{CameraState, RigState};
-use depthcal_rig::{RigCapture, RigOptions, calibrate_rig};
+use depthcal_calibration::adjust::rig_adjustment::RigAdjustment;
+use depthcal_calibration::adjust::rig_state::{CameraState, RigState};
+use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
+use depthcal_calibration::observe::RigCapture;
+use depthcal_calibration::rig_simulated::rig_capture;
 use depthcal_simulate::{Kind, PointOptions, RigCamera, RigSimulation};
 use opencv::core::{Mat, MatTraitConst, MatTraitConstManual, Point2f, Point3f, Size, TermCriteria, Vector};
 

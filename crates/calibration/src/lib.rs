@@ -29,6 +29,9 @@ pub mod judge;
 pub mod load;
 pub mod observe;
 pub mod progress;
+pub mod rig_record;
+#[cfg(any(test, feature = "simulate"))]
+pub mod rig_simulated;
 #[cfg(any(test, feature = "simulate"))]
 pub mod simulated;
 pub mod stage_clock;

@@ -16,15 +16,15 @@ use super::rig;
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
+use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal_calibration::compare::tables::tables;
 use depthcal_calibration::compare::{CompareOptions, compare};
+use depthcal_calibration::diagnose::rig::examined;
+use depthcal_calibration::load::LoadedRig;
 use depthcal_calibration::observe::Capture;
 use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames};
 use depthcal_report::render_comparison;
-use depthcal_rig::diagnose::examined;
-use depthcal_rig::load::LoadedRig;
-use depthcal_rig::{RigOptions, calibrate_rig};
 
 /// Compares depth models on held-out data.
 ///

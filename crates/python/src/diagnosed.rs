@@ -7,6 +7,7 @@ use depthcal_calibration::calibration_record::calibration_record;
 use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis as Found, diagnose as search};
 use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
 use depthcal_calibration::load::Loaded;
+use depthcal_calibration::load::LoadedRig;
 use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_calibration::task::{diagnosis_record, write_calibration};
 use depthcal_io::{DatasetEvaluation, DiagnosisFile, Evaluation};
@@ -14,7 +15,6 @@ use depthcal_model::Register;
 use depthcal_report::{
     ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files, verdict_sentence,
 };
-use depthcal_rig::load::LoadedRig;
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;

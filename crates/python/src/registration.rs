@@ -1,12 +1,12 @@
 //! Depth and colour of a rig's cameras on each other's pixels, on numpy arrays.
 
+use depthcal_calibration::observe::PlacedCamera;
+use depthcal_calibration::observe::Taken;
+use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{
     AmplitudeImage, Corrector, FrameContext, PointsMut, RegisteredDepth, colours_of, depth_into,
 };
 use depthcal_io::RgbImage;
-use depthcal_rig::PlacedCamera;
-use depthcal_rig::drift::Taken;
-use depthcal_rig::record::cameras_from_record;
 use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 

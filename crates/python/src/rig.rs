@@ -3,19 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use depthcal_calibration::calibrate::rig::RigOptions;
+use depthcal_calibration::judge::rig::{EvaluatedRig, evaluate_rig};
 use depthcal_calibration::judge::table::table;
+use depthcal_calibration::load::LoadedRig;
 use depthcal_calibration::load::{LoadOptions, default_cache};
+use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::progress::ProgressHandle;
+use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_calibration::stage_clock::StageTimes;
+use depthcal_calibration::task::rig::{RigFit as Fitted, add_effects, evaluation_of, fit, missing_cameras};
 use depthcal_calibration::task::{HoldOut, ModelRequest, OptionNames};
 use depthcal_io::Calibration as Record;
 use depthcal_model::Register;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, render_rig};
-use depthcal_rig::judge::{EvaluatedRig, evaluate_rig};
-use depthcal_rig::load::LoadedRig;
-use depthcal_rig::record::cameras_from_record;
-use depthcal_rig::task::{RigFit as Fitted, add_effects, evaluation_of, fit, missing_cameras};
-use depthcal_rig::{PlacedCamera, RigError, RigOptions};
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
@@ -24,12 +25,6 @@ use crate::failure::{Failure, input};
 use crate::request::{base_options, hold_out_of, json, model_request, register_with};
 use crate::running::run;
 use crate::written::{save_together, write_text};
-
-impl From<RigError> for Failure {
-    fn from(error: RigError) -> Self {
-        if error.is_untrusted_fit() { Self::Untrusted(error.to_string()) } else { input(error) }
-    }
-}
 
 /// A dataset of several cameras with its markers.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -60,7 +55,7 @@ pub(crate) fn load_rig(
             image_memory: image_memory_mib << 20,
             progress: progress.clone(),
         };
-        Ok(depthcal_rig::load::load_rig(&folder, &options)?)
+        depthcal_calibration::load::load_rig(&folder, &options).map_err(input)
     })?;
     Ok(Rig { loaded: Arc::new(loaded), path })
 }

@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use depthcal_calibration::diagnose::rig::{RigDiagnoseOptions, RigDiagnosis as Found, diagnose_rig};
 use depthcal_calibration::judge::evaluate::evaluate;
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::stage_clock::StageTimes;
+use depthcal_calibration::task::RigDiagnosisRecords;
 use depthcal_calibration::task::diagnosis_record;
 use depthcal_report::{ReportInput, ReportRig, Role, rig_sentences};
-use depthcal_rig::diagnose::{RigDiagnoseOptions, RigDiagnosis as Found, RigDiagnosisRecords, diagnose_rig};
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;

@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 
+use depthcal_calibration::judge::rig::EvaluatedRig;
+use depthcal_calibration::judge::transfer::Transfer;
+use depthcal_calibration::observe::PlacedCamera;
 use depthcal_io::{Calibration, RigCameraDiagnosis, RigDiagnosisFile, TransferError};
-use depthcal_rig::PlacedCamera;
-use depthcal_rig::judge::{EvaluatedRig, Transfer};
 use nalgebra::Isometry3;
 
 use super::content::Content;

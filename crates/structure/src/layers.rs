@@ -20,14 +20,13 @@ const fn layer(package: &'static str, folder: &'static str) -> Layer {
 }
 
 /// From top to bottom: a crate may depend on those below it only.
-pub const LAYERS: [Layer; 17] = [
+pub const LAYERS: [Layer; 16] = [
     layer("depthcal", ""),
     layer("depthcal-python", "crates/python"),
     layer("depthcal-cli", "crates/cli"),
     layer("depthcal-report", "crates/report"),
     layer("depthcal-fleet", "crates/fleet"),
     layer("depthcal-correction", "crates/correction"),
-    layer("depthcal-rig", "crates/rig"),
     layer("depthcal-calibration", "crates/calibration"),
     layer("depthcal-simulate", "crates/simulate"),
     layer("depthcal-import", "crates/import"),

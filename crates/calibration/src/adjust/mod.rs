@@ -10,6 +10,9 @@ mod field_thresholds;
 pub mod frame_rows;
 pub mod leave_out;
 pub mod plane_scatter;
+pub mod rig_adjustment;
+pub mod rig_factors;
+pub mod rig_state;
 pub mod smoothness_prior;
 pub mod smoothness_selection;
 

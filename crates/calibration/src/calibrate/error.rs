@@ -1,7 +1,7 @@
 //! Why there is no calibration.
 
 use depthcal_model::{CameraError, RegisterError};
-use depthcal_solver::{CovarianceError, SolveError};
+use depthcal_solver::{CovarianceError, NoiseError, SolveError};
 use thiserror::Error;
 
 use depthcal_io::ImageError;
@@ -10,6 +10,7 @@ use super::depth_scale::ImplausibleScale;
 use super::undetermined::UndeterminedModel;
 use crate::estimators::EstimatorError;
 use crate::start::StartError;
+use crate::start::views::ExtrinsicsError;
 
 /// Why there is no calibration.
 #[derive(Debug, Error)]
@@ -81,14 +82,84 @@ pub enum CalibrateError {
     /// The fitted camera cannot be inverted where it was fitted.
     #[error("the fitted model folds: {0}")]
     Folded(#[from] CameraError),
+    /// One camera of several cannot be calibrated.
+    #[error("camera {camera}: {source}")]
+    Camera {
+        /// The camera.
+        camera: String,
+        /// Why.
+        source: Box<CalibrateError>,
+    },
+    /// No camera has images.
+    #[error(
+        "no camera of '{dataset}' found the board in an image: poses come from images, so at least one camera needs them"
+    )]
+    NoImages {
+        /// The dataset.
+        dataset: String,
+    },
+    /// The first camera, whose frame is the rig's, has no images.
+    #[error(
+        "the first camera, {camera}, is the reference and needs images: put a camera with images first in dataset.toml"
+    )]
+    ReferenceWithoutImages {
+        /// The camera.
+        camera: String,
+    },
+    /// The cameras' relative poses cannot be determined.
+    #[error(transparent)]
+    Extrinsics(#[from] ExtrinsicsError),
+    /// The time offset of a camera cannot be estimated.
+    #[error("the time offset of {camera} cannot be estimated: {reason}")]
+    TimeOffset {
+        /// The camera.
+        camera: String,
+        /// What is lacking, and the remedy.
+        reason: String,
+    },
+    /// A depth camera without images has no start values.
+    #[error("camera {camera} has depth without images, and {reason}")]
+    DepthStart {
+        /// The camera.
+        camera: String,
+        /// What is lacking, and the remedy.
+        reason: String,
+    },
+    /// A prior has no finite standard deviation.
+    #[error("a prior of the camera's parameters cannot be used: {0}; declare intrinsics that are finite and not zero")]
+    Prior(#[from] NoiseError),
+    /// The captures leave parameters of several cameras undetermined.
+    #[error(
+        "the captures leave {combinations} combination(s) undetermined of {}: capture boards at other distances, tilts and places, or \
+         declare intrinsics with fixed = true",
+        parameters.join(", ")
+    )]
+    UndeterminedRig {
+        /// Number of combinations.
+        combinations: usize,
+        /// The parameters that take part, `CAMERA/PIECE.PARAMETER`.
+        parameters: Vec<String>,
+    },
 }
 
 impl CalibrateError {
+    /// An error of one camera of several.
+    pub(crate) fn of_camera(camera: &str) -> impl Fn(Self) -> Self + '_ {
+        move |source| Self::Camera { camera: camera.to_owned(), source: Box::new(source) }
+    }
+
     /// Whether the fit itself cannot be trusted (rather than the input being at fault).
     pub fn is_untrusted_fit(&self) -> bool {
-        matches!(
-            self,
-            Self::Solve(_) | Self::NotConverged { .. } | Self::Undetermined(_) | Self::Covariance(_) | Self::Folded(_)
-        )
+        match self {
+            Self::Camera { source, .. } => source.is_untrusted_fit(),
+            Self::Solve(_)
+            | Self::NotConverged { .. }
+            | Self::Undetermined(_)
+            | Self::UndeterminedRig { .. }
+            | Self::Covariance(_)
+            | Self::Folded(_)
+            | Self::Extrinsics(ExtrinsicsError::Moved { .. }) => true,
+            _ => false,
+        }
     }
 }

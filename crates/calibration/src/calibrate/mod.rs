@@ -25,6 +25,7 @@ mod marker_estimators;
 mod options;
 mod readjust;
 mod residuals;
+pub mod rig;
 mod sampled;
 mod settle;
 mod undetermined;

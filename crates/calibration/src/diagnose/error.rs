@@ -1,6 +1,7 @@
 //! Errors of a diagnosis.
 
 use depthcal_solver::score::ScoreError;
+use depthcal_solver::{NoiseError, SolveError};
 use thiserror::Error;
 
 use crate::calibrate::CalibrateError;
@@ -15,7 +16,10 @@ pub enum DiagnoseError {
     #[error("the fit cannot be examined: {0}")]
     Score(#[from] ScoreError),
     /// There is no depth.
-    #[error("the dataset '{dataset}' has no depth images: a diagnosis needs depth; add frames.depth to dataset.toml")]
+    #[error(
+        "the dataset '{dataset}' has no depth images: a diagnosis needs depth; add frames.depth, or depth to a section [cameras.NAME], \
+             to dataset.toml"
+    )]
     NoDepth {
         /// The dataset.
         dataset: String,
@@ -28,6 +32,32 @@ pub enum DiagnoseError {
         /// The effect's name.
         effect: String,
     },
+    /// One camera of several cannot be diagnosed.
+    #[error("camera {camera}: {source}")]
+    Camera {
+        /// The camera.
+        camera: String,
+        /// Why.
+        source: Box<DiagnoseError>,
+    },
+    /// The fit lacks a camera that was captured.
+    #[error("the calibration has no camera {camera} although it was captured: please report this as a bug")]
+    LacksCamera {
+        /// The camera.
+        camera: String,
+    },
+}
+
+impl From<SolveError> for DiagnoseError {
+    fn from(error: SolveError) -> Self {
+        Self::Calibrate(error.into())
+    }
+}
+
+impl From<NoiseError> for DiagnoseError {
+    fn from(error: NoiseError) -> Self {
+        Self::Calibrate(error.into())
+    }
 }
 
 impl DiagnoseError {
@@ -35,7 +65,8 @@ impl DiagnoseError {
     pub fn is_untrusted_fit(&self) -> bool {
         match self {
             Self::Calibrate(error) => error.is_untrusted_fit(),
-            Self::Score(_) | Self::NotFitted { .. } => true,
+            Self::Camera { source, .. } => source.is_untrusted_fit(),
+            Self::Score(_) | Self::NotFitted { .. } | Self::LacksCamera { .. } => true,
             Self::NoDepth { .. } => false,
         }
     }

@@ -55,6 +55,7 @@ pub mod pure_error;
 mod pure_noise;
 pub mod record;
 mod residual_cells;
+pub mod rig;
 mod round;
 pub mod separability;
 mod spline_piece;

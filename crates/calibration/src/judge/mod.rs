@@ -5,4 +5,6 @@ pub mod depth_errors;
 pub mod evaluate;
 mod linearity;
 pub mod parts;
+pub mod rig;
 pub mod table;
+pub mod transfer;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use depthcal_io::{CornerFileError, DatasetError, FileError, ImageError};
 use thiserror::Error;
 
+use super::declared_camera::DeclaredCameraError;
 use super::given_markers_error::GivenMarkersError;
 
 /// Why a dataset gives no observations.
@@ -19,6 +20,17 @@ pub enum LoadError {
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The files of one camera of several give no observations.
+    #[error("camera {camera}: {source}")]
+    Camera {
+        /// The camera.
+        camera: String,
+        /// Why.
+        source: Box<LoadError>,
+    },
+    /// The intrinsics that are declared for a camera cannot be used.
+    #[error(transparent)]
+    Declared(#[from] DeclaredCameraError),
     /// The dataset has no images.
     #[error("{}: [frames] declares no images: set frames.image to a pattern such as \"image/*.png\"", root.display())]
     NoImages {

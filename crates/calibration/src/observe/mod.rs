@@ -1,11 +1,13 @@
 //! Measurements: frames at every stage, depth samples, their noise, and the pixels that show the board.
 
 mod board_heights;
+pub mod board_motion;
 pub mod board_pixels;
 pub mod board_plane;
 pub mod board_region;
 mod capture;
 pub mod depth_sampling;
+pub mod extrinsics_drift;
 pub(crate) mod frame_light;
 pub(crate) mod gross_markers;
 mod kept_light;
@@ -14,13 +16,18 @@ pub mod neighbourhood;
 pub mod noise;
 pub mod outliers;
 pub mod pixel_rays;
+mod placed_camera;
+mod rig_capture;
 mod stages;
 pub mod stored;
 pub(crate) mod wrong_markers;
 
 pub use capture::{Capture, DroppedFrame};
+pub use extrinsics_drift::{PlaceDrift, Taken};
 pub use kept_light::FrameLight;
 pub use pixel_rays::PixelRays;
+pub use placed_camera::PlacedCamera;
+pub use rig_capture::{CameraCapture, RigCapture};
 pub use stages::{
     AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MarkerObservation, MeasuredDepth,
     OpenFrame, PosedFrame, RawFrame, SampledFrame,

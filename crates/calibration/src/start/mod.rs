@@ -2,6 +2,7 @@
 //!
 //! Captures that do not determine a camera are refused with a [`StartError`] that names what is missing.
 
+pub mod depth_only;
 mod error;
 mod frame_markers;
 mod homography;
@@ -9,6 +10,7 @@ mod lens_models;
 mod pose;
 mod pose_precision;
 mod start_values;
+pub mod views;
 mod wide_angle;
 mod zhang;
 

@@ -8,6 +8,8 @@ mod fit;
 mod model_request;
 mod prior;
 mod result_files;
+pub mod rig;
+mod rig_diagnosis;
 
 pub use added_effects::with_effects;
 pub use diagnosis_record::diagnosis_record;
@@ -16,3 +18,4 @@ pub use fit::{DatasetFit, FitRequest, HoldOut, JudgedFit, PreparedFit};
 pub use model_request::{LENSES, ModelRequest, OptionNames, lens_of};
 pub use prior::prior_for;
 pub use result_files::write_calibration;
+pub use rig_diagnosis::RigDiagnosisRecords;

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{CorrectionSummary, Corrector, FrameContext};
 use depthcal_io::{
     Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, RigDataset, check_writable,
@@ -11,7 +12,6 @@ use depthcal_io::{
 };
 use depthcal_model::Camera;
 use depthcal_report::format::count;
-use depthcal_rig::record::cameras_from_record;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use depthcal_calibration::observe::PlacedCamera;
+use depthcal_calibration::observe::Taken;
+use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{Corrector, FrameContext, colours_of, depth_into};
 use depthcal_io::{
     Calibration, Cloud, DepthImage, Frame, RgbImage, RigDataset, read_depth_frame, read_gray, read_rgb, write_depth,
     write_rgb,
 };
 use depthcal_report::format::count;
-use depthcal_rig::PlacedCamera;
-use depthcal_rig::drift::Taken;
-use depthcal_rig::record::cameras_from_record;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 

@@ -1,9 +1,9 @@
 //! `apply - --register`: raw frames of a rig from standard input, resampled into another camera or as points in the frame of the rig.
 
+use depthcal_calibration::observe::PlacedCamera;
+use depthcal_calibration::observe::Taken;
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, PointsMut, colours_of, depth_into};
 use depthcal_io::{Calibration, DepthImage, GrayImage, RgbImage};
-use depthcal_rig::PlacedCamera;
-use depthcal_rig::drift::Taken;
 
 use super::stream_args::{FrameJob, Raw, StreamArgs, Written, bytes_of, f32_from_bytes, u16_from_bytes};
 use crate::failure::Failure;

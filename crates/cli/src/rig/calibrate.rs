@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use depthcal_calibration::calibrate::Estimator;
+use depthcal_calibration::calibrate::rig::RigOptions;
 use depthcal_calibration::judge::table::table;
+use depthcal_calibration::load::LoadedRig;
+use depthcal_calibration::task::rig::{RigFit, fit};
 use depthcal_calibration::task::{HoldOut, OptionNames};
 use depthcal_io::Calibration;
 use depthcal_model::ModelSpec;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role};
-use depthcal_rig::load::LoadedRig;
-use depthcal_rig::task::{RigFit, fit};
-use depthcal_rig::{RigError, RigOptions};
 use serde_json::{Value, json};
 
 use super::load::load;
@@ -33,12 +33,6 @@ pub(crate) struct RigCalibrate<'a> {
     pub hold_out: Option<[usize; 2]>,
     pub reading: &'a Reading,
     pub output: &'a Output,
-}
-
-impl From<RigError> for Failure {
-    fn from(error: RigError) -> Self {
-        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
-    }
 }
 
 /// Calibrates a rig.
@@ -109,5 +103,5 @@ pub(crate) fn calibrate(asked: &RigCalibrate<'_>, session: &Session) -> Result<V
 
 /// Effects, time offsets and held parameters of `--with`.
 pub(crate) fn add_effects(with: &[String], rig: &LoadedRig, options: &mut RigOptions) -> Result<(), Failure> {
-    Ok(depthcal_rig::task::add_effects(OptionNames::COMMAND_LINE.with, with, rig, options)?)
+    Ok(depthcal_calibration::task::rig::add_effects(OptionNames::COMMAND_LINE.with, with, rig, options)?)
 }

@@ -2,16 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use depthcal_calibration::calibrate::rig::RigOptions;
+use depthcal_calibration::diagnose::rig::{
+    CameraDiagnosis, EffectInRig, RigDiagnoseOptions, RigDiagnosis, diagnose_rig,
+};
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::load::Loaded;
+use depthcal_calibration::task::RigDiagnosisRecords;
 use depthcal_io::{DiagnosisFile, Evaluation, GainInterval};
 use depthcal_model::ModelSpec;
 use depthcal_report::format::number;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role, rig_sentences};
-use depthcal_rig::RigOptions;
-use depthcal_rig::diagnose::{
-    CameraDiagnosis, EffectInRig, RigDiagnoseOptions, RigDiagnosis, RigDiagnosisRecords, diagnose_rig,
-};
 use serde_json::{Value, json};
 
 use super::calibrate::add_effects;

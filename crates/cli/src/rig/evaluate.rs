@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use depthcal_calibration::judge::rig::evaluate_rig;
 use depthcal_calibration::judge::table::table;
+use depthcal_calibration::rig_record::cameras_from_record;
+use depthcal_calibration::task::rig::{evaluation_of, missing_cameras};
 use depthcal_io::Calibration;
 use depthcal_report::{ReportDataset, ReportInput, ReportRig, Role};
-use depthcal_rig::judge::evaluate_rig;
-use depthcal_rig::record::cameras_from_record;
-use depthcal_rig::task::{evaluation_of, missing_cameras};
 use serde_json::{Value, json};
 
 use super::load::load;

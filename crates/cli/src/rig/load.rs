@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use depthcal_calibration::load::{LoadedRig, load_rig};
 use depthcal_report::format::count;
-use depthcal_rig::load::{LoadedRig, load_rig};
 
 use crate::common::{Reading, print_pairing};
 use crate::failure::{Failure, input};

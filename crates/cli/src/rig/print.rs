@@ -1,8 +1,8 @@
 //! Rigs in words.
 
+use depthcal_calibration::calibrate::rig::{CameraFit, RigCalibrated, TimeOffset};
 use depthcal_io::{DriftOver, TransferError};
 use depthcal_report::format::{count, number, quantity};
-use depthcal_rig::{CameraFit, RigCalibrated, TimeOffset};
 
 use crate::parameters::print_parameters;
 use crate::voice::say;

@@ -1,8 +1,8 @@
 //! A rig in space, and transfer errors over the image and over distance.
 
+use depthcal_calibration::judge::transfer::Transfer;
+use depthcal_calibration::observe::PlacedCamera;
 use depthcal_io::TransferError;
-use depthcal_rig::PlacedCamera;
-use depthcal_rig::judge::Transfer;
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
 

@@ -1,0 +1,160 @@
+//! The start of a depth camera without images.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use crate::adjust::smoothness_prior::Smoothness;
+use crate::calibrate::{CalibrateOptions, Calibrated, lens_named, prepare_depth};
+use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
+use crate::observe::{Capture, DetectedFrame, MarkerObservation, PosedFrame};
+use depthcal_model::Camera;
+use nalgebra::Isometry3;
+use tracing::info;
+
+use crate::calibrate::CalibrateError;
+use crate::observe::CameraCapture;
+use crate::start::depth_only::{BoardPlaneSeen, place_from_planes, planes_of};
+
+/// Fewest frames with a plane.
+const FEWEST_FRAMES: usize = 5;
+
+/// A depth camera with its samples, not yet adjusted.
+#[derive(Debug, Clone)]
+pub struct DepthStart {
+    /// Camera, frames with samples, noise; its frames have no markers.
+    pub prepared: Calibrated,
+    /// Its place.
+    pub camera_from_rig: Isometry3<f64>,
+    /// Whether its intrinsics are declared, rather than assumed.
+    pub is_declared: bool,
+}
+
+/// Starts a depth camera without images from the planes of its frames, given the poses of the board in the rig's frame by name.
+///
+/// # Errors
+///
+/// [`CalibrateError::DepthStart`] where planes are lacking or parallel, [`CalibrateError::Camera`] where no depth lies on the boards.
+pub fn start_depth_camera(
+    camera: &CameraCapture,
+    rig_from_board: &BTreeMap<&str, Isometry3<f64>>,
+    options: &CalibrateOptions,
+) -> Result<DepthStart, CalibrateError> {
+    let lacking = |reason: String| CalibrateError::DepthStart { camera: camera.name.clone(), reason };
+    let capture = &camera.capture;
+    let common = capture.subset(|_, frame| rig_from_board.contains_key(frame.name.as_str()));
+    let unit_mm = capture.depth_unit_mm.unwrap_or(1.0);
+    // Which of several boards a plane is cannot be told from depth alone: the start is from frames that show one.
+    let several = frames_of_several_boards(&common);
+    let of_start = common.subset(|_, frame| !several.contains(frame.name.as_str()));
+    let planes = planes_of(&of_start.frames, (capture.width, capture.height), unit_mm)?;
+    let with_plane: Vec<_> = of_start.frames.iter().zip(&planes).filter_map(|(f, p)| Some((f, (*p)?))).collect();
+    if with_plane.len() < FEWEST_FRAMES {
+        return Err(lacking(format!(
+            "only {} of {} frames in which other cameras see one board show a plane in front of the scene: {FEWEST_FRAMES} are needed; check that \
+             frames are paired, and move the board",
+            with_plane.len(),
+            of_start.frames.len()
+        )));
+    }
+    let seen: Vec<BoardPlaneSeen> = with_plane
+        .iter()
+        .map(|(frame, image)| BoardPlaneSeen { image: *image, rig_from_board: rig_from_board[frame.name.as_str()] })
+        .collect();
+    let declared_focal = camera.declared.as_ref().map(|c| c.pinhole()[0]);
+    let place = place_from_planes(&seen, capture.width, declared_focal).ok_or_else(|| {
+        lacking(
+            "its boards are parallel, which leaves its place open: tilt the board by 20° to 45° about both axes"
+                .to_owned(),
+        )
+    })?;
+    info!(
+        "{}: focal length {:.0} px, normals of {} planes agree to {:.2}°",
+        camera.name,
+        place.focal_px,
+        place.agreeing.iter().filter(|a| **a).count(),
+        place.angle_rad.to_degrees()
+    );
+    let start = match &camera.declared {
+        Some(declared) => declared.clone(),
+        None => {
+            let f = place.focal_px;
+            let middle = [(capture.width as f64 - 1.0) / 2.0, (capture.height as f64 - 1.0) / 2.0];
+            // Without images a lens is fitted only where one is asked for.
+            let lens = camera.lens.as_deref().map(|lens| lens_named(lens, &options.register)).transpose();
+            let lens = lens.map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?.flatten();
+            let pinhole = [f, f, middle[0], middle[1], 0.0];
+            Camera::new(capture.width, capture.height, pinhole, lens.into_iter().collect())
+        }
+    };
+    let agreeing: Vec<&str> = with_plane
+        .iter()
+        .zip(&place.agreeing)
+        .filter(|(_, agrees)| **agrees)
+        .map(|((frame, _), _)| frame.name.as_str())
+        .chain(several.iter().copied())
+        .collect();
+    let prepared = sampled(&common, &start, &place.camera_from_rig, rig_from_board, &agreeing, options)
+        .map_err(CalibrateError::of_camera(&camera.name))?;
+    Ok(DepthStart { prepared, camera_from_rig: place.camera_from_rig, is_declared: camera.declared.is_some() })
+}
+
+/// Names of the frames that are about one of several boards in one depth image.
+fn frames_of_several_boards(capture: &Capture) -> BTreeSet<&str> {
+    let parts = capture.target.parts();
+    let of_image = |frame: &DetectedFrame| {
+        parts.get(frame.board).map_or(frame.name.as_str(), |part| part.image_name(&frame.name)).to_owned()
+    };
+    let mut boards: BTreeMap<String, usize> = BTreeMap::new();
+    capture.frames.iter().for_each(|frame| *boards.entry(of_image(frame)).or_default() += 1);
+    capture.frames.iter().filter(|frame| boards[&of_image(frame)] > 1).map(|frame| frame.name.as_str()).collect()
+}
+
+/// Samples the depth of the frames whose planes agree, within the board as the other cameras see it.
+fn sampled(
+    capture: &Capture,
+    camera: &Camera,
+    camera_from_rig: &Isometry3<f64>,
+    rig_from_board: &BTreeMap<&str, Isometry3<f64>>,
+    agreeing: &[&str],
+    options: &CalibrateOptions,
+) -> Result<Calibrated, crate::calibrate::CalibrateError> {
+    // The region that is sampled is that of the frame's markers: here the whole board.
+    let whole = |index: usize| MarkerObservation { index, pixel: [f64::NAN; 2], std_px: 1.0 };
+    let posed = capture.frames.iter().filter(|f| agreeing.contains(&f.name.as_str())).filter_map(|frame| {
+        let pose = rig_from_board.get(frame.name.as_str())?;
+        let mut detected = frame.clone();
+        detected.markers = capture.target.points_of(frame.board).into_iter().map(|(index, _)| whole(index)).collect();
+        Some(PosedFrame { detected, camera_from_board: camera_from_rig * pose })
+    });
+    let start = Calibrated {
+        foreign_depth: Vec::new(),
+        capture: capture.with_frames(posed.collect()),
+        camera: camera.clone(),
+        covariance: None,
+        noise: NoiseModel {
+            pixel_sigma: 1.0,
+            depth: DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 },
+            planes: PlaneScatter::NONE,
+        },
+        with_depth: true,
+        correlation_length_px: None,
+        outliers: 0,
+        lens_choice: None,
+        lens_comparison: None,
+        prior: None,
+        smoothness: Smoothness::default(),
+        reprojection_rms_px: 0.0,
+        depth_rms_mm: None,
+        cost: 0.0,
+        iterations: 0,
+        termination: String::new(),
+        estimator: options.estimator,
+        model: options.model.clone(),
+    };
+    let mut prepared = prepare_depth(start, options)?;
+    for frame in &mut prepared.capture.frames {
+        frame.posed.detected.markers.clear();
+    }
+    prepared.capture.frames.retain(|frame| !Arc::clone(&frame.samples).is_empty());
+    Ok(prepared)
+}

@@ -1,0 +1,13 @@
+//! From the captures of all cameras to a calibrated rig.
+
+mod depth_camera_prior;
+mod depth_camera_start;
+mod driver;
+mod fitted;
+mod options;
+mod settle;
+mod start;
+
+pub use driver::calibrate_rig;
+pub use fitted::{CameraFit, RigCalibrated, TimeOffset};
+pub use options::{EffectOf, HeldOf, RigOptions};

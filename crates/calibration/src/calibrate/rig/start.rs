@@ -1,0 +1,188 @@
+//! Start values of a rig: cameras alone from their images, places from shared views, one pose of the board per frame.
+
+use std::collections::BTreeMap;
+
+use crate::calibrate::{Calibrated, calibrate_image, prepare_depth};
+use crate::observe::{Capture, DroppedFrame, PosedFrame};
+use depthcal_model::Camera;
+use nalgebra::Isometry3;
+
+use super::depth_camera_prior::priors_of;
+use super::depth_camera_start::{DepthStart, start_depth_camera};
+use super::options::RigOptions;
+use crate::adjust::rig_state::{CameraState, RigFrame, RigState};
+use crate::calibrate::CalibrateError;
+use crate::observe::Taken;
+use crate::observe::{CameraCapture, RigCapture};
+use crate::start::views::{Node, PairSummary, connect, offset_between};
+
+/// Fewest frames of a camera with a time offset.
+const FEWEST_MOVING: usize = 6;
+/// Why a time offset is refused.
+const NO_MOTION: &str = "fewer than 6 frames that it shares have times and neighbours within 0.35 s before and after them: give timestamp_s, \
+                         and capture a video of a board that moves, or leave time_offset out for a board that stands still";
+
+/// The start of an adjustment.
+pub(super) struct Started {
+    pub state: RigState,
+    pub pairs: Vec<PairSummary>,
+    /// What the images alone gave for every camera; for the record.
+    pub alone: Vec<Calibrated>,
+    /// Whether a camera's intrinsics are declared, for those without images.
+    pub is_declared: Vec<bool>,
+}
+
+/// Calibrates every camera with images alone, connects the cameras, and samples their depth.
+pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Started, CalibrateError> {
+    let with_images: Vec<_> = capture.cameras.iter().filter(|c| c.has_markers()).collect();
+    match (with_images.first(), capture.cameras.first()) {
+        (None, _) | (_, None) => return Err(CalibrateError::NoImages { dataset: capture.name.clone() }),
+        (Some(with), Some(first)) if with.name != first.name => {
+            return Err(CalibrateError::ReferenceWithoutImages { camera: first.name.clone() });
+        }
+        _ => {}
+    }
+    let mut from_images: Vec<Calibrated<PosedFrame>> = Vec::new();
+    for camera in &with_images {
+        let own = options.of(camera)?;
+        from_images.push(calibrate_image(&camera.capture, &own).map_err(CalibrateError::of_camera(&camera.name))?);
+    }
+    let cameras: Vec<Camera> = from_images.iter().map(|c| c.camera.clone()).collect();
+    let offsets = time_offsets(&with_images, &from_images, options)?;
+    let nodes = with_images.iter().zip(&cameras).zip(&mut from_images).zip(&offsets);
+    let mut nodes: Vec<Node<'_>> = nodes
+        .map(|(((capture, camera), alone), offset_s)| Node {
+            name: &capture.name,
+            camera,
+            capture: &mut alone.capture,
+            offset_s: *offset_s,
+        })
+        .collect();
+    let places = connect(&mut nodes)?;
+    drop(nodes);
+    let frames = rig_frames(capture, &from_images, &places.camera_from_rig, &offsets);
+    let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
+    let rig_from_board: BTreeMap<&str, Isometry3<f64>> =
+        frames.iter().map(|f| (f.name.as_str(), f.rig_from_board)).collect();
+    let mut with_images = from_images.into_iter().zip(places.camera_from_rig).zip(offsets);
+    let (mut states, mut alone, mut is_declared) = (Vec::new(), Vec::new(), Vec::new());
+    for camera in &capture.cameras {
+        let own = options.of(camera)?;
+        let (prepared, camera_from_rig, priors, offset_s) = if camera.has_markers() {
+            // As many as there are cameras with markers.
+            let Some(((from_image, place), offset_s)) = with_images.next() else { break };
+            let lens = (from_image.lens_choice.clone(), from_image.lens_comparison.clone());
+            let mut prepared = prepare_depth(from_image, &own).map_err(CalibrateError::of_camera(&camera.name))?;
+            (prepared.lens_choice, prepared.lens_comparison) = lens;
+            is_declared.push(false);
+            (prepared, place, Vec::new(), offset_s)
+        } else {
+            let DepthStart { prepared, camera_from_rig, is_declared: declared } =
+                start_depth_camera(camera, &rig_from_board, &own)?;
+            let priors = priors_of(&prepared.camera, declared);
+            is_declared.push(declared);
+            (prepared, camera_from_rig, priors, is_asked(camera, options).then_some(0.0))
+        };
+        let place = |f: &crate::observe::SampledFrame| number.get(f.name.as_str()).copied();
+        // Every frame of a camera is among the rig's, whose frames are the union of the cameras'.
+        let of_frames: Vec<usize> = prepared.capture.frames.iter().filter_map(place).collect();
+        states.push(CameraState {
+            name: camera.name.clone(),
+            camera: prepared.camera.clone(),
+            camera_from_rig,
+            drift: None,
+            offset_s,
+            noise: prepared.noise,
+            smoothness: prepared.smoothness.clone(),
+            capture: prepared.capture.clone(),
+            frames: of_frames,
+            correlation_length_px: prepared.correlation_length_px,
+            outliers: prepared.outliers,
+            priors,
+        });
+        alone.push(prepared);
+    }
+    let mut state = RigState { frames, cameras: states };
+    drop_frames_without_motion(&mut state)?;
+    Ok(Started { state, pairs: places.pairs, alone, is_declared })
+}
+
+/// Whether the time offset of a camera is to be estimated.
+fn is_asked(camera: &CameraCapture, options: &RigOptions) -> bool {
+    options.time_offsets.contains(&camera.name)
+}
+
+/// Start values of the time offsets that are asked for, s, of the cameras with images; `None` for the others.
+fn time_offsets(
+    cameras: &[&CameraCapture],
+    alone: &[Calibrated<PosedFrame>],
+    options: &RigOptions,
+) -> Result<Vec<Option<f64>>, CalibrateError> {
+    let offset = |(number, camera): (usize, &&CameraCapture)| {
+        if !is_asked(camera, options) {
+            return Ok(None);
+        }
+        let lacking =
+            |reason: &str| CalibrateError::TimeOffset { camera: camera.name.clone(), reason: reason.to_owned() };
+        if number == 0 {
+            return Err(lacking(
+                "it is the reference, against whose times those of the other cameras are held: ask for theirs",
+            ));
+        }
+        let found = offset_between(&alone[0].capture, &alone[number].capture);
+        found.map(Some).ok_or_else(|| lacking(NO_MOTION))
+    };
+    cameras.iter().enumerate().map(offset).collect()
+}
+
+/// Takes the frames out of cameras with a time offset about which the board's motion is unknown.
+fn drop_frames_without_motion(state: &mut RigState) -> Result<(), CalibrateError> {
+    state.take_motions();
+    let is_known: Vec<bool> = state.frames.iter().map(|frame| frame.motion.is_some()).collect();
+    for camera in state.cameras.iter_mut().filter(|camera| camera.offset_s.is_some()) {
+        let keep: Vec<bool> = camera.frames.iter().map(|number| is_known[*number]).collect();
+        let without = camera.capture.frames.iter().zip(&keep).filter(|(_, keep)| !**keep);
+        let dropped: Vec<DroppedFrame> = without
+            .map(|(frame, _)| DroppedFrame {
+                name: frame.name.clone(),
+                reason: "how the board moves is unknown: no frame is near enough in time before it or after it"
+                    .to_owned(),
+            })
+            .collect();
+        camera.capture.dropped.extend(dropped);
+        camera.capture = camera.capture.subset(|i, _| keep[i]);
+        let mut kept = keep.iter();
+        camera.frames.retain(|_| kept.next().is_some_and(|keep| *keep));
+        if camera.frames.len() < FEWEST_MOVING {
+            return Err(CalibrateError::TimeOffset { camera: camera.name.clone(), reason: NO_MOTION.to_owned() });
+        }
+    }
+    state.place_boards();
+    Ok(())
+}
+
+/// The frames that any camera has, with the pose of the board by the camera in which most markers were found.
+fn rig_frames(
+    capture: &RigCapture,
+    cameras: &[Calibrated<PosedFrame>],
+    camera_from_rig: &[Isometry3<f64>],
+    offsets: &[Option<f64>],
+) -> Vec<RigFrame> {
+    let mut best: BTreeMap<String, ((bool, usize), RigFrame)> = BTreeMap::new();
+    for ((camera, place), offset) in cameras.iter().zip(camera_from_rig).zip(offsets) {
+        let own: &Capture<PosedFrame> = &camera.capture;
+        for frame in &own.frames {
+            // A frame is when those cameras see it that need no offset.
+            let markers = (offset.is_none(), frame.markers.len());
+            let rig_from_board = place.inverse() * frame.camera_from_board;
+            let taken = Taken::of(frame);
+            let (name, board, metadata) = (frame.name.clone(), frame.board, frame.metadata.clone());
+            let rig_frame = || RigFrame { name, rig_from_board, board, metadata, taken, motion: None };
+            match best.get(&frame.name) {
+                Some((most, _)) if *most >= markers => {}
+                _ => _ = best.insert(frame.name.clone(), (markers, rig_frame())),
+            }
+        }
+    }
+    capture.frame_names().iter().filter_map(|name| best.remove(name)).map(|(_, frame)| frame).collect()
+}

@@ -1,0 +1,14 @@
+//! What the models of a rig's cameras lack: the loop of one camera on each camera with depth, then all cameras jointly again.
+
+mod alone;
+mod drift_test;
+mod driver;
+mod joint_search;
+mod left_out;
+mod trial;
+
+pub use alone::{alone, examined, with_projected_markers};
+pub use drift_test::{DriftTest, drift_tests};
+pub use driver::{CameraDiagnosis, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+pub use left_out::LeftOutErrors;
+pub use trial::EffectInRig;

@@ -1,0 +1,92 @@
+//! Effects of depth without images, tried in the joint adjustment.
+//!
+//! Pinhole, lens and place of such a camera come from its depth alone, so that they take up what its depth model lacks. While they are
+//! held, as in the loop of one camera, an effect explains only what they left of it; here they are fitted jointly with it.
+
+use crate::diagnose::Thresholds;
+use depthcal_model::{PieceSpec, Register};
+use tracing::{debug, info};
+
+use super::joint_search::{JointEvidence, joint_search};
+use super::left_out::{LeftOutErrors, left_out};
+use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
+use crate::diagnose::DiagnoseError;
+use crate::observe::RigCapture;
+
+/// p-value, corrected for the numbers of effects and of their variants, below which an effect is tried.
+const SIGNIFICANT: f64 = 1e-3;
+/// Most effects that are tried.
+const MOST_TRIED: usize = 4;
+
+/// An effect that the joint adjustment of the rig shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectInRig {
+    /// The effect, as for `calibrate --with`.
+    pub spec: PieceSpec,
+    /// Errors on left-out frames without it and with it.
+    pub left_out: LeftOutErrors,
+}
+
+/// The fit that effects are tried against.
+pub(super) struct Tried<'a> {
+    /// The rig without them.
+    pub rig: &'a RigCalibrated,
+    /// What it was fitted with.
+    pub options: &'a RigOptions,
+    /// The effects that are considered: those of one camera without images.
+    pub register: &'a Register,
+    /// Parts into which frames are left out.
+    pub folds: usize,
+    /// Thresholds of the loop of one camera.
+    pub thresholds: &'a Thresholds,
+}
+
+/// Of the effects whose joint score tests are significant, the one with which the rig predicts left-out frames of the camera best, where
+/// that is certainly better than without; with the rig that has it.
+///
+/// # Errors
+///
+/// [`DiagnoseError`] of an adjustment. An effect with which the rig cannot be calibrated is passed over.
+pub(super) fn tried_in_rig(
+    capture: &RigCapture,
+    camera: &str,
+    tried: &Tried<'_>,
+) -> Result<Option<(EffectInRig, RigCalibrated)>, DiagnoseError> {
+    let Tried { rig, options, register, folds, thresholds } = *tried;
+    let (Some(number), Some(own)) = (rig.state.cameras.iter().position(|c| c.name == camera), rig.camera(camera))
+    else {
+        return Ok(None);
+    };
+    let found = joint_search(&rig.state, number, &own.calibrated, register, thresholds)?;
+    let is_tried = |e: &&JointEvidence| e.p_value < SIGNIFICANT && e.gain_t >= thresholds.least_gain_t;
+    let mut best: Option<(EffectInRig, RigCalibrated)> = None;
+    for evidence in found.iter().filter(is_tried).take(MOST_TRIED) {
+        let JointEvidence { spec, statistic, p_value, gain_t } = evidence;
+        debug!("{camera}: {spec} has a score of {statistic:.1}, p = {p_value:.1e}, gains of t = {gain_t:.1}");
+        let mut with = options.clone();
+        with.effects.push(EffectOf { camera: Some(camera.to_owned()), effect: spec.clone() });
+        let mut fit = match calibrate_rig(capture, &with) {
+            Ok(fit) => fit,
+            Err(error) => {
+                info!("{camera}: the rig cannot be calibrated with {spec}: {error}");
+                continue;
+            }
+        };
+        // Errors of both are in the same noise.
+        let noises: Vec<_> = fit.state.cameras.iter().map(|c| c.noise).collect();
+        for (own, from) in fit.state.cameras.iter_mut().zip(&rig.state.cameras) {
+            own.noise = from.noise;
+        }
+        let errors = left_out([&rig.state, &fit.state], number, folds)?;
+        for (own, noise) in fit.state.cameras.iter_mut().zip(noises) {
+            own.noise = noise;
+        }
+        debug!("{camera}: {spec} on left-out frames: {errors:?}");
+        let Some(left_out) = errors.filter(|errors| errors.gain_percent.is_certain()) else { continue };
+        info!("{camera}: {spec} lowers the error on left-out frames by {:.1} %", left_out.gain_percent.value);
+        if best.as_ref().is_none_or(|(b, _)| left_out.after < b.left_out.after) {
+            best = Some((EffectInRig { spec: spec.clone(), left_out }, fit));
+        }
+    }
+    Ok(best)
+}

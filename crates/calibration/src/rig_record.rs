@@ -1,0 +1,182 @@
+//! Between calibrated rigs in memory and `calibration.json`.
+
+use std::collections::BTreeMap;
+
+use crate::calibration_record::{RecordError, camera_from_record, declarations, noise_record, piece_records};
+use depthcal_io::{
+    Calibration, CovarianceRecord, DriftRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, PlaceRecord,
+    PlaceStdDev, RigCameraRecord, TimeOffsetRecord,
+};
+use depthcal_model::Register;
+use depthcal_statistics::rms;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use crate::calibrate::rig::{CameraFit, RigCalibrated};
+use crate::judge::rig::EvaluatedRig;
+use crate::observe::PlaceDrift;
+use crate::observe::PlacedCamera;
+
+/// The file's content for a calibrated rig. `fitted` is the evaluation of the fitted frames; it gives the errors of each frame.
+/// `None` for a rig without cameras, which no calibration gives.
+pub fn rig_record(result: &RigCalibrated, fitted: &EvaluatedRig, dataset: FileReference) -> Option<Calibration> {
+    let reference = result.cameras.first()?;
+    let names = result.parameters();
+    let free: Vec<usize> = (0..names.len()).filter(|i| names[*i].1 && result.covariance[(*i, *i)] > 0.0).collect();
+    let covariance = CovarianceRecord {
+        parameters: free.iter().map(|i| names[*i].0.clone()).collect(),
+        matrix: free.iter().map(|i| free.iter().map(|j| result.covariance[(*i, *j)]).collect()).collect(),
+    };
+    let cameras: Vec<RigCameraRecord> = result.cameras.iter().map(camera_record).collect();
+    let dropped = |camera: &CameraFit| {
+        let named = |d: &crate::observe::DroppedFrame| DroppedFrame {
+            name: format!("{}/{}", camera.name, d.name),
+            reason: d.reason.clone(),
+        };
+        camera.calibrated.capture.dropped.iter().map(named).collect::<Vec<_>>()
+    };
+    let with_depth = result.cameras.iter().find(|c| c.calibrated.with_depth).unwrap_or(reference);
+    Some(Calibration {
+        camera: cameras.first()?.camera(),
+        covariance: Some(covariance),
+        noise: noise_record(&reference.calibrated),
+        fit: FitRecord {
+            estimator: "joint".to_owned(),
+            model: with_depth.calibrated.model.to_string(),
+            lens_comparison: None,
+            prior: None,
+            reprojection_rms_px: reference.calibrated.reprojection_rms_px,
+            depth_rms_mm: reference.calibrated.depth_rms_mm,
+            frames_used: result.frames.len(),
+            frames_dropped: result.cameras.iter().flat_map(dropped).collect(),
+            declarations: result.cameras.iter().flat_map(|c| declarations(&c.calibrated)).collect(),
+            termination: result.termination.clone(),
+            cost: result.cost,
+            iterations: result.iterations,
+        },
+        frames: frame_records(result, fitted),
+        dataset,
+        depth_unit_mm: reference.calibrated.capture.depth_unit_mm,
+        target: reference.calibrated.capture.target.clone(),
+        observations: None,
+        cameras,
+    })
+}
+
+fn camera_record(camera: &CameraFit) -> RigCameraRecord {
+    let fit = &camera.calibrated;
+    let std_dev = camera.place_std_dev.map(place_std_dev);
+    let (rotation, translation_mm) = numbers(&camera.camera_from_rig);
+    RigCameraRecord {
+        name: camera.name.clone(),
+        width: fit.camera.width,
+        height: fit.camera.height,
+        camera_from_rig: PlaceRecord { rotation, translation_mm, std_dev, drift: camera.drift.map(drift_record) },
+        pieces: piece_records(&fit.camera, &fit.std_devs()),
+        noise: noise_record(fit),
+        time_offset: camera
+            .time_offset
+            .map(|offset| TimeOffsetRecord { value_s: offset.value_s, std_dev_s: offset.std_dev_s }),
+        depth_unit_mm: fit.capture.depth_unit_mm,
+        frames_used: fit.capture.frames.len(),
+        reprojection_rms_px: camera.has_markers().then_some(fit.reprojection_rms_px),
+        depth_rms_mm: fit.depth_rms_mm,
+        left_open: camera.left_open.clone(),
+    }
+}
+
+fn place_std_dev([rx, ry, rz, tx, ty, tz]: [f64; 6]) -> PlaceStdDev {
+    PlaceStdDev { rotation_rad: [rx, ry, rz], translation_mm: [tx, ty, tz] }
+}
+
+/// The record of a place that changes, with the standard deviations of the change.
+pub fn drift_record((drift, std_devs): (PlaceDrift, [f64; 6])) -> DriftRecord {
+    let [rx, ry, rz, tx, ty, tz] = drift.change;
+    DriftRecord {
+        over: drift.over,
+        reference: drift.reference,
+        range: drift.range,
+        rotation_rad: [rx, ry, rz],
+        translation_mm: [tx, ty, tz],
+        std_dev: Some(place_std_dev(std_devs)),
+    }
+}
+
+fn drift_of(record: &DriftRecord) -> PlaceDrift {
+    let ([rx, ry, rz], [tx, ty, tz]) = (record.rotation_rad, record.translation_mm);
+    let DriftRecord { over, reference, range, .. } = *record;
+    PlaceDrift { over, reference, range, change: [rx, ry, rz, tx, ty, tz] }
+}
+
+fn numbers(pose: &Isometry3<f64>) -> ([f64; 4], [f64; 3]) {
+    let (q, t) = (pose.rotation.quaternion(), pose.translation.vector);
+    ([q.w, q.i, q.j, q.k], [t.x, t.y, t.z])
+}
+
+fn frame_records(result: &RigCalibrated, fitted: &EvaluatedRig) -> Vec<FrameRecord> {
+    // Distances of the markers of all cameras, and squares and numbers of their depth errors.
+    let mut errors: BTreeMap<&str, (Vec<f64>, f64, usize)> = BTreeMap::new();
+    for frame in fitted.cameras.iter().flat_map(|camera| &camera.frames) {
+        let (distances, squares, pixels) = errors.entry(&frame.name).or_default();
+        distances.extend(frame.reprojection.iter().map(|e| e[2].hypot(e[3])));
+        if let Some(depth) = frame.depth.rms_mm() {
+            *squares += depth.after * depth.after * frame.depth.pixels as f64;
+            *pixels += frame.depth.pixels;
+        }
+    }
+    let record = |frame: &crate::adjust::rig_state::RigFrame| {
+        let (rotation, translation_mm) = numbers(&frame.rig_from_board);
+        let of_frame = errors.get(frame.name.as_str());
+        let depth = of_frame.filter(|(_, _, pixels)| *pixels > 0).map(|(_, s, n)| (s / *n as f64).sqrt());
+        FrameRecord {
+            name: frame.name.clone(),
+            rotation,
+            translation_mm,
+            reprojection_rms_px: of_frame.map_or(0.0, |(distances, ..)| rms(distances.iter().copied())),
+            depth_rms_mm: depth,
+            metadata: frame.metadata.clone(),
+        }
+    };
+    result.frames.iter().map(record).collect()
+}
+
+/// The cameras of a calibration file with their places; of a file of one camera, that camera.
+///
+/// # Errors
+///
+/// [`RecordError`], where a piece is unknown or has other parameters than this register's.
+pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<Vec<PlacedCamera>, RecordError> {
+    if record.cameras.is_empty() {
+        let camera = camera_from_record(&record.camera, register)?;
+        return Ok(vec![PlacedCamera {
+            name: "camera".to_owned(),
+            camera,
+            camera_from_rig: Isometry3::identity(),
+            drift: None,
+        }]);
+    }
+    let placed = |camera: &RigCameraRecord| {
+        let [w, x, y, z] = camera.camera_from_rig.rotation;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let translation = Translation3::from(Vector3::from(camera.camera_from_rig.translation_mm));
+        Ok(PlacedCamera {
+            name: camera.name.clone(),
+            camera: camera_from_record(&camera.camera(), register)?,
+            camera_from_rig: Isometry3::from_parts(translation, rotation),
+            drift: camera.camera_from_rig.drift.as_ref().map(drift_of),
+        })
+    };
+    record.cameras.iter().map(placed).collect()
+}
+
+impl RigCalibrated {
+    /// The cameras with their places.
+    pub fn placed(&self) -> Vec<PlacedCamera> {
+        let placed = |camera: &CameraFit| PlacedCamera {
+            name: camera.name.clone(),
+            camera: camera.calibrated.camera.clone(),
+            camera_from_rig: camera.camera_from_rig,
+            drift: camera.drift.map(|(drift, _)| drift),
+        };
+        self.cameras.iter().map(placed).collect()
+    }
+}

@@ -1,0 +1,12 @@
+//! Shared views: relative poses of pairs of cameras, the graph that connects all cameras, and frames that contradict.
+
+mod average;
+mod error;
+mod graph;
+mod offset;
+mod pair;
+
+pub use error::ExtrinsicsError;
+pub use graph::{Node, PairSummary, Places, connect, offset_between};
+pub use offset::{MovingView, time_offset};
+pub use pair::{Contradiction, PairView, RelativePose, relative_pose};

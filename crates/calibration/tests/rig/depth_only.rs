@@ -1,0 +1,96 @@
+//! A depth camera whose image cannot be had, on a rig with one that has infrared images.
+
+use crate::support;
+use depthcal_calibration::calibrate::CalibrateError;
+use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
+use depthcal_calibration::rig_simulated::{errors, rig_capture};
+use depthcal_model::Camera;
+use depthcal_simulate::{Kind, PointOptions, Pose, RigPoints, RigSimulation};
+
+fn observed(seed: u64) -> RigPoints {
+    let rig = RigSimulation::new(vec![support::infrared(), support::depth_only()], Kind::General(1), seed);
+    rig.observe_points(&PointOptions::default()).expect("a simulation")
+}
+
+fn options() -> RigOptions {
+    RigOptions { lens: None, ..RigOptions::default() }
+}
+
+/// Nothing is declared: K, D and place come back within three of their standard deviations, which say what planes determine; the
+/// parameters that they leave to the prior are named.
+#[test]
+fn planes_give_place_pinhole_and_depth() {
+    let (mut within, mut all) = (0, 0);
+    for seed in 0..4 {
+        let points = observed(seed);
+        let fit = calibrate_rig(&rig_capture(&points), &options()).expect("a calibration");
+        let camera = fit.camera("depth").expect("the camera");
+        assert!(!camera.has_markers() && camera.calibrated.with_depth);
+        let names = fit.parameters();
+        let own = errors(&fit, &points.truth);
+        let own: Vec<_> = own.iter().filter(|(i, _)| names[*i].0.starts_with("depth/")).collect();
+        assert_eq!(own.len(), 6 + 4 + 4, "seed {seed}");
+        within += own.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.covariance[(*i, *i)].sqrt()).count();
+        all += own.len();
+        let translation = camera.camera_from_rig.translation.vector;
+        assert!((translation.x + 71.5).abs() < 15.0, "seed {seed}: {translation}");
+        for open in &camera.left_open {
+            assert!(open.parameter.starts_with("pinhole.") && open.reason.contains("prior"), "{open:?}");
+        }
+    }
+    assert!(within as f64 >= 0.95 * all as f64, "{within} of {all} within three standard deviations");
+}
+
+/// Six frames determine the pinhole worse than all, and the standard deviations say so; three are refused with the reason.
+#[test]
+fn few_frames_say_less_and_too_few_are_refused() {
+    let rig = RigSimulation::new(vec![support::infrared(), support::depth_only()], Kind::General(1), 3);
+    let all = rig.observe_points(&PointOptions::default()).unwrap();
+    let mut capture = rig_capture(&all);
+    // The depth camera sees a few frames only.
+    capture.cameras[1].capture.frames.truncate(6);
+    let fit = calibrate_rig(&capture, &options()).unwrap();
+    let std_devs = fit.camera("depth").unwrap().calibrated.std_devs();
+    let many = calibrate_rig(&rig_capture(&all), &options()).unwrap();
+    let precise = many.camera("depth").unwrap().calibrated.std_devs();
+    assert!(std_devs[0].unwrap() > precise[0].unwrap(), "{std_devs:?} {precise:?}");
+    capture.cameras[1].capture.frames.truncate(3);
+    let error = calibrate_rig(&capture, &options()).unwrap_err();
+    assert!(matches!(&error, CalibrateError::DepthStart { camera, .. } if camera == "depth"), "{error}");
+    assert!(error.to_string().contains("frames"), "{error}");
+}
+
+/// Boards at one distance with small tilts leave the pinhole open: with declared intrinsics the fit stays near them, and says what the
+/// boards did not determine. The same boards at many distances and tilts leave nothing open.
+#[test]
+fn what_small_tilts_at_one_distance_leave_open_is_named() {
+    let poses: Vec<Pose> = (0..14)
+        .map(|i| {
+            let a = f64::from(i);
+            let turn = [0.12 * a.sin(), 0.12 * (1.7 * a).cos(), 0.3 * a];
+            let centre = Pose::from_rotation_vector([0.0; 3], [-40.0, -85.0, 0.0]);
+            let place = [60.0 * (0.9 * a).cos(), 40.0 * (1.3 * a).sin(), 800.0 + 4.0 * a];
+            Pose::from_rotation_vector(turn, place).after(&centre)
+        })
+        .collect();
+    let fit = |poses: Option<Vec<Pose>>, seed: u64| {
+        let rig = RigSimulation::new(vec![support::infrared(), support::depth_only()], Kind::General(1), seed);
+        let rig = poses.map_or(rig.clone(), |poses| rig.poses(poses));
+        let mut capture = rig_capture(&rig.observe_points(&PointOptions::default()).unwrap());
+        capture.cameras[1].declared = Some(Camera::new(512, 424, [365.0, 365.0, 258.0, 208.0, 0.0], vec![]));
+        calibrate_rig(&capture, &options()).expect("a calibration")
+    };
+    for seed in 0..3 {
+        let narrow = fit(Some(poses.clone()), seed);
+        let camera = narrow.camera("depth").expect("the camera");
+        let open: Vec<&str> = camera.left_open.iter().map(|open| open.parameter.as_str()).collect();
+        for parameter in ["pinhole.fx", "pinhole.fy", "pinhole.cx", "pinhole.cy"] {
+            assert!(open.contains(&parameter), "seed {seed}: {parameter} is not among {open:?}");
+        }
+        let fx = camera.calibrated.camera.pinhole()[0];
+        assert!((fx / 365.0 - 1.0).abs() < 0.06, "seed {seed}: {fx}");
+        let wide = fit(None, seed);
+        let open = &wide.camera("depth").expect("the camera").left_open;
+        assert!(open.is_empty(), "seed {seed}: {open:?}");
+    }
+}

@@ -1,0 +1,9 @@
+//! Tests of several cameras on one rigid body, one module per subject: `cargo test -p depthcal-calibration --test rig depth_only` runs those of one module.
+
+mod depth_only;
+mod jacobians;
+mod several_boards;
+mod support;
+mod time_offset;
+mod traced_effects;
+mod truth;

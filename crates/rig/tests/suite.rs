@@ -1,9 +1,0 @@
-//! The tests of the crate, one module per subject: `cargo test -p depthcal-rig --test suite depth_only` runs those of one module.
-
-mod depth_only;
-mod jacobians;
-mod several_boards;
-mod support;
-mod time_offset;
-mod traced_effects;
-mod truth;
