@@ -1,8 +1,8 @@
 //! The image part of a rig against OpenCV's stereoCalibrate: the same observations, the same optimum.
 #![cfg(feature = "detect")]
 
-use depthcal_calibration::adjust::rig_adjustment::RigAdjustment;
-use depthcal_calibration::adjust::rig_state::{CameraState, RigState};
+use depthcal_calibration::adjust::adjustment::Adjustment;
+use depthcal_calibration::adjust::state::{CameraState, State};
 use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
 use depthcal_calibration::observe::RigCapture;
 use depthcal_calibration::rig_simulated::rig_capture;
@@ -60,8 +60,8 @@ fn plain_least_squares(capture: &RigCapture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
             priors: Vec::new(),
         }
     });
-    let state = RigState { frames: fit.frames.clone(), cameras: cameras.collect() };
-    let adjusted = RigAdjustment::new(&state).unwrap().solve_within(0.0).unwrap();
+    let state = State { frames: fit.frames.clone(), cameras: cameras.collect() };
+    let adjusted = Adjustment::of_state(&state, true).unwrap().solve_within(0.0).unwrap();
     let squares = adjusted.image_residuals.iter().flatten().map(|r| (r * SIGMA_PX).powi(2)).sum::<f64>();
     let count = adjusted.image_residuals.iter().map(|r| r.len() / 2).sum::<usize>();
     let pose = |p: &nalgebra::Isometry3<f64>| {

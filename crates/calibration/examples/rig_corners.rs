@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 use std::error::Error;
 use std::time::Instant;
 
-use depthcal_calibration::adjust::rig_adjustment::RigAdjustment;
+use depthcal_calibration::adjust::adjustment::Adjustment;
 use depthcal_calibration::calibrate::calibrate_image;
 use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
 use depthcal_calibration::observe::{CameraCapture, RigCapture};
@@ -135,7 +135,7 @@ fn fit(capture: &RigCapture, repeats: usize) -> Result<Value, Box<dyn Error>> {
             camera.camera = camera.camera.with_theta(&theta);
         }
         let (begin, cpu) = (Instant::now(), processor_s());
-        let solved = RigAdjustment::new(&state)?.solve_within(1e-13)?;
+        let solved = Adjustment::of_state(&state, true)?.solve_within(1e-13)?;
         adjust.push(begin.elapsed().as_secs_f64());
         adjust_cpus.push(processor_s() - cpu);
         let squares: f64 = solved.image_residuals.iter().flatten().map(|r| (r * WIDE_SIGMA_PX).powi(2)).sum();

@@ -123,7 +123,7 @@ fn frame_records(result: &RigCalibrated, fitted: &EvaluatedRig) -> Vec<FrameReco
             *pixels += frame.depth.pixels;
         }
     }
-    let record = |frame: &crate::adjust::rig_state::RigFrame| {
+    let record = |frame: &crate::adjust::state::RigFrame| {
         let (rotation, translation_mm) = numbers(&frame.rig_from_board);
         let of_frame = errors.get(frame.name.as_str());
         let depth = of_frame.filter(|(_, _, pixels)| *pixels > 0).map(|(_, s, n)| (s / *n as f64).sqrt());

@@ -7,7 +7,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::adjustment::{Adjustment, Curvature};
+use super::adjustment::Adjustment;
+use super::frame_information::Curvature;
 use super::smoothness_selection::{FrameInformation, solve_scaled};
 
 /// Parts, blocks of consecutive frames, of which one is left out at a time.

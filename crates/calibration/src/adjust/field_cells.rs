@@ -7,12 +7,9 @@ use depthcal_model::chain::Chain;
 use depthcal_model::field::{Domain, FieldLayout};
 use depthcal_model::register::Options;
 use depthcal_model::{Block, Camera, Register, RegisterError};
-use depthcal_solver::Key;
-use nalgebra::Isometry3;
 
 use super::blocks::BlockKeys;
-use super::factors::{BlockVariables, DepthGroup, depth_group};
-use crate::observe::noise::NoiseModel;
+use super::factors::BlockVariables;
 use crate::observe::{Capture, DepthSample, SampledFrame};
 
 /// A field of more parameters than this has a variable per node; below, dense columns are faster.
@@ -48,12 +45,10 @@ pub(crate) fn sort_by_cell(capture: &mut Capture<SampledFrame>, camera: &Camera)
 }
 
 /// The depth pixels of a frame, cell by cell, with the variables of each. Samples are in the order of [`sort_by_cell`].
-pub(crate) fn cell_groups(
-    samples: &[DepthSample],
-    pose: Key<Isometry3<f64>>,
-    noise: &NoiseModel,
+pub(crate) fn cell_groups<'a>(
+    samples: &'a [DepthSample],
     blocks: &[BlockKeys],
-) -> Vec<(DepthGroup, BlockVariables)> {
+) -> Vec<(&'a [DepthSample], BlockVariables)> {
     let layouts: Vec<FieldLayout> = blocks
         .iter()
         .filter_map(|b| if let BlockKeys::Nodes { layout, .. } = b { Some(*layout) } else { None })
@@ -72,7 +67,7 @@ pub(crate) fn cell_groups(
                     }
                 }
             }
-            (depth_group(samples, pose, noise), keys.into())
+            (samples, keys.into())
         })
         .collect()
 }

@@ -6,8 +6,9 @@
 
 use depthcal_model::Camera;
 
-use super::adjustment::{Adjustment, Curvature};
+use super::adjustment::Adjustment;
 use super::camera_prior::CameraPrior;
+use super::frame_information::Curvature;
 use super::smoothness_prior::Smoothness;
 use super::smoothness_selection::{FrameInformation, prior, solve_scaled};
 use crate::observe::noise::NoiseModel;
@@ -63,5 +64,6 @@ pub fn camera_of_frames<F: AdjustableFrame>(
     let mut adjustment =
         Adjustment::new(capture, camera, noise, true).with_smoothness(smoothness).with_prior(of_camera);
     let adjusted = adjustment.solve_within(DECREASE).ok()?;
-    adjusted.report.converged.then_some(adjusted.camera)
+    let is_converged = adjusted.report.converged;
+    adjusted.cameras.into_iter().next().filter(|_| is_converged).map(|adjusted| adjusted.camera)
 }

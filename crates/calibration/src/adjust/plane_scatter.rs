@@ -8,6 +8,8 @@ use rayon::prelude::*;
 
 use super::adjustment::Adjustment;
 use super::frame_rows::FrameRows;
+use super::problem::Problem;
+use super::state::{CameraState, State};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{AdjustableFrame, Capture};
 
@@ -107,16 +109,24 @@ pub fn own_plane<const N: usize>(rows: &FrameRows, shapes: &[SVector<f64, N>]) -
     Some(OwnPlaneFit { plane: step.fixed_rows::<N>(pose).into_owned(), information, leverage })
 }
 
-/// The scatter of the frames' own planes at the optimum of an adjustment; none where noise explains the planes.
-pub fn plane_scatter<F: AdjustableFrame>(capture: &Capture<F>, camera: &Camera, noise: &NoiseModel) -> PlaneScatter {
-    let noise = NoiseModel { planes: PlaneScatter::NONE, ..*noise };
-    let adjustment = Adjustment::new(capture, camera, &noise, true);
+/// The scatter of the planes of a camera's frames at the optimum of an adjustment, whose residuals have the given noise, a noise model per
+/// camera; none where noise explains the planes.
+pub fn plane_scatter<F: AdjustableFrame>(state: &State<F>, number: usize, noises: &[NoiseModel]) -> PlaneScatter {
+    let mut problem = Problem::of_state(state, true);
+    let noises: Vec<_> = noises.iter().map(|noise| NoiseModel { planes: PlaneScatter::NONE, ..*noise }).collect();
+    for (camera, noise) in problem.cameras.iter_mut().zip(&noises) {
+        camera.noise = noise;
+    }
+    let adjustment = Adjustment::of_problem(&problem);
+    let (capture, camera, noise) = (&state.cameras[number].capture, &state.cameras[number].camera, &noises[number]);
     let amplitude = typical_amplitude(capture);
+    let in_rig = &state.cameras[number].frames;
+    let seen: Vec<bool> = state.frames_with_markers();
     let of_frame = |(index, frame): (usize, &F)| {
-        if frame.samples().is_empty() || frame.posed().markers.is_empty() {
+        if frame.samples().is_empty() || !seen[in_rig[index]] {
             return None;
         }
-        let rows = adjustment.frame_rows(index)?;
+        let rows = adjustment.frame_rows(number, in_rig[index])?;
         let samples: Vec<_> = frame.samples().iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
         let shapes = shapes_with_amplitude(camera, &samples, &noise.depth, amplitude);
         let planes: Vec<Vector3<f64>> = shapes.iter().map(|s| s.xyz()).collect();
@@ -166,13 +176,12 @@ fn variances<const N: usize>(planes: &[OwnPlaneFit<N>], alike: bool) -> SVector<
     variances
 }
 
-/// The covariance of a camera's parameters (zero for held ones) where frames have planes of their own of the given scatter: to that of the
+/// The covariance of all cameras' parameters, in the order of [`Adjustment::variables`] (zero for held ones), where frames of a camera have planes of their own of the given scatter: to that of the
 /// noise alone, `covariance`, what the planes add is added, C G T Gᵀ C for each frame, where G is how its planes turn the gradient and T
 /// has their variances (the sandwich of a misspecified likelihood; White 1982).
 pub fn covariance_with_planes<F: AdjustableFrame>(
     adjustment: &Adjustment,
-    capture: &Capture<F>,
-    camera: &Camera,
+    (state, number): (&State<F>, usize),
     noise: &DepthNoise,
     planes: &PlaneScatter,
     covariance: &DMatrix<f64>,
@@ -180,11 +189,13 @@ pub fn covariance_with_planes<F: AdjustableFrame>(
     if *planes == PlaneScatter::NONE {
         return covariance.clone();
     }
-    let of_free = covariance.select_columns(&camera.free_parameters());
+    let CameraState { capture, camera, frames, .. } = &state.cameras[number];
+    let of_free = covariance.select_columns(&adjustment.free_rows());
     let amplitude = typical_amplitude(capture);
     let moves = |(index, frame): (usize, &F)| {
         let samples: Vec<_> = frame.samples().iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
-        let response = adjustment.plane_response(index, &shapes_with_amplitude(camera, &samples, noise, amplitude))?;
+        let shapes = shapes_with_amplitude(camera, &samples, noise, amplitude);
+        let response = adjustment.plane_response(number, frames[index], &shapes)?;
         let moved = &of_free * response * SMatrix::<f64, 4, 4>::from_diagonal(&Vector4::from(planes.deviations));
         Some(&moved * moved.transpose())
     };

@@ -128,18 +128,6 @@ pub enum CalibrateError {
     /// A prior has no finite standard deviation.
     #[error("a prior of the camera's parameters cannot be used: {0}; declare intrinsics that are finite and not zero")]
     Prior(#[from] NoiseError),
-    /// The captures leave parameters of several cameras undetermined.
-    #[error(
-        "the captures leave {combinations} combination(s) undetermined of {}: capture boards at other distances, tilts and places, or \
-         declare intrinsics with fixed = true",
-        parameters.join(", ")
-    )]
-    UndeterminedRig {
-        /// Number of combinations.
-        combinations: usize,
-        /// The parameters that take part, `CAMERA/PIECE.PARAMETER`.
-        parameters: Vec<String>,
-    },
 }
 
 impl CalibrateError {
@@ -155,7 +143,6 @@ impl CalibrateError {
             Self::Solve(_)
             | Self::NotConverged { .. }
             | Self::Undetermined(_)
-            | Self::UndeterminedRig { .. }
             | Self::Covariance(_)
             | Self::Folded(_)
             | Self::Extrinsics(ExtrinsicsError::Moved { .. }) => true,

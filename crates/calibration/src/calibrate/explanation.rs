@@ -1,12 +1,14 @@
 //! The explanation of a rank-deficient adjustment: what the captures lack for the parameters that take part.
 
-use depthcal_model::{Block, Camera};
+use depthcal_model::Camera;
 use depthcal_solver::{CovarianceError, NullDirection};
 use nalgebra::{Point3, Vector3};
 
 use super::error::CalibrateError;
 use super::undetermined::UndeterminedModel;
+use crate::adjust::adjustment::Adjustment;
 use crate::adjust::blocks::is_depth_only;
+use crate::adjust::state::State;
 use crate::observe::{AdjustableFrame, Capture};
 
 /// Fewer frames than this are too few to blame anything else, as a rule.
@@ -19,17 +21,22 @@ const NARROW_RANGE: f64 = 1.3;
 const COVERED: f64 = 0.7;
 /// Share of a combination's largest parameter, in parameters' typical deviations, from which on a parameter is named.
 const NAMED_SHARE: f64 = 0.03;
+/// A camera's extrinsics, as they are named.
+const EXTRINSICS: &str = "camera_from_rig";
 
 /// The error of a covariance; undetermined combinations with their explanation.
 pub(super) fn explained<F: AdjustableFrame>(
     error: CovarianceError,
-    camera: &Camera,
-    capture: &Capture<F>,
+    state: &State<F>,
+    adjustment: &Adjustment,
     with_depth: bool,
 ) -> CalibrateError {
     let CovarianceError::RankDeficient { directions } = error else { return error.into() };
-    let named = Named::of(&directions, camera);
-    let facts = Facts::of(camera, capture);
+    let named = Named::of(&directions, state, adjustment);
+    let Some(concerned) = state.cameras.get(named.camera) else {
+        return CovarianceError::RankDeficient { directions }.into();
+    };
+    let facts = Facts::of(&concerned.camera, &concerned.capture);
     let mut lacking: Vec<(String, &str)> = Vec::new();
     if facts.frames < FEW_FRAMES {
         lacking.push((format!("there are only {} usable frames", facts.frames), "ten frames or more"));
@@ -67,6 +74,8 @@ pub(super) fn explained<F: AdjustableFrame>(
 /// The names of what takes part in undetermined combinations.
 #[derive(Default)]
 struct Named {
+    /// Number of the first camera whose parameters take part.
+    camera: usize,
     parameters: Vec<String>,
     frames: Vec<String>,
     /// Whether parameters of lens or pinhole, or of depth, are among them.
@@ -75,32 +84,39 @@ struct Named {
 }
 
 impl Named {
-    fn of(directions: &[NullDirection], camera: &Camera) -> Self {
+    fn of<F>(directions: &[NullDirection], state: &State<F>, adjustment: &Adjustment) -> Self {
         let mut named = Self::default();
+        let prefix = |camera: usize| match state.cameras.len() {
+            1 => String::new(),
+            _ => format!("{}/", state.cameras[camera].name),
+        };
         for direction in directions {
             // Of the parameters of one direction those count that move by a considerable part of what is usual for them.
-            let found = direction.components.iter().filter_map(|c| {
-                let block = camera.blocks().iter().find(|b| belongs(&c.label, b))?;
+            let moved = direction.components.iter().filter_map(|c| {
+                let (camera, block) = adjustment.block_of(c.variable)?;
+                let block = &state.cameras[camera].camera.blocks()[block];
                 let parameter = block.parameters().get(c.component)?;
-                Some((block, parameter, c.value.abs() / parameter.scale))
+                Some((camera, block, parameter, c.value.abs() / parameter.scale))
             });
-            let found: Vec<_> = found.collect();
-            let largest = found.iter().map(|f| f.2).fold(0.0, f64::max);
-            for (block, parameter, _) in found.iter().filter(|f| f.2 > NAMED_SHARE * largest) {
+            let moved: Vec<_> = moved.collect();
+            let largest = moved.iter().map(|m| m.3).fold(0.0, f64::max);
+            for (camera, block, parameter, _) in moved.iter().filter(|m| m.3 > NAMED_SHARE * largest) {
                 let is_field = block.piece().is_some_and(|p| p.field().is_some());
                 let name =
                     if is_field { block.name().to_owned() } else { format!("{}.{}", block.name(), parameter.name) };
+                if named.parameters.is_empty() {
+                    named.camera = *camera;
+                }
                 named.in_depth |= is_depth_only(block);
                 named.in_image |= !is_depth_only(block);
-                if !named.parameters.contains(&name) {
-                    named.parameters.push(name);
-                }
+                add_once(&mut named.parameters, prefix(*camera) + &name);
             }
-            if found.is_empty() {
-                let poses = direction.components.iter().filter_map(|c| c.label.strip_prefix("pose of "));
-                for frame in poses {
-                    if !named.frames.iter().any(|f| f == frame) {
-                        named.frames.push(frame.to_owned());
+            if moved.is_empty() {
+                for c in &direction.components {
+                    if let Some(frame) = adjustment.frame_of(c.variable) {
+                        add_once(&mut named.frames, state.frames[frame].name.clone());
+                    } else if let Some(camera) = adjustment.extrinsics_of(c.variable) {
+                        add_once(&mut named.parameters, prefix(camera) + EXTRINSICS);
                     }
                 }
             }
@@ -109,9 +125,10 @@ impl Named {
     }
 }
 
-/// Whether a variable's label is that of a block or of one of its nodes, as the adjustment labels them.
-fn belongs(label: &str, block: &Block) -> bool {
-    label == block.name() || label.starts_with("node ") && label.ends_with(&format!(" of {}", block.name()))
+fn add_once(names: &mut Vec<String>, name: String) {
+    if !names.contains(&name) {
+        names.push(name);
+    }
 }
 
 /// What captures offer.

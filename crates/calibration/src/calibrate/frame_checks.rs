@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use tracing::{info, warn};
 
 use super::error::CalibrateError;
-use super::settle::{Attempt, ROUNDS, State};
-use crate::adjust::adjustment::Adjusted;
+use super::settle::{Attempt, ROUNDS};
+use crate::adjust::adjustment::AdjustedCamera;
+use crate::adjust::state::CameraState;
 use crate::observe::gross_markers::gross_markers;
 use crate::observe::wrong_markers::{limit_px, take_wrong};
 use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, PosedFrame};
@@ -93,8 +94,8 @@ fn drop_frame(dropped: &mut Vec<DroppedFrame>, name: String, reason: String) {
 /// their pose; true where anything changed.
 pub(super) fn repair(
     Attempt { round, repairs }: Attempt,
-    state: &mut State<PosedFrame>,
-    adjusted: &Adjusted,
+    state: &mut CameraState<PosedFrame>,
+    adjusted: &AdjustedCamera,
 ) -> Result<bool, CalibrateError> {
     let distances = distances_px(&state.capture, &adjusted.image_residuals, state.noise.pixel_sigma);
     let errors: Vec<f64> = distances.iter().map(|of_frame| rms(of_frame.iter().copied())).collect();

@@ -3,6 +3,7 @@
 use super::fitted::Calibrated;
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::plane_scatter::{covariance_with_planes, plane_scatter};
+use crate::adjust::state::{CameraState, State};
 use crate::observe::noise::{NoiseModel, PlaneScatter};
 
 /// A fit of which the covariance covers the scatter of the frames' own planes and of their terms in the inverse amplitude; its
@@ -12,13 +13,14 @@ pub fn with_frame_scatter(fit: Calibrated) -> Calibrated {
     else {
         return fit;
     };
-    let scatter = plane_scatter(&fit.capture, &fit.camera, &fit.noise);
+    let state = State::of_camera(CameraState::reference(fit.capture.clone(), fit.camera.clone(), fit.noise));
+    let scatter = plane_scatter(&state, 0, &[fit.noise]);
     if scatter == PlaneScatter::NONE {
         return fit;
     }
     let noise = NoiseModel { planes: PlaneScatter::NONE, ..fit.noise };
     let adjustment = Adjustment::new(&fit.capture, &fit.camera, &noise, true);
-    let covariance = covariance_with_planes(&adjustment, &fit.capture, &fit.camera, &noise.depth, &scatter, covariance);
+    let covariance = covariance_with_planes(&adjustment, (&state, 0), &noise.depth, &scatter, covariance);
     let noise = NoiseModel { planes: PlaneScatter { design_effect: 1.0, ..scatter }, ..noise };
     Calibrated { covariance: Some(covariance), noise, ..fit }
 }

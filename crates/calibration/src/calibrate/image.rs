@@ -10,9 +10,9 @@ use super::lens_choice::settle_with_chosen_lens;
 use super::lens_comparison::{AUTO, fit_best_lens};
 use super::lens_order::{BROWN_CONRADY, LensOrder, requested};
 use super::options::CalibrateOptions;
-use super::settle::{Freedom, ROUNDS, Rules, State, settle};
+use super::settle::{Freedom, ROUNDS, Rules, settle};
 use crate::adjust::blocks::is_depth_only;
-use crate::adjust::smoothness_prior::Smoothness;
+use crate::adjust::state::{CameraState, State};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{Capture, PosedFrame};
 use crate::start::{FEWEST_FRAMES, FrameMarkers, StartError, lens_block, start_camera};
@@ -82,14 +82,17 @@ fn calibrate_image_with_lens(
         most_rounds: 2 * ROUNDS + 1,
         depth_noise_settled: 0.0,
         chooses_smoothness: false,
-        repair: &repair,
+        repair: Some(&repair),
     };
     let is_chosen = !is_declared && !has_lens_of_prior && order.is_none() && camera.block(BROWN_CONRADY).is_some();
     if !is_declared && (!has_lens_of_prior || order.is_some()) {
         camera = order.unwrap_or(LensOrder::Full).of_camera(&camera);
     }
-    let start = State { capture, camera, noise, smoothness: Smoothness::default() };
-    if is_chosen { settle_with_chosen_lens(&start, &rules, options) } else { settle(start, &rules, options) }
+    let start = CameraState { prior: options.prior.clone(), ..CameraState::reference(capture, camera, noise) };
+    if is_chosen {
+        return settle_with_chosen_lens(&start, &rules, options);
+    }
+    Ok(settle(State::of_camera(start), &rules, options)?.only_camera(options))
 }
 
 /// The camera at the mean of the options' prior, with the lens terms free that the prior's units have; `None` where there is no prior, or

@@ -9,9 +9,10 @@ use super::folds::check_invertible;
 use super::held::hold;
 use super::large_fields::settle_by_node;
 use super::options::CalibrateOptions;
-use super::settle::{LEAST_INVERSE_DEPTH_SIGMA, State, joint_rules, settle};
+use super::settle::{LEAST_INVERSE_DEPTH_SIGMA, joint_rules, settle};
 use crate::adjust::field_cells;
 use crate::adjust::smoothness_prior::{Smoothness, hold_untouched};
+use crate::adjust::state::{CameraState, State};
 use crate::observe::board_pixels::BoardPixel;
 use crate::observe::depth_sampling::{plane_deviations, sample_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel};
@@ -78,9 +79,10 @@ pub(super) fn adjust_samples(
     if let Some(earlier) = earlier {
         smoothness.start_from(earlier);
     }
-    let start = State { smoothness, capture, camera, noise };
+    let start =
+        CameraState { smoothness, prior: options.prior.clone(), ..CameraState::reference(capture, camera, noise) };
     let result = match coarse {
-        None => settle(start, &joint_rules(), options)?,
+        None => settle(State::of_camera(start), &joint_rules(), options)?.only_camera(options),
         Some((coarse, factors)) => settle_by_node(start, &coarse, &factors, options)?,
     };
     check_invertible(&result)?;

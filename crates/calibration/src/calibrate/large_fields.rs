@@ -12,9 +12,10 @@ use depthcal_model::Camera;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::options::CalibrateOptions;
-use super::settle::{Freedom, Rules, State, joint_rules, settle};
+use super::settle::{Freedom, Rules, joint_rules, settle};
 use crate::adjust::field_cells;
 use crate::adjust::smoothness_prior::{Smoothness, hold_untouched};
+use crate::adjust::state::{CameraState, State};
 use crate::observe::SampledFrame;
 
 /// Depth samples of a frame from which the roughness of a large field is chosen.
@@ -25,21 +26,24 @@ const NOISE_SETTLED: f64 = 0.1;
 /// Adjusts a camera with fields of very many nodes. `coarse` is the camera with coarse fields, `factors` says for every
 /// block how much farther apart the nodes of its coarse field are.
 pub(super) fn settle_by_node(
-    start: State<SampledFrame>,
+    start: CameraState<SampledFrame>,
     coarse: &Camera,
     factors: &[f64],
     options: &CalibrateOptions,
 ) -> Result<Calibrated, CalibrateError> {
-    let State { mut capture, camera, noise, .. } = start;
+    let CameraState { mut capture, camera, noise, prior, .. } = start;
     let mut thin = capture.clone();
     for frame in &mut thin.frames {
         let step = frame.samples.len().div_ceil(COARSE_SAMPLES).max(1);
         frame.samples = Arc::new(frame.samples.iter().step_by(step).copied().collect());
     }
     let coarse = hold_untouched(coarse, &thin);
-    let first =
-        State { smoothness: Smoothness::of(&coarse, &options.field_thresholds), capture: thin, camera: coarse, noise };
-    let first = settle(first, &joint_rules(), options)?;
+    let first = CameraState {
+        smoothness: Smoothness::of(&coarse, &options.field_thresholds),
+        prior: prior.clone(),
+        ..CameraState::reference(thin, coarse, noise)
+    };
+    let first = settle(State::of_camera(first), &joint_rules(), options)?.only_camera(options);
     let mut smoothness =
         Smoothness { ridge: first.smoothness.ridge, ..Smoothness::of(&camera, &options.field_thresholds) };
     for (field, coarse) in smoothness.fields.iter_mut().zip(&first.smoothness.fields) {
@@ -64,5 +68,6 @@ pub(super) fn settle_by_node(
         chooses_smoothness: false,
         ..joint_rules()
     };
-    settle(State { capture, camera, noise: first.noise, smoothness }, &rules, options)
+    let start = CameraState { smoothness, prior, ..CameraState::reference(capture, camera, first.noise) };
+    Ok(settle(State::of_camera(start), &rules, options)?.only_camera(options))
 }

@@ -15,11 +15,12 @@ use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::lens_order::{BROWN_CONRADY, LensCandidate, LensChoice, LensOrder};
 use super::options::CalibrateOptions;
-use super::settle::{Rules, State, settle};
-use crate::adjust::adjustment::{Adjustment, Curvature};
+use super::settle::{Rules, settle};
+use crate::adjust::adjustment::Adjustment;
 use crate::adjust::blocks::is_depth_only;
-use crate::adjust::smoothness_prior::Smoothness;
+use crate::adjust::frame_information::Curvature;
 use crate::adjust::smoothness_selection::{FrameInformation, errors_worse, solve_scaled};
+use crate::adjust::state::{CameraState, State};
 use crate::observe::PosedFrame;
 
 /// Standard deviation, px, of the place at which a ray meets the corners or edges of the image, up to which the markers
@@ -37,7 +38,7 @@ const RAY_DEPTH_MM: f64 = 1000.0;
 
 /// Settles a calibration from images; where the markers do not determine its lens over the whole image, with a lower order.
 pub(super) fn settle_with_chosen_lens(
-    start: &State<PosedFrame>,
+    start: &CameraState<PosedFrame>,
     rules: &Rules<'_, PosedFrame>,
     options: &CalibrateOptions,
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {
@@ -47,8 +48,8 @@ pub(super) fn settle_with_chosen_lens(
     let fit = loop {
         place -= 1;
         let camera = orders[place].of_camera(&start.camera);
-        match settle(State { camera, ..start.clone() }, rules, options) {
-            Ok(fit) => break fit,
+        match settle(State::of_camera(CameraState { camera, ..start.clone() }), rules, options) {
+            Ok(fit) => break fit.only_camera(options),
             Err(error) if error.is_untrusted_fit() && place > 0 => info!("lens {}: {error}", orders[place]),
             Err(error) => return Err(error),
         }
@@ -76,9 +77,10 @@ pub(super) fn settle_with_chosen_lens(
         return Ok(Calibrated { lens_choice: choice, ..fit });
     }
     let camera = orders[chosen].of_camera(&compared[chosen].camera);
-    let (capture, noise) = (fit.capture.clone(), fit.noise);
-    match settle(State { capture, camera, noise, smoothness: Smoothness::default() }, rules, options) {
-        Ok(lower) => Ok(Calibrated { lens_choice: choice, ..lower }),
+    let lower =
+        CameraState { prior: start.prior.clone(), ..CameraState::reference(fit.capture.clone(), camera, fit.noise) };
+    match settle(State::of_camera(lower), rules, options) {
+        Ok(lower) => Ok(Calibrated { lens_choice: choice, ..lower.only_camera(options) }),
         Err(error) => {
             warn!("lens {}: {error}; {} is fitted", orders[chosen], orders[place]);
             Ok(Calibrated { lens_choice: None, ..fit })
@@ -150,7 +152,7 @@ fn compare_orders(fit: &Calibrated<PosedFrame>, orders: &[LensOrder]) -> Vec<Com
     let adjustment = Adjustment::new(&fit.capture, &fit.camera, &fit.noise, false);
     let frames = adjustment.frame_information(Curvature::OfWeights, 1.0);
     let present: Vec<f64> = (0..frames.len())
-        .map(|i| adjustment.frame_rows(i).map_or(0.0, |rows| 0.5 * rows.residuals.norm_squared()))
+        .map(|i| adjustment.frame_rows(0, i).map_or(0.0, |rows| 0.5 * rows.residuals.norm_squared()))
         .collect();
     let markers: usize = fit.capture.frames.iter().map(|f| f.markers.len()).sum();
     orders

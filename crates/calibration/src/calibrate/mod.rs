@@ -26,8 +26,10 @@ mod options;
 mod readjust;
 mod residuals;
 pub mod rig;
+mod rounds;
 mod sampled;
 mod settle;
+mod settled_camera;
 mod undetermined;
 #[cfg(test)]
 mod wide_lens_tests;

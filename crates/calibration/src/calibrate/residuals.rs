@@ -1,49 +1,58 @@
 //! Depth residuals in their own units, and the samples that no noise explains.
 
+use crate::adjust::adjustment::AdjustedCamera;
+use crate::adjust::depth_sigma::DepthSigma;
+use crate::adjust::state::CameraState;
+use crate::observe::AdjustableFrame;
 use crate::observe::noise::NoiseModel;
-use crate::observe::{AdjustableFrame, Capture};
 
 /// Depth samples beyond this many standard deviations are outliers.
 const OUTLIER: f64 = 8.0;
 
-/// (inverse depth, residual in inverse depth) of every sample, 1/mm.
-pub(super) fn inverse_depth_residuals<F: AdjustableFrame>(
-    capture: &Capture<F>,
-    whitened: &[f64],
-    noise: &NoiseModel,
-) -> Vec<(f64, f64)> {
-    let samples = capture.frames.iter().flat_map(|f| f.samples().iter());
+/// The residual of a depth sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct DepthResidual {
+    /// Inverse depth that the noise belongs to, 1/mm.
+    pub rho: f64,
+    /// Predicted minus measured inverse depth, 1/mm.
+    pub residual: f64,
+    /// Measured minus predicted depth, mm.
+    pub depth_mm: f64,
+}
+
+/// The residuals of a camera's depth samples, frame after frame.
+pub(super) fn depth_residuals<F: AdjustableFrame>(
+    camera: &CameraState<F>,
+    adjusted: &AdjustedCamera,
+    at: DepthSigma,
+) -> Vec<DepthResidual> {
+    let samples = camera.capture.frames.iter().flat_map(|f| f.samples().iter());
     samples
-        .zip(whitened)
-        .map(|(s, r)| {
-            let rho = 1.0 / s.depth_mm;
-            (rho, r * noise.depth.sigma(rho))
+        .zip(adjusted.inverse_depth_residuals())
+        .map(|(sample, residual)| {
+            let measured = 1.0 / sample.depth_mm;
+            let rho = match at {
+                DepthSigma::AtMeasured => measured,
+                DepthSigma::AtPredicted => measured + residual,
+            };
+            DepthResidual { rho, residual, depth_mm: 1.0 / measured - 1.0 / (measured + residual) }
         })
         .collect()
 }
 
-/// Measured minus predicted depth of every sample, mm.
-pub(super) fn depth_residuals_mm<F: AdjustableFrame>(
-    capture: &Capture<F>,
-    whitened: &[f64],
-    noise: &NoiseModel,
-) -> Vec<f64> {
-    inverse_depth_residuals(capture, whitened, noise).iter().map(|(rho, r)| 1.0 / rho - 1.0 / (rho + r)).collect()
-}
-
 /// Takes samples out that no noise explains; returns how many.
 pub(super) fn drop_outliers<F: AdjustableFrame>(
-    capture: &mut Capture<F>,
-    residuals: &[(f64, f64)],
+    camera: &mut CameraState<F>,
+    residuals: &[DepthResidual],
     noise: &NoiseModel,
 ) -> usize {
-    let mut rest = residuals.iter();
+    let mut residuals = residuals.iter();
     let mut dropped = 0;
-    for frame in &mut capture.frames {
+    for frame in &mut camera.capture.frames {
         frame.retain_samples(|_| {
-            let keep = rest.next().is_none_or(|(rho, r)| r.abs() <= OUTLIER * noise.depth.sigma(*rho));
-            dropped += usize::from(!keep);
-            keep
+            let is_noise = residuals.next().is_none_or(|r| r.residual.abs() <= OUTLIER * noise.depth.sigma(r.rho));
+            dropped += usize::from(!is_noise);
+            is_noise
         });
     }
     dropped

@@ -35,7 +35,7 @@ pub fn frame_planes(fit: &Calibrated) -> Vec<FramePlane> {
         if frame.samples.is_empty() || frame.markers.is_empty() {
             continue;
         }
-        let Some(rows) = adjustment.frame_rows(index) else { continue };
+        let Some(rows) = adjustment.frame_rows(0, index) else { continue };
         if let Some(plane) = plane_of(frame, fit, &rows) {
             planes.push(plane);
         }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use depthcal_calibration::adjust::rig_factors::{CameraVariables, Observations, RigBatch, RigGroup};
+use depthcal_calibration::adjust::factors::{CameraVariables, Observations, RigBatch, RigGroup};
 use depthcal_calibration::observe::board_motion::BoardMotion;
 use depthcal_model::chain::DepthQuery;
 use depthcal_model::{Block, Context, Register};

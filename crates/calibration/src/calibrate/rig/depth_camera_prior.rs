@@ -4,7 +4,7 @@ use crate::adjust::blocks::is_depth_only;
 use depthcal_io::LeftOpen;
 use depthcal_model::{Block, Camera};
 
-use crate::adjust::rig_state::ParameterPrior;
+use crate::adjust::state::ParameterPrior;
 
 /// Standard deviations of declared intrinsics: focal lengths in shares of their values, the principal point in image widths.
 const DECLARED: [f64; 2] = [0.03, 0.02];

@@ -4,7 +4,7 @@ use crate::calibrate::Calibrated;
 use depthcal_io::LeftOpen;
 use nalgebra::{DMatrix, Isometry3};
 
-use crate::adjust::rig_state::{RigFrame, RigState};
+use crate::adjust::state::{RigFrame, State};
 use crate::observe::PlaceDrift;
 use crate::start::views::PairSummary;
 
@@ -29,7 +29,7 @@ pub struct RigCalibrated {
     /// Why it stopped.
     pub termination: String,
     /// What was adjusted last, with the values that it ended with.
-    pub state: RigState,
+    pub state: State,
 }
 
 /// One camera of a calibrated rig.

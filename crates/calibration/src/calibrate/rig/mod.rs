@@ -5,7 +5,6 @@ mod depth_camera_start;
 mod driver;
 mod fitted;
 mod options;
-mod settle;
 mod start;
 
 pub use driver::calibrate_rig;

@@ -10,7 +10,8 @@ use nalgebra::Isometry3;
 use super::depth_camera_prior::priors_of;
 use super::depth_camera_start::{DepthStart, start_depth_camera};
 use super::options::RigOptions;
-use crate::adjust::rig_state::{CameraState, RigFrame, RigState};
+use crate::adjust::depth_sigma::DepthSigma;
+use crate::adjust::state::{CameraState, RigFrame, State};
 use crate::calibrate::CalibrateError;
 use crate::observe::Taken;
 use crate::observe::{CameraCapture, RigCapture};
@@ -24,7 +25,7 @@ const NO_MOTION: &str = "fewer than 6 frames that it shares have times and neigh
 
 /// The start of an adjustment.
 pub(super) struct Started {
-    pub state: RigState,
+    pub state: State,
     pub pairs: Vec<PairSummary>,
     /// What the images alone gave for every camera; for the record.
     pub alone: Vec<Calibrated>,
@@ -99,10 +100,12 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             correlation_length_px: prepared.correlation_length_px,
             outliers: prepared.outliers,
             priors,
+            prior: None,
         });
         alone.push(prepared);
     }
-    let mut state = RigState { frames, cameras: states };
+    let depth_sigma = DepthSigma::AtPredicted;
+    let mut state = State { frames, cameras: states, depth_sigma };
     drop_frames_without_motion(&mut state)?;
     Ok(Started { state, pairs: places.pairs, alone, is_declared })
 }
@@ -136,7 +139,7 @@ fn time_offsets(
 }
 
 /// Takes the frames out of cameras with a time offset about which the board's motion is unknown.
-fn drop_frames_without_motion(state: &mut RigState) -> Result<(), CalibrateError> {
+fn drop_frames_without_motion(state: &mut State) -> Result<(), CalibrateError> {
     state.take_motions();
     let is_known: Vec<bool> = state.frames.iter().map(|frame| frame.motion.is_some()).collect();
     for camera in state.cameras.iter_mut().filter(|camera| camera.offset_s.is_some()) {

@@ -5,8 +5,8 @@ use depthcal_statistics::chi_squared_tail;
 use nalgebra::DVector;
 
 use super::left_out::{DECREASE, LeftOutErrors, left_out};
-use crate::adjust::rig_adjustment::RigAdjustment;
-use crate::adjust::rig_state::RigState;
+use crate::adjust::adjustment::Adjustment;
+use crate::adjust::state::State;
 use crate::calibrate::rig::RigCalibrated;
 use crate::diagnose::DiagnoseError;
 use crate::observe::PlaceDrift;
@@ -69,7 +69,7 @@ pub fn drift_tests(rig: &RigCalibrated, folds: usize) -> Result<Vec<DriftTest>, 
 }
 
 /// A drift of a camera over its frames that changes nothing. `None` where time or temperature is unknown, or frames are few.
-fn unchanged(state: &RigState, camera: usize, over: DriftOver) -> Option<PlaceDrift> {
+fn unchanged(state: &State, camera: usize, over: DriftOver) -> Option<PlaceDrift> {
     let own = &state.cameras[camera];
     let values: Vec<f64> = own.frames.iter().map(|f| PlaceDrift::value(over, &state.frames[*f].taken)).collect();
     if values.len() < FEWEST_FRAMES || values.iter().any(|x| !x.is_finite()) {
@@ -81,18 +81,18 @@ fn unchanged(state: &RigState, camera: usize, over: DriftOver) -> Option<PlaceDr
 }
 
 /// The state with a drift of one camera.
-fn with_drift(state: &RigState, camera: usize, drift: PlaceDrift) -> RigState {
+fn with_drift(state: &State, camera: usize, drift: PlaceDrift) -> State {
     let mut with = state.clone();
     with.cameras[camera].drift = Some(drift);
     with
 }
 
 /// The drift with which the frames fit best, and its Wald test. `None` where the frames leave it open.
-fn fitted(state: &RigState, camera: usize, drift: PlaceDrift) -> Result<Option<DriftTest>, DiagnoseError> {
+fn fitted(state: &State, camera: usize, drift: PlaceDrift) -> Result<Option<DriftTest>, DiagnoseError> {
     let with = with_drift(state, camera, drift);
-    let mut adjustment = RigAdjustment::new(&with)?;
+    let mut adjustment = Adjustment::of_state(&with, true)?;
     let adjusted = adjustment.solve_within(DECREASE)?;
-    let (Some(change), Some(variable)) = (adjusted.drift[camera], adjustment.drift_variable(camera)) else {
+    let (Some(change), Some(variable)) = (adjusted.cameras[camera].drift, adjustment.drift_variable(camera)) else {
         return Ok(None);
     };
     let Ok(covariance) = adjustment.covariance() else { return Ok(None) };

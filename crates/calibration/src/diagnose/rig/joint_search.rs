@@ -13,8 +13,8 @@ use depthcal_solver::score::Linearization;
 use depthcal_statistics::mean_to_standard_error;
 use rayon::prelude::*;
 
-use crate::adjust::rig_adjustment::RigAdjustment;
-use crate::adjust::rig_state::{ParameterPrior, RigState};
+use crate::adjust::adjustment::Adjustment;
+use crate::adjust::state::{ParameterPrior, State};
 use crate::diagnose::DiagnoseError;
 
 /// Variants that are tested in one linearisation: enough to share its cost, few enough to share the variants among threads.
@@ -43,7 +43,7 @@ type Variant = (usize, PieceSpec, Option<f64>, Placement);
 ///
 /// [`DiagnoseError`] where the problem cannot be evaluated.
 pub(super) fn joint_search(
-    state: &RigState,
+    state: &State,
     camera: usize,
     fit: &Calibrated,
     register: &Register,
@@ -97,7 +97,7 @@ fn variants((number, effect): (usize, &Effect)) -> Vec<Variant> {
 
 /// A fitted rig, one of whose cameras is examined.
 struct Problem<'a> {
-    state: &'a RigState,
+    state: &'a State,
     camera: usize,
     register: &'a Register,
 }
@@ -119,8 +119,8 @@ impl Problem<'_> {
                 let made = chunk.iter().filter_map(|v| Some((v, self.register.make(&v.1, None).ok()?)));
                 let (tested, blocks): (Vec<&Variant>, Vec<Block>) = made.unzip();
                 let (state, places) = with_candidates(self.state, self.camera, &blocks);
-                let named = tested.iter().zip(&places).map(|(variant, place)| (variant.1.to_string(), *place));
-                let linearization = RigAdjustment::new(&state)?.linearize(self.camera, named)?;
+                let named = tested.iter().zip(&places).map(|(variant, place)| (variant.1.to_string(), *place, None));
+                let linearization = Adjustment::of_state(&state, true)?.linearize_camera(self.camera, named)?;
                 Ok(tested.iter().enumerate().map(|(number, variant)| read(&linearization, number, variant)).collect())
             })
             .collect();
@@ -129,7 +129,7 @@ impl Problem<'_> {
 }
 
 /// The state whose camera has these blocks, held, before its own pieces, and their places among its blocks.
-fn with_candidates(state: &RigState, camera: usize, candidates: &[Block]) -> (RigState, Vec<usize>) {
+fn with_candidates(state: &State, camera: usize, candidates: &[Block]) -> (State, Vec<usize>) {
     let mut with = state.clone();
     let own = &mut with.cameras[camera];
     // Effects act on the true depth, before the depth model: they come first.

@@ -6,8 +6,8 @@ use depthcal_io::GainInterval;
 use depthcal_statistics::Bootstrap;
 use nalgebra::Isometry3;
 
-use crate::adjust::rig_adjustment::RigAdjustment;
-use crate::adjust::rig_state::RigState;
+use crate::adjust::adjustment::Adjustment;
+use crate::adjust::state::State;
 use crate::diagnose::DiagnoseError;
 
 /// Decrease of the cost by a step below which an adjustment ends.
@@ -32,7 +32,7 @@ pub struct LeftOutErrors {
 ///
 /// [`DiagnoseError`] of an adjustment.
 pub(super) fn left_out(
-    models: [&RigState; 2],
+    models: [&State; 2],
     camera: usize,
     folds: usize,
 ) -> Result<Option<LeftOutErrors>, DiagnoseError> {
@@ -42,7 +42,7 @@ pub(super) fn left_out(
         let held: Vec<bool> = (0..models[0].frames.len()).map(|i| i % folds == fold).collect();
         for (model, whole) in models.iter().enumerate() {
             let mut fitted = whole.subset(|i| !held[i]);
-            let adjusted = RigAdjustment::new(&fitted)?.solve_within(DECREASE)?;
+            let adjusted = Adjustment::of_state(&fitted, true)?.solve_within(DECREASE)?;
             adjusted.give(&mut fitted);
             let numbers: Vec<usize> = (0..held.len()).filter(|i| held[*i]).collect();
             for (frame, squares, count) in errors_given_the_others(&whole.subset(|i| held[i]), &fitted, camera)? {
@@ -73,8 +73,8 @@ pub(super) fn left_out(
 /// Squared whitened residuals of a camera, summed, and their number, of every frame of `held` whose board other cameras place; all
 /// cameras as `fitted` has them.
 fn errors_given_the_others(
-    held: &RigState,
-    fitted: &RigState,
+    held: &State,
+    fitted: &State,
     camera: usize,
 ) -> Result<Vec<(usize, f64, usize)>, DiagnoseError> {
     let mut given = held.clone();
@@ -86,7 +86,7 @@ fn errors_given_the_others(
     let mut others = given.clone();
     others.cameras[camera].capture.frames.clear();
     others.cameras[camera].frames.clear();
-    let mut adjustment = RigAdjustment::new(&others)?;
+    let mut adjustment = Adjustment::of_state(&others, true)?;
     adjustment.hold_cameras();
     let poses: Vec<Isometry3<f64>> = adjustment.solve_within(DECREASE)?.rig_from_board;
     for (frame, pose) in given.frames.iter_mut().zip(&poses) {
@@ -99,7 +99,7 @@ fn errors_given_the_others(
             .iter()
             .any(|c| c.frames.iter().zip(&c.capture.frames).any(|(f, frame)| f == number && !frame.markers.is_empty()))
     };
-    let [image, depth] = RigAdjustment::new(&given)?.whitened(camera);
+    let [image, depth] = Adjustment::of_state(&given, true)?.whitened(camera);
     let own = &given.cameras[camera];
     let by_markers = own.has_markers();
     let mut rest = if by_markers { image.iter() } else { depth.iter() };

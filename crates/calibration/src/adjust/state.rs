@@ -1,14 +1,23 @@
-//! What the calibration of a rig changes from round to round.
+//! The state of a calibration: cameras with their extrinsics, and frames with the board's poses.
 
-use crate::adjust::smoothness_prior::Smoothness;
+use super::camera_prior::CameraPrior;
+use super::depth_sigma::DepthSigma;
+use super::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
-use crate::observe::{Capture, RawFrame, SampledFrame};
+use crate::observe::{AdjustableFrame, Capture, RawFrame, SampledFrame};
+use std::ops::Range;
+use std::sync::Arc;
+
 use depthcal_io::FrameMetadata;
 use depthcal_model::Camera;
+use depthcal_model::chain::POSE;
 use nalgebra::Isometry3;
 
 use crate::observe::board_motion::{BoardMotion, motions};
 use crate::observe::{PlaceDrift, Taken};
+
+/// Name of a camera that is alone.
+pub const REFERENCE: &str = "camera";
 
 /// A frame of a rig: one pose of the board, whichever cameras saw it.
 #[derive(Debug, Clone)]
@@ -29,7 +38,7 @@ pub struct RigFrame {
 
 /// A camera of a rig in the course of its calibration.
 #[derive(Debug, Clone)]
-pub struct CameraState {
+pub struct CameraState<F = SampledFrame> {
     /// Its name.
     pub name: String,
     /// The camera.
@@ -46,8 +55,8 @@ pub struct CameraState {
     /// The prior of its fields.
     pub smoothness: Smoothness,
     /// Its frames with their samples. Poses are those of the board in this camera.
-    pub capture: Capture<SampledFrame>,
-    /// For each of its frames its number among [`RigState::frames`].
+    pub capture: Capture<F>,
+    /// For each of its frames its number among [`State::frames`].
     pub frames: Vec<usize>,
     /// Distance at which the noise of its depth pixels is uncorrelated, px.
     pub correlation_length_px: Option<usize>,
@@ -55,6 +64,8 @@ pub struct CameraState {
     pub outliers: usize,
     /// Priors of its parameters: of a camera without images.
     pub priors: Vec<ParameterPrior>,
+    /// The prior of its parameters from other units, where there is one.
+    pub prior: Option<Arc<CameraPrior>>,
 }
 
 /// A normal prior of one parameter.
@@ -70,13 +81,28 @@ pub struct ParameterPrior {
     pub sigma: f64,
 }
 
+/// Rows of a camera in the joint covariance; empty ranges for what it does not have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CameraRows {
+    /// The tangent (ω, τ) of its extrinsics.
+    pub extrinsics: Range<usize>,
+    /// Their drift.
+    pub drift: Range<usize>,
+    /// The offset of its time.
+    pub offset: Range<usize>,
+    /// Its parameters, in the order of [`Camera::theta`].
+    pub blocks: Range<usize>,
+}
+
 /// A rig in the course of its calibration.
 #[derive(Debug, Clone)]
-pub struct RigState {
+pub struct State<F = SampledFrame> {
     /// All frames.
     pub frames: Vec<RigFrame>,
     /// The cameras; the first is the reference.
-    pub cameras: Vec<CameraState>,
+    pub cameras: Vec<CameraState<F>>,
+    /// At which inverse depth the standard deviations of depth samples are taken.
+    pub depth_sigma: DepthSigma,
 }
 
 impl RigFrame {
@@ -86,7 +112,26 @@ impl RigFrame {
     }
 }
 
-impl CameraState {
+impl<F: AdjustableFrame> CameraState<F> {
+    /// A camera that is the reference, with frames of its own and the noise that weights their residuals.
+    pub fn reference(capture: Capture<F>, camera: Camera, noise: NoiseModel) -> Self {
+        Self {
+            name: REFERENCE.to_owned(),
+            camera,
+            camera_from_rig: Isometry3::identity(),
+            drift: None,
+            offset_s: None,
+            noise,
+            smoothness: Smoothness::default(),
+            frames: (0..capture.frames.len()).collect(),
+            capture,
+            correlation_length_px: None,
+            outliers: 0,
+            priors: Vec::new(),
+            prior: None,
+        }
+    }
+
     /// Its place in a frame.
     pub fn place_in(&self, frame: &RigFrame) -> Isometry3<f64> {
         self.drift.as_ref().map_or(self.camera_from_rig, |drift| drift.place(&self.camera_from_rig, &frame.taken))
@@ -94,16 +139,41 @@ impl CameraState {
 
     /// Whether it has depth samples.
     pub fn has_depth(&self) -> bool {
-        self.capture.frames.iter().any(|frame| !frame.samples.is_empty())
+        self.capture.frames.iter().any(|frame| !frame.samples().is_empty())
     }
 
     /// Whether it has markers.
     pub fn has_markers(&self) -> bool {
-        self.capture.frames.iter().any(|frame| !frame.markers.is_empty())
+        self.capture.frames.iter().any(|frame| !frame.posed().markers.is_empty())
     }
 }
 
-impl RigState {
+impl<F: AdjustableFrame> State<F> {
+    /// The state of one camera: a rig of one, whose frames are the camera's.
+    pub fn of_camera(camera: CameraState<F>) -> Self {
+        let mut state = Self { frames: Vec::new(), cameras: vec![camera], depth_sigma: DepthSigma::AtMeasured };
+        state.take_frames();
+        state
+    }
+
+    /// Takes frames and poses from the only camera, whose frames were changed.
+    pub fn take_frames(&mut self) {
+        let [camera] = &mut self.cameras[..] else { return };
+        camera.frames = (0..camera.capture.frames.len()).collect();
+        let frame = |frame: &F| {
+            let posed = frame.posed();
+            RigFrame {
+                name: posed.name.clone(),
+                rig_from_board: posed.camera_from_board,
+                board: posed.board,
+                metadata: posed.metadata.clone(),
+                taken: Taken::of(posed),
+                motion: None,
+            }
+        };
+        self.frames = camera.capture.frames.iter().map(frame).collect();
+    }
+
     /// The frames, given by their numbers, for which `keep` is true, with what the cameras observed in them.
     #[must_use]
     pub fn subset(&self, keep: impl Fn(usize) -> bool) -> Self {
@@ -117,12 +187,47 @@ impl RigState {
             })
             .collect();
         let frames = self.frames.iter().zip(&renumbered).filter(|(_, n)| n.is_some()).map(|(f, _)| f.clone());
-        let camera = |camera: &CameraState| CameraState {
+        let camera = |camera: &CameraState<F>| CameraState {
             capture: camera.capture.subset(|i, _| renumbered[camera.frames[i]].is_some()),
             frames: camera.frames.iter().filter_map(|f| renumbered[*f]).collect(),
             ..camera.clone()
         };
-        Self { frames: frames.collect(), cameras: self.cameras.iter().map(camera).collect() }
+        Self {
+            frames: frames.collect(),
+            cameras: self.cameras.iter().map(camera).collect(),
+            depth_sigma: self.depth_sigma,
+        }
+    }
+
+    /// Rows of every camera in the joint covariance of the cameras' parameters
+    /// ([`Adjustment::variables`](super::adjustment::Adjustment::variables)).
+    pub fn parameter_rows(&self) -> Vec<CameraRows> {
+        let mut first = 0;
+        let mut take = |count: usize| {
+            first += count;
+            first - count..first
+        };
+        let rows = |(number, camera): (usize, &CameraState<F>)| {
+            let of_tangent = |is_there: bool| if number > 0 && is_there { POSE } else { 0 };
+            CameraRows {
+                extrinsics: take(of_tangent(true)),
+                drift: take(of_tangent(camera.drift.is_some())),
+                offset: take(usize::from(number > 0 && camera.offset_s.is_some())),
+                blocks: take(camera.camera.theta().len()),
+            }
+        };
+        self.cameras.iter().enumerate().map(rows).collect()
+    }
+
+    /// Whether any camera has markers in each of the frames.
+    pub fn frames_with_markers(&self) -> Vec<bool> {
+        let mut seen = vec![false; self.frames.len()];
+        for camera in &self.cameras {
+            for (number, frame) in camera.frames.iter().zip(&camera.capture.frames) {
+                seen[*number] |= !frame.posed().markers.is_empty();
+            }
+        }
+        seen
     }
 
     /// Takes the motion of the board about every frame from the present poses of those before and after, where a camera has an offset.
@@ -143,11 +248,11 @@ impl RigState {
     /// Gives the frames of every camera the poses that follow from the rig's.
     pub fn place_boards(&mut self) {
         for camera in &mut self.cameras {
-            let rig_from_board = |(own, number): (&SampledFrame, &usize)| {
+            let rig_from_board = |(camera_frame, number): (&F, &usize)| {
                 let frame = &self.frames[*number];
                 let moving = camera.offset_s.zip(frame.motion);
                 let board = moving.map_or(frame.rig_from_board, |(offset_s, motion)| {
-                    motion.after(offset_s + frame.later_s(own)).of(&frame.rig_from_board)
+                    motion.after(offset_s + frame.later_s(camera_frame.posed())).of(&frame.rig_from_board)
                 });
                 camera.place_in(frame) * board
             };
