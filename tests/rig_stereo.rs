@@ -2,7 +2,6 @@
 #![cfg(feature = "detect")]
 
 use depthcal_calibration::adjust::adjustment::Adjustment;
-use depthcal_calibration::adjust::state::{CameraState, State};
 use depthcal_calibration::calibrate::rig::{RigOptions, calibrate_rig};
 use depthcal_calibration::observe::RigCapture;
 use depthcal_calibration::rig_simulated::rig_capture;
@@ -40,36 +39,19 @@ fn plain_least_squares(capture: &RigCapture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
     const SIGMA_PX: f64 = 10.0;
     let options = RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() };
     let fit = calibrate_rig(capture, &options).unwrap();
-    let cameras = fit.cameras.iter().map(|camera| {
-        let own = &camera.calibrated;
-        let place = |name: &str| fit.frames.iter().position(|f| f.name == name).unwrap();
-        let mut noise = own.noise;
-        noise.pixel_sigma = SIGMA_PX;
-        CameraState {
-            name: camera.name.clone(),
-            camera: own.camera.clone(),
-            camera_from_rig: camera.camera_from_rig,
-            drift: None,
-            offset_s: None,
-            noise,
-            smoothness: own.smoothness.clone(),
-            frames: own.capture.frames.iter().map(|f| place(&f.name)).collect(),
-            capture: own.capture.clone(),
-            correlation_length_px: None,
-            outliers: 0,
-            priors: Vec::new(),
-        }
-    });
-    let state = State { frames: fit.frames.clone(), cameras: cameras.collect() };
+    let mut state = fit.state;
+    state.cameras.iter_mut().for_each(|camera| camera.noise.pixel_sigma = SIGMA_PX);
     let adjusted = Adjustment::of_state(&state, true).unwrap().solve_within(0.0).unwrap();
-    let squares = adjusted.image_residuals.iter().flatten().map(|r| (r * SIGMA_PX).powi(2)).sum::<f64>();
-    let count = adjusted.image_residuals.iter().map(|r| r.len() / 2).sum::<usize>();
+    let squares =
+        adjusted.cameras.iter().flat_map(|camera| &camera.image_residuals).map(|r| (r * SIGMA_PX).powi(2)).sum::<f64>();
+    let count = adjusted.cameras.iter().map(|camera| camera.image_residuals.len() / 2).sum::<usize>();
     let pose = |p: &nalgebra::Isometry3<f64>| {
         let (r, t) = (p.rotation.scaled_axis(), p.translation.vector);
         [r.x, r.y, r.z, t.x, t.y, t.z]
     };
-    let places = adjusted.camera_from_rig.iter().map(pose).collect();
-    (adjusted.theta.concat(), places, (squares / count as f64).sqrt())
+    let places = adjusted.cameras.iter().map(|camera| pose(&camera.camera_from_rig)).collect();
+    let theta = adjusted.cameras.iter().flat_map(|camera| camera.camera.theta()).collect();
+    (theta, places, (squares / count as f64).sqrt())
 }
 
 fn numbers(mat: &Mat) -> Vec<f64> {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use depthcal_calibration::adjust::factors::{CameraVariables, Observations, RigBatch, RigGroup};
+use depthcal_calibration::adjust::factors::{CameraVariables, FrameGroup, FrameView, ObservationBatch, Observations};
 use depthcal_calibration::observe::board_motion::BoardMotion;
 use depthcal_model::chain::DepthQuery;
 use depthcal_model::{Block, Context, Register};
@@ -39,14 +39,7 @@ fn derivatives_are_those_of_finite_differences() {
         (Some(place), None, Some(offset)),
         (Some(place), Some(drift), Some(offset)),
     ] {
-        let variables = CameraVariables {
-            chain: Arc::new(camera.chain()),
-            place,
-            drift,
-            offset,
-            blocks: blocks.clone(),
-            image_blocks: blocks.len() - 1,
-        };
+        let variables = CameraVariables { chain: Arc::new(camera.chain()), extrinsics: place, drift, offset };
         let points = vec![[0.0, 0.0], [120.0, 10.0], [60.0, 90.0]];
         let pixels = vec![[300.0, 200.0], [310.0, 210.0], [250.0, 260.0]];
         let markers = Observations::Markers { points: points.clone(), pixels: pixels.clone(), sigmas: vec![0.1; 3] };
@@ -62,9 +55,11 @@ fn derivatives_are_those_of_finite_differences() {
         };
         let mut graph = Graph::new();
         let moving = offset.map(|_| (motion, 0.004));
-        let group = |observed| vec![RigGroup { frame, drifted: 0.7, moving, observed }];
-        graph.add_batch(RigBatch::of_markers("image".into(), variables.clone(), group(markers), Loss::Trivial));
-        graph.add_batch(RigBatch::of_depth("depth".into(), variables, group(depth), Loss::Trivial));
+        let view = FrameView { pose: frame, drifted: 0.7, moving };
+        let group = |blocks: &[_], observed| vec![FrameGroup { view, blocks: blocks.into(), observed }];
+        let in_image = group(&blocks[..blocks.len() - 1], markers);
+        graph.add_batch(ObservationBatch::of_markers("image".into(), variables.clone(), in_image, Loss::Trivial));
+        graph.add_batch(ObservationBatch::of_depth("depth".into(), variables, group(&blocks, depth), Loss::Trivial));
         for error in check_jacobians(&graph, &values, 1e-5).unwrap() {
             assert!(error.error < 1e-5, "{error:?}");
         }

@@ -2,6 +2,7 @@
 
 mod depth_only;
 mod jacobians;
+mod one_camera;
 mod several_boards;
 mod support;
 mod time_offset;
