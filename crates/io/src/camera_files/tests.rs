@@ -107,7 +107,7 @@ fn mrcal_and_colmap_as_they_are_written() {
     assert!(text.ends_with("1 OPENCV 640 480 476.5 477.25 313.47 242.99 -0.1468 0.0463 0.0012 -7.0e-5\n"), "{text}");
 }
 
-/// What OpenCV's calibration sample, `cv2` and OpenCV's fisheye sample write.
+/// Files as OpenCV's calibration sample, `cv2` and OpenCV's fisheye sample write them.
 #[test]
 fn opencvs_own_files() {
     let sample = "\
@@ -317,7 +317,7 @@ fn what_a_format_holds_comes_back() {
     }
 }
 
-/// What a format cannot hold is replaced by the nearest, and the error that is told is the error of the file.
+/// A lens that a format cannot hold is replaced by the nearest, and the error that is told is the error of the file.
 #[test]
 fn what_a_format_cannot_hold_is_told_with_its_error() {
     let fisheye: &[f64] = &[0.03, -0.01, 0.004, -0.001];
