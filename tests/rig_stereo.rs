@@ -30,7 +30,7 @@ fn observed() -> RigCapture {
     }
     let names: Vec<std::collections::BTreeSet<String>> =
         capture.cameras.iter().map(|c| c.capture.frames.iter().map(|f| f.name.clone()).collect()).collect();
-    capture.subset(|name| names.iter().all(|own| own.contains(name)))
+    capture.subset(|name| names.iter().all(|others| others.contains(name)))
 }
 
 /// Our least squares, without losses: all residuals are far inside the quadratic part of the loss with a large standard
@@ -40,20 +40,20 @@ fn plain_least_squares(capture: &RigCapture) -> (Vec<f64>, Vec<[f64; 6]>, f64) {
     let options = RigOptions { lens: Some("brown-conrady:full".to_owned()), ..RigOptions::default() };
     let fit = calibrate_rig(capture, &options).unwrap();
     let cameras = fit.cameras.iter().map(|camera| {
-        let own = &camera.calibrated;
+        let alone = &camera.calibrated;
         let place = |name: &str| fit.frames.iter().position(|f| f.name == name).unwrap();
-        let mut noise = own.noise;
+        let mut noise = alone.noise;
         noise.pixel_sigma = SIGMA_PX;
         CameraState {
             name: camera.name.clone(),
-            camera: own.camera.clone(),
+            camera: alone.camera.clone(),
             camera_from_rig: camera.camera_from_rig,
             drift: None,
             offset_s: None,
             noise,
-            smoothness: own.smoothness.clone(),
-            frames: own.capture.frames.iter().map(|f| place(&f.name)).collect(),
-            capture: own.capture.clone(),
+            smoothness: alone.smoothness.clone(),
+            frames: alone.capture.frames.iter().map(|f| place(&f.name)).collect(),
+            capture: alone.capture.clone(),
             correlation_length_px: None,
             outliers: 0,
             priors: Vec::new(),
