@@ -21,15 +21,15 @@ pub fn check_comment_width(file: &SourceFile) -> Vec<String> {
 /// Documentation comments that begin with "What" or "The same".
 pub fn check_beginnings(file: &SourceFile) -> Vec<String> {
     let mut violations = Vec::new();
-    let mut previous = 0;
+    let mut previous = None;
     for (line, comment) in file.comments() {
         let Some(text) = documentation(comment) else { continue };
         let beginning = EMPTY_BEGINNINGS.into_iter().find(|words| begins_with(text, words));
-        if let Some(words) = beginning.filter(|_| line != previous + 1) {
+        if let Some(words) = beginning.filter(|_| previous != Some(line - 1)) {
             violations
                 .push(file.violation(line, &format!("documentation begins with \"{words}\": say what the item is")));
         }
-        previous = line;
+        previous = Some(line);
     }
     violations
 }
