@@ -152,9 +152,8 @@ avg_reprojection_error: 3.9259109564815858e-01
     assert_eq!((lens.piece, lens.values[3]), ("kannala_brandt", -2.812_210_044_111_547e-4));
 }
 
-/// ROS' documentation, Kalibr's wiki, mrcal's documentation and COLMAP's documentation.
 #[test]
-fn documented_texts_of_the_others() {
+fn the_text_of_ros_documentation() {
     let ros = "\
 image_width: 2448
 image_height: 2050
@@ -180,7 +179,10 @@ projection_matrix:
     let camera = read(ros);
     assert_eq!((camera.size, camera.pinhole), (Some([2448, 2050]), [4827.94, 4835.62, 1223.5, 1024.5, 0.0]));
     assert_eq!(camera.lens.unwrap().values, [-0.41527, 0.31874, -0.00197, 0.00071, 0.0]);
+}
 
+#[test]
+fn the_text_of_kalibrs_wiki() {
     let kalibr = "\
 cam0:
   camera_model: pinhole
@@ -209,7 +211,10 @@ cam1:
     assert!(fails(kalibr).contains("camera.yaml#NAME with one of cam0, cam1"), "{}", fails(kalibr));
     let none = parse_camera(Path::new("chain.yaml"), kalibr, Some("cam7")).unwrap_err().to_string();
     assert!(none.contains("no camera 'cam7', but cam0, cam1"), "{none}");
+}
 
+#[test]
+fn the_text_of_mrcals_documentation() {
     let mrcal = "\
 # generated with ...
 {
@@ -228,7 +233,10 @@ cam1:
     let camera = read(mrcal);
     assert_eq!((camera.size, camera.pinhole[2]), (Some([4000, 2200]), 1965.706996));
     assert_eq!(camera.lens.unwrap().values[7], 0.0500223357);
+}
 
+#[test]
+fn the_text_of_colmaps_documentation() {
     let colmap = "\
 # Camera list with one line of data per camera:
 #   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
