@@ -1,4 +1,5 @@
-//! Effects given as formulas beside the same effects in Rust, as `depthcal formula --rust` writes them: batches of a fit, and frames of `apply`.
+//! Effects given as formulas beside the same effects in Rust, as `depthcal formula --rust` writes them: batches of a fit, and
+//! frames of `apply`.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -31,8 +32,8 @@ const BATCH: usize = 4096;
 /// An effect as a formula and in Rust, and values of its parameters.
 type Pair = (&'static str, [Arc<dyn AnyPiece>; 2], Vec<f64>);
 
-/// The effects as formulas and in Rust. The first has a table per pixel; the second depends on place and amplitude together and is inverted
-/// pixel by pixel.
+/// The effects as formulas and in Rust. The first has a table per pixel; the second depends on place and amplitude together and
+/// is inverted pixel by pixel.
 fn effects() -> Vec<Pair> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/formula/tests/emitted/all.toml");
     let file = FormulaFile::read(&path).unwrap();

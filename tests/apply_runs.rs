@@ -32,9 +32,9 @@ fn a_stream_is_corrected_frame_by_frame() {
     let output = stream(&folder, &bytes, &["--unit-mm", "2", "--stream-output", "u16", "--stream-size", "64x48"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(stderr(&output).contains("5 frames"), "{}", stderr(&output));
-    let found: Vec<u16> = output.stdout.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
-    assert_eq!(found.len(), measured.len());
-    for (i, (z, m)) in found.iter().zip(&measured).enumerate() {
+    let steps: Vec<u16> = output.stdout.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    assert_eq!(steps.len(), measured.len());
+    for (i, (z, m)) in steps.iter().zip(&measured).enumerate() {
         let expected = corrected(i % PIXELS, 2.0 * f64::from(*m)) / 2.0;
         assert!(if *m == 0 { *z == 0 } else { (f64::from(*z) - expected).abs() <= 0.501 }, "{i}: {z} {expected}");
     }
@@ -55,7 +55,7 @@ fn a_stream_is_corrected_frame_by_frame() {
     let back = stream(&folder, &f32_bytes, &["--unit-mm", "2", "--stream-input", "f32", "--stream-output", "u16"]);
     let again: Vec<u16> = back.stdout.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
     // Rounded from f32 here, from f64 there.
-    assert!(again.len() == found.len() && again.iter().zip(&found).all(|(a, b)| a.abs_diff(*b) <= 1));
+    assert!(again.len() == steps.len() && again.iter().zip(&steps).all(|(a, b)| a.abs_diff(*b) <= 1));
 }
 
 #[test]

@@ -1,5 +1,4 @@
-//! What a user may get wrong ends with exit code 1, a message that names the file, the field and the remedy, and
-//! nothing written.
+//! Mistakes of a user end with exit code 1, a message that names the file, the field and the remedy, and nothing written.
 
 use crate::support::{
     self, BOARD, CALIBRATION, FRAMES, Folder, HEIGHT, UNIT, WIDTH, calibration_with, calibration_with_unit, command,
@@ -275,8 +274,8 @@ fn recordings_need_their_feature() {
     let parts = ["--rrd", "capture.rrd", "without the feature 'rerun'", "--features rerun"];
     let (calibration, data, out) = (folder.arg("calibration.json"), folder.arg("data"), folder.arg("out"));
     for command in [&["calibrate"][..], &["diagnose"], &["evaluate", calibration.as_str()]] {
-        let rest = [data.as_str(), "--no-cache", "--rrd", "capture.rrd", "--out", out.as_str()];
-        fails(command.iter().copied().chain(rest), &parts);
+        let options = [data.as_str(), "--no-cache", "--rrd", "capture.rrd", "--out", out.as_str()];
+        fails(command.iter().copied().chain(options), &parts);
         assert_eq!(folder.names("out"), [""; 0]);
     }
 }
@@ -292,6 +291,6 @@ fn an_evaluation_is_not_written_beside_another_calibration() {
         &[&out, "a calibration other than", &given, "another folder"],
     );
     assert_eq!(folder.names("out"), ["calibration.json"]);
-    let own = folder.arg("out/calibration.json");
-    fails(["evaluate", &own, "missing", "--out", &out], &["missing", "dataset.toml"]);
+    let calibration = folder.arg("out/calibration.json");
+    fails(["evaluate", &calibration, "missing", "--out", &out], &["missing", "dataset.toml"]);
 }

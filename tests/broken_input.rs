@@ -1,4 +1,5 @@
-//! Every file of the fuzzers' corpus (`fuzz/corpus/TARGET/`), read as the fuzz target reads it: broken input is an error, never a panic.
+//! Every file of the fuzzers' corpus (`fuzz/corpus/TARGET/`), read as the fuzz target reads it: broken input is an error, never a
+//! panic.
 
 #[path = "../examples/support/bal.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]

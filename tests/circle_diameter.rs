@@ -3,7 +3,7 @@
 use crate::support::{Folder, stderr, stdout, succeeds};
 use depthcal_simulate::Board;
 
-/// What `calibrate` says of the dots of a capture whose `dataset.toml` has `circle_diameter_mm` so, or not at all.
+/// The lines of `calibrate` about the dots of a capture whose `dataset.toml` has `circle_diameter_mm` so, or not at all.
 fn said(folder: &Folder, declared_mm: Option<f64>) -> String {
     let file = folder.path("capture/dataset.toml");
     let text = std::fs::read_to_string(&file).unwrap();
@@ -27,8 +27,8 @@ fn a_missing_diameter_is_measured_and_a_wrong_one_is_said() {
     succeeds(["simulate", "--out", &folder.arg("capture"), "--seed", "5", "--frames", "8"]);
     let truth_mm = Board::default().circle_diameter_mm().unwrap();
     let measured = |text: &str| -> f64 {
-        let (_, rest) = text.split_once("the dots measure ").unwrap_or_else(|| panic!("{text}"));
-        rest.split_whitespace().next().unwrap().parse().unwrap()
+        let (_, after) = text.split_once("the dots measure ").unwrap_or_else(|| panic!("{text}"));
+        after.split_whitespace().next().unwrap().parse().unwrap()
     };
     let missing = said(&folder, None);
     assert!((measured(&missing) / truth_mm - 1.0).abs() < 0.02, "{missing}");

@@ -38,10 +38,10 @@ fn help_teaches_by_examples() {
         let text = stdout(&succeeds([command, "--help"]));
         let (options, examples) =
             text.split_once("Examples:").unwrap_or_else(|| panic!("{command}: no examples\n{text}"));
-        let own = examples.lines().filter(|l| l.trim_start().starts_with(&format!("depthcal {command}")));
-        let own: Vec<&str> = own.collect();
-        assert!(!own.is_empty(), "{command}: {examples}");
-        for flag in own.iter().flat_map(|l| l.split_whitespace()).filter(|w| w.starts_with("--")) {
+        let lines = examples.lines().filter(|l| l.trim_start().starts_with(&format!("depthcal {command}")));
+        let lines: Vec<&str> = lines.collect();
+        assert!(!lines.is_empty(), "{command}: {examples}");
+        for flag in lines.iter().flat_map(|l| l.split_whitespace()).filter(|w| w.starts_with("--")) {
             assert!(options.contains(flag), "{command} has no {flag}");
         }
     }

@@ -81,8 +81,8 @@ fn camera_2_has_the_thesis_pattern() {
     assert!(interval.low < interval.mean && interval.mean < interval.high && interval.mean < 3.0, "{interval:?}");
     // All subsets by the thesis' estimator and by the joint adjustment, with and without lens.
     let joint = |model: &str, lens: &str| {
-        let found = comparison.variants.iter().find(|v| v.model == model && v.lens == lens && v.estimator == "joint");
-        found.unwrap().held_out.dot_error_mm.unwrap().mean
+        let variant = comparison.variants.iter().find(|v| v.model == model && v.lens == lens && v.estimator == "joint");
+        variant.unwrap().held_out.dot_error_mm.unwrap().mean
     };
     assert!(joint("projective", "none") > 1.5 * joint("projective", "brown-conrady"), "without lens clearly worse");
     let stability = comparison.stability.as_ref().unwrap();

@@ -32,8 +32,9 @@ fn decisions(d: &Diagnosis) -> Vec<String> {
     d.rounds.iter().map(|r| format!("{:?}: {:?}", r.decision, r.outcome)).collect()
 }
 
-/// Effects that act behind D, or on something else than their equation says: named, with a place that is right or listed among those
-/// that the captures cannot tell apart, and nothing else. The camera's D tilts depth, so that a wave in the wrong place slips.
+/// Effects that act behind D, or on something else than their equation says: named, with a place that is right or listed among
+/// those that the captures cannot tell apart, and nothing else. The camera's D tilts depth, so that a wave in the wrong place
+/// slips.
 #[test]
 fn effects_in_other_places_are_named_with_their_place() {
     let cases = [
@@ -53,15 +54,15 @@ fn effects_in_other_places_are_named_with_their_place() {
             let expected = |p: &DiagnosisPlace| p.of.name() == place.name() && p.on.name() == form.name();
             let has_place = |s: &Step| s.place.iter().chain(&s.places_not_told_apart).any(expected);
             let right = names(&d) == [name] && d.verdict == Verdict::Effect && d.steps.iter().all(has_place);
-            let found: Vec<String> = d.steps.iter().map(|s| s.spec.to_string()).collect();
-            (!right).then(|| format!("{name} {place:?} {form:?}: {found:?}, {:?}, {:?}", d.verdict, decisions(&d)))
+            let specs: Vec<String> = d.steps.iter().map(|s| s.spec.to_string()).collect();
+            (!right).then(|| format!("{name} {place:?} {form:?}: {specs:?}, {:?}, {:?}", d.verdict, decisions(&d)))
         })
         .collect();
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// Effects well above their detectable sizes: each is found, alone, and what is left is the noise. Where the simulator gives the size in
-/// units of the parameters themselves, it is found within 10 %.
+/// Effects well above their detectable sizes: each is found, alone, and what is left is the noise. Where the simulator gives the
+/// size in units of the parameters themselves, it is found within 10 %.
 #[test]
 fn undeclared_effects_are_named_and_taken_up() {
     let cases = [
@@ -99,9 +100,9 @@ fn undeclared_effects_are_named_and_taken_up() {
 #[test]
 fn two_effects_are_both_named() {
     let d = run(&simulation(&[("projector_distortion", 4.0), ("temporal_drift", 4.0)], 1));
-    let mut found = names(&d);
-    found.sort_unstable();
-    assert_eq!(found, ["projector_distortion", "temporal_drift"], "{:?}", decisions(&d));
+    let mut effects = names(&d);
+    effects.sort_unstable();
+    assert_eq!(effects, ["projector_distortion", "temporal_drift"], "{:?}", decisions(&d));
     assert_eq!(d.verdict, Verdict::Effect);
 }
 
@@ -111,9 +112,9 @@ fn what_resembles_two_effects_is_not_named() {
     for seed in [0, 1] {
         // Large enough for each to be certain given the other.
         let d = run(&simulation(&[("board_bow", 0.25), ("reflectivity_bias", 3.0)], seed));
-        let mut found = names(&d);
-        found.sort_unstable();
-        assert_eq!(found, ["board_bow", "reflectivity_bias"], "seed {seed}: {:?}", decisions(&d));
+        let mut effects = names(&d);
+        effects.sort_unstable();
+        assert_eq!(effects, ["board_bow", "reflectivity_bias"], "seed {seed}: {:?}", decisions(&d));
     }
 }
 
@@ -237,8 +238,8 @@ fn a_wrong_square_size_is_said_to_be_just_that() {
     assert_eq!(d.declarations.len(), 1);
     assert!((d.declarations[0].scale * 1.25 - 1.0).abs() < 0.08, "{:?}", d.declarations);
     // The value that would fit is the true spacing, up to the same scale.
-    let found = &d.declarations[0];
-    assert!((found.fitting_spacing_mm() * 1.25 / found.spacing_mm - 1.0).abs() < 0.08, "{found:?}");
+    let declaration = &d.declarations[0];
+    assert!((declaration.fitting_spacing_mm() * 1.25 / declaration.spacing_mm - 1.0).abs() < 0.08, "{declaration:?}");
     assert!(run(&simulation(&[], 6)).declarations.is_empty());
 }
 

@@ -44,11 +44,14 @@ fn exact_markers_give_every_subset_of_d_exactly() {
         let nominal = Vector4::new(0.0, 0.0, 0.0, 1.0);
         let truth = Vector4::from_fn(|i, _| if free[i] { camera_2()[i] } else { nominal[i] });
         let points = points(&truth, 0.0, 200, 7);
-        for found in [linear(&points, free), irls(&points, free), nonlinear(&points, free)] {
-            let found = found.unwrap();
+        for estimate in [linear(&points, free), irls(&points, free), nonlinear(&points, free)] {
+            let estimate = estimate.unwrap();
             for i in 0..4 {
                 // d is of the order of 1e-5; 1e-12 of it is rounding.
-                assert!((found[i] - truth[i]).abs() < 1e-12 + 1e-10 * truth[i].abs(), "{free:?}: {found} for {truth}");
+                assert!(
+                    (estimate[i] - truth[i]).abs() < 1e-12 + 1e-10 * truth[i].abs(),
+                    "{free:?}: {estimate} for {truth}"
+                );
             }
         }
     }
@@ -77,11 +80,11 @@ fn reweighting_resists_outliers() {
     }
     // Error of the correction in mm over the volume, not of single parameters, which trade off.
     let error = |d: &Vector4<f64>| {
-        let at = |x: f64, z: f64| {
+        let error_at = |x: f64, z: f64| {
             let rho = camera_2().dot(&Vector4::new(x, 0.1, 1.0, 1.0 / z));
             (1.0 / ((rho - d[0] * x - d[1] * 0.1 - d[2]) / d[3]) - z).abs()
         };
-        [-0.5, 0.0, 0.5].into_iter().flat_map(|x| [400.0, 800.0, 1200.0].map(|z| at(x, z))).fold(0.0, f64::max)
+        [-0.5, 0.0, 0.5].into_iter().flat_map(|x| [400.0, 800.0, 1200.0].map(|z| error_at(x, z))).fold(0.0, f64::max)
     };
     let (plain, robust) = (linear(&points, [true; 4]).unwrap(), irls(&points, [true; 4]).unwrap());
     assert!(error(&robust) < 0.1 * error(&plain), "{} mm against {} mm", error(&robust), error(&plain));

@@ -1,5 +1,5 @@
-//! A fisheye camera of 150° from rendered images to corrected depth: found boards, focal length, depth on another capture beside the true
-//! camera.
+//! A fisheye camera of 150° from rendered images to corrected depth: found boards, focal length, depth on another capture beside
+//! the true camera.
 
 #![cfg(feature = "detect")]
 
@@ -23,15 +23,15 @@ fn rendered(camera: CameraTruth, kind: Kind, seed: u64) -> Loaded {
 fn a_rendered_fisheye_capture_is_calibrated() {
     let truth = CameraTruth::fisheye_150();
     let capture = rendered(truth, Kind::General(1), 31).capture;
-    let found = capture.frames.len();
+    let boards = capture.frames.len();
     let widest = capture
         .frames
         .iter()
         .flat_map(|f| &f.markers)
         .map(|m| (m.pixel[0] - truth.centre_px[0]).abs())
         .fold(0.0, f64::max);
-    println!("{found} of {} boards found, markers up to {widest:.0} px from the axis", Kind::General(1).frames());
-    assert!(found * 10 >= Kind::General(1).frames() * 8, "{found} boards found");
+    println!("{boards} of {} boards found, markers up to {widest:.0} px from the axis", Kind::General(1).frames());
+    assert!(boards * 10 >= Kind::General(1).frames() * 8, "{boards} boards found");
     assert!(widest > 300.0, "markers reach only {widest} px from the axis");
     let options = CalibrateOptions { lens: "kannala-brandt".to_owned(), ..CalibrateOptions::default() };
     let result = calibrate(&capture, &options).unwrap();
@@ -53,7 +53,8 @@ fn a_rendered_fisheye_capture_is_calibrated() {
     assert!(fitted.after < 1.05 * best.after, "{} mm, {} mm with the true camera", fitted.after, best.after);
 }
 
-/// The commands: simulate, calibrate with the lens of dataset.toml, export, evaluate the exported file, start from it with another lens.
+/// The commands: simulate, calibrate with the lens of dataset.toml, export, evaluate the exported file, start from it with
+/// another lens.
 #[test]
 fn a_fisheye_camera_through_all_commands() {
     let folder = Folder::new();
@@ -72,14 +73,14 @@ fn a_fisheye_camera_through_all_commands() {
         succeeds(["export", &calibration, "--format", format, "--out", &file]);
         assert!(std::fs::read_to_string(&file).unwrap().contains(model), "{format}");
     }
-    let of = |what: &str, out: &str| -> f64 {
+    let error_px = |what: &str, out: &str| -> f64 {
         succeeds(["evaluate", what, &path("captures"), "--no-cache", "--out", &path(out)]);
         let text = std::fs::read_to_string(format!("{}/evaluation.json", path(out))).unwrap();
         let value: serde_json::Value = serde_json::from_str(&text).unwrap();
         value["datasets"][0]["reprojection_px"]["rms"].as_f64().unwrap()
     };
-    let (own, exported) = (of(&calibration, "own"), of(&path("camera.opencv"), "exported"));
-    assert!((own - exported).abs() < 1e-6 && own < 0.2, "{own} px, exported {exported} px");
+    let (ours, exported) = (error_px(&calibration, "own"), error_px(&path("camera.opencv"), "exported"));
+    assert!((ours - exported).abs() < 1e-6 && ours < 0.2, "{ours} px, exported {exported} px");
     std::fs::write(&dataset, format!("{declared}\n[camera]\nintrinsics = \"../camera.kalibr\"\nfixed = true\n"))
         .unwrap();
     succeeds(["calibrate", &path("captures"), "--no-cache", "--out", &path("fixed")]);

@@ -61,7 +61,8 @@ fn records(unit: usize, fit: &Calibrated) -> (Calibration, Scores) {
 fn scores_and_conditioning_are_what_adjusting_gives() {
     let register = Register::builtin();
     let unit = |options: &CalibrateOptions| {
-        // So small that the noise that is estimated without the effect is the noise: weights that differ would move a model that lacks it.
+        // So small that the noise that is estimated without the effect is the noise: weights that differ would move a model that
+        // lacks it.
         let fit = calibrate(&capture(0, 24, 1.5), options).unwrap();
         let (record, scores) = records(0, &fit);
         Unit::new("unit", "", &record, Some(&scores), &register).unwrap()
@@ -78,18 +79,18 @@ fn scores_and_conditioning_are_what_adjusting_gives() {
         (without.estimate_with(&base, &[], 1.0).unwrap(), with.estimate_with(&base, &[], 1.0).unwrap(), &base),
     ];
     // What the effect moves: the same parameters with and without it.
-    let rest = without.estimate_with(&base, &[], 1.0).unwrap();
+    let estimate = without.estimate_with(&base, &[], 1.0).unwrap();
     let moved = with.estimate_with(&base, &[key], 1.0).unwrap();
     // A step that did nothing, or the wrong thing, would show.
-    let largest = (0..base.len()).map(|k| (rest.value[k] - moved.value[k]).abs() / moved.covariance[(k, k)].sqrt());
+    let largest = (0..base.len()).map(|k| (estimate.value[k] - moved.value[k]).abs() / moved.covariance[(k, k)].sqrt());
     assert!(largest.fold(0.0, f64::max) > 2.0);
     for (a, b, names) in pairs {
         for (k, name) in names.iter().enumerate() {
             let std = b.covariance[(k, k)].sqrt();
-            let shift = base.iter().position(|n| n == name).map_or(0.0, |i| (rest.value[i] - moved.value[i]).abs());
+            let shift = base.iter().position(|n| n == name).map_or(0.0, |i| (estimate.value[i] - moved.value[i]).abs());
             let ratio = (a.covariance[(k, k)] / b.covariance[(k, k)]).sqrt();
-            // Each fit weighs by the noise that it has estimated itself: of the same data, weights that make standard deviations up to a
-            // tenth larger move estimates by √(1.1² − 1) = 0.46 of one (Hausman 1978).
+            // Each fit weighs by the noise that it has estimated itself: of the same data, weights that make standard deviations
+            // up to a tenth larger move estimates by √(1.1² − 1) = 0.46 of one (Hausman 1978).
             let bound = (0.5 * std).max(0.1 * shift);
             assert!((a.value[k] - b.value[k]).abs() < bound, "{name}: {} and {} ± {std}", a.value[k], b.value[k]);
             assert!((0.8..1.25).contains(&ratio), "{name}: standard deviations differ by {ratio}");
@@ -112,15 +113,15 @@ fn small(number: usize, size: f64) -> (Unit, Scores) {
 #[test]
 fn units_find_together_what_none_shows_alone() {
     let (_, scores) = small(30, 0.0);
-    let at = scores.effects.iter().position(|e| e.effect == EFFECT).unwrap();
-    let place: usize = scores.effects[..at].iter().map(|e| e.parameters.len()).sum();
+    let index = scores.effects.iter().position(|e| e.effect == EFFECT).unwrap();
+    let place: usize = scores.effects[..index].iter().map(|e| e.parameters.len()).sum();
     let tests = scores.effects.len() as f64;
     let size = 0.5 * (noncentrality(1, 0.01 / tests, 0.8) / scores.information[place][place]).sqrt();
     let units: Vec<Unit> = (0..24).into_par_iter().map(|number| small(number, size).0).collect();
-    let found = join(units, Vec::new(), &FleetOptions::default()).unwrap().fleet.effects;
-    let shared: Vec<&str> = found.iter().filter(|e| e.shared).map(|e| e.effect.as_str()).collect();
+    let effects = join(units, Vec::new(), &FleetOptions::default()).unwrap().fleet.effects;
+    let shared: Vec<&str> = effects.iter().filter(|e| e.shared).map(|e| e.effect.as_str()).collect();
     assert_eq!(shared, [EFFECT]);
-    let effect = &found[0];
+    let effect = &effects[0];
     assert!((effect.mean[0] / size - 1.0).abs() < 0.4, "{} mm instead of {size}", effect.mean[0]);
     let shows = |value: f64, std: f64| chi_squared_tail((value / std).powi(2), 1) * tests < 0.01;
     let alone = effect.units.iter().filter(|u| shows(u.values[0], u.std_dev[0])).count();
@@ -156,8 +157,8 @@ fn a_small_fleet_from_files_to_the_next_unit() {
     let replication = fleet.replications.iter().find(|r| r.effect == EFFECT).expect("a replication");
     assert_eq!((replication.found_in.len(), replication.tested_in.len()), (1, 5));
     assert!(replication.confirmed, "{replication:?}");
-    let found = fleet.effects.iter().find(|e| e.shared).expect("a shared effect");
-    assert!(found.with == EFFECT || found.indistinguishable.iter().any(|name| name == EFFECT), "{text}");
+    let shared = fleet.effects.iter().find(|e| e.shared).expect("a shared effect");
+    assert!(shared.with == EFFECT || shared.indistinguishable.iter().any(|name| name == EFFECT), "{text}");
 
     // The next unit, from four frames.
     let prior = Prior::read(folder.path("fleet/prior.json")).unwrap();
@@ -165,10 +166,10 @@ fn a_small_fleet_from_files_to_the_next_unit() {
     let few = fit(6, 4, &CalibrateOptions { prior, ..with_effect() });
     let truth = camera(6);
     let z = |name: &str, parameter: &str, truth: f64| {
-        let at = few.camera.parameter_ranges().nth(few.camera.block_index(name).unwrap()).unwrap();
+        let columns = few.camera.parameter_ranges().nth(few.camera.block_index(name).unwrap()).unwrap();
         let block = few.camera.block(name).unwrap();
         let k = block.parameters().iter().position(|p| p.name == parameter).unwrap();
-        (block.theta[k] - truth) / few.std_devs()[at.start + k].unwrap()
+        (block.theta[k] - truth) / few.std_devs()[columns.start + k].unwrap()
     };
     assert!(z("pinhole", "fx", truth.focal_px[0]).abs() < 4.0, "{}", z("pinhole", "fx", truth.focal_px[0]));
     assert!(z("brown_conrady", "k1", truth.lens[0]).abs() < 4.0, "{}", z("brown_conrady", "k1", truth.lens[0]));
@@ -189,8 +190,9 @@ fn a_small_fleet_from_files_to_the_next_unit() {
 fn priors_are_weighed_by_their_information() {
     let options = with_effect();
     let alone = fit(0, 12, &options);
-    let at = alone.camera.parameter_ranges().nth(alone.camera.block_index("projective").unwrap()).unwrap().start + 3;
-    let (value, variance) = (alone.camera.theta()[at], alone.covariance.as_ref().unwrap()[(at, at)]);
+    let column =
+        alone.camera.parameter_ranges().nth(alone.camera.block_index("projective").unwrap()).unwrap().start + 3;
+    let (value, variance) = (alone.camera.theta()[column], alone.covariance.as_ref().unwrap()[(column, column)]);
     for factor in [1e-4, 1.0, 1e6] {
         let mean = value + 0.5 * variance.sqrt();
         let prior = CameraPrior {
@@ -201,9 +203,9 @@ fn priors_are_weighed_by_their_information() {
         };
         let with = fit(0, 12, &CalibrateOptions { prior: Some(Arc::new(prior)), ..options.clone() });
         let expected = (factor * value + mean) / (factor + 1.0);
-        let found = with.camera.theta()[at];
-        assert!((found - expected).abs() < 0.1 * variance.sqrt(), "{factor}: {found}, expected {expected}");
-        let narrowed = with.covariance.as_ref().unwrap()[(at, at)] / variance;
+        let fitted = with.camera.theta()[column];
+        assert!((fitted - expected).abs() < 0.1 * variance.sqrt(), "{factor}: {fitted}, expected {expected}");
+        let narrowed = with.covariance.as_ref().unwrap()[(column, column)] / variance;
         assert!((narrowed / (factor / (factor + 1.0)) - 1.0).abs() < 0.15, "{factor}: variance by {narrowed}");
     }
 }

@@ -1,4 +1,5 @@
-//! Formulas in files, from end to end: simulated, fitted, compared, kept in `calibration.json`, applied and evaluated without the file.
+//! Formulas in files, from end to end: simulated, fitted, compared, kept in `calibration.json`, applied and evaluated without the
+//! file.
 
 #![cfg(all(feature = "cli", feature = "detect"))]
 

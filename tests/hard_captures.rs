@@ -54,7 +54,7 @@ fn is_right(capture: &Capture) -> bool {
     let result = calibrate(capture, &CalibrateOptions::default()).unwrap();
     let truth = simulated::true_theta(&CameraTruth::published(1).unwrap());
     let errors = result.camera.theta().into_iter().zip(truth).zip(result.std_devs());
-    errors.filter_map(|((found, truth), std)| Some((found - truth).abs() / std?)).all(|z| z <= 3.0)
+    errors.filter_map(|((value, truth), std)| Some((value - truth).abs() / std?)).all(|z| z <= 3.0)
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! What a calibration must not depend on: the order of the frames, the end at which the board's markers are counted from, the unit of length.
+//! Invariances of a calibration: the order of the frames, the end at which the board's markers are counted from, the unit of
+//! length.
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal::calibration::observe::{Capture, MeasuredDepth};
@@ -65,8 +66,8 @@ fn the_board_may_be_turned() {
     }
 }
 
-/// Where everything is ten times as large, angles and focal lengths stay, and D's coefficients of the ray and its offset, which are
-/// inverse depths, are a tenth.
+/// Where everything is ten times as large, angles and focal lengths stay, and D's coefficients of the ray and its offset, which
+/// are inverse depths, are a tenth.
 #[test]
 fn lengths_may_have_any_unit() {
     const SCALE: f64 = 10.0;

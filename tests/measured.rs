@@ -128,8 +128,8 @@ fn found(d: &Diagnosis) -> String {
 }
 
 /// The loop on a real camera, starting from K, lens and D: every frame is judged by fits that did not see it. An independent
-/// look found that D leaves 6.5 mm over the board's pixels, and that light which the lens spreads over the frame explains what nine
-/// parameters of other effects did.
+/// look found that D leaves 6.5 mm over the board's pixels, and that light which the lens spreads over the frame explains what
+/// nine parameters of other effects did.
 #[test]
 fn the_loop_closes_on_kinect2() {
     let Some(loaded) = measured("kinect2") else { return };
@@ -141,8 +141,8 @@ fn the_loop_closes_on_kinect2() {
 }
 
 /// Effects that nobody declares, planted in the measured depth images, are found on top of the camera's own. Times are made
-/// up: a frame every ten seconds. Of a drift, D and the poses take up most: at 9 mm what is left of it is 2.1 mm rms, as much as whole
-/// frames scatter by, and it is not named for certain.
+/// up: a frame every ten seconds. Of a drift, D and the poses take up most: at 9 mm what is left of it is 2.1 mm rms, as much as
+/// whole frames scatter by, and it is not named for certain.
 #[test]
 fn planted_effects_are_found_on_top_of_the_cameras_own() {
     let Some(mut loaded) = measured("kinect2") else { return };

@@ -87,8 +87,8 @@ fn strays_of_a_dataset_are_listed() {
     assert_eq!(folder.names("out"), ["0.png", "1.png", "3.png"]);
 }
 
-/// The markers that `detect` found, as any program might write them: the calibration is that of the detector, but for the weights, which
-/// the file does not have.
+/// The markers that `detect` found, as any program might write them: the calibration is that of the detector, but for the
+/// weights, which the file does not have.
 #[test]
 fn markers_of_another_detector_take_the_place_of_ours() {
     let folder = Folder::new();

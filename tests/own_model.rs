@@ -23,7 +23,8 @@ fn is_up_to_date(program: &Path) -> bool {
 }
 
 /// The example's binary, built with the profile of this test. Cargo builds it for `cargo test`, but not for
-/// `cargo test --test suite`. It is built here only then: other features than those of the whole workspace compile most of it again.
+/// `cargo test --test suite`. It is built here only then: other features than those of the whole workspace compile most of it
+/// again.
 fn example() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let profile = test.ancestors().nth(2).unwrap();

@@ -77,14 +77,14 @@ fn error(edge: &Edge, poses: &[Matrix4<f64>]) -> DVector<f64> {
     let r: Matrix3<f64> = relative.fixed_view::<3, 3>(0, 0).into();
     let measured: Matrix3<f64> = edge.measured.fixed_view::<3, 3>(0, 0).into();
     if edge.information.nrows() == 3 {
-        let rest = measured.transpose() * r;
+        let remaining = measured.transpose() * r;
         let t = relative.column(3) - edge.measured.column(3);
-        return DVector::from_vec(vec![t[0], t[1], rest[(1, 0)].atan2(rest[(0, 0)])]);
+        return DVector::from_vec(vec![t[0], t[1], remaining[(1, 0)].atan2(remaining[(0, 0)])]);
     }
-    let rest = edge.measured.try_inverse().unwrap() * relative;
-    let w = 0.5 * (rest[(0, 0)] + rest[(1, 1)] + rest[(2, 2)] + 1.0).max(0.0).sqrt();
-    let v = |i: usize, j: usize| (rest[(i, j)] - rest[(j, i)]) / (4.0 * w);
-    DVector::from_vec(vec![rest[(0, 3)], rest[(1, 3)], rest[(2, 3)], v(2, 1), v(0, 2), v(1, 0)])
+    let remaining = edge.measured.try_inverse().unwrap() * relative;
+    let w = 0.5 * (remaining[(0, 0)] + remaining[(1, 1)] + remaining[(2, 2)] + 1.0).max(0.0).sqrt();
+    let v = |i: usize, j: usize| (remaining[(i, j)] - remaining[(j, i)]) / (4.0 * w);
+    DVector::from_vec(vec![remaining[(0, 3)], remaining[(1, 3)], remaining[(2, 3)], v(2, 1), v(0, 2), v(1, 0)])
 }
 
 fn cost(edges: &[Edge], poses: &[Matrix4<f64>]) -> f64 {
@@ -119,8 +119,8 @@ fn dense(file: &G2oGraph) -> (f64, Vec<Matrix4<f64>>) {
                         let mut delta = vec![0.0; d];
                         delta[k] = sign * 1e-6;
                         let mut other = [poses[ends[0]], poses[ends[1]]];
-                        let at = usize::from(end == ends[1]);
-                        other[at] = moved(&other[at], &delta);
+                        let index = usize::from(end == ends[1]);
+                        other[index] = moved(&other[index], &delta);
                         let local = Edge { ends: (0, 1), measured: edge.measured, information: DMatrix::zeros(d, d) };
                         error(&local, &other)
                     };
@@ -167,13 +167,13 @@ fn dense(file: &G2oGraph) -> (f64, Vec<Matrix4<f64>>) {
 fn the_minimum_is_that_of_a_dense_method() {
     for (kind, count) in [("manhattan", 120), ("sphere", 64), ("torus", 49)] {
         let file = read(&synthetic::generate(kind, count).unwrap());
-        let found = solve(&file);
+        let solution = solve(&file);
         let (cost, poses) = dense(&file);
-        assert!((found.report.cost - cost).abs() < 1e-8 * cost, "{kind} {cost} {}", found.report);
-        assert!(found.report.cost0 > 10.0 * cost, "{kind}: the start has to be poor");
-        for (id, pose) in found.values.ids().zip(&poses) {
+        assert!((solution.report.cost - cost).abs() < 1e-8 * cost, "{kind} {cost} {}", solution.report);
+        assert!(solution.report.cost0 > 10.0 * cost, "{kind}: the start has to be poor");
+        for (id, pose) in solution.values.ids().zip(&poses) {
             // x, y, angle, or a unit quaternion i, j, k, w and the translation.
-            let state = found.values.state(id).unwrap();
+            let state = solution.values.state(id).unwrap();
             let t = if state.len() == 3 { [state[0], state[1], 0.0] } else { [state[4], state[5], state[6]] };
             let expected = pose.column(3);
             assert!((0..3).all(|i| (t[i] - expected[i]).abs() < 1e-4), "{kind} {t:?} {expected}");
@@ -185,14 +185,18 @@ fn the_minimum_is_that_of_a_dense_method() {
 fn larger_graphs_scatter_as_their_noise_says() {
     for (kind, count, d) in [("manhattan", 2000, 3), ("sphere", 900, 6), ("torus", 900, 6)] {
         let file = read(&synthetic::generate(kind, count).unwrap());
-        let found = solve(&file);
-        let used = &found.report.linear_solver;
+        let solution = solve(&file);
+        let used = &solution.report.linear_solver;
         assert_eq!((used.solver, used.forced), (LinearSolver::SparseCholesky, false), "{kind} {used:?}");
         let edges = file.se2_edges.len() + file.se3_edges.len();
-        let freedom = (found.report.residuals - found.report.unknowns) as f64;
-        assert_eq!(found.report.residuals, d * edges);
+        let freedom = (solution.report.residuals - solution.report.unknowns) as f64;
+        assert_eq!(solution.report.residuals, d * edges);
         // 2 · cost is χ² with as many degrees of freedom: five standard deviations, √(2 n) each.
-        assert!((2.0 * found.report.cost - freedom).abs() < 5.0 * (2.0 * freedom).sqrt(), "{kind} {}", found.report);
+        assert!(
+            (2.0 * solution.report.cost - freedom).abs() < 5.0 * (2.0 * freedom).sqrt(),
+            "{kind} {}",
+            solution.report
+        );
     }
 }
 

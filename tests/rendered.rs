@@ -28,7 +28,7 @@ fn narrowest_dot_px(simulation: &Simulation, frame: usize) -> f64 {
 #[test]
 fn boards_centres_focal_length_and_depth_of_rendered_captures() {
     let exact = PointOptions { sigma_px: 0.0, depth_samples: 0, ..PointOptions::default() };
-    let (mut wanted, mut found, mut sum, mut count) = (0, 0, 0.0, 0);
+    let (mut wanted, mut boards, mut sum, mut count) = (0, 0, 0.0, 0);
     for seed in [11, 12] {
         let camera = CameraTruth::published(1).unwrap();
         let simulation = Simulation::new(camera, Kind::General(1), &[], seed);
@@ -42,7 +42,7 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
             let inside = frame.markers.len() == truth.truth.board.len();
             if inside && narrowest_dot_px(&simulation, i) >= 5.0 {
                 wanted += 1;
-                found += i32::from(detected.is_some());
+                boards += i32::from(detected.is_some());
             }
             for marker in detected.map_or(&[][..], |f| &f.markers) {
                 let Some(true_marker) = frame.markers.iter().find(|m| m.index == marker.index) else { continue };
@@ -62,7 +62,7 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
         assert!(rms.after < 0.3 * rms.before, "depth rms {:.2} mm to {:.2} mm", rms.before, rms.after);
     }
     let rms = (sum / f64::from(2 * count)).sqrt();
-    println!("{found} of {wanted} boards found; centres {rms:.4} px rms per coordinate");
-    assert!(f64::from(found) >= 0.95 * f64::from(wanted), "{found} of {wanted}");
+    println!("{boards} of {wanted} boards found; centres {rms:.4} px rms per coordinate");
+    assert!(f64::from(boards) >= 0.95 * f64::from(wanted), "{boards} of {wanted}");
     assert!(rms < 0.05, "centres are off by {rms:.4} px rms");
 }

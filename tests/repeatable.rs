@@ -1,5 +1,5 @@
-//! The same input gives the same bytes in every record: on any number of threads, in any order of its lists, with and without cached
-//! detections, whatever became of the cache, whatever the clock says, and beside another run.
+//! Every record has the same bytes for the same input: on any number of threads, in any order of its lists, with and without
+//! cached detections, whatever became of the cache, whatever the clock says, and beside another run.
 
 #![cfg(all(unix, feature = "cli", feature = "detect"))]
 
@@ -43,8 +43,8 @@ fn all_records(folder: &Folder, cache: &Path, threads: &str, out: &str) -> BTree
     let mut run = |name: &str, arguments: &[&str]| {
         let out = folder.arg(&format!("{out}/{name}"));
         succeeds_with(cache, &[arguments, &["--threads", threads, "--out", &out]].concat());
-        let found = records(Path::new(&out));
-        all.extend(found.into_iter().map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+        let written = records(Path::new(&out));
+        all.extend(written.into_iter().map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
     };
     run("calibrate", &["calibrate", &captures, "--cross-validate", "2", "--with", "range_offset"]);
     run("diagnose", &["diagnose", &captures, "--folds", "2", "--no-discovery"]);
@@ -141,8 +141,8 @@ fn a_damaged_cache_is_not_used_and_heals() {
     let captures = folder.arg("captures");
     let detect = |cache: &Path| {
         let output = succeeds_with(cache, &["detect", &captures, "--out", &folder.arg("out")]);
-        let found = fs::read(folder.path("out/observations.json")).unwrap();
-        (found, stdout(&output).contains("(cached)"), stderr(&output))
+        let observations = fs::read(folder.path("out/observations.json")).unwrap();
+        (observations, stdout(&output).contains("(cached)"), stderr(&output))
     };
     let (expected, was_cached, _) = detect(&cache);
     assert!(!was_cached);
@@ -153,9 +153,9 @@ fn a_damaged_cache_is_not_used_and_heals() {
     // The last digit of a marker: JSON as good as before.
     let place = good.windows(8).position(|w| w == b"\"pixel\":").unwrap();
     let digit = place + good[place..].iter().position(|b| *b == b'.').unwrap() + 1;
-    let changed = |at: usize, to: u8| {
+    let changed = |place: usize, to: u8| {
         let mut bytes = good.clone();
-        bytes[at] = to;
+        bytes[place] = to;
         bytes
     };
     let replaced = |from: &str, to: &str| String::from_utf8(good.clone()).unwrap().replacen(from, to, 1).into_bytes();
@@ -172,19 +172,19 @@ fn a_damaged_cache_is_not_used_and_heals() {
     for (what, bytes) in damaged {
         assert!(bytes != good, "{what}");
         fs::write(&file, bytes).unwrap();
-        let (found, was_cached, told) = detect(&cache);
+        let (observations, was_cached, told) = detect(&cache);
         assert!(!was_cached && !told.contains("error"), "{what}: {was_cached} {told}");
-        assert!(found == expected, "{what}");
+        assert!(observations == expected, "{what}");
         assert!(fs::read(&file).unwrap() == good, "{what}: not healed");
     }
     fs::remove_file(&file).unwrap();
     fs::create_dir(&file).unwrap();
-    let (found, was_cached, told) = detect(&cache);
-    assert!(found == expected && !was_cached && told.contains("DEPTHCAL_CACHE"), "{told}");
+    let (observations, was_cached, told) = detect(&cache);
+    assert!(observations == expected && !was_cached && told.contains("DEPTHCAL_CACHE"), "{told}");
 
     // A cache that cannot be written: a file is in its place.
-    let (found, was_cached, told) = detect(&folder.path("captures/dataset.toml"));
-    assert!(found == expected && !was_cached, "{told}");
+    let (observations, was_cached, told) = detect(&folder.path("captures/dataset.toml"));
+    assert!(observations == expected && !was_cached, "{told}");
     assert!(told.contains("dataset.toml") && told.contains("not cached") && told.contains("DEPTHCAL_CACHE"), "{told}");
 }
 
@@ -237,9 +237,9 @@ fn dates_of_files_change_nothing() {
     ] {
         files(&folder.path("captures")).iter().for_each(|file| set_date(file, of_captures));
         files(&cache).iter().chain(&files(&folder.path("out"))).for_each(|file| set_date(file, of_rest));
-        let (found, was_cached) = calibrate("out");
+        let (records, was_cached) = calibrate("out");
         assert!(was_cached);
-        assert_same(&expected, &found);
+        assert_same(&expected, &records);
     }
 }
 

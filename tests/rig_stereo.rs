@@ -30,7 +30,7 @@ fn observed() -> RigCapture {
     }
     let names: Vec<std::collections::BTreeSet<String>> =
         capture.cameras.iter().map(|c| c.capture.frames.iter().map(|f| f.name.clone()).collect()).collect();
-    capture.subset(|name| names.iter().all(|own| own.contains(name)))
+    capture.subset(|name| names.iter().all(|others| others.contains(name)))
 }
 
 /// Our least squares, without losses: all residuals are far inside the quadratic part of the loss with a large standard

@@ -1,4 +1,5 @@
-//! Rendered rigs with an effect of one camera that is not declared: the diagnosis names this camera and this effect, and nothing else.
+//! Rendered rigs with an effect of one camera that is not declared: the diagnosis names this camera and this effect, and nothing
+//! else.
 #![cfg(feature = "detect")]
 
 use depthcal::calibration::load::LoadOptions;
@@ -9,10 +10,10 @@ use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
 const FRAMES: usize = 20;
 
 /// Renders the cameras, one of which has the effect, and diagnoses their images.
-fn diagnosed(cameras: [&str; 2], of: &str, (effect, size_mm): (&str, f64), seed: u64) -> RigDiagnosis {
+fn diagnosed(cameras: [&str; 2], afflicted: &str, (effect, size_mm): (&str, f64), seed: u64) -> RigDiagnosis {
     let camera = |name: &str| {
         let camera = RigCamera::usual(name, 1).unwrap().unwrap();
-        if name == of { camera.effect(Effect::new(effect, size_mm).unwrap()) } else { camera }
+        if name == afflicted { camera.effect(Effect::new(effect, size_mm).unwrap()) } else { camera }
     };
     let folder = tempfile::tempdir().unwrap();
     let captures = folder.path().join("rig");
@@ -24,26 +25,26 @@ fn diagnosed(cameras: [&str; 2], of: &str, (effect, size_mm): (&str, f64), seed:
 }
 
 /// Effects that were added, `CAMERA:EFFECT`.
-fn added(found: &RigDiagnosis) -> Vec<String> {
-    let of = |camera: &depthcal::rig::diagnose::CameraDiagnosis| {
+fn added(diagnosis: &RigDiagnosis) -> Vec<String> {
+    let names = |camera: &depthcal::rig::diagnose::CameraDiagnosis| {
         camera.effects.iter().map(|effect| format!("{}:{}", camera.name, effect.name)).collect::<Vec<_>>()
     };
-    found.cameras.iter().flat_map(of).collect()
+    diagnosis.cameras.iter().flat_map(names).collect()
 }
 
 #[test]
 fn of_the_infrared_camera_next_to_a_colour_camera() {
-    let found = diagnosed(["infrared", "colour"], "infrared", ("radial_range", 6.0), 11);
-    assert_eq!(added(&found), ["infrared:radial_range"]);
+    let diagnosis = diagnosed(["infrared", "colour"], "infrared", ("radial_range", 6.0), 11);
+    assert_eq!(added(&diagnosis), ["infrared:radial_range"]);
 }
 
-/// Its pinhole and its place come from its depth alone and have taken up most of the effect: the principal point is some 16 px off. A fit
-/// with the effect brings them back.
+/// Its pinhole and its place come from its depth alone and have taken up most of the effect: the principal point is some 16 px
+/// off. A fit with the effect brings them back.
 #[test]
 fn of_depth_without_images() {
-    let found = diagnosed(["infrared", "depth"], "depth", ("cyclic_depth", 4.0), 12);
-    assert_eq!(added(&found), ["depth:cyclic_depth"]);
-    let camera = found.last.camera("depth").unwrap();
+    let diagnosis = diagnosed(["infrared", "depth"], "depth", ("cyclic_depth", 4.0), 12);
+    assert_eq!(added(&diagnosis), ["depth:cyclic_depth"]);
+    let camera = diagnosis.last.camera("depth").unwrap();
     let (fitted, std_devs) = (camera.calibrated.camera.pinhole(), camera.calibrated.std_devs());
     let truth = [365.4, 365.9, 258.6, 208.2];
     for i in 0..4 {
@@ -51,12 +52,12 @@ fn of_depth_without_images() {
         let sigma = std_devs[i].unwrap();
         assert!((fitted[i] - truth[i]).abs() < 4.0 * sigma, "{i}: {} ± {sigma}, not {}", fitted[i], truth[i]);
     }
-    let shown = &found.cameras.iter().find(|c| c.name == "depth").unwrap().in_rig[0];
+    let shown = &diagnosis.cameras.iter().find(|c| c.name == "depth").unwrap().in_rig[0];
     assert!(shown.left_out.after < 0.8 * shown.left_out.before, "{shown:?}");
 }
 
 #[test]
 fn of_the_second_of_two_infrared_cameras() {
-    let found = diagnosed(["infrared", "infrared2"], "infrared2", ("incidence_bias", 5.0), 13);
-    assert_eq!(added(&found), ["infrared2:incidence_bias"]);
+    let diagnosis = diagnosed(["infrared", "infrared2"], "infrared2", ("incidence_bias", 5.0), 13);
+    assert_eq!(added(&diagnosis), ["infrared2:incidence_bias"]);
 }

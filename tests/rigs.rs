@@ -33,23 +33,7 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     schemas::follows(folder.path("result/calibration.json"), "calibration");
     schemas::follows(folder.path("result/evaluation.json"), "evaluation");
 
-    let truth: RigTruth = read_json(&truth).unwrap();
-    let calibration = Calibration::read(folder.path("result/calibration.json")).unwrap();
-    assert_eq!(
-        calibration.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
-        ["infrared", "colour", "depth"]
-    );
-    // The place of the colour camera is known to some hundredths of a degree, that of the depth camera by planes alone to some
-    // tenths.
-    for (number, (most_deg, most_mm)) in [(1, (0.05, 1.0)), (2, (1.0, 20.0))] {
-        let record = &calibration.cameras[number].camera_from_rig;
-        let [w, x, y, z] = record.rotation;
-        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-        let place = Isometry3::from_parts(Translation3::from(nalgebra::Vector3::from(record.translation_mm)), rotation);
-        let error = place * pose(&truth.cameras[number].camera_from_rig).inverse();
-        let (angle, distance) = (error.rotation.angle().to_degrees(), error.translation.vector.norm());
-        assert!(angle < most_deg && distance < most_mm, "camera {number}: {angle}°, {distance} mm");
-    }
+    extrinsics_are_near(&read_json(&truth).unwrap(), &folder);
     let evaluation = Evaluation::read(folder.path("result/evaluation.json")).unwrap();
     let held_out = evaluation.transfer.iter().find(|t| t.dataset.contains("held out")).expect("transfer errors");
     assert!(held_out.rms_px < 0.5 && held_out.rms_px < 0.5 * held_out.before_rms_px, "{held_out:?}");
@@ -67,37 +51,9 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     assert!(colours.data.iter().filter(|c| **c != [0; 3]).count() > 50_000);
     assert!(folder.path("registered/infrared/0003.ply").is_file());
 
-    // The same frame as a stream, with and without its colours.
-    let depth = read_depth(folder.path("rig/infrared/depth/0003.png")).unwrap();
-    let raw: Vec<u8> = depth.data.iter().flat_map(|z| z.to_le_bytes()).collect();
-    let streamed = stream(&file, &raw, &["--register", "colour", "--stream-output", "u16"]);
-    let found: Vec<u16> = streamed.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
-    assert!(found == registered.data, "the stream's depth is not that of the dataset");
-    let colour = read_rgb(folder.path("rig/colour/image/0003.png")).unwrap();
-    let both = [&raw[..], colour.data.as_flattened()].concat();
-    let output = stream(&file, &both, &["--register", "colour", "--stream-output", "xyzrgb", "--stream-color"]);
-    let points = output.as_chunks::<16>().0;
-    assert_eq!(points.len(), colours.data.len());
-    for (point, expected) in points.iter().zip(&colours.data) {
-        assert_eq!(point[12..15], expected[..]);
-    }
-    let of_depth = read_depth(folder.path("rig/depth/depth/0003.png")).unwrap();
-    let raw: Vec<u8> = of_depth.data.iter().flat_map(|z| z.to_le_bytes()).collect();
-    let more = ["--register", "colour", "--stream-camera", "depth", "--stream-output", "u16"];
-    let of_second: Vec<u16> = stream(&file, &raw, &more).as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
-    assert!(of_second == read_depth(folder.path("registered/depth_in_colour/0003.png")).unwrap().data);
+    streams_equal_files(&folder, &file);
 
-    let diagnosed = folder.arg("diagnosed");
-    let words = stdout(&succeeds(["diagnose", &rig, "--no-discovery", "--out", &diagnosed]));
-    assert!(words.contains("[depth]\nthe poses of the board are those of the other cameras"), "{words}");
-    schemas::follows(folder.path("diagnosed/diagnosis.json"), "rig_diagnosis");
-    schemas::follows(folder.path("diagnosed/depth/diagnosis.json"), "diagnosis");
-    let record = RigDiagnosisFile::read(folder.path("diagnosed/diagnosis.json")).unwrap();
-    assert_eq!(record.cameras.iter().map(|c| c.camera.as_str()).collect::<Vec<_>>(), ["infrared", "depth"]);
-    assert_eq!(record.without_depth, ["colour"]);
-    // Nothing is wrong with these cameras.
-    assert_eq!(record.verdict, Verdict::Adequate, "{words}");
-    assert!(record.extrinsics_drift.len() == 4 && record.extrinsics_drift.iter().all(|test| !test.added));
+    diagnosis_finds_nothing(&folder, &rig);
     let compared = folder.arg("compared");
     let models = ["--models", "none,projective", "--no-thesis", "--learning", "0", "--folds", "3"];
     succeeds(["compare", &rig, "--out", &compared].into_iter().chain(models));
@@ -111,13 +67,70 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     fails(refused, &["--stream-output", "standard input"]);
     let other = ["apply", &file, "-", "--register", "colour", "--stream-camera", "colour", "--stream-output", "u16"];
     fails(other, &["colour", "no depth"]);
-    fails(["diagnose", &rig, "--rrd", &folder.arg("x.rrd"), "--out", &diagnosed], &["--rrd", "several"]);
+    fails(["diagnose", &rig, "--rrd", &folder.arg("x.rrd"), "--out", &folder.arg("diagnosed")], &["--rrd", "several"]);
     fails(
         ["calibrate", &rig, "--with", "time_offset", "--out", &result],
         &["time_offset", "name the camera", "depth:time_offset"],
     );
     fails(["apply", &file, &rig, "--register", "red", "--out", &out], &["red", "infrared, colour, depth"]);
     fails(["simulate", "--rig", "infrared,lidar", "--out", &folder.arg("x")], &["lidar", "colour"]);
+}
+
+/// The extrinsics of the colour camera are known to some hundredths of a degree, those of the depth camera by planes alone to
+/// some tenths.
+fn extrinsics_are_near(truth: &RigTruth, folder: &Folder) {
+    let calibration = Calibration::read(folder.path("result/calibration.json")).unwrap();
+    assert_eq!(
+        calibration.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
+        ["infrared", "colour", "depth"]
+    );
+    for (number, (most_deg, most_mm)) in [(1, (0.05, 1.0)), (2, (1.0, 20.0))] {
+        let record = &calibration.cameras[number].camera_from_rig;
+        let [w, x, y, z] = record.rotation;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let place = Isometry3::from_parts(Translation3::from(nalgebra::Vector3::from(record.translation_mm)), rotation);
+        let error = place * pose(&truth.cameras[number].camera_from_rig).inverse();
+        let (angle, distance) = (error.rotation.angle().to_degrees(), error.translation.vector.norm());
+        assert!(angle < most_deg && distance < most_mm, "camera {number}: {angle}°, {distance} mm");
+    }
+}
+
+/// A frame as a stream, with and without its colours, is what the dataset's files have.
+fn streams_equal_files(folder: &Folder, file: &str) {
+    let registered = read_depth(folder.path("registered/infrared_in_colour/0003.png")).unwrap();
+    let colours = read_rgb(folder.path("registered/colour_in_infrared/0003.png")).unwrap();
+    let depth = read_depth(folder.path("rig/infrared/depth/0003.png")).unwrap();
+    let raw: Vec<u8> = depth.data.iter().flat_map(|z| z.to_le_bytes()).collect();
+    let streamed = stream(file, &raw, &["--register", "colour", "--stream-output", "u16"]);
+    let steps: Vec<u16> = streamed.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    assert!(steps == registered.data, "the stream's depth is not that of the dataset");
+    let colour = read_rgb(folder.path("rig/colour/image/0003.png")).unwrap();
+    let both = [&raw[..], colour.data.as_flattened()].concat();
+    let output = stream(file, &both, &["--register", "colour", "--stream-output", "xyzrgb", "--stream-color"]);
+    let points = output.as_chunks::<16>().0;
+    assert_eq!(points.len(), colours.data.len());
+    for (point, expected) in points.iter().zip(&colours.data) {
+        assert_eq!(point[12..15], expected[..]);
+    }
+    let of_depth = read_depth(folder.path("rig/depth/depth/0003.png")).unwrap();
+    let raw: Vec<u8> = of_depth.data.iter().flat_map(|z| z.to_le_bytes()).collect();
+    let more = ["--register", "colour", "--stream-camera", "depth", "--stream-output", "u16"];
+    let of_second: Vec<u16> = stream(file, &raw, &more).as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect();
+    assert!(of_second == read_depth(folder.path("registered/depth_in_colour/0003.png")).unwrap().data);
+}
+
+/// Nothing is wrong with these cameras.
+fn diagnosis_finds_nothing(folder: &Folder, rig: &str) {
+    let diagnosed = folder.arg("diagnosed");
+    let words = stdout(&succeeds(["diagnose", rig, "--no-discovery", "--out", &diagnosed]));
+    assert!(words.contains("[depth]\nthe poses of the board are those of the other cameras"), "{words}");
+    schemas::follows(folder.path("diagnosed/diagnosis.json"), "rig_diagnosis");
+    schemas::follows(folder.path("diagnosed/depth/diagnosis.json"), "diagnosis");
+    let record = RigDiagnosisFile::read(folder.path("diagnosed/diagnosis.json")).unwrap();
+    assert_eq!(record.cameras.iter().map(|c| c.camera.as_str()).collect::<Vec<_>>(), ["infrared", "depth"]);
+    assert_eq!(record.without_depth, ["colour"]);
+    assert_eq!(record.verdict, Verdict::Adequate, "{words}");
+    assert!(record.extrinsics_drift.len() == 4 && record.extrinsics_drift.iter().all(|test| !test.added));
 }
 
 /// Where both depth cameras show the board, their clouds meet, at every distance; and neither shows the wall behind through holes

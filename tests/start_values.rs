@@ -57,8 +57,8 @@ fn posed(rotations: &[[f64; 3]]) -> Simulation {
 fn an_ideal_camera_is_recovered_exactly() {
     let camera = CameraTruth { lens: [0.0; 5], ..CameraTruth::published(1).unwrap() };
     let (_, capture) = observe(&Simulation::new(camera, Kind::General(1), &[], 3), &exact());
-    let (found, poses) = start(&capture).unwrap();
-    let [fx, fy, cx, cy, _] = found.pinhole();
+    let (started, poses) = start(&capture).unwrap();
+    let [fx, fy, cx, cy, _] = started.pinhole();
     assert!((fx - camera.focal_px[0]).abs() < 1e-5 && (fy - camera.focal_px[1]).abs() < 1e-5, "{fx}, {fy}");
     assert!((cx - camera.centre_px[0]).abs() < 1e-5 && (cy - camera.centre_px[1]).abs() < 1e-5, "{cx}, {cy}");
     assert_eq!(poses.len(), capture.frames.len());
@@ -70,8 +70,8 @@ fn a_distorted_camera_starts_within_some_per_cent() {
     for number in 1..=4 {
         let camera = CameraTruth::published(number).unwrap();
         let (_, capture) = observe(&Simulation::new(camera, Kind::General(1), &[], 4), &PointOptions::default());
-        let (found, _) = start(&capture).unwrap();
-        let [fx, fy, ..] = found.pinhole();
+        let (started, _) = start(&capture).unwrap();
+        let [fx, fy, ..] = started.pinhole();
         assert!(
             (fx / camera.focal_px[0] - 1.0).abs() < 0.1 && (fy / camera.focal_px[1] - 1.0).abs() < 0.1,
             "{fx}, {fy}"

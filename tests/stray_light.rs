@@ -1,5 +1,5 @@
-//! Light that the lens spreads, from rendered frames of a camera that has it to corrected frames. The simulator sums it by code of its
-//! own.
+//! Light that the lens spreads, from rendered frames of a camera that has it to corrected frames. The simulator sums it by code
+//! of its own.
 
 #![cfg(feature = "detect")]
 
@@ -14,8 +14,8 @@ use depthcal_simulate::{
     Board, CameraTruth, DepthNoise, Effect, Exposure, Kind, Noise, Pattern, Rendering, Simulation,
 };
 
-/// A time-of-flight camera, which measures phases: its depth is nearly right, also of the background, whose light is summed. The dark
-/// squares of the chessboard are measured.
+/// A time-of-flight camera, which measures phases: its depth is nearly right, also of the background, whose light is summed. The
+/// dark squares of the chessboard are measured.
 fn simulation(effects: &[Effect]) -> Simulation {
     let whole = CameraTruth::published(1).unwrap();
     let scale = 0.75;
@@ -72,10 +72,10 @@ fn unknown_modulation_frequencies_are_found() {
     let d = diagnose(&seen, None, &DiagnoseOptions::default()).unwrap();
     let step = d.steps.iter().find(|s| s.spec.name == "stray_light").unwrap();
     let told = fit(&seen, &["stray_light@f1_mhz=20"]);
-    let [found, told] = [&d.last, &told].map(|fit| depth_rms_mm(fit, &seen));
-    println!("{}: {found:.3} mm, with the true frequency {told:.3} mm", step.spec);
+    let [fitted, told] = [&d.last, &told].map(|fit| depth_rms_mm(fit, &seen));
+    println!("{}: {fitted:.3} mm, with the true frequency {told:.3} mm", step.spec);
     assert_eq!(step.spec.constants.get("f1_mhz"), Some(&20.0), "{}", step.spec);
-    assert!(found < 1.03 * told, "{found} mm, with the true frequency {told} mm");
+    assert!(fitted < 1.03 * told, "{fitted} mm, with the true frequency {told} mm");
 }
 
 #[test]
@@ -89,10 +89,10 @@ fn stray_light_is_recovered_and_taken_off() {
     let [before, after] = [&without, &with].map(|fit| depth_rms_mm(fit, &seen));
     println!("{before:.3} → {after:.3} mm");
     let variances = with.covariance.as_ref().unwrap().diagonal();
-    let at =
+    let first =
         with.camera.blocks().iter().take_while(|b| b.name() != "stray_light").map(|b| b.theta.len()).sum::<usize>();
     for (i, key) in ["share", "delay_rad"].into_iter().enumerate() {
-        let sigma = variances[at + i].sqrt();
+        let sigma = variances[first + i].sqrt();
         let miss = (theta[i] - truth[key]).abs();
         println!("{key}: {} ± {sigma} for {}", theta[i], truth[key]);
         assert!(sigma < 0.1 * truth[key] && miss < 3.0 * sigma, "{key}: {} ± {sigma} for {}", theta[i], truth[key]);
@@ -116,8 +116,8 @@ fn stray_light_is_recovered_and_taken_off() {
         let (frame, expected) = (affected.frame(index).unwrap(), clean.frame(index).unwrap());
         let (width, height) = (frame.width, frame.height);
         let amplitude = GrayImage { width, height, data: frame.image, bits: 16 };
-        let of = |data: Vec<u16>| DepthImage { width, height, data };
-        let (depth, expected) = (of(frame.depth), of(expected.depth));
+        let image = |data: Vec<u16>| DepthImage { width, height, data };
+        let (depth, expected) = (image(frame.depth), image(expected.depth));
         let correct = |corrector: &Corrector, depth: &DepthImage| {
             let context = FrameContext { amplitude: Some((&amplitude).into()), ..FrameContext::default() };
             let mut out = vec![0.0; width * height];
@@ -125,8 +125,8 @@ fn stray_light_is_recovered_and_taken_off() {
             out
         };
         let truth = correct(&without, &expected);
-        let error = |found: Vec<f32>| {
-            let both = found.iter().zip(&truth).filter(|(a, b)| **a > 0.0 && **b > 0.0);
+        let error = |corrected: Vec<f32>| {
+            let both = corrected.iter().zip(&truth).filter(|(a, b)| **a > 0.0 && **b > 0.0);
             let mut errors: Vec<f32> = both.map(|(a, b)| (a - b).abs()).collect();
             assert!(errors.len() > width * height / 2);
             errors.sort_by(f32::total_cmp);

@@ -1,5 +1,5 @@
-//! The tests of the whole program, one module per subject. One test program for all of them is linked once, and its tests run side by
-//! side: `cargo test --test suite crash_safety` runs those of one module.
+//! The tests of the whole program, one module per subject. One test program for all of them is linked once, and its tests run
+//! side by side: `cargo test --test suite crash_safety` runs those of one module.
 
 mod apply_runs;
 mod apply_streams;

@@ -41,8 +41,8 @@ fn exact_observations_give_the_exact_camera() {
     let truth = simulated::true_theta(&camera);
     // k1 … k3, fx … skew, D: rounding of the solution, in each group's own size.
     let tolerances = [[1e-6; 5], [1e-4; 5]].concat().into_iter().chain([1e-10, 1e-10, 1e-10, 1e-6]);
-    for (i, ((found, truth), tolerance)) in result.camera.theta().iter().zip(&truth).zip(tolerances).enumerate() {
-        assert!((found - truth).abs() < tolerance, "parameter {i}: {found} for {truth}");
+    for (i, ((value, truth), tolerance)) in result.camera.theta().iter().zip(&truth).zip(tolerances).enumerate() {
+        assert!((value - truth).abs() < tolerance, "parameter {i}: {value} for {truth}");
     }
 }
 

@@ -1,5 +1,5 @@
-//! Disks that are full, folders that cannot be written, things in the way, and runs that fail: earlier results stay as they were, and the
-//! message names the path and the remedy.
+//! Disks that are full, folders that cannot be written, things in the way, and runs that fail: earlier results stay as they were,
+//! and the message names the path and the remedy.
 
 #![cfg(all(unix, feature = "cli", feature = "detect"))]
 
@@ -14,16 +14,16 @@ use crate::support::{
 
 /// Contents of all files of a folder by path.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
+    let mut files = BTreeMap::new();
     for name in crate::support::names(folder) {
         let path = folder.join(name);
         if path.is_dir() {
-            found.extend(contents(&path));
+            files.extend(contents(&path));
         } else {
-            found.insert(path.clone(), std::fs::read(&path).unwrap());
+            files.insert(path.clone(), std::fs::read(&path).unwrap());
         }
     }
-    found
+    files
 }
 
 /// Inputs of the commands below.
@@ -214,7 +214,7 @@ fn a_failed_run_speaks_of_earlier_results() {
     }
 }
 
-/// What tells of a calibration does not outlast it.
+/// Files about a calibration do not outlast it.
 #[test]
 fn a_new_calibration_takes_the_diagnosis_of_the_earlier_one_away() {
     let folder = inputs();

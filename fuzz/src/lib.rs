@@ -1,4 +1,4 @@
-//! What is done with the bytes of a fuzzer, for every reader of depthcal. The programs in `fuzz_targets/` call one of these functions
+//! Functions that give a fuzzer's bytes to the readers of depthcal, one each. The programs in `fuzz_targets/` call one of them
 //! each; `tests/broken_input.rs` compiles the same functions and calls them with every file of `corpus/`.
 
 #[path = "../../examples/support/bal.rs"]

@@ -25,7 +25,7 @@ pub struct Case {
     pub weight: usize,
 }
 
-/// What kills left.
+/// Counts of what was there after kills.
 #[derive(Default)]
 pub struct Tally {
     pub kills: usize,
@@ -112,25 +112,25 @@ impl Case {
     }
 
     fn examine(&self, folder: &Path, old: &State, new: &State, tally: &mut Tally) {
-        let (found, temporary) = visible(&states(folder));
+        let (state, temporary) = visible(&states(folder));
         tally.with_temporary += usize::from(!temporary.is_empty());
-        let neither: Vec<&String> = found
+        let neither: Vec<&String> = state
             .iter()
             .filter(|(path, bytes)| old.get(*path) != Some(bytes) && new.get(*path) != Some(bytes))
             .map(|(path, _)| path)
             .collect();
-        if found == *new {
+        if state == *new {
             tally.new += 1;
-        } else if found == *old {
+        } else if state == *old {
             tally.old += 1;
         } else if !neither.is_empty() {
             tally.broken.push(format!("neither old nor new: {neither:?}"));
-        } else if let Some(path) = contradiction(&found, old, new) {
+        } else if let Some(path) = contradiction(&state, old, new) {
             tally.broken.push(format!("{path} tells of another calibration than the one beside it"));
         } else {
             tally.between += 1;
         }
-        let is_complete = found == *new;
+        let is_complete = state == *new;
         let output = start(folder, self.command).wait_with_output().unwrap();
         let refused = self.refuses && is_complete && output.status.code() == Some(1);
         if !output.status.success() && !refused {
@@ -146,23 +146,23 @@ impl Case {
 
 /// Results and cache.
 fn states(folder: &Path) -> State {
-    let of = |part: &str| {
+    let files_of = |part: &str| {
         state_of(&folder.join(part))
             .into_iter()
             .map(move |(path, bytes)| (format!("{part}/{path}"), bytes))
             .collect::<State>()
     };
-    FOLDERS.iter().flat_map(|part| of(part)).collect()
+    FOLDERS.iter().flat_map(|part| files_of(part)).collect()
 }
 
 /// A file that tells of a calibration other than the one in its folder.
-fn contradiction<'a>(found: &'a State, old: &State, new: &State) -> Option<&'a String> {
-    let generation = |path: &str, state: &State| found.get(path).is_some() && found.get(path) == state.get(path);
-    found.keys().find(|path| {
+fn contradiction<'a>(left: &'a State, old: &State, new: &State) -> Option<&'a String> {
+    let generation = |path: &str, state: &State| left.get(path).is_some() && left.get(path) == state.get(path);
+    left.keys().find(|path| {
         let Some((folder, name)) = path.rsplit_once('/') else { return false };
         let calibration = format!("{folder}/calibration.json");
         OF_CALIBRATION.contains(&name)
-            && found.contains_key(&calibration)
+            && left.contains_key(&calibration)
             && ![old, new].into_iter().any(|state| generation(path, state) && generation(&calibration, state))
     })
 }
@@ -196,8 +196,8 @@ pub fn prepare(folder: &Path, command: &str) {
 
 /// Names of results and cached files. The file by which a command checks, before its work, that it can write is none of them.
 fn names(folder: &Path) -> Vec<std::ffi::OsString> {
-    let of = |part: &&str| std::fs::read_dir(folder.join(part)).into_iter().flatten().flatten();
-    let names = FOLDERS.iter().flat_map(of).map(|entry| entry.file_name());
+    let entries = |part: &&str| std::fs::read_dir(folder.join(part)).into_iter().flatten().flatten();
+    let names = FOLDERS.iter().flat_map(entries).map(|entry| entry.file_name());
     names.filter(|name| !name.to_string_lossy().starts_with(".check.")).collect()
 }
 

@@ -36,8 +36,8 @@ fn name_of(root: &Path, path: &Path) -> String {
 
 fn without_times(page: Vec<u8>) -> Vec<u8> {
     let text = String::from_utf8(page).expect("a page is text");
-    let Some((before, rest)) = text.split_once("<details class=\"stages\">") else { return text.into_bytes() };
-    let (_, after) = rest.split_once("</details>").unwrap_or_default();
+    let Some((before, table)) = text.split_once("<details class=\"stages\">") else { return text.into_bytes() };
+    let (_, after) = table.split_once("</details>").unwrap_or_default();
     format!("{before}{after}").into_bytes()
 }
 

@@ -45,7 +45,7 @@ pub const CALIBRATION: &str = r#"{
   "target": { "kind": "chessboard", "columns": 7, "rows": 5, "spacing_mm": 30.0 }
 }"#;
 
-/// The same calibration with a further depth piece, written in its JSON.
+/// [`CALIBRATION`] with a further depth piece, written in its JSON.
 pub fn calibration_with(piece: &str) -> String {
     let changed = CALIBRATION.replace(
         "\"value\": 1.02, \"fixed\": false } ] }",
@@ -55,7 +55,7 @@ pub fn calibration_with(piece: &str) -> String {
     changed
 }
 
-/// The same calibration, fitted to depth of this unit.
+/// [`CALIBRATION`], fitted to depth of this unit.
 pub fn calibration_with_unit(unit_mm: f64) -> String {
     CALIBRATION.replace("\"frames\": []", &format!("\"depth_unit_mm\": {unit_mm}, \"frames\": []"))
 }

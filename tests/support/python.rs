@@ -1,5 +1,6 @@
-//! Other programs as oracles, by way of Python: the interpreter that `DEPTHCAL_PYTHON` names, else `python3`, else the system's own, for
-//! which `make setup` installs numpy and pytest. A test whose modules are not there passes, but prints a line that begins with SKIPPED.
+//! Other programs as oracles, by way of Python: the interpreter that `DEPTHCAL_PYTHON` names, else `python3`, else the system's
+//! own, for which `make setup` installs numpy and pytest. A test whose modules are not there passes, but prints a line that
+//! begins with SKIPPED.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 #[path = "measured.rs"]
@@ -29,11 +30,11 @@ pub fn with_modules(modules: &[&str]) -> Option<Python> {
     let has_all = |program: &PathBuf| {
         Command::new(program).args(["-c", &imports]).output().is_ok_and(|output| output.status.success())
     };
-    let found = programs.iter().find(|program| has_all(program)).cloned();
-    if found.is_none() {
+    let program = programs.iter().find(|program| has_all(program)).cloned();
+    if program.is_none() {
         skipped(&format!("{} has not all of {}", programs[0].display(), modules.join(", ")));
     }
-    Some(Python { program: found? })
+    Some(Python { program: program? })
 }
 
 impl Python {

@@ -277,17 +277,17 @@ impl Corrector {
         Ok(())
     }
 
-    fn check_size(&self, what: &'static str, found: (usize, usize), length: usize) -> Result<(), CorrectorError> {
+    fn check_size(&self, what: &'static str, size: (usize, usize), length: usize) -> Result<(), CorrectorError> {
         let expected = (self.prepared.camera.width, self.prepared.camera.height);
-        if found != expected {
-            return Err(CorrectorError::Size { what, found, expected });
+        if size != expected {
+            return Err(CorrectorError::Size { what, found: size, expected });
         }
         self.check_length(what, length)
     }
 
-    fn check_length(&self, what: &'static str, found: usize) -> Result<(), CorrectorError> {
+    fn check_length(&self, what: &'static str, length: usize) -> Result<(), CorrectorError> {
         let expected = self.prepared.pixels();
-        if found == expected { Ok(()) } else { Err(CorrectorError::Length { what, found, expected }) }
+        if length == expected { Ok(()) } else { Err(CorrectorError::Length { what, found: length, expected }) }
     }
 
     fn check_points(&self, out: &PointsMut<'_>) -> Result<(), CorrectorError> {
@@ -296,7 +296,7 @@ impl Corrector {
             PointsMut::Interleaved(out) => [(out.len(), 3 * expected); 3],
             PointsMut::Planes(planes) => planes.each_ref().map(|plane| (plane.len(), expected)),
         };
-        match lengths.into_iter().find(|(found, expected)| found != expected) {
+        match lengths.into_iter().find(|(length, expected)| length != expected) {
             Some((found, expected)) => Err(CorrectorError::Length { what: "the buffer for points", found, expected }),
             None => Ok(()),
         }

@@ -117,8 +117,8 @@ impl PreparedCamera {
         Some(1.0 / rho)
     }
 
-    /// Amplitudes of a frame with which a plan is compared with the camera: dark and bright areas for an effect of the light of the
-    /// whole frame, else the same at all pixels.
+    /// Amplitudes of a frame with which a plan is compared with the camera: dark and bright areas for an effect of the light of
+    /// the whole frame, else the same at all pixels.
     fn some_amplitudes(&self) -> Vec<u16> {
         let width = self.camera.width;
         let bright = |i: usize| !self.needs.stray_light || (i % width / 32 + i / width / 32).is_multiple_of(2);
@@ -201,12 +201,12 @@ mod tests {
     #[test]
     fn a_plan_that_is_off_is_refused() {
         let camera = prepared(1.006);
-        let own = camera.error_of(camera.plan.as_ref().unwrap()).unwrap();
-        assert!(own < 0.001, "{own} mm");
+        let error_mm = camera.error_of(camera.plan.as_ref().unwrap()).unwrap();
+        assert!(error_mm < 0.001, "{error_mm} mm");
         let other = |share: f64| camera.error_of(prepared(1.006 * (1.0 + share)).plan.as_ref().unwrap());
         // A share of 1e-6, less 2.5e-7 that f32 explains, is 0.004 mm at 5 m; further away more is tolerated than it grows.
-        let found = other(1e-6).unwrap();
-        assert!(found > 0.001 && found < 0.006, "{found} mm");
+        let error_mm = other(1e-6).unwrap();
+        assert!(error_mm > 0.001 && error_mm < 0.006, "{error_mm} mm");
         assert_eq!(other(1e-5), None);
     }
 }

@@ -27,8 +27,8 @@ fn points(depth: &Camera, plane: impl Fn(f64, f64) -> f64) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// A tilted plane: every pixel that it covers has the plane's depth there, without gaps, although the colour image has nine times as many
-/// pixels.
+/// A tilted plane: every pixel that it covers has the plane's depth there, without gaps, although the colour image has nine times
+/// as many pixels.
 #[test]
 fn a_plane_has_its_own_depth_in_the_other_camera() {
     let (depth, colour, colour_from_depth) = cameras();
@@ -55,8 +55,8 @@ fn a_plane_has_its_own_depth_in_the_other_camera() {
     assert!(covered + registered.holes <= 480 * 360 && registered.holes > 0);
 }
 
-/// A depth camera that sees more than the other one, in pixels 30 times as large: the surface reaches all four edges, although the points
-/// next to an edge lie far outside.
+/// A depth camera that sees more than the other one, in pixels 30 times as large: the surface reaches all four edges, although
+/// the points next to an edge lie far outside.
 #[test]
 fn surfaces_reach_the_edges_of_the_image() {
     let depth = Camera::new(24, 20, [14.0, 14.0, 11.5, 9.5, 0.0], vec![]);
@@ -68,8 +68,8 @@ fn surfaces_reach_the_edges_of_the_image() {
     assert!(registered.depth_mm.iter().all(|z| (z - 1000.0).abs() < 0.01));
 }
 
-/// A near board before a wall: the near one wins, nothing joins the two, and points of the wall that the board hides from the colour camera
-/// have no colour, while the others have that of their surface.
+/// A near board before a wall: the near one wins, nothing joins the two, and points of the wall that the board hides from the
+/// colour camera have no colour, while the others have that of their surface.
 #[test]
 fn the_nearest_surface_wins_and_hidden_points_have_no_colour() {
     let (depth, colour, colour_from_depth) = cameras();
@@ -84,8 +84,8 @@ fn the_nearest_surface_wins_and_hidden_points_have_no_colour() {
     let image = RgbImage { width: 480, height: 360, data: registered.depth_mm.iter().map(paint).collect() };
     let colours = colours_of(&points, &colour, &colour_from_depth, &registered, &image);
     let (mut hidden, mut mixed) = (0, 0);
-    for (point, found) in points.iter().zip(&colours) {
-        match found {
+    for (point, sampled) in points.iter().zip(&colours) {
+        match sampled {
             Some([red, _, blue]) => {
                 let is_board = point[2] < 800.0;
                 mixed += usize::from(if is_board { *blue > 0 } else { *red > 0 });
@@ -117,24 +117,24 @@ fn colours_are_those_of_the_place_between_pixels() {
     let pixel = |i: usize| [levels(i % 480, 2), levels(i / 480, 3), 7];
     let image = RgbImage { width: 480, height: 360, data: (0..480 * 360).map(pixel).collect() };
     let mut checked = 0;
-    for (point, found) in points.iter().zip(colours_of(&points, &colour, &colour_from_depth, &registered, &image)) {
-        let Some(found) = found else { continue };
+    for (point, sampled) in points.iter().zip(colours_of(&points, &colour, &colour_from_depth, &registered, &image)) {
+        let Some(sampled) = sampled else { continue };
         let seen = colour_from_depth * Point3::from(point.map(f64::from));
-        let between = |at: f64, period: usize| {
-            let [here, next] = [0.0, 1.0].map(|k| f64::from(levels((at.floor() + k) as usize, period)));
-            here + (next - here) * at.fract()
+        let between = |coordinate: f64, period: usize| {
+            let [here, next] = [0.0, 1.0].map(|k| f64::from(levels((coordinate.floor() + k) as usize, period)));
+            here + (next - here) * coordinate.fract()
         };
         let [u, v] = colour.project(&seen.coords).unwrap();
         let expected = [between(u, 2), between(v, 3), 7.0];
         // Rounded to whole numbers; points are f32.
-        assert!(found.iter().zip(expected).all(|(f, e)| (f64::from(*f) - e).abs() < 0.6), "{found:?} {expected:?}");
+        assert!(sampled.iter().zip(expected).all(|(f, e)| (f64::from(*f) - e).abs() < 0.6), "{sampled:?} {expected:?}");
         checked += 1;
     }
     assert!(checked > 10_000, "{checked}");
 }
 
-/// A board whose depth has holes, as on dark print: the wall behind is not seen through them, and its points that the board hides get none
-/// of the board's colours. Holes in the wall itself hide nothing.
+/// A board whose depth has holes, as on dark print: the wall behind is not seen through them, and its points that the board hides
+/// get none of the board's colours. Holes in the wall itself hide nothing.
 #[test]
 fn holes_in_a_surface_hide_what_is_behind() {
     let (depth, colour, colour_from_depth) = cameras();
@@ -163,8 +163,9 @@ fn holes_in_a_surface_hide_what_is_behind() {
     let paint = |z: &f32| if *z > 0.0 && *z < 800.0 { [200, 0, 0] } else { [0, 0, 200] };
     let image = RgbImage { width: 480, height: 360, data: expected.depth_mm.iter().map(paint).collect() };
     let colours = colours_of(&holed, &colour, &colour_from_depth, &registered, &image);
-    let wrong =
-        |(point, found): (&[f32; 3], &Option<[u8; 3]>)| point[2] > 800.0 && found.is_some_and(|[red, _, _]| red > 100);
+    let wrong = |(point, sampled): (&[f32; 3], &Option<[u8; 3]>)| {
+        point[2] > 800.0 && sampled.is_some_and(|[red, _, _]| red > 100)
+    };
     let red = holed.iter().zip(&colours).filter(|pair| wrong((pair.0, pair.1))).count();
     assert!(red < 60, "{red} points of the wall have the board's colour");
 }

@@ -1,9 +1,10 @@
-//! Recall, accuracy and time (of one core) of the built-in detector and of OpenCV on rendered boards and on measured captures, as a Markdown table.
+//! Recall, accuracy and time (of one core) of the built-in detector and of OpenCV on rendered boards and on measured captures, as
+//! a Markdown table.
 //!
 //!     cargo run --release -p depthcal-detect --features opencv --example detectors [FRAMES]
 //!
-//! FRAMES is the number of rendered frames per row, 40 by default. Measured captures are looked for in `DEPTHCAL_DATA`. Without the feature
-//! `opencv` there are no columns of OpenCV.
+//! FRAMES is the number of rendered frames per row, 40 by default. Measured captures are looked for in `DEPTHCAL_DATA`. Without
+//! the feature `opencv` there are no columns of OpenCV.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -18,7 +19,7 @@ use depthcal_model::target::Target;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// What is varied from row to row: distances and tilts of the board, blur and noise of the image.
+/// A row of the table: distances and tilts of the board, blur and noise of the image.
 struct Condition {
     name: &'static str,
     /// Range of the distance at which the board's longer side spans so many px.
@@ -89,7 +90,7 @@ fn pose(camera: &Camera, target: &Target, condition: &Condition, rng: &mut ChaCh
     }
 }
 
-/// What a detector achieved.
+/// Counts and errors of a detector over frames.
 #[derive(Default)]
 struct Score {
     frames: usize,
@@ -102,11 +103,11 @@ struct Score {
 }
 
 impl Score {
-    fn add(&mut self, found: Option<Detection>, seconds: f64, target: &Target, truth: impl Fn(usize) -> [f64; 2]) {
+    fn add(&mut self, detection: Option<Detection>, seconds: f64, target: &Target, truth: impl Fn(usize) -> [f64; 2]) {
         self.frames += 1;
         self.expected += target.len();
         self.seconds += seconds;
-        let Some(detection) = found else { return };
+        let Some(detection) = detection else { return };
         self.found += 1;
         self.markers += detection.markers.len();
         // Boards that look the same after half a turn may be labelled either way.
@@ -146,11 +147,11 @@ fn timed(image: &GrayImage, target: &Target, detector: Detector) -> (Option<Dete
     let start = cpu_seconds();
     #[cfg(feature = "opencv")]
     if detector == Detector::OpenCv && target.has_circles() {
-        let found = opencv_circles::find(image, target);
-        return (found, cpu_seconds() - start);
+        let detection = opencv_circles::find(image, target);
+        return (detection, cpu_seconds() - start);
     }
-    let found = detect(image, target, &options).expect("no error");
-    (found, cpu_seconds() - start)
+    let detection = detect(image, target, &options).expect("no error");
+    (detection, cpu_seconds() - start)
 }
 
 fn detectors() -> Vec<Detector> {
@@ -178,8 +179,8 @@ fn rendered(frames: u64) {
                 (scene.blur, scene.noise) = (condition.blur_px, condition.noise);
                 let image = scene.render();
                 for (score, detector) in scores.iter_mut().zip(detectors()) {
-                    let (found, seconds) = timed(&image, &target, detector);
-                    score.add(found, seconds, &target, |i| scene.truth(target.point(i)));
+                    let (detection, seconds) = timed(&image, &target, detector);
+                    score.add(detection, seconds, &target, |i| scene.truth(target.point(i)));
                 }
             }
             let columns: Vec<String> = scores.iter().map(Score::columns).collect();
@@ -188,8 +189,8 @@ fn rendered(frames: u64) {
     }
 }
 
-/// Frames with the board, markers in all, median over the frames of the rms distance of the markers from a smooth map of the board (a
-/// homography and a cubic), per coordinate, and time.
+/// Frames with the board, markers in all, median over the frames of the rms distance of the markers from a smooth map of the
+/// board (a homography and a cubic), per coordinate, and time.
 fn measured() {
     println!(
         "\n| capture | frames | detector | found | markers | rms px from a smooth map | ms |\n|---|---|---|---|---|---|---|"
@@ -204,7 +205,7 @@ fn measured() {
     ] {
         let Some(capture) = common::measured::capture(name) else { continue };
         for detector in detectors() {
-            let (mut found, mut markers, mut seconds, mut rms) = (0, 0, 0.0, Vec::new());
+            let (mut boards, mut markers, mut seconds, mut rms) = (0, 0, 0.0, Vec::new());
             for (frame, image) in &capture.frames {
                 let (detection, time) = timed(image, &capture.target, detector);
                 seconds += time;
@@ -213,7 +214,7 @@ fn measured() {
                     eprintln!("{name} {frame} {detector:?} {count} {:.1} ms", 1e3 * time);
                 }
                 let Some(detection) = detection else { continue };
-                found += 1;
+                boards += 1;
                 markers += count;
                 let pairs: Vec<_> =
                     detection.markers.iter().map(|m| (capture.target.point(m.index), m.pixel)).collect();
@@ -226,7 +227,7 @@ fn measured() {
             rms.sort_by(f64::total_cmp);
             let median = rms.get(rms.len() / 2).copied().unwrap_or(f64::NAN);
             println!(
-                "| {name} | {} | {} | {found} | {markers} | {median:.4} | {:.0} |",
+                "| {name} | {} | {} | {boards} | {markers} | {median:.4} | {:.0} |",
                 capture.frames.len(),
                 if detector == Detector::BuiltIn { "built-in" } else { "OpenCV" },
                 1e3 * seconds / capture.frames.len() as f64

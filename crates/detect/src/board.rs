@@ -26,9 +26,9 @@ pub(crate) fn step_mm(target: &Target) -> f64 {
 /// between its columns and the image's columns. `pixel` maps board points (mm) to the image (px).
 pub(crate) fn upright(target: &Target, pixel: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> Option<f64> {
     let middle = target.point(target.len() / 2);
-    let at = pixel(middle)?;
+    let centre = pixel(middle)?;
     let x = pixel([middle[0] + target.spacing_mm, middle[1]])?;
     let y = pixel([middle[0], middle[1] + target.spacing_mm])?;
-    let (x, y) = ([x[0] - at[0], x[1] - at[1]], [y[0] - at[0], y[1] - at[1]]);
+    let (x, y) = ([x[0] - centre[0], x[1] - centre[1]], [y[0] - centre[0], y[1] - centre[1]]);
     Some(x[0] / x[0].hypot(x[1]) + y[1] / y[0].hypot(y[1]))
 }

@@ -27,7 +27,7 @@ pub(crate) fn check_markers(detection: &Detection, target: &Target) -> Result<()
 /// Checks that a board's lengths are possible and that it has enough markers to be found without ambiguity.
 pub(crate) fn check_target(target: &Target) -> Result<(), DetectError> {
     if let Pattern::Several { boards } = &target.pattern {
-        return boards.iter().try_for_each(|own| check_target(&own.board));
+        return boards.iter().try_for_each(|part| check_target(&part.board));
     }
     let positive = |field, value: f64| {
         let remedy = "must be a positive length in mm";

@@ -49,12 +49,12 @@ pub fn detect(image: &GrayImage, target: &Target, options: &DetectOptions) -> Re
 fn find_several(image: &GrayImage, target: &Target, options: &DetectOptions) -> Result<Option<Detection>, DetectError> {
     let mut all: Option<Detection> = None;
     for part in target.parts() {
-        let own = DetectOptions { first_tag: part.first_tag, ..options.clone() };
-        let Some(mut found) = detect(image, part.board, &own)? else { continue };
-        found.markers.iter_mut().for_each(|marker| marker.index += part.markers.start);
+        let part_options = DetectOptions { first_tag: part.first_tag, ..options.clone() };
+        let Some(mut detection) = detect(image, part.board, &part_options)? else { continue };
+        detection.markers.iter_mut().for_each(|marker| marker.index += part.markers.start);
         match &mut all {
-            Some(all) => all.markers.extend(found.markers),
-            None => all = Some(found),
+            Some(all) => all.markers.extend(detection.markers),
+            None => all = Some(detection),
         }
     }
     Ok(all)

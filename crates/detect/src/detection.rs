@@ -35,8 +35,8 @@ pub struct Detection {
     pub charuco_layout: Option<CharucoLayout>,
 }
 
-/// Which code looks for chessboards and tags: by default OpenCV where it is there. Circle grids, and the refinement of all markers, are this
-/// crate's own in any case.
+/// Which code looks for chessboards and tags: by default OpenCV where it is there. Circle grids, and the refinement of all
+/// markers, are this crate's own in any case.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Detector {

@@ -3,7 +3,8 @@
 //! [`detect()`] finds the markers of a [`Target`](depthcal_model::target::Target) in one image, [`detect_all`] in many
 //! images in parallel. Once a camera is known approximately, [`refine_circles`] fits the centres of dots again under
 //! that camera, which removes the bias of circle centres under perspective; while there is none, [`homography_mapping`]
-//! takes its place. [`measure_circle_diameter`] measures dots whose size is not known. [`refine_corners`] fits the corners of chessboards and tags.
+//! takes its place. [`measure_circle_diameter`] measures dots whose size is not known. [`refine_corners`] fits the corners of
+//! chessboards and tags.
 //!
 //! All boards are found by code of this crate. [`Detector::OpenCv`] looks for chessboards and tags with OpenCV instead.
 //!

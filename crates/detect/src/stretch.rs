@@ -62,10 +62,10 @@ impl Plane {
         let inside = u >= 0.0 && v >= 0.0 && u < self.width as f64 - 1.0 && v < self.height as f64 - 1.0;
         let (x, y) = (u as usize, v as usize);
         let (s, t) = (u - x as f64, v - y as f64);
-        let at = |x: usize, y: usize| f64::from(self.data[y * self.width + x]);
+        let value = |x: usize, y: usize| f64::from(self.data[y * self.width + x]);
         inside.then(|| {
-            (1.0 - t) * ((1.0 - s) * at(x, y) + s * at(x + 1, y))
-                + t * ((1.0 - s) * at(x, y + 1) + s * at(x + 1, y + 1))
+            (1.0 - t) * ((1.0 - s) * value(x, y) + s * value(x + 1, y))
+                + t * ((1.0 - s) * value(x, y + 1) + s * value(x + 1, y + 1))
         })
     }
 
@@ -75,13 +75,13 @@ impl Plane {
         const WEIGHTS: [f32; 4] = [-0.023_437_5, 0.226_562_5, 0.867_187_5, -0.070_312_5];
         let (width, height) = (self.width, self.height);
         let doubled = |input: &[f32], size: usize, stride: usize, output: &mut [f32], out_stride: usize| {
-            let at = |i: isize| input[i.clamp(0, size as isize - 1) as usize * stride];
+            let value = |i: isize| input[i.clamp(0, size as isize - 1) as usize * stride];
             for i in 0..size {
                 let (mut before, mut after) = (0.0, 0.0);
                 for (k, weight) in WEIGHTS.iter().enumerate() {
                     let k = k as isize - 2;
-                    before += weight * at(i as isize + k);
-                    after += weight * at(i as isize - k);
+                    before += weight * value(i as isize + k);
+                    after += weight * value(i as isize - k);
                 }
                 output[2 * i * out_stride] = before;
                 output[(2 * i + 1) * out_stride] = after;

@@ -61,8 +61,14 @@ fn results_come_in_order_and_errors_name_the_frame() {
 fn images_without_a_board_are_no_error() {
     for target in kinds() {
         for image in [flat(3, 2, 0, 8), flat(12, 9, 255, 8), flat(160, 120, 65_535, 16), flat(1, 300, 9, 16)] {
-            let found = detect(&image, &target, &DetectOptions::default());
-            assert!(matches!(found, Ok(None)), "{:?} in {} x {}: {found:?}", target.pattern, image.width, image.height);
+            let result = detect(&image, &target, &DetectOptions::default());
+            assert!(
+                matches!(result, Ok(None)),
+                "{:?} in {} x {}: {result:?}",
+                target.pattern,
+                image.width,
+                image.height
+            );
         }
     }
 }

@@ -4,9 +4,9 @@ use crate::common::{self, Camera, Pose, Scene, Texture};
 use depthcal_detect::{DetectOptions, RefineOptions, detect, refine_circles};
 
 /// Mean displacement over all dots, px, in which noise averages out.
-fn mean_error(scene: &Scene, target: &depthcal_model::target::Target, found: &[(usize, [f64; 2])]) -> [f64; 2] {
-    let n = found.len() as f64;
-    found.iter().fold([0.0, 0.0], |s, (index, p)| {
+fn mean_error(scene: &Scene, target: &depthcal_model::target::Target, measured: &[(usize, [f64; 2])]) -> [f64; 2] {
+    let n = measured.len() as f64;
+    measured.iter().fold([0.0, 0.0], |s, (index, p)| {
         let t = scene.truth(target.point(*index));
         [s[0] + (p[0] - t[0]) / n, s[1] + (p[1] - t[1]) / n]
     })
@@ -73,9 +73,9 @@ fn the_reported_standard_deviation_is_that_of_the_centres() {
             let mut scene = Scene::new(camera, pose, &texture, seed);
             scene.clutter = false;
             let image = scene.render();
-            let found = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
+            let detection = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
             let mapping = |p: [f64; 2]| Some(scene.truth(p));
-            for r in refine_circles(&image, &found, &target, &mapping, &RefineOptions::default()).expect("dots") {
+            for r in refine_circles(&image, &detection, &target, &mapping, &RefineOptions::default()).expect("dots") {
                 let t = scene.truth(target.point(r.index));
                 normalised.extend([(r.pixel[0] - t[0]) / r.std_px, (r.pixel[1] - t[1]) / r.std_px]);
                 stds.push(r.std_px);
@@ -97,8 +97,8 @@ fn saturated_paper_and_the_border_do_no_harm() {
     // Paper at 0.9 of 330 grey values is beyond 255, dots are not.
     scene.white = 330.0;
     let image = scene.render();
-    let found = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
-    let errors = found.markers.iter().map(|m| {
+    let detection = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
+    let errors = detection.markers.iter().map(|m| {
         let t = scene.truth(target.point(m.index));
         (m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1]) / 2f64.sqrt()
     });
@@ -106,6 +106,6 @@ fn saturated_paper_and_the_border_do_no_harm() {
     println!("saturated: rms {rms:.4} px");
     assert!(rms < 0.03);
     // A mapping that leaves the image or is undefined: nothing is refined, nothing fails.
-    let none = refine_circles(&image, &found, &target, &|_| None, &RefineOptions::default()).expect("no error");
+    let none = refine_circles(&image, &detection, &target, &|_| None, &RefineOptions::default()).expect("no error");
     assert!(none.is_empty());
 }

@@ -1,11 +1,12 @@
-//! Every kind of board, found by the built-in detector in rendered images, against the renderer's truth. Nothing here needs OpenCV.
+//! Every kind of board, found by the built-in detector in rendered images, against the renderer's truth. Nothing here needs
+//! OpenCV.
 
 use crate::common::{self, Camera, Pose, Scene, Style, Texture};
 use depthcal_detect::{DetectOptions, Detector, detect};
 use depthcal_model::target::{CharucoLayout, Pattern, Target};
 
-/// Share of the frames in which the board was found, share of its markers in these, rms error per coordinate, largest error (px), and the
-/// layouts that were seen.
+/// Share of the frames in which the board was found, share of its markers in these, rms error per coordinate, largest error (px),
+/// and the layouts that were seen.
 struct Outcome {
     found: usize,
     markers: f64,
@@ -22,7 +23,7 @@ fn run(target: &Target, texture: &Texture, blur: f64) -> Outcome {
     let points = target.points();
     let reach = points.iter().fold([0.0f64; 2], |r, p| [r[0].max(p[0]), r[1].max(p[1])]);
     let (middle, extent) = (reach.map(|r| r / 2.0), reach[0].max(reach[1]));
-    let (mut found, mut errors, mut layouts) = (0, Vec::new(), Vec::new());
+    let (mut boards, mut errors, mut layouts) = (0, Vec::new(), Vec::new());
     for i in 0..FRAMES {
         // The board is 380 to 200 px long.
         let z = camera.f * extent / (380.0 - 36.0 * i as f64);
@@ -35,7 +36,7 @@ fn run(target: &Target, texture: &Texture, blur: f64) -> Outcome {
         else {
             continue;
         };
-        found += 1;
+        boards += 1;
         layouts.push(detection.charuco_layout);
         let distance = |index: usize, pixel: [f64; 2]| {
             let truth = scene.truth(points[index]);
@@ -52,8 +53,8 @@ fn run(target: &Target, texture: &Texture, blur: f64) -> Outcome {
         errors.extend(if symmetric && turned[0] < plain[0] { turned } else { plain });
     }
     Outcome {
-        found,
-        markers: errors.len() as f64 / (found * points.len()).max(1) as f64,
+        found: boards,
+        markers: errors.len() as f64 / (boards * points.len()).max(1) as f64,
         rms: common::rms(errors.iter().copied()) / 2f64.sqrt(),
         worst: errors.iter().copied().fold(0.0, f64::max),
         layouts,

@@ -80,10 +80,10 @@ fn run(target: &Target, min_px: f64, count: usize, refine: bool) -> (usize, f64,
             Some((all[best].clone(), best == 0 || symmetric))
         })
         .collect();
-    let found = outcomes.iter().flatten().count();
+    let boards = outcomes.iter().flatten().count();
     let wrong = outcomes.iter().flatten().filter(|o| !o.1).count();
     let rms = common::rms(outcomes.iter().flatten().flat_map(|o| o.0.iter().copied())) / 2f64.sqrt();
-    (found, rms, wrong)
+    (boards, rms, wrong)
 }
 
 #[test]
@@ -91,12 +91,12 @@ fn boards_are_found_and_their_order_is_the_printed_one() {
     for target in [common::chessboard(9, 6, 25.0), common::chessboard(7, 5, 30.0), common::chessboard(6, 6, 25.0)] {
         let count = common::frames(12);
         let (columns, rows) = (target.columns, target.rows);
-        let (found, raw, _) = run(&target, 10.0, count, false);
-        println!("chessboard {columns} x {rows}: {found} of {count} found, unrefined rms {raw:.4} px");
-        let (found, rms, wrong) = run(&target, 10.0, count, true);
-        println!("chessboard {columns} x {rows}: {found} of {count} found, rms {rms:.4} px, {wrong} in another order");
+        let (boards, raw, _) = run(&target, 10.0, count, false);
+        println!("chessboard {columns} x {rows}: {boards} of {count} found, unrefined rms {raw:.4} px");
+        let (boards, rms, wrong) = run(&target, 10.0, count, true);
+        println!("chessboard {columns} x {rows}: {boards} of {count} found, rms {rms:.4} px, {wrong} in another order");
         // One may be missed even of a few.
-        assert!((found + 1) as f64 >= 0.97 * count as f64);
+        assert!((boards + 1) as f64 >= 0.97 * count as f64);
         assert!(rms < 0.03 && rms < raw, "{rms} px against {raw} px of OpenCV");
         assert_eq!(wrong, 0);
     }

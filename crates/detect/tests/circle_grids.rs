@@ -79,10 +79,10 @@ fn run(target: &Target, inverted: bool, symmetric: bool, count: usize, bits: u8)
             if bits == 16 {
                 add_reflex(&mut image, &mut rng);
             }
-            let found = detect(&image, target, &DetectOptions::default()).expect("no error");
+            let detection = detect(&image, target, &DetectOptions::default()).expect("no error");
             let z = pose.apply(target.point(target.len() / 2)).z;
             let dots_px = target.circle_diameter_mm().expect("dots") * camera.f / z;
-            match found {
+            match detection {
                 Some(detection) => {
                     let expected = if inverted { Polarity::BrightOnDark } else { Polarity::DarkOnBright };
                     assert_eq!(detection.polarity, expected);
@@ -109,7 +109,7 @@ fn add_reflex(image: &mut GrayImage, rng: &mut ChaCha8Rng) {
 }
 
 fn check(name: &str, outcomes: &[Outcome]) {
-    let found = outcomes.iter().filter(|o| o.found).count();
+    let boards = outcomes.iter().filter(|o| o.found).count();
     let right: Vec<&Outcome> = outcomes.iter().filter(|o| o.found).collect();
     let wrong = right.iter().filter(|o| o.errors.iter().any(|e| *e > 2.0)).count();
     // Per coordinate, all markers alike.
@@ -117,11 +117,11 @@ fn check(name: &str, outcomes: &[Outcome]) {
     let worst = right.iter().flat_map(|o| o.errors.iter().copied()).fold(0.0, f64::max);
     let smallest = outcomes.iter().map(|o| o.dots_px).fold(f64::INFINITY, f64::min);
     println!(
-        "{name}: {found} of {} found, {wrong} wrong, rms {rms:.4} px, worst {worst:.3} px, smallest dots {smallest:.1} px",
+        "{name}: {boards} of {} found, {wrong} wrong, rms {rms:.4} px, worst {worst:.3} px, smallest dots {smallest:.1} px",
         outcomes.len()
     );
     assert_eq!(wrong, 0, "{name}: wrong grids");
-    assert!(found as f64 >= 0.95 * outcomes.len() as f64, "{name}: {found} of {} found", outcomes.len());
+    assert!(boards as f64 >= 0.95 * outcomes.len() as f64, "{name}: {boards} of {} found", outcomes.len());
     assert!(rms < 0.05, "{name}: {rms} px rms");
 }
 
@@ -169,8 +169,8 @@ fn a_larger_board_than_declared_is_not_labelled_at_random() {
     let pose = Pose::looking(&camera, [60.0, 85.0], [320.0, 240.0], 500.0, 0.3, 1.0, 0.5);
     let texture = Texture::new(printed.clone(), 20.0);
     let image = Scene::new(camera, pose, &texture, 3).render();
-    let found = detect(&image, &printed, &DetectOptions::default()).expect("no error").expect("the printed board");
-    assert_eq!(found.markers.len(), printed.len());
+    let detection = detect(&image, &printed, &DetectOptions::default()).expect("no error").expect("the printed board");
+    assert_eq!(detection.markers.len(), printed.len());
     assert_eq!(detect(&image, &declared, &DetectOptions::default()).expect("no error"), None);
 }
 
@@ -193,13 +193,13 @@ fn the_diameter_of_dots_is_measured() {
             // Not declared, right, and wrong by a fifth.
             for declared in [0.0, truth, 1.2 * truth, 0.8 * truth] {
                 let target = printed.with_circle_diameter_mm(declared);
-                let found = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
-                let measured = measure_circle_diameter(&image, &found, &target).expect("no error").expect("dots");
+                let detection = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
+                let measured = measure_circle_diameter(&image, &detection, &target).expect("no error").expect("dots");
                 let error = measured.diameter_mm / truth - 1.0;
                 println!("{truth} mm, declared {declared}: {:.3} ± {:.3} mm", measured.diameter_mm, measured.std_mm);
                 assert!(error.abs() < 0.02, "{truth} mm, declared {declared}: {measured:?}");
                 assert!(measured.std_mm < 0.02 * truth && measured.dots > printed.len() / 2);
-                let rms = common::rms(found.markers.iter().map(|m| {
+                let rms = common::rms(detection.markers.iter().map(|m| {
                     let t = scene.truth(printed.point(m.index));
                     (m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1]) / 2f64.sqrt()
                 }));

@@ -93,7 +93,7 @@ mod drawn {
     fn run(target: &Target, texture: &Texture, distances: &[f64]) -> (usize, f64, f64, f64) {
         let camera = Camera::thesis();
         let middle = target.point(target.len() / 2);
-        let (mut found, mut errors) = (0, Vec::new());
+        let (mut boards, mut errors) = (0, Vec::new());
         for (i, &z) in distances.iter().enumerate() {
             let tilt = (i % 4) as f64 * 0.22;
             let pose = Pose::looking(&camera, middle, [330.0, 235.0], z, tilt, i as f64, 0.7 * i as f64);
@@ -101,15 +101,15 @@ mod drawn {
             let Some(detection) = detect(&image, target, &DetectOptions::default()).expect("no error") else {
                 continue;
             };
-            found += 1;
+            boards += 1;
             for m in &detection.markers {
                 let t = Scene::new(camera, pose, texture, 0).truth(target.point(m.index));
                 errors.push((m.pixel[0] - t[0]).hypot(m.pixel[1] - t[1]));
             }
         }
-        let part = errors.len() as f64 / (found * target.len()).max(1) as f64;
+        let part = errors.len() as f64 / (boards * target.len()).max(1) as f64;
         let worst = errors.iter().copied().fold(0.0, f64::max);
-        (found, part, common::rms(errors) / 2f64.sqrt(), worst)
+        (boards, part, common::rms(errors) / 2f64.sqrt(), worst)
     }
 
     #[test]
@@ -118,11 +118,11 @@ mod drawn {
             let target = charuco(columns, rows);
             let texture = charuco_texture(&target);
             let distances = [400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0, 750.0];
-            let (found, part, rms, worst) = run(&target, &texture, &distances);
+            let (boards, part, rms, worst) = run(&target, &texture, &distances);
             println!(
-                "charuco {columns} x {rows}: {found} of 8 found, {part:.2} of crossings, rms {rms:.4}, worst {worst:.3}"
+                "charuco {columns} x {rows}: {boards} of 8 found, {part:.2} of crossings, rms {rms:.4}, worst {worst:.3}"
             );
-            assert!(found == 8 && part > 0.85 && rms < 0.05);
+            assert!(boards == 8 && part > 0.85 && rms < 0.05);
         }
     }
 
@@ -131,12 +131,12 @@ mod drawn {
         let target = aprilgrid();
         let texture = aprilgrid_texture(&target);
         let distances = [350.0, 400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0];
-        let (found, part, rms, worst) = run(&target, &texture, &distances);
-        println!("aprilgrid: {found} of 8 found, {part:.2} of the corners, rms {rms:.4}, worst {worst:.3}");
-        assert!(found == 8 && part > 0.85 && rms < 0.12);
+        let (boards, part, rms, worst) = run(&target, &texture, &distances);
+        println!("aprilgrid: {boards} of 8 found, {part:.2} of the corners, rms {rms:.4}, worst {worst:.3}");
+        assert!(boards == 8 && part > 0.85 && rms < 0.12);
     }
 
-    /// What was found of a board that is seen in part.
+    /// Detection of a board that is seen in part.
     struct Part {
         found: usize,
         visible: usize,
@@ -176,8 +176,8 @@ mod drawn {
                 let p = pose.apply(p);
                 p.z > 0.0 && (p.x / p.z).hypot(p.y / p.z) < 1.2
             };
-            let found = detect(&image, target, &DetectOptions::default()).expect("no error");
-            let markers = found.map(|d| d.markers).unwrap_or_default();
+            let detection = detect(&image, target, &DetectOptions::default()).expect("no error");
+            let markers = detection.map(|d| d.markers).unwrap_or_default();
             let (mut visible, mut worst, mut text) = (0, 0.0f64, String::new());
             for (index, p) in target.points().into_iter().enumerate() {
                 let truth = scene.truth(p);
@@ -261,9 +261,9 @@ mod drawn {
                 }
             }
         }
-        let found = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
-        assert!(found.markers.iter().all(|m| m.index != hidden));
-        assert_eq!(found.markers.len(), target.len() - 1);
+        let detection = detect(&image, &target, &DetectOptions::default()).expect("no error").expect("a board");
+        assert!(detection.markers.iter().all(|m| m.index != hidden));
+        assert_eq!(detection.markers.len(), target.len() - 1);
         // The same image, searched for a board with other tags.
         let other = Pattern::Charuco { marker_mm: 22.5, dictionary: "DICT_4X4_100".into() };
         let other = Target { pattern: other, ..target.clone() };

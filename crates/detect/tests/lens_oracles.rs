@@ -1,5 +1,5 @@
-//! The lens pieces against OpenCV's projections: `projectPoints` with 4, 5, 8, 12 and 14 coefficients and `fisheye::projectPoints`,
-//! ten thousand random points each.
+//! The lens pieces against OpenCV's projections: `projectPoints` with 4, 5, 8, 12 and 14 coefficients and
+//! `fisheye::projectPoints`, ten thousand random points each.
 
 #![cfg(feature = "opencv")]
 
@@ -67,13 +67,13 @@ fn opencvs_distortion_with_all_numbers_of_coefficients() {
         compare(&camera(&[(name, &k)]), &points, &theirs, &format!("{count} coefficients"));
         // The same as the effects that `diagnose` adds.
         if count > 5 {
-            let mut rest = k.clone();
-            rest.resize(14, 0.0);
+            let mut padded = k.clone();
+            padded.resize(14, 0.0);
             let pieces = [
-                ("brown_conrady", &rest[..5]),
-                ("thin_prism", &rest[8..12]),
-                ("tilted_sensor", &rest[12..]),
-                ("rational_distortion", &rest[5..8]),
+                ("brown_conrady", &padded[..5]),
+                ("thin_prism", &padded[8..12]),
+                ("tilted_sensor", &padded[12..]),
+                ("rational_distortion", &padded[5..8]),
             ];
             compare(&camera(&pieces), &points, &theirs, &format!("{count} coefficients as effects"));
         }

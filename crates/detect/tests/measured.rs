@@ -62,7 +62,7 @@ fn chessboards(dataset: &str) {
         found(&capture, &DetectOptions::default()),
     );
     let theirs: Vec<bool> = frames.iter().map(|(_, image)| by_opencv(image, target)).collect();
-    let rms = |found: &[Option<Detection>]| opencv_rms(target, &frames[0].1, found.iter().flatten());
+    let rms = |detections: &[Option<Detection>]| opencv_rms(target, &frames[0].1, detections.iter().flatten());
     let (before, after) = (rms(&raw), rms(&fitted));
     println!(
         "{dataset}: {} of {} found, {} by OpenCV, reprojection {before:.4} px by OpenCV's corners, {after:.4} px by \
@@ -103,13 +103,14 @@ fn charuco_boards_that_opencv_finds() {
         ["truedepth/ipad4/calib", "truedepth/ipad4/check", "truedepth/iphone11pro/calib", "truedepth/iphone11pro/check"]
     {
         let Some(capture) = capture(dataset) else { return };
-        let found = found(&capture, &DetectOptions::default());
-        let ours: Vec<usize> = found.iter().map(|d| d.as_ref().map_or(0, |d| d.markers.len())).collect();
+        let detections = found(&capture, &DetectOptions::default());
+        let ours: Vec<usize> = detections.iter().map(|d| d.as_ref().map_or(0, |d| d.markers.len())).collect();
         let images = capture.frames.iter();
         let theirs: Vec<usize> =
             images.map(|(_, image)| common::opencv_charuco::corners(image, &capture.target)).collect();
-        let of = |counts: &[usize]| (counts.iter().filter(|c| **c >= ENOUGH).count(), counts.iter().sum::<usize>());
-        println!("{dataset}: (frames, corners) {:?}, by OpenCV {:?}", of(&ours), of(&theirs));
+        let summary =
+            |counts: &[usize]| (counts.iter().filter(|c| **c >= ENOUGH).count(), counts.iter().sum::<usize>());
+        println!("{dataset}: (frames, corners) {:?}, by OpenCV {:?}", summary(&ours), summary(&theirs));
         let mut missed = Vec::new();
         for (((name, _), ours), theirs) in capture.frames.iter().zip(&ours).zip(&theirs) {
             println!("  {name}: {ours} corners, {theirs} by OpenCV");

@@ -1,5 +1,5 @@
-//! Printed boards are what the detector finds: every kind, drawn as SVG and as PDF, rasterised and detected, with every marker where
-//! the page says it is.
+//! Printed boards are what the detector finds: every kind, drawn as SVG and as PDF, rasterised and detected, with every marker
+//! where the page says it is.
 
 #[path = "../../../tests/support/python.rs"]
 mod python;

@@ -19,9 +19,9 @@ fn scene(texture: &Texture, right: bool) -> Scene<'_> {
     // A marker next to the middle would do for an odd number of columns only: the board would leave its half of the image.
     let (first, last) = (texture.target.point(0), texture.target.point(texture.target.len() - 1));
     let middle = [(first[0] + last[0]) / 2.0, (first[1] + last[1]) / 2.0];
-    let at = [if right { 480.0 } else { 160.0 }, 240.0];
+    let centre = [if right { 480.0 } else { 160.0 }, 240.0];
     let z = camera.f * 196.0 / 250.0;
-    let pose = Pose::looking(&camera, middle, at, z, 0.15, 1.0, if right { 0.1 } else { -0.1 });
+    let pose = Pose::looking(&camera, middle, centre, z, 0.15, 1.0, if right { 0.1 } else { -0.1 });
     Scene::new(camera, pose, texture, u64::from(right))
 }
 
@@ -35,13 +35,13 @@ fn two_boards_of_one_dictionary_are_told_apart() {
     for (index, value) in of_right.data.iter().enumerate().filter(|(index, _)| index % of_right.width >= middle) {
         image.data[index] = *value;
     }
-    let own = |name: &str, first_tag| NumberedBoard { name: name.into(), first_tag, board: board() };
+    let numbered = |name: &str, first_tag| NumberedBoard { name: name.into(), first_tag, board: board() };
     // Named in the other order: the numbers of the tags decide, not the place.
-    let both = Target::several(vec![own("right", TAGS), own("left", 0)]);
+    let both = Target::several(vec![numbered("right", TAGS), numbered("left", 0)]);
     let options = DetectOptions { detector: Detector::BuiltIn, ..DetectOptions::default() };
-    let found = detect(&image, &both, &options).expect("no error").expect("both boards");
+    let detection = detect(&image, &both, &options).expect("no error").expect("both boards");
     for (part, scene) in both.parts().iter().zip([&right, &left]) {
-        let markers: Vec<_> = found.markers.iter().filter(|m| part.markers.contains(&m.index)).collect();
+        let markers: Vec<_> = detection.markers.iter().filter(|m| part.markers.contains(&m.index)).collect();
         // Both boards are in sight as a whole: the share at which a search is content.
         assert!(10 * markers.len() >= 9 * board().len(), "{}: {} markers", part.name, markers.len());
         for marker in markers {

@@ -49,11 +49,13 @@ impl Coordinates {
         let scaled = DMatrix::from_fn(n, n, |i, k| information[(i, k)] / (scale[i] * scale[k]));
         let eigen = SymmetricEigen::new(scaled);
         let largest = eigen.eigenvalues.max();
-        let mut kept: Vec<usize> = (0..n).filter(|i| eigen.eigenvalues[*i] > DETERMINED * largest).collect();
-        kept.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-        let root = |i: usize| eigen.eigenvalues[kept[i]].sqrt();
-        let to = DMatrix::from_fn(kept.len(), n, |i, k| root(i) * eigen.eigenvectors[(k, kept[i])] * scale[k]);
-        let from = DMatrix::from_fn(n, kept.len(), |k, i| eigen.eigenvectors[(k, kept[i])] / (root(i) * scale[k]));
+        let mut determined: Vec<usize> = (0..n).filter(|i| eigen.eigenvalues[*i] > DETERMINED * largest).collect();
+        determined.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let root = |i: usize| eigen.eigenvalues[determined[i]].sqrt();
+        let to =
+            DMatrix::from_fn(determined.len(), n, |i, k| root(i) * eigen.eigenvectors[(k, determined[i])] * scale[k]);
+        let from =
+            DMatrix::from_fn(n, determined.len(), |k, i| eigen.eigenvectors[(k, determined[i])] / (root(i) * scale[k]));
         Some(Self { to, from })
     }
 
@@ -113,15 +115,15 @@ pub(crate) struct EffectOutliers {
 impl<'a> Effects<'a> {
     /// The effects that at least [`FEWEST_UNITS`] kept units have or scored, but for those in `common`.
     fn described(&self, common: &[EffectKey]) -> Vec<Described<'a>> {
-        let mut found: Vec<Described<'a>> = Vec::new();
+        let mut described: Vec<Described<'a>> = Vec::new();
         for effect in self.units.iter().flat_map(|u| &u.effects) {
-            let is_new = found.iter().all(|f| *f.key != effect.key);
+            let is_new = described.iter().all(|f| *f.key != effect.key);
             if is_new && !common.contains(&effect.key) && self.count(&effect.key) >= FEWEST_UNITS {
                 let (key, with, names, nominal) = (&effect.key, &*effect.with, &*effect.names, &*effect.nominal);
-                found.push(Described { key, with, names, nominal });
+                described.push(Described { key, with, names, nominal });
             }
         }
-        found
+        described
     }
 
     /// Number of effects that are tested.
@@ -130,13 +132,13 @@ impl<'a> Effects<'a> {
     }
 
     fn count(&self, key: &EffectKey) -> usize {
-        self.units.iter().zip(self.kept).filter(|(u, kept)| **kept && u.effect(key).is_some()).count()
+        self.units.iter().zip(self.kept).filter(|(u, is_alike)| **is_alike && u.effect(key).is_some()).count()
     }
 
     /// Factor by which the frames' scores scatter more than the noise model says, over all kept units; at least 1.
     fn overdispersion(&self, key: &EffectKey) -> f64 {
-        let (mut found, mut expected) = (0.0, 0.0);
-        for (unit, _) in self.units.iter().zip(self.kept).filter(|(_, kept)| **kept) {
+        let (mut observed, mut expected) = (0.0, 0.0);
+        for (unit, _) in self.units.iter().zip(self.kept).filter(|(_, is_alike)| **is_alike) {
             let (Some(effect), Some(scores)) = (unit.effect(key), &unit.scores) else { continue };
             let Some(scatter) = &effect.scatter else { continue };
             let places: Option<Vec<usize>> =
@@ -145,11 +147,11 @@ impl<'a> Effects<'a> {
                 .and_then(|places| Scaled::with_ridge(&part(&scores.information, &places, &places), DETERMINED))
                 .map(|factor| factor.inverse());
             if let Some(inverse) = inverse {
-                found += (inverse * scatter).trace();
+                observed += (inverse * scatter).trace();
                 expected += effect.names.len() as f64 * (unit.frames.max(2) - 1) as f64 / unit.frames.max(2) as f64;
             }
         }
-        if expected > 0.0 { (found / expected).max(1.0) } else { 1.0 }
+        if expected > 0.0 { (observed / expected).max(1.0) } else { 1.0 }
     }
 
     /// The evidence for an effect given others; `None` where the units do not determine it.
@@ -171,27 +173,27 @@ impl<'a> Effects<'a> {
             self.units.iter().map(estimate).collect()
         };
         let of_kept = |estimates: &[Option<UnitEstimate>]| -> Vec<UnitEstimate> {
-            estimates.iter().zip(self.kept).filter(|(_, kept)| **kept).filter_map(|(e, _)| e.clone()).collect()
+            estimates.iter().zip(self.kept).filter(|(_, is_alike)| **is_alike).filter_map(|(e, _)| e.clone()).collect()
         };
         // The noise model is that of all effects; factors of their own would make their merits those of different data.
         let by_noise = of_kept(&estimates(1.0));
         let estimates = estimates(overdispersion);
-        let own = of_kept(&estimates);
-        if own.len() < FEWEST_UNITS {
+        let alike = of_kept(&estimates);
+        if alike.len() < FEWEST_UNITS {
             return None;
         }
-        let coordinates = Coordinates::new(&own)?;
+        let coordinates = Coordinates::new(&alike)?;
         let in_coordinates =
             |estimates: &[UnitEstimate]| -> Vec<UnitEstimate> { estimates.iter().map(|e| coordinates.of(e)).collect() };
-        let (own, by_noise) = (in_coordinates(&own), in_coordinates(&by_noise));
-        let fit = RandomEffects::diagonal(&own)?;
+        let (in_own, by_noise) = (in_coordinates(&alike), in_coordinates(&by_noise));
+        let fit = RandomEffects::diagonal(&in_own)?;
         let merit = self.merit(&by_noise)?;
         let rank = fit.mean.len();
         let (all, zero) = ((0..rank).collect::<Vec<_>>(), DVector::zeros(rank));
         Some(Evidence {
             merit,
             shared_p_value: shared_p_value(&fit, &all, &zero).unwrap_or(1.0),
-            differs_p_value: homogeneity_p_value(&own)?,
+            differs_p_value: homogeneity_p_value(&in_own)?,
             estimates,
             fit,
             coordinates,
@@ -199,13 +201,13 @@ impl<'a> Effects<'a> {
         })
     }
 
-    /// Twice the rise of the log-likelihood by a mean and a scatter of these estimates, less the logarithm of the number of frames for
-    /// each of its numbers (Schwarz 1978). A false effect that resembles the true one explains every unit a little differently, and
-    /// pays for that with its scatter.
+    /// Twice the rise of the log-likelihood by a mean and a scatter of these estimates, less the logarithm of the number of
+    /// frames for each of its numbers (Schwarz 1978). A false effect that resembles the true one explains every unit a little
+    /// differently, and pays for that with its scatter.
     fn merit(&self, estimates: &[UnitEstimate]) -> Option<f64> {
         let fit = RandomEffects::diagonal(estimates)?;
-        let kept = self.units.iter().zip(self.kept).filter(|(_, kept)| **kept);
-        let frames: usize = kept.map(|(unit, _)| unit.frames).sum();
+        let alike = self.units.iter().zip(self.kept).filter(|(_, is_alike)| **is_alike);
+        let frames: usize = alike.map(|(unit, _)| unit.frames).sum();
         let numbers = fit.mean.len() + fit.between.diagonal().iter().filter(|v| **v > 0.0).count();
         Some(fit.gain_over_nothing(estimates)? - numbers as f64 * (frames.max(1) as f64).ln())
     }
@@ -218,12 +220,12 @@ impl<'a> Effects<'a> {
             described.iter().filter_map(|d| Some((d, self.evidence(d, &[])?))).collect();
         let first = holm(&marginal.iter().map(|(_, e)| e.shared_p_value).collect::<Vec<_>>());
         let differs = holm(&marginal.iter().map(|(_, e)| e.differs_p_value).collect::<Vec<_>>());
-        let mut found: Vec<EffectKey> = Vec::new();
+        let mut chosen: Vec<EffectKey> = Vec::new();
         let mut indistinguishable: Vec<Vec<String>> = Vec::new();
         let mut explained: Vec<Option<String>> = vec![None; marginal.len()];
         let mut present: Vec<Option<(f64, f64)>> =
             marginal.iter().map(|(_, e)| Some((e.shared_p_value, e.merit))).collect();
-        while found.len() < MOST_FOUND {
+        while chosen.len() < MOST_FOUND {
             let p: Vec<f64> = present.iter().map(|e| e.map_or(1.0, |e| e.0)).collect();
             let corrected = holm(&p);
             let merit = |i: usize| present[i].map_or(f64::NEG_INFINITY, |e| e.1);
@@ -232,11 +234,11 @@ impl<'a> Effects<'a> {
             let rivals: Vec<usize> = significant.iter().copied().filter(|i| *i != best).collect();
             let close = |i: &&usize| merit(**i) > merit(best) - TOLD_APART;
             let close: Vec<usize> = rivals.iter().filter(close).copied().collect();
-            found.push(marginal[best].0.key.clone());
+            chosen.push(marginal[best].0.key.clone());
             present[best] = None;
             for (i, (effect, _)) in marginal.iter().enumerate() {
                 if present[i].is_some() {
-                    let left = self.evidence(effect, &found);
+                    let left = self.evidence(effect, &chosen);
                     present[i] = left.map(|e| (e.shared_p_value, e.merit));
                 }
             }
@@ -251,18 +253,18 @@ impl<'a> Effects<'a> {
             .iter()
             .enumerate()
             .map(|(i, (effect, evidence))| {
-                let at = found.iter().position(|key| key == effect.key);
+                let position = chosen.iter().position(|key| key == effect.key);
                 let (level_each, merit) = (self.level / marginal.len() as f64, evidence.merit);
                 // Shared effects are told with each other in the model.
-                let others: Vec<EffectKey> = found.iter().filter(|key| *key != effect.key).cloned().collect();
-                let last = at.and_then(|_| self.evidence(effect, &others));
+                let others: Vec<EffectKey> = chosen.iter().filter(|key| *key != effect.key).cloned().collect();
+                let last = position.and_then(|_| self.evidence(effect, &others));
                 let evidence = last.as_ref().unwrap_or(evidence);
                 let record = FleetEffect {
                     shared_p_value: first[i],
                     differs_p_value: differs[i],
-                    shared: at.is_some(),
-                    explained_by: explained[i].clone().filter(|_| at.is_none()),
-                    indistinguishable: at.map(|at| indistinguishable[at].clone()).unwrap_or_default(),
+                    shared: position.is_some(),
+                    explained_by: explained[i].clone().filter(|_| position.is_none()),
+                    indistinguishable: position.map(|index| indistinguishable[index].clone()).unwrap_or_default(),
                     ..self.record(effect, evidence, level_each)
                 };
                 (merit, record)
@@ -274,7 +276,7 @@ impl<'a> Effects<'a> {
                 .unwrap_or(std::cmp::Ordering::Equal)
                 .then(b.total_cmp(a))
         });
-        (records.into_iter().map(|(_, record)| record).collect(), found)
+        (records.into_iter().map(|(_, record)| record).collect(), chosen)
     }
 
     fn record(&self, effect: &Described<'_>, evidence: &Evidence, level: f64) -> FleetEffect {
@@ -287,16 +289,16 @@ impl<'a> Effects<'a> {
             self.units.iter().filter_map(|u| u.effect(effect.key)?.square_mm2.as_ref()).collect();
         let square = |m: &&DMatrix<f64>| departure.dot(&(*m * &departure)).max(0.0);
         let mean_square = squares.iter().map(square).sum::<f64>() / squares.len().max(1) as f64;
-        let mut own: Vec<f64> = evidence
+        let mut noncentralities: Vec<f64> = evidence
             .estimates
             .iter()
             .zip(self.kept)
-            .filter_map(|(e, kept)| {
-                let seen = evidence.coordinates.of(e.as_ref().filter(|_| *kept)?);
+            .filter_map(|(e, is_alike)| {
+                let seen = evidence.coordinates.of(e.as_ref().filter(|_| *is_alike)?);
                 Some(evidence.fit.mean.dot(&(Scaled::new(&seen.covariance)?.inverse() * &evidence.fit.mean)))
             })
             .collect();
-        own.sort_by(f64::total_cmp);
+        noncentralities.sort_by(f64::total_cmp);
         let sufficient = noncentrality(evidence.fit.mean.len(), level, POWER);
         let unit = |(i, estimate): (usize, &Option<UnitEstimate>)| {
             let estimate = estimate.as_ref()?;
@@ -321,7 +323,7 @@ impl<'a> Effects<'a> {
             explained_by: None,
             indistinguishable: Vec::new(),
             size_mm: (!squares.is_empty()).then(|| mean_square.sqrt()),
-            of_detectable: own.get(own.len() / 2).map(|lambda| (lambda / sufficient).sqrt()),
+            of_detectable: noncentralities.get(noncentralities.len() / 2).map(|lambda| (lambda / sufficient).sqrt()),
             overdispersion: evidence.overdispersion,
             units: evidence.estimates.iter().enumerate().filter_map(unit).collect(),
         }
@@ -336,17 +338,17 @@ impl<'a> Effects<'a> {
             let others: Vec<EffectKey> = given.iter().filter(|key| *key != effect.key).cloned().collect();
             let evidence = self.evidence(effect, &others)?;
             let places: Vec<usize> = (0..self.units.len()).filter(|i| evidence.estimates[*i].is_some()).collect();
-            let own: Vec<UnitEstimate> = places
+            let estimates: Vec<UnitEstimate> = places
                 .iter()
                 .filter_map(|i| evidence.estimates[*i].as_ref())
                 .map(|e| evidence.coordinates.of(e))
                 .collect();
-            let found = find_outliers(&own, self.level / tests);
-            let mut kept = vec![true; self.units.len()];
+            let search = find_outliers(&estimates, self.level / tests);
+            let mut is_alike = vec![true; self.units.len()];
             let mut departures: Vec<_> = (0..self.units.len()).map(|_| None).collect();
             let nominal = DVector::from_column_slice(effect.nominal);
-            for ((place, is_kept), departure) in places.iter().zip(found.kept).zip(found.departures) {
-                kept[*place] = is_kept;
+            for ((place, is_kept), departure) in places.iter().zip(search.kept).zip(search.departures) {
+                is_alike[*place] = is_kept;
                 departures[*place] = departure.map(|mut d| {
                     d.expected = &nominal + &evidence.coordinates.from * &d.expected;
                     d
@@ -356,7 +358,7 @@ impl<'a> Effects<'a> {
             Some(EffectOutliers {
                 key: effect.key.clone(),
                 names: effect.names.to_vec(),
-                search: OutlierSearch { kept, departures },
+                search: OutlierSearch { kept: is_alike, departures },
                 values: evidence.estimates.iter().map(value).collect(),
             })
         };

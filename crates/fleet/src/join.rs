@@ -31,12 +31,12 @@ impl Default for FleetOptions {
     }
 }
 
-/// What units say together.
+/// The result of joining units.
 #[derive(Debug, Clone)]
 pub struct Joined {
     /// The record.
     pub fleet: Fleet,
-    /// What they say of the next unit.
+    /// Prior for the next unit.
     pub prior: Prior,
 }
 
@@ -67,10 +67,10 @@ pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOption
             .count_all(&common);
     let tests = (units.len() * (tested + 1)) as f64;
     let search = find_outliers(&estimates, options.level / tests);
-    let kept = |values: &[UnitEstimate]| -> Vec<UnitEstimate> {
-        values.iter().zip(&search.kept).filter(|(_, kept)| **kept).map(|(v, _)| v.clone()).collect()
+    let alike_of = |values: &[UnitEstimate]| -> Vec<UnitEstimate> {
+        values.iter().zip(&search.kept).filter(|(_, is_alike)| **is_alike).map(|(v, _)| v.clone()).collect()
     };
-    let alike = kept(&estimates);
+    let alike = alike_of(&estimates);
     let fit = RandomEffects::diagonal(&alike).ok_or(FleetError::NotPositiveDefinite)?;
     let ratios = fit.variance_ratios(&alike);
     let fit = fit.with_factors(&alike);
@@ -153,14 +153,14 @@ fn common(units: Vec<Unit>, mut left_out: Vec<FleetLeftOut>) -> Result<Common, F
 /// Effects that the models of some units have, and that all others scored: they are made free in all, in which the parameters of
 /// a unit mean the same whether its model has the effect or not.
 fn adopted(units: &[Unit], common: &[EffectKey]) -> Vec<EffectKey> {
-    let mut found: Vec<EffectKey> = Vec::new();
+    let mut keys: Vec<EffectKey> = Vec::new();
     for effect in units.iter().flat_map(|u| &u.effects).filter(|e| e.in_model) {
-        let is_new = !common.contains(&effect.key) && !found.contains(&effect.key);
+        let is_new = !common.contains(&effect.key) && !keys.contains(&effect.key);
         if is_new && units.iter().all(|u| u.effect(&effect.key).is_some()) {
-            found.push(effect.key.clone());
+            keys.push(effect.key.clone());
         }
     }
-    found
+    keys
 }
 
 fn unit_record(unit: &Unit, departure: Option<&Departure>) -> FleetUnit {
@@ -183,7 +183,7 @@ fn parameters(
     let described = |name: &String| units[0].parameters.iter().find(|p| p.name == *name);
     let nominal: Vec<Option<f64>> = names.iter().map(|name| described(name).and_then(|p| p.nominal)).collect();
     let shared =
-        |k: usize| nominal[k].map(|at| shared_p_value(fit, &[k], &DVector::from_element(1, at)).unwrap_or(1.0));
+        |k: usize| nominal[k].map(|value| shared_p_value(fit, &[k], &DVector::from_element(1, value)).unwrap_or(1.0));
     let with_nominal: Vec<usize> = (0..names.len()).filter(|k| nominal[*k].is_some()).collect();
     let corrected = holm(&with_nominal.iter().filter_map(|k| shared(*k)).collect::<Vec<_>>());
     let differs = holm(&ratios.iter().map(|ratio| boundary_p_value(*ratio)).collect::<Vec<_>>());
@@ -227,21 +227,21 @@ fn outliers(
         p_value: (d.p_value * tests).min(1.0),
         parts: parts(names, values, d),
     };
-    let mut found = Vec::new();
+    let mut outliers = Vec::new();
     for unit in 0..units.len() {
         if let (false, Some(d)) = (search.kept[unit], &search.departures[unit]) {
-            found.push(record(unit, "model", names, &estimates[unit].value, d));
+            outliers.push(record(unit, "model", names, &estimates[unit].value, d));
         }
-        let of = of_effects
+        let departing = of_effects
             .iter()
             .filter(|e| !e.search.kept[unit])
             .filter_map(|e| Some((e, e.search.departures[unit].as_ref()?, e.values[unit].as_ref()?)));
-        if let Some((effect, d, values)) = of.min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value)) {
-            found.push(record(unit, &effect.key.name, &effect.names, values, d));
+        if let Some((effect, d, values)) = departing.min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value)) {
+            outliers.push(record(unit, &effect.key.name, &effect.names, values, d));
         }
     }
-    found.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(a.unit.cmp(&b.unit)));
-    found
+    outliers.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(a.unit.cmp(&b.unit)));
+    outliers
 }
 
 /// The parameters that carry a departure, the largest first; of an effect, whose departures are in coordinates of their own, all.
@@ -263,15 +263,15 @@ fn parts(names: &[String], values: &DVector<f64>, departure: &Departure) -> Vec<
         .collect()
 }
 
-/// What units say of the next one: their parameters with the shared effects in the model, where enough units tell these.
+/// The prior for the next unit: parameters with the shared effects in the model, where enough units tell these.
 fn prior(
     units: &[Unit],
-    kept: &[bool],
+    is_alike: &[bool],
     names: &[String],
     [common, adopted, shared]: [&[EffectKey]; 3],
     fit: &RandomEffects,
 ) -> Prior {
-    let alike: Vec<&Unit> = units.iter().zip(kept).filter(|(_, kept)| **kept).map(|(u, _)| u).collect();
+    let alike: Vec<&Unit> = units.iter().zip(is_alike).filter(|(_, is_alike)| **is_alike).map(|(u, _)| u).collect();
     let with = |keys: &[EffectKey]| -> Vec<String> {
         let text = |key: &EffectKey| alike.iter().find_map(|u| u.effect(key).map(|e| e.with.clone()));
         keys.iter().filter_map(text).collect()

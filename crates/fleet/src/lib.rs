@@ -1,4 +1,4 @@
-//! What the calibrations of many cameras of one type say together.
+//! Joint analysis of the calibrations of many cameras of one type.
 //!
 //! Every calibration gives the parameters of one unit with their covariance, and the scores of the effects that its model lacks.
 //! Together they tell what no single one can:

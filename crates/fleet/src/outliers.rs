@@ -31,11 +31,11 @@ const MOST_ROUNDS: usize = 12;
 pub struct Departure {
     /// p-value of this unit alone, uncorrected for the number of units.
     pub p_value: f64,
-    /// What the others predict.
+    /// Values that the other units predict.
     pub expected: DVector<f64>,
     /// Departure of every parameter given all other parameters of the unit, in standard deviations.
     pub standardized: DVector<f64>,
-    /// The same as normal deviates: what small numbers of units leave of the significance.
+    /// `standardized` as normal deviates of the same probability, which small numbers of units make smaller.
     pub deviates: DVector<f64>,
 }
 
@@ -51,26 +51,26 @@ pub struct OutlierSearch {
 /// Searches units whose p-value is below `level`, which the caller has divided by the number of tests.
 pub fn find_outliers(units: &[UnitEstimate], level: f64) -> OutlierSearch {
     let fewest = units.len() / 2 + 1;
-    let mut kept = robust_start(units, fewest);
+    let mut is_alike = robust_start(units, fewest);
     let mut departures = Vec::new();
     let mut seen: Vec<Vec<bool>> = Vec::new();
     for _ in 0..MOST_ROUNDS {
-        departures = (0..units.len()).into_par_iter().map(|i| departure(units, &kept, i)).collect();
+        departures = (0..units.len()).into_par_iter().map(|i| departure(units, &is_alike, i)).collect();
         let next = most_alike(&departures, level, fewest);
-        if next == kept {
+        if next == is_alike {
             break;
         }
         // A cycle: the units in question are kept, which errs towards no outlier.
         if seen.contains(&next) {
-            kept = kept.iter().zip(&next).map(|(a, b)| *a || *b).collect();
-            departures = (0..units.len()).into_par_iter().map(|i| departure(units, &kept, i)).collect();
+            is_alike = is_alike.iter().zip(&next).map(|(a, b)| *a || *b).collect();
+            departures = (0..units.len()).into_par_iter().map(|i| departure(units, &is_alike, i)).collect();
             let clear = most_alike(&departures, level, fewest);
-            kept = kept.iter().zip(clear).map(|(a, b)| *a && b).collect();
+            is_alike = is_alike.iter().zip(clear).map(|(a, b)| *a && b).collect();
             break;
         }
-        seen.push(std::mem::replace(&mut kept, next));
+        seen.push(std::mem::replace(&mut is_alike, next));
     }
-    OutlierSearch { kept, departures }
+    OutlierSearch { kept: is_alike, departures }
 }
 
 /// Units with p-values of at least `level`, and as many of the others as are needed for a majority.
@@ -78,17 +78,18 @@ fn most_alike(departures: &[Option<Departure>], level: f64, fewest: usize) -> Ve
     let p = |d: &Option<Departure>| d.as_ref().map_or(1.0, |d| d.p_value);
     let mut order: Vec<usize> = (0..departures.len()).collect();
     order.sort_by(|a, b| p(&departures[*b]).total_cmp(&p(&departures[*a])));
-    let mut kept = vec![false; departures.len()];
+    let mut is_alike = vec![false; departures.len()];
     for (rank, i) in order.into_iter().enumerate() {
-        kept[i] = rank < fewest || p(&departures[i]) >= level;
+        is_alike[i] = rank < fewest || p(&departures[i]) >= level;
     }
-    kept
+    is_alike
 }
 
 /// The units that are near the others' median in every parameter and altogether.
 fn robust_start(units: &[UnitEstimate], fewest: usize) -> Vec<bool> {
     let n = units.first().map_or(0, |u| u.value.len());
-    let over_units = |of: &dyn Fn(&UnitEstimate) -> f64| median(&mut units.iter().map(of).collect::<Vec<f64>>());
+    let over_units =
+        |quantity: &dyn Fn(&UnitEstimate) -> f64| median(&mut units.iter().map(quantity).collect::<Vec<f64>>());
     let centre = DVector::from_fn(n, |k, _| over_units(&|u| u.value[k]));
     let between = DVector::from_fn(n, |k, _| {
         let deviation = NORMAL_MAD * over_units(&|u| (u.value[k] - centre[k]).abs());
@@ -110,17 +111,17 @@ fn robust_start(units: &[UnitEstimate], fewest: usize) -> Vec<bool> {
         .collect();
     let mut order: Vec<usize> = (0..units.len()).collect();
     order.sort_by(|a, b| p[*b].total_cmp(&p[*a]));
-    let mut kept = vec![false; units.len()];
+    let mut is_alike = vec![false; units.len()];
     for (rank, i) in order.into_iter().enumerate() {
-        kept[i] = rank < fewest || p[i] >= START_LEVEL;
+        is_alike[i] = rank < fewest || p[i] >= START_LEVEL;
     }
-    kept
+    is_alike
 }
 
 /// How unit `i` departs from what the kept others predict.
-fn departure(units: &[UnitEstimate], kept: &[bool], i: usize) -> Option<Departure> {
+fn departure(units: &[UnitEstimate], is_alike: &[bool], i: usize) -> Option<Departure> {
     let others: Vec<UnitEstimate> =
-        units.iter().enumerate().filter(|(k, _)| kept[*k] && *k != i).map(|(_, unit)| unit.clone()).collect();
+        units.iter().enumerate().filter(|(k, _)| is_alike[*k] && *k != i).map(|(_, unit)| unit.clone()).collect();
     if others.len() < 2 {
         return None;
     }

@@ -34,7 +34,7 @@ const EM_ITERATIONS: usize = 400;
 /// Most common factors.
 const MOST_FACTORS: usize = 3;
 
-/// What one unit says of some parameters.
+/// Estimate of some parameters from one unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnitEstimate {
     /// Estimate.
@@ -129,12 +129,12 @@ impl Data {
     }
 
     /// Gradient of ℓ by the diagonal of T, and the information on it.
-    fn slope(&self, at: &Evaluation) -> (DVector<f64>, DMatrix<f64>) {
+    fn slope(&self, evaluation: &Evaluation) -> (DVector<f64>, DMatrix<f64>) {
         let n = self.size();
         let (mut gradient, mut information) = (DVector::zeros(n), DMatrix::zeros(n, n));
-        for (precision, residual) in at.precisions.iter().zip(&at.residuals) {
+        for (precision, residual) in evaluation.precisions.iter().zip(&evaluation.residuals) {
             let pulled = precision * residual;
-            let of_mean = precision * &at.mean_covariance * precision;
+            let of_mean = precision * &evaluation.mean_covariance * precision;
             for k in 0..n {
                 gradient[k] += 0.5 * (pulled[k] * pulled[k] - precision[(k, k)] + of_mean[(k, k)]);
             }
@@ -148,23 +148,23 @@ impl Data {
     fn diagonal(&self, start: &DVector<f64>, zero: &[bool]) -> Option<(DVector<f64>, Evaluation)> {
         let n = self.size();
         let mut variances = DVector::from_fn(n, |k, _| if zero[k] { 0.0 } else { start[k].max(0.0) });
-        let mut at = self.evaluate(&DMatrix::from_diagonal(&variances))?;
+        let mut evaluation = self.evaluate(&DMatrix::from_diagonal(&variances))?;
         for _ in 0..MOST_STEPS {
-            let (gradient, information) = self.slope(&at);
+            let (gradient, information) = self.slope(&evaluation);
             let free: Vec<usize> =
                 (0..n).filter(|k| !zero[*k] && (variances[*k] > 0.0 || gradient[*k] > 0.0)).collect();
-            let before = at.log_likelihood;
-            if let Some((better, evaluation)) = self
+            let before = evaluation.log_likelihood;
+            if let Some((better, improved)) = self
                 .scoring_step(&variances, &free, &gradient, &information, before)
                 .or_else(|| self.em_step(&variances, &gradient, before))
             {
-                (variances, at) = (better, evaluation);
+                (variances, evaluation) = (better, improved);
             }
-            if at.log_likelihood - before < SETTLED {
+            if evaluation.log_likelihood - before < SETTLED {
                 break;
             }
         }
-        Some((variances, at))
+        Some((variances, evaluation))
     }
 
     fn scoring_step(
@@ -175,17 +175,17 @@ impl Data {
         information: &DMatrix<f64>,
         before: f64,
     ) -> Option<(DVector<f64>, Evaluation)> {
-        let own = DMatrix::from_fn(free.len(), free.len(), |i, k| information[(free[i], free[k])]);
+        let of_free = DMatrix::from_fn(free.len(), free.len(), |i, k| information[(free[i], free[k])]);
         let slope = DVector::from_fn(free.len(), |i, _| gradient[free[i]]);
-        let step = Scaled::with_ridge(&own, 1e-9)?.inverse() * slope;
+        let step = Scaled::with_ridge(&of_free, 1e-9)?.inverse() * slope;
         let mut share = 1.0;
         for _ in 0..MOST_HALVINGS {
             let mut moved = variances.clone();
             free.iter().zip(step.iter()).for_each(|(k, s)| moved[*k] = (moved[*k] + share * s).max(0.0));
-            if let Some(at) = self.evaluate(&DMatrix::from_diagonal(&moved))
-                && at.log_likelihood > before
+            if let Some(evaluation) = self.evaluate(&DMatrix::from_diagonal(&moved))
+                && evaluation.log_likelihood > before
             {
-                return Some((moved, at));
+                return Some((moved, evaluation));
             }
             share *= 0.5;
         }
@@ -201,8 +201,8 @@ impl Data {
     ) -> Option<(DVector<f64>, Evaluation)> {
         let count = self.values.len() as f64;
         let moved = variances.zip_map(gradient, |v, g| (v + 2.0 * v * v * g / count).max(0.0));
-        let at = self.evaluate(&DMatrix::from_diagonal(&moved))?;
-        (at.log_likelihood > before).then_some((moved, at))
+        let evaluation = self.evaluate(&DMatrix::from_diagonal(&moved))?;
+        (evaluation.log_likelihood > before).then_some((moved, evaluation))
     }
 
     /// Where a search for a diagonal T starts: what noise does not explain of the variance.
@@ -210,10 +210,10 @@ impl Data {
         let n = self.size();
         let count = self.values.len() as f64;
         DVector::from_fn(n, |k, _| {
-            let of = |f: &dyn Fn(usize) -> f64| (0..self.values.len()).map(f).sum::<f64>() / count;
-            let mean = of(&|i| self.values[i][k]);
-            let variance = of(&|i| (self.values[i][k] - mean).powi(2)) * count / (count - 1.0).max(1.0);
-            let noise = of(&|i| self.covariances[i][(k, k)]);
+            let mean_of = |f: &dyn Fn(usize) -> f64| (0..self.values.len()).map(f).sum::<f64>() / count;
+            let mean = mean_of(&|i| self.values[i][k]);
+            let variance = mean_of(&|i| (self.values[i][k] - mean).powi(2)) * count / (count - 1.0).max(1.0);
+            let noise = mean_of(&|i| self.covariances[i][(k, k)]);
             (variance - noise).max(LEAST_START)
         })
     }
@@ -221,78 +221,85 @@ impl Data {
     /// One step of the EM algorithm for T = D + L Lᵀ.
     fn factor_step(
         &self,
-        at: &Evaluation,
-        own: &DVector<f64>,
+        evaluation: &Evaluation,
+        specific: &DVector<f64>,
         loadings: &DMatrix<f64>,
     ) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let n = self.size();
-        let between = DMatrix::from_diagonal(own) + loadings * loadings.transpose();
+        let between = DMatrix::from_diagonal(specific) + loadings * loadings.transpose();
         // Second moments of the units' deviations from the mean given the data, the mean being estimated.
         let mut moments = DMatrix::zeros(n, n);
-        for (precision, residual) in at.precisions.iter().zip(&at.residuals) {
+        for (precision, residual) in evaluation.precisions.iter().zip(&evaluation.residuals) {
             let deviation = &between * (precision * residual);
-            let restricted = precision - precision * &at.mean_covariance * precision;
+            let restricted = precision - precision * &evaluation.mean_covariance * precision;
             moments += &deviation * deviation.transpose() + &between - &between * restricted * &between;
         }
         moments /= self.values.len() as f64;
-        let ridge = DMatrix::from_diagonal(&own.map(|v| v.max(1e-9))) + loadings * loadings.transpose();
+        let ridge = DMatrix::from_diagonal(&specific.map(|v| v.max(1e-9))) + loadings * loadings.transpose();
         let beta = loadings.transpose() * Scaled::new(&ridge)?.inverse();
         let count = loadings.ncols();
         let of_factors = DMatrix::identity(count, count) - &beta * loadings + &beta * &moments * beta.transpose();
         let moved = &moments * beta.transpose() * Scaled::new(&of_factors)?.inverse();
-        let rest = (&moments - &moved * &beta * &moments).diagonal();
-        Some((rest.zip_map(own, |v, before| if before > 0.0 { v.max(0.0) } else { 0.0 }), moved))
+        let residual_variances = (&moments - &moved * &beta * &moments).diagonal();
+        Some((residual_variances.zip_map(specific, |v, before| if before > 0.0 { v.max(0.0) } else { 0.0 }), moved))
     }
 
     /// T with one more factor than `loadings` has, found from where the residuals covary most.
     fn with_factor(
         &self,
-        own: &DVector<f64>,
+        specific: &DVector<f64>,
         loadings: &DMatrix<f64>,
     ) -> Option<(DVector<f64>, DMatrix<f64>, Evaluation)> {
         let n = self.size();
-        let at = self.evaluate(&(DMatrix::from_diagonal(own) + loadings * loadings.transpose()))?;
+        let evaluation = self.evaluate(&(DMatrix::from_diagonal(specific) + loadings * loadings.transpose()))?;
         // The gradient of ℓ by T, in the scale of the scatter: its largest eigenvector is the steepest factor.
         let mut gradient = DMatrix::zeros(n, n);
-        for (precision, residual) in at.precisions.iter().zip(&at.residuals) {
+        for (precision, residual) in evaluation.precisions.iter().zip(&evaluation.residuals) {
             let pulled = precision * residual;
-            gradient += &pulled * pulled.transpose() - precision + precision * &at.mean_covariance * precision;
+            gradient += &pulled * pulled.transpose() - precision + precision * &evaluation.mean_covariance * precision;
         }
-        let scale = DVector::from_fn(n, |k, _| (own[k] + loadings.row(k).norm_squared()).max(LEAST_START * 0.1).sqrt());
+        let scale =
+            DVector::from_fn(n, |k, _| (specific[k] + loadings.row(k).norm_squared()).max(LEAST_START * 0.1).sqrt());
         let scaled = DMatrix::from_fn(n, n, |i, k| scale[i] * gradient[(i, k)] * scale[k]);
         let eigen = scaled.symmetric_eigen();
         let steepest = eigen.eigenvalues.imax();
         let direction = eigen.eigenvectors.column(steepest).component_mul(&scale) * 0.5;
         let mut moved = loadings.clone().insert_column(loadings.ncols(), 0.0);
         moved.set_column(loadings.ncols(), &direction);
-        let (mut own, mut loadings) = (own.map(|v| if v > 0.0 { 0.8 * v } else { 0.0 }), moved);
-        let mut at = self.evaluate(&(DMatrix::from_diagonal(&own) + &loadings * loadings.transpose()))?;
+        let (mut specific, mut loadings) = (specific.map(|v| if v > 0.0 { 0.8 * v } else { 0.0 }), moved);
+        let mut evaluation = self.evaluate(&(DMatrix::from_diagonal(&specific) + &loadings * loadings.transpose()))?;
         for _ in 0..EM_ITERATIONS {
-            let before = at.log_likelihood;
-            (own, loadings) = self.factor_step(&at, &own, &loadings)?;
-            at = self.evaluate(&(DMatrix::from_diagonal(&own) + &loadings * loadings.transpose()))?;
-            if (at.log_likelihood - before).abs() < 1e-5 {
+            let before = evaluation.log_likelihood;
+            (specific, loadings) = self.factor_step(&evaluation, &specific, &loadings)?;
+            evaluation = self.evaluate(&(DMatrix::from_diagonal(&specific) + &loadings * loadings.transpose()))?;
+            if (evaluation.log_likelihood - before).abs() < 1e-5 {
                 break;
             }
         }
-        Some((own, loadings, at))
+        Some((specific, loadings, evaluation))
     }
 
-    fn result(&self, mean: &DVector<f64>, between: &DMatrix<f64>, factors: usize, at: &Evaluation) -> RandomEffects {
+    fn result(
+        &self,
+        mean: &DVector<f64>,
+        between: &DMatrix<f64>,
+        factors: usize,
+        evaluation: &Evaluation,
+    ) -> RandomEffects {
         let n = self.size();
         let unscaled = |m: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, k| m[(i, k)] * self.scale[i] * self.scale[k]);
-        let (_, information) = self.slope(at);
+        let (_, information) = self.slope(evaluation);
         let variance_std = match Scaled::with_ridge(&information, 1e-9) {
             Some(factor) => factor.inverse().diagonal().map(f64::sqrt),
             None => DVector::from_element(n, f64::INFINITY),
         };
         RandomEffects {
-            mean: mean + at.mean.component_mul(&self.scale),
-            mean_covariance: unscaled(&at.mean_covariance),
+            mean: mean + evaluation.mean.component_mul(&self.scale),
+            mean_covariance: unscaled(&evaluation.mean_covariance),
             between: unscaled(between),
             variance_std: variance_std.component_mul(&self.scale).component_mul(&self.scale),
             factors,
-            log_likelihood: at.log_likelihood,
+            log_likelihood: evaluation.log_likelihood,
             units: self.values.len(),
         }
     }
@@ -308,16 +315,16 @@ impl RandomEffects {
     /// The model with a diagonal T; `None` where the estimates are no numbers or a covariance is not positive definite.
     pub fn diagonal(units: &[UnitEstimate]) -> Option<Self> {
         let data = Data::new(units)?;
-        let (variances, at) = data.diagonal(&data.start(), &vec![false; data.size()])?;
-        Some(data.result(&plain_mean(units), &DMatrix::from_diagonal(&variances), 0, &at))
+        let (variances, evaluation) = data.diagonal(&data.start(), &vec![false; data.size()])?;
+        Some(data.result(&plain_mean(units), &DMatrix::from_diagonal(&variances), 0, &evaluation))
     }
 
     /// The model without scatter between units: T = 0.
     pub fn without_scatter(units: &[UnitEstimate]) -> Option<Self> {
         let data = Data::new(units)?;
         let zero = DMatrix::zeros(data.size(), data.size());
-        let at = data.evaluate(&zero)?;
-        Some(data.result(&plain_mean(units), &zero, 0, &at))
+        let evaluation = data.evaluate(&zero)?;
+        Some(data.result(&plain_mean(units), &zero, 0, &evaluation))
     }
 
     /// Twice the fall of the restricted log-likelihood when each parameter's variance between units is zero, all others being
@@ -326,14 +333,16 @@ impl RandomEffects {
         let Some(data) = Data::new(units) else { return Vec::new() };
         let n = data.size();
         let start = DVector::from_fn(n, |k, _| self.between[(k, k)] / data.scale[k].powi(2));
-        let whole = data.diagonal(&start, &vec![false; n]).map_or(self.log_likelihood, |(_, at)| at.log_likelihood);
+        let whole = data
+            .diagonal(&start, &vec![false; n])
+            .map_or(self.log_likelihood, |(_, evaluation)| evaluation.log_likelihood);
         let without = |k: usize| {
             if start[k] <= 0.0 {
                 return 0.0;
             }
             let zero: Vec<bool> = (0..n).map(|i| i == k).collect();
             data.diagonal(&start.map(|v| v.max(1e-4)), &zero)
-                .map_or(0.0, |(_, at)| 2.0 * (whole - at.log_likelihood).max(0.0))
+                .map_or(0.0, |(_, evaluation)| 2.0 * (whole - evaluation.log_likelihood).max(0.0))
         };
         use rayon::prelude::*;
         (0..n).into_par_iter().map(without).collect()
@@ -344,32 +353,33 @@ impl RandomEffects {
     pub fn with_factors(self, units: &[UnitEstimate]) -> Self {
         let Some(data) = Data::new(units) else { return self };
         let n = data.size();
-        let mut own = DVector::from_fn(n, |k, _| self.between[(k, k)] / data.scale[k].powi(2));
+        let mut specific = DVector::from_fn(n, |k, _| self.between[(k, k)] / data.scale[k].powi(2));
         let mut loadings = DMatrix::zeros(n, 0);
         let mut best = self;
         while loadings.ncols() < MOST_FACTORS.min(n / 2) {
-            let Some((next_own, next_loadings, at)) = data.with_factor(&own, &loadings) else { break };
+            let Some((next_own, next_loadings, evaluation)) = data.with_factor(&specific, &loadings) else { break };
             // A factor has a loading for every parameter that scatters, less the rotations among factors.
-            let scattering = own.iter().filter(|v| **v > 0.0).count().max(1);
+            let scattering = specific.iter().filter(|v| **v > 0.0).count().max(1);
             let parameters = scattering.saturating_sub(loadings.ncols()) as f64;
-            if 2.0 * (at.log_likelihood - best.log_likelihood) <= parameters * (units.len() as f64).ln() {
+            if 2.0 * (evaluation.log_likelihood - best.log_likelihood) <= parameters * (units.len() as f64).ln() {
                 break;
             }
             let between = DMatrix::from_diagonal(&next_own) + &next_loadings * next_loadings.transpose();
-            best = data.result(&plain_mean(units), &between, next_loadings.ncols(), &at);
-            (own, loadings) = (next_own, next_loadings);
+            best = data.result(&plain_mean(units), &between, next_loadings.ncols(), &evaluation);
+            (specific, loadings) = (next_own, next_loadings);
         }
         best
     }
 
-    /// Twice the rise of the log-likelihood of the units' observations over that of parameters that are zero in every unit; `units`
-    /// are departures from nothing. Unlike statistics of the mean alone it can be compared between models with different parameters.
+    /// Twice the rise of the log-likelihood of the units' observations over that of parameters that are zero in every unit;
+    /// `units` are departures from nothing. Unlike statistics of the mean alone it can be compared between models with different
+    /// parameters.
     pub fn gain_over_nothing(&self, units: &[UnitEstimate]) -> Option<f64> {
         let mut gain = 0.0;
         for unit in units {
-            let (own, whole) = (Scaled::new(&unit.covariance)?, Scaled::new(&(&unit.covariance + &self.between))?);
+            let (within, whole) = (Scaled::new(&unit.covariance)?, Scaled::new(&(&unit.covariance + &self.between))?);
             let residual = &unit.value - &self.mean;
-            gain += unit.value.dot(&(own.inverse() * &unit.value)) + own.log_determinant();
+            gain += unit.value.dot(&(within.inverse() * &unit.value)) + within.log_determinant();
             gain -= residual.dot(&(whole.inverse() * &residual)) + whole.log_determinant();
         }
         Some(gain)

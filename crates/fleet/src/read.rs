@@ -54,15 +54,15 @@ fn calibrations_at(path: &Path) -> Result<Vec<PathBuf>, FleetError> {
     if !path.is_dir() {
         return if path.exists() { Ok(vec![path.to_owned()]) } else { Err(none()) };
     }
-    let own = path.join(CALIBRATION);
-    if own.exists() {
-        return Ok(vec![own]);
+    let calibration = path.join(CALIBRATION);
+    if calibration.exists() {
+        return Ok(vec![calibration]);
     }
     let entries = std::fs::read_dir(path).map_err(|_| none())?;
-    let mut found: Vec<PathBuf> =
+    let mut calibrations: Vec<PathBuf> =
         entries.flatten().map(|entry| entry.path().join(CALIBRATION)).filter(|file| file.exists()).collect();
-    found.sort();
-    if found.is_empty() { Err(none()) } else { Ok(found) }
+    calibrations.sort();
+    if calibrations.is_empty() { Err(none()) } else { Ok(calibrations) }
 }
 
 /// A name for every calibration: its folder's, or its path where that is not unique.

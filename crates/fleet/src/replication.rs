@@ -15,7 +15,12 @@ const STANDARD_ERRORS: f64 = 2.0;
 
 /// Every effect that some unit's model has, compared with the other units: those that scored it, or, where all that know it have
 /// it in their models, all but the first. Effects that all units have are no findings of some.
-pub(crate) fn replications(units: &[Unit], kept: &[bool], common: &[EffectKey], level: f64) -> Vec<FleetReplication> {
+pub(crate) fn replications(
+    units: &[Unit],
+    is_alike: &[bool],
+    common: &[EffectKey],
+    level: f64,
+) -> Vec<FleetReplication> {
     let mut keys: Vec<&EffectKey> = Vec::new();
     for effect in units.iter().flat_map(|u| &u.effects).filter(|e| e.in_model) {
         if !keys.contains(&&effect.key) && !common.contains(&effect.key) {
@@ -23,20 +28,20 @@ pub(crate) fn replications(units: &[Unit], kept: &[bool], common: &[EffectKey], 
         }
     }
     let tests = keys.len().max(1) as f64;
-    keys.into_iter().map(|key| replication(units, kept, key, level / tests)).collect()
+    keys.into_iter().map(|key| replication(units, is_alike, key, level / tests)).collect()
 }
 
-fn replication(units: &[Unit], kept: &[bool], key: &EffectKey, level: f64) -> FleetReplication {
-    let usable = || units.iter().enumerate().filter(|(i, u)| kept[*i] && u.effect(key).is_some()).map(|(_, u)| u);
+fn replication(units: &[Unit], is_alike: &[bool], key: &EffectKey, level: f64) -> FleetReplication {
+    let usable = || units.iter().enumerate().filter(|(i, u)| is_alike[*i] && u.effect(key).is_some()).map(|(_, u)| u);
     let is_found = |u: &&Unit| u.effect(key).is_some_and(|e| e.in_model);
-    let (found, tested): (Vec<&Unit>, Vec<&Unit>) = usable().partition(is_found);
+    let (finders, tested): (Vec<&Unit>, Vec<&Unit>) = usable().partition(is_found);
     let names = |units: &[&Unit]| units.iter().map(|u| u.name.clone()).collect::<Vec<_>>();
     let described = units.iter().find_map(|u| u.effect(key).filter(|e| e.in_model));
     let mut record = FleetReplication {
         effect: key.name.clone(),
         with: described.map_or_else(String::new, |e| e.with.clone()),
         formula: key.formula.as_ref().map(|f| f.formula.texts().join("; ")),
-        found_in: names(&found),
+        found_in: names(&finders),
         tested_in: names(&tested),
         same_sign: None,
         relative_size: None,
@@ -45,17 +50,17 @@ fn replication(units: &[Unit], kept: &[bool], key: &EffectKey, level: f64) -> Fl
         confirmed: false,
     };
     let Some(described) = described else { return record };
-    let (reference, others) = match (found.split_first(), tested.is_empty()) {
+    let (reference, others) = match (finders.split_first(), tested.is_empty()) {
         (Some((first, rest)), true) => (vec![*first], rest.to_vec()),
-        _ => (found, tested),
+        _ => (finders, tested),
     };
     let nominal = DVector::from_column_slice(&described.nominal);
     let departures = |units: &[&Unit]| -> Vec<UnitEstimate> {
-        let of = |u: &&Unit| {
+        let deviation = |u: &&Unit| {
             let estimate = u.estimate_with(&described.names, &[key], 1.0)?;
             Some(UnitEstimate { value: estimate.value - &nominal, covariance: estimate.covariance })
         };
-        units.iter().filter_map(of).collect()
+        units.iter().filter_map(deviation).collect()
     };
     let Some((expected, of_expected)) = pooled(&departures(&reference)) else { return record };
     // Sizes along what was found, in units of it.

@@ -23,7 +23,7 @@ pub struct EffectKey {
     pub options: BTreeMap<String, f64>,
     /// State from which it takes its covariates.
     pub of: Of,
-    /// What its shape is added to.
+    /// The quantity that its shape is added to.
     pub on: Option<On>,
     /// The definition of a formula.
     pub formula: Option<FormulaDefinition>,
@@ -111,18 +111,18 @@ impl Unit {
         let (mut parameters, mut values, mut effects) = (Vec::new(), Vec::new(), Vec::new());
         for piece in &calibration.camera.pieces {
             let known = Known::of(piece, register);
-            let mut own = Vec::new();
+            let mut named = Vec::new();
             for p in piece.parameters.iter().filter(|p| !p.fixed) {
                 let name = format!("{}.{}", piece.name, p.name);
                 if covariance.parameters.contains(&name) {
                     let nominal = known.nominal(&p.name);
-                    own.push((name.clone(), nominal.unwrap_or(0.0)));
+                    named.push((name.clone(), nominal.unwrap_or(0.0)));
                     parameters.push(UnitParameter { name, unit: p.unit.clone(), nominal });
                     values.push(p.value);
                 }
             }
-            if known.is_effect && !own.is_empty() {
-                let (names, nominal) = own.into_iter().unzip();
+            if known.is_effect && !named.is_empty() {
+                let (names, nominal) = named.into_iter().unzip();
                 let key = EffectKey::of_piece(piece);
                 let with = key.with(&known.default_options);
                 let (scatter, square_mm2, in_model) = (None, None, true);
@@ -155,24 +155,26 @@ impl Unit {
     }
 
     fn add_scores(&mut self, scores: &Scores) {
-        let of = |rows: &[Vec<f64>]| DMatrix::from_fn(rows.len(), rows.first().map_or(0, Vec::len), |i, k| rows[i][k]);
+        let matrix =
+            |rows: &[Vec<f64>]| DMatrix::from_fn(rows.len(), rows.first().map_or(0, Vec::len), |i, k| rows[i][k]);
         let (mut names, mut nominal) = (Vec::new(), Vec::new());
         for effect in &scores.effects {
-            let own: Vec<String> = effect.parameters.iter().map(|p| format!("{}.{}", effect.effect, p.name)).collect();
+            let parameter_names: Vec<String> =
+                effect.parameters.iter().map(|p| format!("{}.{}", effect.effect, p.name)).collect();
             let at_rest: Vec<f64> = effect.parameters.iter().map(|p| p.nominal).collect();
             self.effects.push(UnitEffect {
                 key: EffectKey::of_scored(effect),
                 with: effect.with.clone(),
-                names: own.clone(),
+                names: parameter_names.clone(),
                 nominal: at_rest.clone(),
                 in_model: false,
-                scatter: Some(of(&effect.scatter)),
-                square_mm2: Some(of(&effect.square_mm2)),
+                scatter: Some(matrix(&effect.scatter)),
+                square_mm2: Some(matrix(&effect.square_mm2)),
             });
-            names.extend(own);
+            names.extend(parameter_names);
             nominal.extend(at_rest);
         }
-        let response = of(&scores.response);
+        let response = matrix(&scores.response);
         let row = |p: &UnitParameter| scores.model.iter().position(|value| value.name == p.name);
         let rows: Vec<Option<usize>> = self.parameters.iter().map(row).collect();
         let response = DMatrix::from_fn(rows.len(), names.len(), |i, k| rows[i].map_or(0.0, |r| response[(r, k)]));
@@ -180,7 +182,7 @@ impl Unit {
             names,
             nominal: DVector::from_vec(nominal),
             score: DVector::from_column_slice(&scores.score),
-            information: of(&scores.information),
+            information: matrix(&scores.information),
             response,
         });
     }
@@ -190,8 +192,8 @@ impl Unit {
         self.effects.iter().find(|effect| effect.key == *key)
     }
 
-    /// What the unit says of parameters when the effects in `free` are free as well as its own model, and all other effects are
-    /// at rest: effects that the model lacks by one step from their scores, whose variances are multiplied by `overdispersion`;
+    /// The unit's estimate of parameters when the effects in `free` are free as well as its own model, and all other effects are
+    /// nominal: effects that the model lacks by one step from their scores, whose variances are multiplied by `overdispersion`;
     /// effects that it has and `free` does not by conditioning on their nominal values. `None` where the unit neither has nor
     /// scored one of them, lacks a parameter, or does not determine it.
     pub fn estimate_with(&self, target: &[String], free: &[&EffectKey], overdispersion: f64) -> Option<UnitEstimate> {
@@ -223,13 +225,13 @@ impl Unit {
             names.extend(added);
         }
         let at_rest = self.effects.iter().filter(|e| e.in_model && !free.contains(&&e.key));
-        let (mut rest, mut nominal) = (Vec::new(), Vec::new());
+        let (mut held, mut nominal) = (Vec::new(), Vec::new());
         for effect in at_rest {
-            for (name, at) in effect.names.iter().zip(&effect.nominal) {
+            for (name, value) in effect.names.iter().zip(&effect.nominal) {
                 // An effect that all units have is among the parameters that are asked for.
                 if !target.contains(name) {
-                    rest.push(names.iter().position(|n| *n == name)?);
-                    nominal.push(*at);
+                    held.push(names.iter().position(|n| *n == name)?);
+                    nominal.push(*value);
                 }
             }
         }
@@ -237,19 +239,19 @@ impl Unit {
             target.iter().map(|name| names.iter().position(|n| *n == name)).collect::<Option<_>>()?;
         let mut estimate =
             UnitEstimate { value: picked(&value, &places), covariance: part(&covariance, &places, &places) };
-        if !rest.is_empty() {
-            let of_rest = Scaled::new(&part(&covariance, &rest, &rest))?.inverse();
-            let gain = part(&covariance, &places, &rest) * of_rest;
-            let departure = picked(&value, &rest) - DVector::from_vec(nominal);
+        if !held.is_empty() {
+            let of_rest = Scaled::new(&part(&covariance, &held, &held))?.inverse();
+            let gain = part(&covariance, &places, &held) * of_rest;
+            let departure = picked(&value, &held) - DVector::from_vec(nominal);
             estimate.value -= &gain * departure;
-            estimate.covariance -= &gain * part(&covariance, &rest, &places);
+            estimate.covariance -= &gain * part(&covariance, &held, &places);
         }
         let finite = estimate.value.iter().chain(estimate.covariance.iter()).all(|v| v.is_finite());
         finite.then_some(estimate)
     }
 }
 
-/// What a register says of a piece.
+/// Properties of a piece from the register.
 struct Known {
     is_effect: bool,
     nominal: BTreeMap<String, f64>,

@@ -16,8 +16,8 @@ fn fleet(rng: &mut ChaCha8Rng, units: usize) -> Vec<UnitEstimate> {
     (0..units)
         .map(|_| {
             let common = DVector::from_fn(PARAMETERS, |k, _| 0.7 * noise(k));
-            let own = DMatrix::from_diagonal(&DVector::from_fn(PARAMETERS, |k, _| 0.51 * noise(k).powi(2)));
-            let covariance = own + &common * common.transpose();
+            let specific = DMatrix::from_diagonal(&DVector::from_fn(PARAMETERS, |k, _| 0.51 * noise(k).powi(2)));
+            let covariance = specific + &common * common.transpose();
             let root = covariance.clone().cholesky().unwrap().l();
             let errors = root * DVector::from_fn(PARAMETERS, |_, _| draw());
             UnitEstimate { value: DVector::from_fn(PARAMETERS, |_, _| draw()) + errors, covariance }
@@ -31,8 +31,8 @@ fn without_outliers_none_is_found() {
     let (runs, units) = (60, 24);
     let mut fleets_with = 0;
     for _ in 0..runs {
-        let found = find_outliers(&fleet(&mut rng, units), 0.01 / units as f64);
-        fleets_with += usize::from(found.kept.contains(&false));
+        let search = find_outliers(&fleet(&mut rng, units), 0.01 / units as f64);
+        fleets_with += usize::from(search.kept.contains(&false));
     }
     // At the 1 % level of a fleet as a whole; three of sixty have a probability of 2 %.
     assert!(fleets_with <= 2, "{fleets_with} of {runs} fleets have outliers");
@@ -47,13 +47,13 @@ fn two_outliers_do_not_hide_each_other() {
         // The same parameter twice, which doubles its variance many times over for a plain estimate.
         units[5].value[2] += 12.0;
         units[17].value[2] += 12.0;
-        let found = find_outliers(&units, 0.01 / 24.0);
-        both += usize::from(!found.kept[5] && !found.kept[17]);
-        others += found.kept.iter().filter(|kept| !**kept).count()
-            - usize::from(!found.kept[5])
-            - usize::from(!found.kept[17]);
+        let search = find_outliers(&units, 0.01 / 24.0);
+        both += usize::from(!search.kept[5] && !search.kept[17]);
+        others += search.kept.iter().filter(|is_alike| !**is_alike).count()
+            - usize::from(!search.kept[5])
+            - usize::from(!search.kept[17]);
         for unit in [5, 17] {
-            let departure = found.departures[unit].as_ref().unwrap();
+            let departure = search.departures[unit].as_ref().unwrap();
             assert_eq!(departure.standardized.iamax(), 2, "the parameter that carries it");
         }
     }
@@ -66,8 +66,8 @@ fn the_p_values_of_good_units_are_uniform_or_cautious() {
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     let mut p = Vec::new();
     for _ in 0..20 {
-        let found = find_outliers(&fleet(&mut rng, 24), 1e-12);
-        p.extend(found.departures.into_iter().flatten().map(|d| d.p_value));
+        let search = find_outliers(&fleet(&mut rng, 24), 1e-12);
+        p.extend(search.departures.into_iter().flatten().map(|d| d.p_value));
     }
     for level in [0.01, 0.05, 0.2] {
         let share = p.iter().filter(|p| **p < level).count() as f64 / p.len() as f64;

@@ -67,23 +67,26 @@ fn the_estimate_maximises_the_likelihood_of_all_contrasts() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let units = fleet(&mut rng, 9, &[500.0, 1e-4], &[2.0, 3e-6], &[1.5, 2e-6]);
     let fit = RandomEffects::diagonal(&units).unwrap();
-    let at =
+    let likelihood =
         |a: f64, b: f64| brute_force(&units, &DMatrix::from_diagonal(&DVector::from_vec(vec![a.max(0.0), b.max(0.0)])));
     let (a, b) = (fit.between[(0, 0)], fit.between[(1, 1)]);
-    let best = at(a, b);
+    let best = likelihood(a, b);
     for factor in [0.5, 0.9, 0.99, 1.01, 1.1, 2.0] {
-        assert!(at(a * factor, b) <= best + 1e-5 && at(a, b * factor) <= best + 1e-5, "{factor}: {a} {b}");
+        assert!(
+            likelihood(a * factor, b) <= best + 1e-5 && likelihood(a, b * factor) <= best + 1e-5,
+            "{factor}: {a} {b}"
+        );
     }
     // Far from it too: a grid over both.
     for i in 0..30 {
         for k in 0..30 {
             let (x, y) = (0.4 * f64::from(i), 1e-12 * f64::from(k));
-            assert!(at(x, y) <= best + 1e-5, "{x} {y} is better than {a} {b}");
+            assert!(likelihood(x, y) <= best + 1e-5, "{x} {y} is better than {a} {b}");
         }
     }
     // Likelihood ratios are those of brute force.
     let ratio = fit.variance_ratios(&units)[0];
-    let without = (0..400).map(|k| at(0.0, 1e-13 * f64::from(k))).fold(f64::NEG_INFINITY, f64::max);
+    let without = (0..400).map(|k| likelihood(0.0, 1e-13 * f64::from(k))).fold(f64::NEG_INFINITY, f64::max);
     assert!((ratio - (best - without)).abs() < 1e-2, "{ratio} against {}", best - without);
 }
 
@@ -111,7 +114,7 @@ fn equal_variances_have_a_closed_form() {
 fn means_are_covered_and_scatter_is_found_where_it_is() {
     let mut rng = ChaCha8Rng::seed_from_u64(11);
     let (runs, mean) = (300, [10.0, 0.0, -2.0]);
-    let (mut covered, mut found, mut false_scatter, mut false_shared, mut squares) = (0, 0, 0, 0, 0.0);
+    let (mut covered, mut detected, mut false_scatter, mut false_shared, mut squares) = (0, 0, 0, 0, 0.0);
     for _ in 0..runs {
         let units = fleet(&mut rng, 16, &mean, &[2.0, 0.0, 1.0], &[1.0, 1.0, 1.0]);
         let fit = RandomEffects::diagonal(&units).unwrap();
@@ -119,14 +122,14 @@ fn means_are_covered_and_scatter_is_found_where_it_is() {
         // Student's t with 15 degrees of freedom has its 2.5 % at 2.131.
         covered += usize::from(z.abs() < 2.131);
         let p: Vec<f64> = fit.variance_ratios(&units).into_iter().map(boundary_p_value).collect();
-        found += usize::from(p[0] < 0.01);
+        detected += usize::from(p[0] < 0.01);
         false_scatter += usize::from(p[1] < 0.05);
         false_shared += usize::from(shared_p_value(&fit, &[1], &DVector::zeros(1)).unwrap() < 0.05);
         squares += fit.between[(0, 0)];
     }
     let share = |n: usize| n as f64 / f64::from(runs);
     assert!((share(covered) - 0.95).abs() < 0.04, "the mean is covered in {} of runs", share(covered));
-    assert!(share(found) > 0.95, "scatter is found in {}", share(found));
+    assert!(share(detected) > 0.95, "scatter is found in {}", share(detected));
     assert!(share(false_scatter) < 0.08, "scatter is found where there is none in {}", share(false_scatter));
     assert!(share(false_shared) < 0.08, "a shared effect is found where there is none in {}", share(false_shared));
     assert!((squares / f64::from(runs) - 4.0).abs() < 0.4, "the variance is {} on average", squares / f64::from(runs));
@@ -142,8 +145,8 @@ fn a_common_factor_is_found_where_parameters_scatter_together() {
             let factor = normal(&mut rng);
             let covariance = covariance(&mut rng, &[0.5; 6]);
             let noise = covariance.clone().cholesky().unwrap().l() * normals(&mut rng, n);
-            let own = DVector::from_fn(n, |k, _| loadings[k] * factor + 0.6 * normal(&mut rng));
-            UnitEstimate { value: own + noise, covariance }
+            let value = DVector::from_fn(n, |k, _| loadings[k] * factor + 0.6 * normal(&mut rng));
+            UnitEstimate { value: value + noise, covariance }
         })
         .collect();
     let fit = RandomEffects::diagonal(&units).unwrap().with_factors(&units);
@@ -180,15 +183,15 @@ fn the_next_unit_is_covered() {
 fn equal_units_are_homogeneous_and_others_are_not() {
     let mut rng = ChaCha8Rng::seed_from_u64(8);
     let runs = 200;
-    let (mut false_alarms, mut found) = (0, 0);
+    let (mut false_alarms, mut detected) = (0, 0);
     for _ in 0..runs {
         let alike = fleet(&mut rng, 8, &[1.0, 2.0], &[0.0, 0.0], &[1.0, 0.1]);
         false_alarms += usize::from(homogeneity_p_value(&alike).unwrap() < 0.05);
         let others = fleet(&mut rng, 8, &[1.0, 2.0], &[0.0, 0.3], &[1.0, 0.1]);
-        found += usize::from(homogeneity_p_value(&others).unwrap() < 0.05);
+        detected += usize::from(homogeneity_p_value(&others).unwrap() < 0.05);
     }
     assert!((0.02..0.09).contains(&(false_alarms as f64 / f64::from(runs))), "{false_alarms} false alarms");
-    assert!(found > 190, "{found} found");
+    assert!(detected > 190, "{detected} found");
 }
 
 #[test]

@@ -23,7 +23,7 @@ pub(crate) struct Content {
     pub scales: Vec<f64>,
 }
 
-/// What values of a formula may be added to at a hook, the usual one first, with the unit.
+/// Quantities that a formula may be added to at a hook, the usual one first, with the unit.
 pub(crate) fn targets(hook: HookKind) -> &'static [(AddsTo, &'static str)] {
     match hook {
         HookKind::Depth => &[(AddsTo::Depth, "mm"), (AddsTo::InverseDepth, "1/mm"), (AddsTo::Factor, "1")],
@@ -56,21 +56,21 @@ impl Content {
         self.definition.hook
     }
 
-    /// What the effect is, in words.
+    /// The effect in words.
     pub fn summary(&self) -> String {
         if !self.definition.summary.is_empty() {
             return self.definition.summary.clone();
         }
-        let of: Vec<&str> = self.covariates.iter().map(|c| c.words()).collect();
+        let covariates: Vec<&str> = self.covariates.iter().map(|c| c.words()).collect();
         let what = match self.hook() {
             HookKind::Depth => "depth",
             HookKind::Lens => "the place in the image",
             HookKind::Pixel => "the place in the depth image",
             HookKind::Board | HookKind::Pose => "the board's shape",
         };
-        match of.is_empty() {
+        match covariates.is_empty() {
             true => format!("{what} is shifted by a constant"),
-            false => format!("{what} depends on {} by a formula", listed(&of)),
+            false => format!("{what} depends on {} by a formula", listed(&covariates)),
         }
     }
 
@@ -93,7 +93,7 @@ impl Content {
         self.definition.parameters.values().map(|parameter| parameter.table().nominal).collect()
     }
 
-    /// What a name stands for, with the constants' values.
+    /// The meanings of names, with the constants' values.
     pub fn meaning<'a>(&'a self, options: &Options) -> impl Fn(&str) -> Meaning + use<'a> {
         let given = options.clone();
         let parameters: Vec<&String> = self.definition.parameters.keys().collect();

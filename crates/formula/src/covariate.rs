@@ -210,8 +210,8 @@ impl FormulaCovariate {
         matches!(self, Self::Amplitude | Self::Surroundings | Self::Temperature)
     }
 
-    /// Its value for a state of the depth hook (x, y, inverse depth, cosine of the angle of incidence) or of the board hook (x, y);
-    /// NaN where it is unknown.
+    /// Its value for a state of the depth hook (x, y, inverse depth, cosine of the angle of incidence) or of the board hook (x,
+    /// y); NaN where it is unknown.
     #[inline]
     pub fn value(self, state: &[f64], context: &Context) -> f64 {
         match self {

@@ -48,7 +48,7 @@ impl FormulaEffect {
         self.content.hook()
     }
 
-    /// What the value of its formula is added to.
+    /// The quantity that the value of its formula is added to.
     pub fn adds_to(&self) -> AddsTo {
         self.content.adds_to
     }
@@ -108,17 +108,18 @@ impl FormulaEffect {
         print::equation(&self.content)
     }
 
-    /// The same as LaTeX, without dollar signs.
+    /// The formula as LaTeX, like [`text`](Self::text), without dollar signs.
     pub fn latex(&self) -> String {
         print::latex(&self.content)
     }
 
-    /// The same as MathML, an element `math` for HTML.
+    /// The formula as MathML, like [`text`](Self::text), an element `math` for HTML.
     pub fn mathml(&self) -> String {
         print::mathml(&self.content)
     }
 
-    /// The Rust file of a piece in depthcal's own form, for `crates/model/src/HOOK/NAME.rs` and one line in the list of that folder.
+    /// The Rust file of a piece in depthcal's own form, for `crates/model/src/HOOK/NAME.rs` and one line in the list of that
+    /// folder.
     pub fn rust(&self) -> String {
         print::piece_file(&self.content)
     }

@@ -19,7 +19,7 @@ pub enum FormulaError {
         line: usize,
         /// Column from 1, in characters.
         column: usize,
-        /// What is wrong and the remedy.
+        /// The fault and the remedy.
         problem: String,
         /// The line, with the place marked below it.
         excerpt: String,
@@ -31,7 +31,7 @@ pub enum FormulaError {
         effect: String,
         /// The field.
         field: String,
-        /// What is wrong and the remedy.
+        /// The fault and the remedy.
         problem: String,
     },
     /// An effect cannot act at this hook.

@@ -96,8 +96,8 @@ fn in_file(error: FormulaError, file: &str) -> FormulaError {
     let (line, column) = match file[section..].find(written).filter(|_| !written.is_empty()) {
         Some(at) => {
             let before = &file[..section + at];
-            let own = before.matches('\n').count() + 1;
-            (own, before.rsplit('\n').next().map_or(0, |rest| rest.chars().count()) + column)
+            let line = before.matches('\n').count() + 1;
+            (line, before.rsplit('\n').next().map_or(0, |beginning| beginning.chars().count()) + column)
         }
         None => (line, column),
     };

@@ -7,7 +7,7 @@ use crate::covariate::FormulaCovariate;
 use crate::graph::{Graph, Tape};
 use crate::lowering::{Meaning, lower};
 
-/// What formulas add, as a function of their covariates, each of which may have any value.
+/// The value of a formula as a function of its covariates, each of which may have any value.
 #[derive(Debug, Clone)]
 pub struct FormulaFunction {
     covariates: Vec<FormulaCovariate>,

@@ -1,5 +1,5 @@
-//! Texts and lists that live as long as the program, as pieces have them. Each is kept once, so that memory grows with the number of
-//! different formulas only.
+//! Texts and lists that live as long as the program, as pieces have them. Each is kept once, so that memory grows with the number
+//! of different formulas only.
 
 use std::collections::HashSet;
 use std::hash::Hash;
@@ -29,9 +29,9 @@ fn kept<T: ?Sized + Eq + Hash>(
     match known.get(value) {
         Some(kept) => kept,
         None => {
-            let kept = keep(value);
-            known.insert(kept);
-            kept
+            let leaked = keep(value);
+            known.insert(leaked);
+            leaked
         }
     }
 }

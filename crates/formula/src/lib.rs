@@ -21,13 +21,13 @@
 //! # Ok::<(), depthcal_formula::FormulaFileError>(())
 //! ```
 //!
-//! The text is parsed into an expression ([`pest`] keeps the place of every part, so that messages can show it), checked for units,
-//! and put into a graph in which equal parts are one node. Derivatives are nodes of the same graph, so they are exact. What a fit
-//! needs is a sequence of instructions that runs over batches of observations: a [`FormulaEffect`] gives a piece like those written
-//! in Rust. It prints as a formula for people, and as the Rust file of a piece.
+//! The text is parsed into an expression ([`pest`] keeps the place of every part, so that messages can show it), checked for
+//! units, and put into a graph in which equal parts are one node. Derivatives are nodes of the same graph, so they are exact.
+//! What a fit needs is a sequence of instructions that runs over batches of observations: a [`FormulaEffect`] gives a piece like
+//! those written in Rust. It prints as a formula for people, and as the Rust file of a piece.
 //!
-//! Invariants: nothing is evaluated before it has been checked; a formula is zero at its nominal parameters; no text can make this crate
-//! panic, allocate without bound or recurse deeply.
+//! Invariants: nothing is evaluated before it has been checked; a formula is zero at its nominal parameters; no text can make
+//! this crate panic, allocate without bound or recurse deeply.
 
 mod content;
 mod covariate;

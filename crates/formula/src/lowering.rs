@@ -6,7 +6,7 @@ use crate::covariate::FormulaCovariate;
 use crate::graph::{Graph, Id, Unary};
 use crate::syntax::{Expression, Function, Node, Operator};
 
-/// What a name of a formula stands for.
+/// The meaning of a name in a formula.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Meaning {
     Covariate(FormulaCovariate),
@@ -24,7 +24,7 @@ pub(crate) fn lower(
     expression: &Expression,
     meaning: &impl Fn(&str) -> Meaning,
 ) -> Id {
-    let mut of = |part: &Expression| lower(graph, hook, part, meaning);
+    let mut lowered = |part: &Expression| lower(graph, hook, part, meaning);
     match &expression.node {
         Node::Number(value) => graph.constant(*value),
         Node::Name(name) => match meaning(name) {
@@ -34,11 +34,11 @@ pub(crate) fn lower(
             Meaning::Constant(value) => graph.constant(value),
         },
         Node::Negative(part) => {
-            let part = of(part);
+            let part = lowered(part);
             graph.negative(part)
         }
         Node::Binary(operator, a, b) => {
-            let (a, b) = (of(a), of(b));
+            let (a, b) = (lowered(a), lowered(b));
             match operator {
                 Operator::Add => graph.add(a, b),
                 Operator::Subtract => graph.subtract(a, b),
@@ -48,7 +48,7 @@ pub(crate) fn lower(
             }
         }
         Node::Call(function, parts) => {
-            let parts: Vec<Id> = parts.iter().map(of).collect();
+            let parts: Vec<Id> = parts.iter().map(lowered).collect();
             call(graph, *function, &parts)
         }
     }
@@ -145,8 +145,8 @@ pub(crate) fn outputs(graph: &mut Graph, hook: HookKind, adds_to: depthcal_model
             let factor = graph.add(one, e);
             [3, 4]
                 .map(|i| {
-                    let own = graph.state(i);
-                    graph.multiply(own, factor)
+                    let coordinate = graph.state(i);
+                    graph.multiply(coordinate, factor)
                 })
                 .to_vec()
         }
@@ -164,10 +164,10 @@ pub(crate) fn outputs(graph: &mut Graph, hook: HookKind, adds_to: depthcal_model
             };
             (0..count)
                 .map(|i| {
-                    let own = graph.state(places[i]);
+                    let coordinate = graph.state(places[i]);
                     match i.checked_sub(first).and_then(|k| values.get(k)) {
-                        Some(value) => graph.add(own, *value),
-                        None => own,
+                        Some(value) => graph.add(coordinate, *value),
+                        None => coordinate,
                     }
                 })
                 .collect()

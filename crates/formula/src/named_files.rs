@@ -31,7 +31,7 @@ pub enum NamedFileError {
         path: String,
         /// Number of its effects.
         effects: usize,
-        /// What follows the name of the file.
+        /// The text behind the name of the file.
         suffix: String,
     },
     /// An effect cannot be registered.
@@ -46,8 +46,8 @@ pub enum NamedFileError {
     },
 }
 
-/// Texts with the names of effects instead of files of formulas, `FILE.toml` or `FILE.toml:SUBSET@CONSTANT=NUMBER`; the effects are
-/// added to the register. Other texts stay. `option` is what the user calls the list.
+/// Texts with the names of effects instead of files of formulas, `FILE.toml` or `FILE.toml:SUBSET@CONSTANT=NUMBER`; the effects
+/// are added to the register. Other texts stay. `option` is what the user calls the list.
 ///
 /// # Errors
 ///

@@ -19,11 +19,11 @@ const PI: &str = "pi";
 /// Whether a name consists of letters, digits and underscores and begins with a letter; `lower` allows small letters only.
 fn is_name(name: &str, lower: bool) -> bool {
     let first = name.chars().next().is_some_and(|c| c.is_alphabetic() && (!lower || c.is_ascii_lowercase()));
-    let rest = |c: char| match lower {
+    let is_inner = |c: char| match lower {
         true => c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_',
         false => c.is_alphanumeric() || c == '_',
     };
-    first && name.len() <= 60 && name.chars().all(rest)
+    first && name.len() <= 60 && name.chars().all(is_inner)
 }
 
 /// The content of a definition without typical deviations of its parameters.
@@ -205,14 +205,14 @@ impl Reader<'_> {
         let expected = Unit::parse(target).unwrap_or_default();
         for (expression, text) in expressions.iter().zip(formula.texts()) {
             let refuse = |Clash { problem, span }| self.text("formula", text, problem, span);
-            let found = check(expression, text, &mut inference, &of_name).map_err(refuse)?;
-            if !inference.equate(&found, &expected) {
-                let found = inference.resolve(&found);
+            let unit = check(expression, text, &mut inference, &of_name).map_err(refuse)?;
+            if !inference.equate(&unit, &expected) {
+                let unit = inference.resolve(&unit);
                 let in_words =
                     |unit: &Unit| if unit.is_one() { "a plain number".to_owned() } else { format!("in {unit}") };
                 let problem = format!(
                     "the formula is {}, but {} is {}: change the unit of a parameter or adds_to",
-                    in_words(&found),
+                    in_words(&unit),
                     target_name(adds_to),
                     in_words(&expected)
                 );

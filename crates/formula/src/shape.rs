@@ -130,10 +130,10 @@ pub(crate) fn checked_scales(content: &Content) -> Result<Vec<f64>, FormulaError
         );
         return Err(field("formula".to_owned(), problem));
     }
-    let found = shape.scales(&nominal);
-    let parameters = content.definition.parameters.iter().zip(found);
+    let scales = shape.scales(&nominal);
+    let parameters = content.definition.parameters.iter().zip(scales);
     parameters
-        .map(|((name, parameter), found)| match (parameter.table().scale, found) {
+        .map(|((name, parameter), scale)| match (parameter.table().scale, scale) {
             (Some(scale), _) if scale > 0.0 && scale.is_finite() => Ok(scale),
             (Some(_), _) => Err(field(format!("parameters.{name}.scale"), "has to be above 0".to_owned())),
             (None, Ok(scale)) => Ok(scale),
@@ -154,16 +154,16 @@ fn rounded(value: f64) -> f64 {
 }
 
 impl Observations {
-    /// Observations that fill the usual ranges of all covariates evenly: images of 640×480, fields of view of 70°, depths of 0.4 m
-    /// to 4 m, boards of 0.4 m.
+    /// Observations that fill the usual ranges of all covariates evenly: images of 640×480, fields of view of 70°, depths of 0.4
+    /// m to 4 m, boards of 0.4 m.
     fn typical(hook: HookKind) -> Self {
         // Halton's sequence: points that fill a space of several dimensions evenly.
         let halton = |index: usize, base: usize| {
-            let (mut value, mut share, mut rest) = (0.0, 1.0, index);
-            while rest > 0 {
+            let (mut value, mut share, mut remaining) = (0.0, 1.0, index);
+            while remaining > 0 {
                 share /= base as f64;
-                value += share * (rest % base) as f64;
-                rest /= base;
+                value += share * (remaining % base) as f64;
+                remaining /= base;
             }
             value
         };
@@ -175,23 +175,23 @@ impl Observations {
         };
         let (mut states, mut contexts) = (Vec::new(), Vec::new());
         for i in 1..=COUNT {
-            let at = |base: usize, low: f64, high: f64| low + (high - low) * halton(i, base);
-            let (u, v) = (at(2, 0.0, 639.0), at(3, 0.0, 479.0));
+            let sampled = |base: usize, low: f64, high: f64| low + (high - low) * halton(i, base);
+            let (u, v) = (sampled(2, 0.0, 639.0), sampled(3, 0.0, 479.0));
             let (x, y) = ((u - 319.5) / 500.0, (v - 239.5) / 500.0);
-            let rho = at(5, 1.0 / 4000.0, 1.0 / 400.0);
+            let rho = sampled(5, 1.0 / 4000.0, 1.0 / 400.0);
             states.extend(match hook {
                 HookKind::Lens => vec![x, y, rho, x, y],
-                HookKind::Depth => vec![x, y, rho, at(7, 0.5, 1.0)],
+                HookKind::Depth => vec![x, y, rho, sampled(7, 0.5, 1.0)],
                 HookKind::Pixel => vec![u, v],
-                HookKind::Board | HookKind::Pose => vec![at(2, 0.0, 400.0), at(3, 0.0, 300.0), 0.0],
+                HookKind::Board | HookKind::Pose => vec![sampled(2, 0.0, 400.0), sampled(3, 0.0, 300.0), 0.0],
             });
-            let amplitude = (at(11, 50_f64.ln(), 5000_f64.ln())).exp();
+            let amplitude = (sampled(11, 50_f64.ln(), 5000_f64.ln())).exp();
             contexts.push(Context {
                 pixel: [u, v],
                 amplitude,
-                surround: amplitude * at(13, 0.7, 1.4),
-                time_s: at(17, 0.0, 2000.0),
-                temperature_c: at(19, 15.0, 45.0),
+                surround: amplitude * sampled(13, 0.7, 1.4),
+                time_s: sampled(17, 0.0, 2000.0),
+                temperature_c: sampled(19, 15.0, 45.0),
                 ..Context::default()
             });
         }

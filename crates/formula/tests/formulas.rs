@@ -183,12 +183,12 @@ fn derivatives_match_differences() {
         let mut one = vec![0.0; n_out];
         piece.evaluate(&theta, &states[..n_in], &contexts[..1], &mut one);
         assert_eq!(one, out[..n_out], "{}", effect.text());
-        let near = |found: f64, ends: [f64; 2], h: f64, what: &str| {
+        let near = |derivative: f64, ends: [f64; 2], h: f64, what: &str| {
             let expected = (ends[1] - ends[0]) / (2.0 * h);
             let rounding = 1e-15 * ends[0].abs().max(1e-3) / h;
             assert!(
-                (found - expected).abs() <= 2e-5 * expected.abs() + 4.0 * rounding,
-                "{} {what}: {found} {expected}",
+                (derivative - expected).abs() <= 2e-5 * expected.abs() + 4.0 * rounding,
+                "{} {what}: {derivative} {expected}",
                 effect.text()
             );
         };
@@ -262,17 +262,17 @@ fn the_catalogues_equations_as_formulas_are_the_same_pieces() {
             constants("k = 1000"),
         ),
     ] {
-        let own: Arc<dyn AnyPiece> = register.find(name).unwrap();
+        let built_in: Arc<dyn AnyPiece> = register.find(name).unwrap();
         let formula = depth(adds_to, formula, parameters, &list).unwrap().piece(&Options::new());
         let (states, contexts) = observations(HookKind::Depth);
-        let theta = theta(&*own);
+        let theta = theta(&*built_in);
         let (n, p) = (contexts.len(), theta.len());
         let run = |piece: &dyn AnyPiece| {
             let (mut out, mut d_state, mut d_theta) = (vec![0.0; n], vec![0.0; 4 * n], vec![0.0; p * n]);
             piece.linearize(&theta, &states, &contexts, &mut out, &mut d_state, Some(&mut d_theta));
             [out, d_state, d_theta].concat()
         };
-        for (i, (a, b)) in run(&*own).iter().zip(run(&*formula)).enumerate() {
+        for (i, (a, b)) in run(&*built_in).iter().zip(run(&*formula)).enumerate() {
             // Sines of a zero crossing are rounding errors of their argument.
             assert!((a - b).abs() <= 1e-12 * a.abs() + 1e-13, "{name}, {i}: {a} {b}");
         }

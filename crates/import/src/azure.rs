@@ -34,9 +34,9 @@ struct Intrinsics {
 
 /// Intrinsics of a stream of `size`, of the depth camera or of the colour camera.
 ///
-/// Parameters are shares of the sensor's full width and height, with the corner of the first pixel at 0; a mode is the sensor, binned to a
-/// size, and cropped (k4a SDK, `transformation_get_mode_specific_camera_calibration`). Order of the parameters: cx cy fx fy k1 … k6 codx
-/// cody p2 p1.
+/// Parameters are shares of the sensor's full width and height, with the corner of the first pixel at 0; a mode is the sensor,
+/// binned to a size, and cropped (k4a SDK, `transformation_get_mode_specific_camera_calibration`). Order of the parameters: cx cy
+/// fx fy k1 … k6 codx cody p2 p1.
 pub(crate) fn camera_info(calibration: &[u8], size: [usize; 2], is_depth: bool) -> Option<CameraInfo> {
     // Some writers end the text with zeros.
     let end = calibration.iter().rposition(|byte| *byte != 0)? + 1;

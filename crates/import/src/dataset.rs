@@ -14,7 +14,7 @@ use crate::guess::Chosen;
 use crate::pick::Picked;
 use crate::recording::{Recording, StreamInfo};
 
-/// What was imported.
+/// Summary of an import.
 #[derive(Debug, Clone)]
 pub struct Imported {
     /// Frames that were written.
@@ -77,37 +77,13 @@ pub(crate) fn describe(
         file("factory_calibration.json", factory)?;
     }
 
-    let is_metres = chosen.depth.as_ref().is_some_and(|depth| depth.is_metres);
-    let camera = chosen.info.as_ref().map(|info| {
-        let [fx, fy, cx, cy] = info.pinhole;
-        match info.brown_conrady() {
-            Some(distortion) => {
-                let distortion = distortion.to_vec();
-                let numbers = Some(IntrinsicNumbers { fx, fy, cx, cy, skew: 0.0, distortion });
-                CameraHint { numbers, ..CameraHint::default() }
-            }
-            // Lenses of other models are in the file alone.
-            None => CameraHint { intrinsics: Some("camera_info.yaml".to_owned()), ..CameraHint::default() },
-        }
-    });
-    let placeholder = Target { pattern: depthcal_model::Pattern::Chessboard, columns: 2, rows: 2, spacing_mm: 1.0 };
-    let description = DatasetFile {
-        board: board.cloned().unwrap_or(placeholder),
-        frames: FramesSection {
-            image: Some(format!("image/*.{image_extension}")),
-            depth: chosen.depth.as_ref().map(|_| format!("depth/*.{depth_extension}")),
-            metadata: Some("frames.csv".into()),
-            ..FramesSection::default()
-        },
-        // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
-        depth: chosen.depth.as_ref().map(|_| DepthSection { unit_mm: if is_metres { 1000.0 } else { 1.0 } }),
-        camera,
-    };
     let invalid = |error: &dyn std::fmt::Display| ImportError::Message {
         path: recording.path.clone(),
         stream: chosen.image.stream.name.clone(),
         problem: format!("dataset.toml cannot be written: {error}"),
     };
+    let placeholder = Target { pattern: depthcal_model::Pattern::Chessboard, columns: 2, rows: 2, spacing_mm: 1.0 };
+    let description = description(chosen, board.cloned().unwrap_or(placeholder), [image_extension, depth_extension]);
     let text = description.to_toml().map_err(|error| invalid(&error))?;
     // A file that could not be read back is not written.
     DatasetFile::parse(&out.join(DATASET_FILE), &text).map_err(|error| invalid(&error))?;
@@ -134,4 +110,34 @@ pub(crate) fn describe(
         without_depth: picked.images.len() - frames.len(),
         written,
     })
+}
+
+/// The description of the dataset, with the extensions of its images and of its depth.
+fn description(chosen: &Chosen, board: Target, [image_extension, depth_extension]: [&str; 2]) -> DatasetFile {
+    let is_metres = chosen.depth.as_ref().is_some_and(|depth| depth.is_metres);
+    DatasetFile {
+        board,
+        frames: FramesSection {
+            image: Some(format!("image/*.{image_extension}")),
+            depth: chosen.depth.as_ref().map(|_| format!("depth/*.{depth_extension}")),
+            metadata: Some("frames.csv".into()),
+            ..FramesSection::default()
+        },
+        // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
+        depth: chosen.depth.as_ref().map(|_| DepthSection { unit_mm: if is_metres { 1000.0 } else { 1.0 } }),
+        camera: chosen.info.as_ref().map(camera_hint),
+    }
+}
+
+/// The intrinsics of the recording as numbers, or as a file where the lens is of another model than Brown's and Conrady's.
+fn camera_hint(info: &CameraInfo) -> CameraHint {
+    let [fx, fy, cx, cy] = info.pinhole;
+    match info.brown_conrady() {
+        Some(distortion) => {
+            let distortion = distortion.to_vec();
+            let numbers = Some(IntrinsicNumbers { fx, fy, cx, cy, skew: 0.0, distortion });
+            CameraHint { numbers, ..CameraHint::default() }
+        }
+        None => CameraHint { intrinsics: Some("camera_info.yaml".to_owned()), ..CameraHint::default() },
+    }
 }

@@ -41,7 +41,7 @@ pub enum ImportError {
         path: PathBuf,
         /// Name of the stream.
         stream: String,
-        /// What is wrong, and the remedy.
+        /// The fault and the remedy.
         problem: String,
     },
     /// No stream of images.
@@ -57,7 +57,7 @@ pub enum ImportError {
     NoStream {
         /// The file.
         path: PathBuf,
-        /// What was asked for.
+        /// Name of the stream that was asked for.
         wanted: String,
         /// Names of the streams of images.
         streams: String,

@@ -17,8 +17,8 @@ impl<'a> Fields<'a> {
         match layout {
             Layout::Cdr => {
                 // Representation identifiers 0 and 1: CDR, big- and little-endian.
-                let (&[0, order @ (0 | 1), _, _], rest) = data.split_first_chunk()? else { return None };
-                Some(Fields { rest, position: 0, aligned: true, big: order == 0 })
+                let (&[0, order @ (0 | 1), _, _], fields) = data.split_first_chunk()? else { return None };
+                Some(Fields { rest: fields, position: 0, aligned: true, big: order == 0 })
             }
             Layout::Ros1 => Some(Fields { rest: data, position: 0, aligned: false, big: false }),
             Layout::Track(_) => None,
@@ -26,8 +26,8 @@ impl<'a> Fields<'a> {
     }
 
     fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (bytes, rest) = self.rest.split_at_checked(count)?;
-        self.rest = rest;
+        let (bytes, after) = self.rest.split_at_checked(count)?;
+        self.rest = after;
         self.position += count;
         Some(bytes)
     }

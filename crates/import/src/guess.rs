@@ -1,12 +1,13 @@
 //! Which streams are the image, the depth on its pixel grid, and the intrinsics.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 
 use crate::azure;
 use crate::camera_info::CameraInfo;
 use crate::error::ImportError;
 use crate::message::{Content, content, has_images, has_info};
-use crate::recording::{Recording, StreamInfo, attachment};
+use crate::recording::{Packet, Recording, StreamInfo, attachment};
 
 /// A stream of images by its first message.
 #[derive(Debug, Clone)]
@@ -32,47 +33,73 @@ pub(crate) struct Chosen {
 /// Messages that are read to find the streams: some seconds of a camera beside a fast IMU.
 const PROBED: usize = 5000;
 
+/// Streams by their first messages.
+#[derive(Default)]
+struct Probed {
+    candidates: Vec<Candidate>,
+    /// Intrinsics with the names of their streams.
+    infos: Vec<(String, CameraInfo)>,
+    /// Streams of neither images nor intrinsics, with their kind.
+    others: Vec<String>,
+    /// Streams of images that cannot be read, and why.
+    unreadable: Vec<(String, ImportError)>,
+}
+
+impl Probed {
+    fn read(recording: &Recording) -> Result<Self, ImportError> {
+        let mut probed = Self::default();
+        let mut count = 0;
+        recording.visit(&|_| true, &mut |packet| {
+            count += 1;
+            probed.add(&recording.path, &packet);
+            Ok(if count >= PROBED { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })?;
+        Ok(probed)
+    }
+
+    fn add(&mut self, path: &Path, packet: &Packet) {
+        let name = &packet.stream.name;
+        if has_images(packet.stream) {
+            let is_known = self.candidates.iter().any(|c| c.stream.name == *name);
+            if is_known || self.unreadable.iter().any(|(known, _)| known == name) {
+                return;
+            }
+            match candidate(path, packet) {
+                Ok(candidate) => self.candidates.extend(candidate),
+                Err(error) => self.unreadable.push((name.clone(), error)),
+            }
+        } else if has_info(packet.stream) {
+            if self.infos.iter().any(|(known, _)| known == name) {
+                return;
+            }
+            match content(path, packet) {
+                Ok(Content::Info(info)) => self.infos.push((name.clone(), info)),
+                Ok(Content::Picture(..)) => {}
+                Err(error) => tracing::warn!("intrinsics are left out: {error}"),
+            }
+        } else if !self.others.iter().any(|known| known.starts_with(name.as_str())) {
+            self.others.push(format!("{name} ({})", packet.stream.kind));
+        }
+    }
+}
+
+/// The stream of a message if that is an image.
+fn candidate(path: &Path, packet: &Packet) -> Result<Option<Candidate>, ImportError> {
+    match content(path, packet)? {
+        Content::Picture(_, picture) => Ok(Some(Candidate {
+            stream: packet.stream.clone(),
+            size: picture.size(path)?,
+            may_be_depth: picture.may_be_depth(),
+            is_metres: picture.is_metres(),
+        })),
+        Content::Info(_) => Ok(None),
+    }
+}
+
 /// Chooses streams: those that are named, else by what they hold and how they are called.
 pub(crate) fn choose(recording: &Recording, image: Option<&str>, depth: Option<&str>) -> Result<Chosen, ImportError> {
     let path = &recording.path;
-    let mut candidates: Vec<Candidate> = Vec::new();
-    let mut infos: Vec<(String, CameraInfo)> = Vec::new();
-    let mut others: Vec<String> = Vec::new();
-    let mut unreadable: Vec<(String, ImportError)> = Vec::new();
-    let mut count = 0;
-    recording.visit(&|_| true, &mut |packet| {
-        count += 1;
-        let flow = if count >= PROBED { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-        let name = &packet.stream.name;
-        if has_images(packet.stream) {
-            if !candidates.iter().any(|c| c.stream.name == *name) && !unreadable.iter().any(|(u, _)| u == name) {
-                let read = content(path, &packet).and_then(|content| match content {
-                    Content::Picture(_, picture) => Ok(Some(Candidate {
-                        stream: packet.stream.clone(),
-                        size: picture.size(path)?,
-                        may_be_depth: picture.may_be_depth(),
-                        is_metres: picture.is_metres(),
-                    })),
-                    Content::Info(_) => Ok(None),
-                });
-                match read {
-                    Ok(candidate) => candidates.extend(candidate),
-                    Err(error) => unreadable.push((name.clone(), error)),
-                }
-            }
-        } else if has_info(packet.stream) {
-            if !infos.iter().any(|(known, _)| known == name) {
-                match content(path, &packet) {
-                    Ok(Content::Info(info)) => infos.push((name.clone(), info)),
-                    Ok(Content::Picture(..)) => {}
-                    Err(error) => tracing::warn!("intrinsics are left out: {error}"),
-                }
-            }
-        } else if !others.iter().any(|known| known.starts_with(name.as_str())) {
-            others.push(format!("{name} ({})", packet.stream.kind));
-        }
-        Ok(flow)
-    })?;
+    let Probed { candidates, infos, others, unreadable } = Probed::read(recording)?;
     if candidates.is_empty() {
         // Streams of images that cannot be read say why.
         if let Some((_, error)) = unreadable.into_iter().next() {
@@ -131,8 +158,8 @@ fn is_depth_name(name: &str) -> bool {
     is_called(name, &["depth", "range", "disparity"])
 }
 
-/// The stream called depth; one whose size an image has is better, and so is one that is not registered to another camera, unless that
-/// camera's image is asked for.
+/// The stream called depth; one whose size an image has is better, and so is one that is not registered to another camera, unless
+/// that camera's image is asked for.
 fn depth_rank(c: &Candidate, all: &[Candidate], image: Option<&str>) -> Option<i32> {
     if !c.may_be_depth || !is_depth_name(&c.stream.name) {
         return None;

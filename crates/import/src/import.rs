@@ -15,7 +15,7 @@ use crate::pick::{Picked, pick};
 use crate::picture::{Encoding, Picture};
 use crate::recording::Recording;
 
-/// What is imported of a recording.
+/// Options of an import.
 #[derive(Debug, Clone)]
 pub struct ImportOptions {
     /// Stream of the images; chosen by name and size where `None`.
@@ -34,11 +34,11 @@ impl Default for ImportOptions {
     }
 }
 
-/// Imports frames of a recording into the folder `out`: images, depth, `frames.csv` and `dataset.toml`, and what the recording says of its
-/// cameras.
+/// Imports frames of a recording into the folder `out`: images, depth, `frames.csv` and `dataset.toml`, and what the recording
+/// says of its cameras.
 ///
-/// Depth belongs to the image that is nearest in time, at most half the depth stream's usual distance of frames away. Depth keeps its
-/// values bit by bit; images do too, but for uncompressed colour, which becomes luma.
+/// Depth belongs to the image that is nearest in time, at most half the depth stream's usual distance of frames away. Depth keeps
+/// its values bit by bit; images do too, but for uncompressed colour, which becomes luma.
 ///
 /// # Errors
 /// [`ImportError`] with the file, the stream and the remedy.
@@ -74,12 +74,12 @@ fn nearest(times: &[u64], picked: &Picked) -> Vec<Option<usize>> {
     gaps.sort_unstable();
     // A lone depth image belongs to an image within a second.
     let within = gaps.get(gaps.len() / 2).map_or(1_000_000_000, |gap| gap.div_ceil(2)).max(1_000_000);
-    let of = |time: u64| {
+    let nearest = |time: u64| {
         let after = order.partition_point(|i| times[*i] < time);
         let near = order[after.saturating_sub(1)..(after + 1).min(order.len())].iter().copied();
         near.min_by_key(|i| times[*i].abs_diff(time)).filter(|i| times[*i].abs_diff(time) <= within)
     };
-    picked.images.iter().map(|seen| of(seen.time_ns)).collect()
+    picked.images.iter().map(|seen| nearest(seen.time_ns)).collect()
 }
 
 /// Writes the picked images that have depth, where there is depth at all.

@@ -1,8 +1,8 @@
 //! Recordings as datasets: ROS 2 bags (MCAP, db3), ROS 1 bags, and Matroska files of the Azure Kinect and its successors.
 //!
-//! [`import`] reads a recording, chooses the streams of an image and of the depth on its pixel grid, picks frames that show the board
-//! sharply, at rest and in different places, and writes them with a `dataset.toml`. A recording is read as a stream, message by message;
-//! memory does not grow with its length, but for some numbers per image.
+//! [`import`] reads a recording, chooses the streams of an image and of the depth on its pixel grid, picks frames that show the
+//! board sharply, at rest and in different places, and writes them with a `dataset.toml`. A recording is read as a stream,
+//! message by message; memory does not grow with its length, but for some numbers per image.
 //!
 //! # Features
 //! `detect` (default) searches the board in the images. Without it frames are picked by sharpness, rest and difference alone.

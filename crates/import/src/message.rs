@@ -8,7 +8,7 @@ use crate::fields::Fields;
 use crate::picture::{Encoding, Picture};
 use crate::recording::{Layout, Packet, StreamInfo};
 
-/// What a message says.
+/// The contents of a message.
 pub(crate) enum Content<'a> {
     /// An image, and its time of capture in ns.
     Picture(u64, Picture<'a>),

@@ -54,15 +54,15 @@ pub(crate) fn pick(
         seen.push(Seen { number, time_ns, score: scorer.score(image) });
         true
     })?;
-    let of = seen.len();
+    let of_images = seen.len();
     let best = best_of_windows(seen, SEARCHED.saturating_mul(wanted));
     match board {
         #[cfg(feature = "detect")]
-        Some(board) => with_board(recording, stream, board, best, wanted, of),
+        Some(board) => with_board(recording, stream, board, best, wanted, of_images),
         _ => {
             let descriptors: Vec<Vec<f32>> = best.iter().map(|s| s.score.thumbnail.clone()).collect();
             let images = kept(best, &descriptors, wanted, LEAST_CHANGE);
-            Ok(Picked { images, of, searched: None })
+            Ok(Picked { images, of: of_images, searched: None })
         }
     }
 }
@@ -86,7 +86,8 @@ fn each_image(
     })
 }
 
-/// The best image of each of so many equal parts of the stream: sharp against its neighbours in time, and at rest before and after.
+/// The best image of each of so many equal parts of the stream: sharp against its neighbours in time, and at rest before and
+/// after.
 fn best_of_windows(seen: Vec<Seen>, windows: usize) -> Vec<Seen> {
     let n = seen.len();
     if n <= windows {
@@ -132,12 +133,12 @@ fn with_board(
     board: &Target,
     candidates: Vec<Seen>,
     wanted: usize,
-    of: usize,
+    of_images: usize,
 ) -> Result<Picked, ImportError> {
     use rayon::prelude::*;
 
     let looked_at = candidates.len();
-    let mut found: Vec<(Seen, Vec<f32>)> = Vec::new();
+    let mut described: Vec<(Seen, Vec<f32>)> = Vec::new();
     let mut fault = None;
     {
         let mut batch: Vec<(Seen, GrayImage)> = Vec::with_capacity(BATCH);
@@ -146,7 +147,7 @@ fn with_board(
                 batch.par_drain(..).map(|(seen, image)| (seen, board_corners(&image, board))).collect();
             for (seen, corners) in results {
                 match corners {
-                    Ok(Some(corners)) => found.push((seen, corners)),
+                    Ok(Some(corners)) => described.push((seen, corners)),
                     Ok(None) => {}
                     Err(error) => fault = Some(error),
                 }
@@ -168,21 +169,21 @@ fn with_board(
     if let Some(message) = fault {
         return Err(ImportError::Detect { path: recording.path.clone(), message });
     }
-    if found.is_empty() {
+    if described.is_empty() {
         return Err(ImportError::NoBoard {
             path: recording.path.clone(),
             stream: stream.stream.name.clone(),
             looked_at,
         });
     }
-    let with_board = found.len();
-    let (candidates, descriptors): (Vec<Seen>, Vec<Vec<f32>>) = found.into_iter().unzip();
+    let with_board = described.len();
+    let (candidates, descriptors): (Vec<Seen>, Vec<Vec<f32>>) = described.into_iter().unzip();
     let images = kept(candidates, &descriptors, wanted, LEAST_SHIFT);
-    Ok(Picked { images, of, searched: Some((looked_at, with_board)) })
+    Ok(Picked { images, of: of_images, searched: Some((looked_at, with_board)) })
 }
 
-/// The corners of the board's markers in the image, in diagonals of it: of the rectangle around all markers, by the homography of those
-/// that were found. `None` where the board is not seen.
+/// The corners of the board's markers in the image, in diagonals of it: of the rectangle around all markers, by the homography of
+/// those that were found. `None` where the board is not seen.
 #[cfg(feature = "detect")]
 fn board_corners(image: &GrayImage, board: &Target) -> Result<Option<Vec<f32>>, String> {
     use depthcal_detect::{DetectOptions, Homography, detect};

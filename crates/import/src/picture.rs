@@ -112,9 +112,9 @@ impl Picture<'_> {
     }
 
     /// The pixels, each `N` bytes, row by row. Rows that the data lack are left out.
-    fn pixels<const N: usize, T>(&self, of: impl Fn([u8; N]) -> T + Copy) -> Vec<T> {
+    fn pixels<const N: usize, T>(&self, value: impl Fn([u8; N]) -> T + Copy) -> Vec<T> {
         let rows = (0..self.height).filter_map(|row| self.data.get(row * self.step..)?.get(..N * self.width));
-        rows.flat_map(|row| row.as_chunks::<N>().0.iter().map(move |bytes| of(*bytes))).collect()
+        rows.flat_map(|row| row.as_chunks::<N>().0.iter().map(move |bytes| value(*bytes))).collect()
     }
 
     fn complete(&self, path: &Path, pixels: usize) -> Result<(), ImageError> {

@@ -1,4 +1,4 @@
-//! What is measured of every image of a stream, on a small copy: how sharp it is, and how much it differs from the one before.
+//! Scores of every image of a stream, on a small copy: how sharp it is, and how much it differs from the one before.
 
 use depthcal_io::GrayImage;
 

@@ -1,8 +1,8 @@
 //! Frames that differ as much from each other as possible.
 
-/// Indices of at most `wanted` of the descriptors, each the farthest from those before (Gonzalez 1985), until the farthest is nearer than
-/// `least`. Descriptors of unequal length are infinitely far apart. The distance is the mean absolute difference of entries. It begins with
-/// `first`.
+/// Indices of at most `wanted` of the descriptors, each the farthest from those before (Gonzalez 1985), until the farthest is
+/// nearer than `least`. Descriptors of unequal length are infinitely far apart. The distance is the mean absolute difference of
+/// entries. It begins with `first`.
 pub(crate) fn spread(descriptors: &[Vec<f32>], first: usize, wanted: usize, least: f32) -> Vec<usize> {
     if descriptors.is_empty() || wanted == 0 {
         return Vec::new();

@@ -1,11 +1,11 @@
-//! Recordings that claim more than they hold, or are wrong in places that their readers take on trust: errors that name the file, without a
-//! panic and without memory.
+//! Recordings that claim more than they hold, or are wrong in places that their readers take on trust: errors that name the file,
+//! without a panic and without memory.
 
 use std::path::PathBuf;
 
 use depthcal_import::{ImportOptions, import};
 
-/// What the import of these bytes complains of.
+/// The error of importing these bytes, as text.
 fn complaint(name: &str, bytes: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join(name);

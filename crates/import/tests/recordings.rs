@@ -1,5 +1,5 @@
-//! Recordings written by other programs (`mcap-ros2-support`, `rosbags`) and by a camera's own recorder: what is imported is what was
-//! written, bit by bit. Skipped where Python, a package or the measured recording is absent.
+//! Recordings written by other programs (`mcap-ros2-support`, `rosbags`) and by a camera's own recorder: what is imported is what
+//! was written, bit by bit. Skipped where Python, a package or the measured recording is absent.
 
 use std::path::{Path, PathBuf};
 
@@ -11,8 +11,8 @@ const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
 const FRAMES: usize = 12;
 
-/// Streams that every script writes: images and depth of one size (the depth 4 ms later), colour of another, intrinsics, and one that is
-/// none of these. Image k is a shifted ramp of k-dependent contrast, so that all frames differ.
+/// Streams that every script writes: images and depth of one size (the depth 4 ms later), colour of another, intrinsics, and one
+/// that is none of these. Image k is a shifted ramp of k-dependent contrast, so that all frames differ.
 const SCENE: &str = "
 import sys, numpy as np
 W, H, N = 64, 48, 12

@@ -1,8 +1,8 @@
 //! Markers that another program found, in mrcal's format of corners.
 //!
-//! The format is a vnlog: a legend `# filename x y level`, then a line per corner, all corners of an image one after another, row by row
-//! of the board. `-` stands for a value that there is not. mrcal and mrgingham write it; see mrcal's `mrcal-calibrate-cameras`,
-//! `--corners-cache`.
+//! The format is a vnlog: a legend `# filename x y level`, then a line per corner, all corners of an image one after another, row
+//! by row of the board. `-` stands for a value that there is not. mrcal and mrgingham write it; see mrcal's
+//! `mrcal-calibrate-cameras`, `--corners-cache`.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,7 +27,7 @@ pub enum CornerFileError {
         path: PathBuf,
         /// Line, from 1.
         line: usize,
-        /// What is wrong, and what is expected.
+        /// The fault, and what is expected.
         problem: String,
     },
     /// A value is not as expected.
@@ -41,7 +41,7 @@ pub enum CornerFileError {
         column: usize,
         /// Name in the legend.
         field: String,
-        /// What is wrong, and what is expected.
+        /// The fault, and what is expected.
         problem: String,
     },
 }
@@ -68,8 +68,8 @@ pub struct ImageCorners {
 
 /// Reads the corners of all images, in the file's order.
 ///
-/// The legend names `filename`, `x` and `y`, and `level` or `weight` where these are known; further fields are ignored. A corner counts as not
-/// found where x, y, level or weight is `-`, or level or weight is negative, or the weight 0.
+/// The legend names `filename`, `x` and `y`, and `level` or `weight` where these are known; further fields are ignored. A corner
+/// counts as not found where x, y, level or weight is `-`, or level or weight is negative, or the weight 0.
 ///
 /// # Errors
 /// [`CornerFileError`], with line and column.
@@ -81,9 +81,9 @@ pub fn read_corners(path: &Path) -> Result<Vec<ImageCorners>, CornerFileError> {
     for (number, text) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let line = Line { path, number: number + 1, cells: cells(text) };
         let Some(first) = line.cells.first() else { continue };
-        if let Some(rest) = first.1.strip_prefix('#') {
+        if let Some(comment) = first.1.strip_prefix('#') {
             // `##` and `#!` are comments, and so is what follows the legend.
-            if legend.is_none() && !rest.starts_with(['#', '!']) {
+            if legend.is_none() && !comment.starts_with(['#', '!']) {
                 legend = Some(Legend::read(&line)?);
             }
             continue;
@@ -138,14 +138,14 @@ impl Line<'_> {
 fn cells(text: &str) -> Vec<(usize, &str)> {
     let mut cells = Vec::new();
     let mut column = 1;
-    let mut rest = text;
-    while let Some(start) = rest.find(|c: char| !c.is_whitespace()) {
-        column += rest[..start].chars().count();
-        rest = &rest[start..];
-        let end = rest.find(char::is_whitespace).unwrap_or(rest.len());
-        cells.push((column, &rest[..end]));
-        column += rest[..end].chars().count();
-        rest = &rest[end..];
+    let mut unread = text;
+    while let Some(start) = unread.find(|c: char| !c.is_whitespace()) {
+        column += unread[..start].chars().count();
+        unread = &unread[start..];
+        let end = unread.find(char::is_whitespace).unwrap_or(unread.len());
+        cells.push((column, &unread[..end]));
+        column += unread[..end].chars().count();
+        unread = &unread[end..];
     }
     cells
 }
@@ -164,13 +164,13 @@ impl Legend {
     fn read(line: &Line) -> Result<Legend, CornerFileError> {
         let names: Vec<&str> =
             line.cells.iter().map(|(_, name)| name.trim_start_matches('#')).filter(|name| !name.is_empty()).collect();
-        let at = |field: &str| names.iter().position(|name| *name == field);
+        let column = |field: &str| names.iter().position(|name| *name == field);
         let need = |field: &str| {
-            at(field).ok_or_else(|| {
+            column(field).ok_or_else(|| {
                 line.wrong(format!("the legend has no field `{field}`: write `# filename x y level`, as mrcal does"))
             })
         };
-        let quality = at("level").map(|cell| (cell, false)).or_else(|| at("weight").map(|cell| (cell, true)));
+        let quality = column("level").map(|cell| (cell, false)).or_else(|| column("weight").map(|cell| (cell, true)));
         Ok(Legend { fields: names.len(), filename: need("filename")?, x: need("x")?, y: need("y")?, quality })
     }
 

@@ -1,9 +1,9 @@
 //! Files of depthcal: datasets, images, calibrations, evaluations, observations, cameras of other programs and point clouds.
 //!
-//! This crate reads and writes; it computes nothing about cameras but what a file of another program loses of one. Whatever a user can get wrong is an error that names
-//! the file, the field and the remedy, never a panic. Error messages are complete: an operating system's error is part
-//! of the text, not a separate source. Every file is written under a temporary name and renamed ([`write_atomically`]),
-//! so that an interrupted run leaves no incomplete file.
+//! This crate reads and writes; it computes nothing about cameras but what a file of another program loses of one. Whatever a
+//! user can get wrong is an error that names the file, the field and the remedy, never a panic. Error messages are complete: an
+//! operating system's error is part of the text, not a separate source. Every file is written under a temporary name and renamed
+//! ([`write_atomically`]), so that an interrupted run leaves no incomplete file.
 
 pub mod board_print;
 pub mod camera_files;

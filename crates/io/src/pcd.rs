@@ -5,8 +5,8 @@ use std::path::Path;
 use crate::file::{FileError, write_atomically};
 use crate::ply::Cloud;
 
-/// Writes a cloud as binary PCD (version 0.7), atomically: fields x, y, z and, where given, intensity, as 32-bit floats, and rgb, which
-/// holds 0x00RRGGBB in the bits of a float, as PCL's own files do. The cloud is unorganised.
+/// Writes a cloud as binary PCD (version 0.7), atomically: fields x, y, z and, where given, intensity, as 32-bit floats, and rgb,
+/// which holds 0x00RRGGBB in the bits of a float, as PCL's own files do. The cloud is unorganised.
 ///
 /// # Errors
 /// As [`write_ply`](crate::ply::write_ply).

@@ -8,7 +8,7 @@ use depthcal_io::{DepthFrame, DepthValues, read_depth_frame, read_gray, read_rgb
 const WIDTH: usize = 37;
 const HEIGHT: usize = 23;
 
-/// What the scripts compute too: 16-bit steps over the whole range.
+/// Value of pixel `i` in the scripts' files too: 16-bit steps over the whole range.
 fn step(i: usize) -> u16 {
     (i * 2654435761 % 65536) as u16
 }

@@ -1,5 +1,6 @@
-//! Camera files against the programs that own the formats: `cv2.FileStorage` and mrcal, where Python has them, and mrcal's projections.
-//! `DEPTHCAL_PYTHON` names the interpreter, `python3` where it is not set. Without these modules the tests say that they are skipped.
+//! Camera files against the programs that own the formats: `cv2.FileStorage` and mrcal, where Python has them, and mrcal's
+//! projections. `DEPTHCAL_PYTHON` names the interpreter, `python3` where it is not set. Without these modules the tests say that
+//! they are skipped.
 
 use std::io::Write;
 use std::process::{Command, Stdio};

@@ -78,13 +78,13 @@ impl Block {
         self.parameters().iter().position(|p| p.name == name).map(|i| self.theta[i])
     }
 
-    /// The same block with its piece laid over a camera's image and the depth that was seen.
+    /// Lays the block's piece over a camera's image and the depth that was seen.
     pub fn over(mut self, domain: &Domain) -> Self {
         self.piece = self.piece.map(|piece| piece.over(domain).unwrap_or(piece));
         self
     }
 
-    /// The same block with every parameter held at its value.
+    /// Holds every parameter at its value.
     pub fn hold(mut self) -> Self {
         self.free.fill(false);
         self

@@ -63,14 +63,14 @@ impl Camera {
         Self::from_blocks(width, height, Block::pinhole(pinhole), pieces)
     }
 
-    /// The same from a pinhole block whose free parameters have been chosen.
+    /// A camera like that of [`Camera::new`], from a pinhole block whose free parameters have been chosen.
     pub fn from_blocks(width: usize, height: usize, pinhole: Block, pieces: Vec<Block>) -> Self {
         Self::assemble(width, height, pinhole, pieces).0
     }
 
-    /// The same, with the index in [`Camera::blocks`] of each of `pieces`, in the order given. The index is the only way to
-    /// find a block again: fields are laid over the camera's image and are then other pieces than those given, and
-    /// several pieces may have one name.
+    /// A camera like that of [`Camera::from_blocks`], with the index in [`Camera::blocks`] of each of `pieces`, in the order
+    /// given. The index is the only way to find a block again: fields are laid over the camera's image and are then other pieces
+    /// than those given, and several pieces may have one name.
     pub fn assemble(width: usize, height: usize, pinhole: Block, pieces: Vec<Block>) -> (Self, Vec<usize>) {
         let domain = Domain { size_px: [width as f64, height as f64], depth_mm: None };
         let count = pieces.len();
@@ -150,20 +150,20 @@ impl Camera {
         self.blocks.iter().flat_map(|b| b.theta.iter().copied()).collect()
     }
 
-    /// The same camera with other parameter values, in the order of [`Camera::theta`].
+    /// A copy with other parameter values, in the order of [`Camera::theta`].
     pub fn with_theta(&self, theta: &[f64]) -> Self {
         let mut camera = self.clone();
-        let mut rest = theta;
+        let mut values = theta;
         for block in &mut camera.blocks {
-            let (own, after) = rest.split_at(block.theta.len());
-            block.theta.copy_from_slice(own);
-            rest = after;
+            let (block_values, after) = values.split_at(block.theta.len());
+            block.theta.copy_from_slice(block_values);
+            values = after;
         }
         camera.lens_limit = camera.monotone_radius();
         camera
     }
 
-    /// The same camera with the blocks that `keep` accepts; the pinhole always stays. Indices of later blocks move.
+    /// A copy with the blocks that `keep` accepts; the pinhole always stays. Indices of later blocks move.
     pub fn filtered(&self, keep: impl Fn(&Block) -> bool) -> Self {
         let mut camera = self.clone();
         camera.blocks.retain(|b| b.piece().is_none() || keep(b));
@@ -171,7 +171,7 @@ impl Camera {
         camera
     }
 
-    /// The same camera with every block changed by `change`, which must keep the hook; indices stay.
+    /// A copy with every block changed by `change`, which must keep the hook; indices stay.
     pub fn map_blocks(&self, change: impl FnMut(Block) -> Block) -> Self {
         let mut camera = self.clone();
         camera.blocks = camera.blocks.into_iter().map(change).collect();
@@ -179,7 +179,7 @@ impl Camera {
         camera
     }
 
-    /// The same camera with one more piece, after those of the same hook.
+    /// A copy with one more piece, after those of the same hook.
     pub fn with_block(&self, block: Block) -> Self {
         let pinhole = self.blocks.iter().find(|b| b.piece().is_none()).cloned();
         let pinhole = pinhole.unwrap_or_else(|| Block::pinhole([f64::NAN; PINHOLE]));
@@ -277,7 +277,7 @@ impl Camera {
         self.ray_near(pixel, rho, None)
     }
 
-    /// The same from a ray that is nearly right, which saves most of Newton's steps.
+    /// [`Camera::ray`] from a ray that is nearly right, which saves most of Newton's steps.
     ///
     /// # Errors
     ///
@@ -327,7 +327,7 @@ impl Camera {
         self.correct_near(context, cos_incidence, measured_inverse_depth, None)
     }
 
-    /// The same from a ray that is nearly right, where the caller has one.
+    /// [`Camera::correct`] from a ray that is nearly right, where the caller has one.
     ///
     /// # Errors
     ///

@@ -1,8 +1,9 @@
 //! The five places of the measurement chain where a piece may act, and the state that it sees there.
 //!
 //! ```text
-//! board point ──Board──▶ point ──pose──▶ camera frame ──▶ (x, y, ρ) ──Lens──▶ (x', y') ──pinhole──▶ (u, v) ──Pixel──▶ (u, v) of the depth image
-//!                                                          (x, y, ρ) ──Depth──▶ measured inverse depth
+//! board point ──Board──▶ point ──pose──▶ camera frame ──▶ (x, y, ρ)
+//! (x, y, ρ) ──Lens──▶ (x', y') ──pinhole──▶ (u, v) ──Pixel──▶ (u, v) of the depth image
+//! (x, y, ρ) ──Depth──▶ measured inverse depth
 //! ```
 
 use serde::{Deserialize, Serialize};

@@ -15,8 +15,9 @@ const MOST_STEPS: usize = 100;
 const SETTLED: f64 = 1e-10;
 
 impl Camera {
-    /// This camera with the values of its free lens and pinhole parameters at which the rays (X/Z, Y/Z) come nearest to the pixels, in
-    /// least squares (Levenberg 1944, Marquardt 1963). Parameters that the rays do not determine stay near their present values.
+    /// This camera with the values of its free lens and pinhole parameters at which the rays (X/Z, Y/Z) come nearest to the
+    /// pixels, in least squares (Levenberg 1944, Marquardt 1963). Parameters that the rays do not determine stay near their
+    /// present values.
     pub fn fitted_to_rays(&self, rays: &[[f64; 2]], pixels: &[[f64; 2]]) -> Self {
         let chain = self.chain();
         let count = chain.image_parameter_count();
@@ -35,8 +36,8 @@ impl Camera {
         let points: Vec<[f64; 2]> = rays.iter().map(|r| r.map(|c| c * DEPTH_MM)).collect();
         let start = self.theta();
         let cost = |r: &DVector<f64>, theta: &[f64]| {
-            let kept = free.iter().zip(&weights).map(|(i, w)| (w * (theta[*i] - start[*i])).powi(2));
-            r.norm_squared() + kept.sum::<f64>()
+            let penalty = free.iter().zip(&weights).map(|(i, w)| (w * (theta[*i] - start[*i])).powi(2));
+            r.norm_squared() + penalty.sum::<f64>()
         };
         let (mut theta, mut lambda) = (start.clone(), 1e-3);
         let mut jacobian = DMatrix::zeros(2 * points.len(), free.len());
@@ -69,8 +70,8 @@ impl Camera {
         self.with_theta(&theta)
     }
 
-    /// Pixels less those of the points under `theta`, 2 per point; where asked for also the derivatives of the pixels by the parameters
-    /// `free`, 2 rows per point. `None` where a pixel is not finite.
+    /// Pixels less those of the points under `theta`, 2 per point; where asked for also the derivatives of the pixels by the
+    /// parameters `free`, 2 rows per point. `None` where a pixel is not finite.
     fn residuals(
         &self,
         theta: &[f64],
@@ -81,26 +82,28 @@ impl Camera {
         let chain = self.chain();
         let facing = Isometry3::translation(0.0, 0.0, DEPTH_MM);
         let columns = POSE + chain.image_parameter_count();
-        let mut found = vec![[0.0; 2]; points.len()];
+        let mut projected = vec![[0.0; 2]; points.len()];
         let mut rows = vec![0.0; if jacobian.is_some() { 2 * points.len() * columns } else { 0 }];
         let wanted = jacobian.is_some().then_some(rows.as_mut_slice());
-        chain.image(&mut Workspace::default(), theta, &facing, points, &mut found, wanted).ok()?;
+        chain.image(&mut Workspace::default(), theta, &facing, points, &mut projected, wanted).ok()?;
         if let Some((jacobian, free)) = jacobian {
             for (r, row) in rows.chunks_exact(columns).enumerate() {
                 free.iter().enumerate().for_each(|(k, i)| jacobian[(r, k)] = row[POSE + i]);
             }
         }
-        let all = pixels.as_flattened().iter().zip(found.as_flattened()).map(|(given, found)| given - found);
+        let all =
+            pixels.as_flattened().iter().zip(projected.as_flattened()).map(|(given, projected)| given - projected);
         let all = DVector::from_iterator(2 * points.len(), all);
         all.iter().all(|r| r.is_finite()).then_some(all)
     }
 
-    /// Pixels on a regular grid over the image, its border among them, and their rays (X/Z, Y/Z) at a depth of a metre; pixels without a
-    /// ray are left out.
+    /// Pixels on a regular grid over the image, its border among them, and their rays (X/Z, Y/Z) at a depth of a metre; pixels
+    /// without a ray are left out.
     pub fn rays_over_image(&self, columns: usize, rows: usize) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
-        let at = |i: usize, n: usize, size: usize| (size as f64 - 1.0) * i as f64 / (n.max(2) - 1) as f64;
-        let pixels =
-            (0..rows).flat_map(|j| (0..columns).map(move |i| [at(i, columns, self.width), at(j, rows, self.height)]));
+        let coordinate = |i: usize, n: usize, size: usize| (size as f64 - 1.0) * i as f64 / (n.max(2) - 1) as f64;
+        let pixels = (0..rows).flat_map(|j| {
+            (0..columns).map(move |i| [coordinate(i, columns, self.width), coordinate(j, rows, self.height)])
+        });
         pixels.filter_map(|p| Some((self.ray(p, 1.0 / DEPTH_MM).ok()?, p))).unzip()
     }
 }

@@ -39,8 +39,8 @@ impl Camera {
         })
     }
 
-    /// Rays (X/Z, Y/Z) of the pixels `grid` of the image, row by row. NaN where the lens model has no inverse. Only for cameras with
-    /// [fixed rays](Camera::has_fixed_rays); pixel pieces do not take part.
+    /// Rays (X/Z, Y/Z) of the pixels `grid` of the image, row by row. NaN where the lens model has no inverse. Only for cameras
+    /// with [fixed rays](Camera::has_fixed_rays); pixel pieces do not take part.
     pub fn rays_of_grid(&self, grid: &PixelGrid) -> Vec<[f64; 2]> {
         let n = grid.columns;
         let mut rays: Vec<[f64; 2]> = Vec::with_capacity(n * grid.rows);
@@ -332,11 +332,11 @@ mod tests {
         for stack in stacks {
             let camera = camera(stack);
             let n = 700;
-            let at = |i: usize, step: usize| (i * step % n) as f64 / n as f64;
+            let spread = |i: usize, step: usize| (i * step % n) as f64 / n as f64;
             let contexts = vec![Context::default(); n];
-            let rays: Vec<[f64; 2]> = (0..n).map(|i| [at(i, 13) - 0.5, at(i, 29) - 0.5]).collect();
-            let cos: Vec<f64> = (0..n).map(|i| 1.0 - 0.5 * at(i, 17)).collect();
-            let measured: Vec<f64> = (0..n).map(|i| 1.0 / (300.0 + 3000.0 * at(i, 31))).collect();
+            let rays: Vec<[f64; 2]> = (0..n).map(|i| [spread(i, 13) - 0.5, spread(i, 29) - 0.5]).collect();
+            let cos: Vec<f64> = (0..n).map(|i| 1.0 - 0.5 * spread(i, 17)).collect();
+            let measured: Vec<f64> = (0..n).map(|i| 1.0 / (300.0 + 3000.0 * spread(i, 31))).collect();
             let mut out = vec![0.0; n];
             camera.true_inverse_depths(&contexts, &rays, &cos, &measured, &mut out);
             for i in 0..n {

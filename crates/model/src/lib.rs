@@ -15,8 +15,8 @@
 //! Camera frame as in OpenCV: x right, y down, z forward. Millimetres, pixels, radians, seconds, degrees Celsius; pixel
 //! centres at integer coordinates. Depth is the z coordinate, not the range; inverse depth ρ = 1/z in 1/mm.
 //!
-//! Invariants: this crate knows no solver, no file and no type of images, and does not allocate per observation. What a whole frame
-//! determines ([`frame_covariates`]) is computed from slices.
+//! Invariants: this crate knows no solver, no file and no type of images, and does not allocate per observation. What a whole
+//! frame determines ([`frame_covariates`]) is computed from slices.
 
 mod block;
 pub mod board;

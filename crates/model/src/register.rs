@@ -141,8 +141,8 @@ impl Register {
         self
     }
 
-    /// The register for captures of one board: constants of pieces that are a side of its rectangle of markers have the board's values
-    /// where none are given.
+    /// The register for captures of one board: constants of pieces that are a side of its rectangle of markers have the board's
+    /// values where none are given.
     pub fn for_board(mut self, target: &Target) -> Self {
         self.board_mm = Some(target.size_mm());
         self
@@ -242,8 +242,8 @@ impl Register {
         let is_offset_map = |spec: &PieceSpec| self.find(&spec.name).is_some_and(|piece| piece.is_offset_map());
         let is_alone = !model.bare && !model.has("projective");
         let d = PieceSpec { free: FreeSubset::Ending("zw".to_owned()), ..PieceSpec::new("projective") };
-        let own = (is_alone && model.pieces.iter().any(is_offset_map)).then_some(&d);
-        own.into_iter().chain(&model.pieces).map(|spec| self.make(spec, Some(HookKind::Depth))).collect()
+        let scale_and_offset = (is_alone && model.pieces.iter().any(is_offset_map)).then_some(&d);
+        scale_and_offset.into_iter().chain(&model.pieces).map(|spec| self.make(spec, Some(HookKind::Depth))).collect()
     }
 
     /// One block from text, see [`PieceSpec`]; where `hook` is given the piece must act there.
@@ -279,8 +279,8 @@ impl Register {
             });
         }
         if let Some(expected) = hook.filter(|h| *h != block.hook()) {
-            let found = block.hook().name();
-            return Err(RegisterError::WrongHook { name: name(), found, expected: expected.name() });
+            let hook = block.hook().name();
+            return Err(RegisterError::WrongHook { name: name(), found: hook, expected: expected.name() });
         }
         block.free = spec.free.mask(block.parameters()).map_err(|letter| {
             let parameters = block.parameters().iter().map(|p| p.name.to_string()).collect();

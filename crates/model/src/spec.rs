@@ -96,21 +96,21 @@ impl PieceSpec {
         Self { name: name.into(), free: FreeSubset::All, placement: Placement::default(), constants: Options::new() }
     }
 
-    /// The same with only those parameters free whose names end with one of `letters`.
+    /// Frees only those parameters whose names end with one of `letters`.
     #[must_use]
     pub fn only(mut self, letters: impl Into<String>) -> Self {
         self.free = FreeSubset::Ending(letters.into());
         self
     }
 
-    /// The same in a place and a form.
+    /// Sets place and form.
     #[must_use]
     pub fn placed(mut self, placement: Placement) -> Self {
         self.placement = placement;
         self
     }
 
-    /// The same with a constant set.
+    /// Sets a constant.
     #[must_use]
     pub fn with(mut self, constant: impl Into<String>, value: f64) -> Self {
         self.constants.insert(constant.into(), value);

@@ -37,8 +37,8 @@ pub enum Pattern {
         /// Side of a tag, outer edge of its black border.
         marker_mm: f64,
     },
-    /// Several boards at once, each rigid but not with the others, told apart by the numbers of their tags. The markers of the first
-    /// come first. Columns and rows are 0.
+    /// Several boards at once, each rigid but not with the others, told apart by the numbers of their tags. The markers of the
+    /// first come first. Columns and rows are 0.
     Several {
         /// The boards, ChArUco boards and AprilGrids.
         boards: Vec<NumberedBoard>,
@@ -71,7 +71,7 @@ pub struct BoardPart<'a> {
 }
 
 impl BoardPart<'_> {
-    /// What the name of an image is extended by in the name of its frame of this board; nothing for the first board.
+    /// Suffix that makes an image's name that of its frame of this board; empty for the first board.
     fn ending(&self) -> String {
         if self.markers.start == 0 { String::new() } else { format!("+{}", self.name) }
     }
@@ -172,7 +172,7 @@ impl Target {
         match self.pattern {
             Pattern::Charuco { .. } => self.columns.saturating_sub(1) * self.rows.saturating_sub(1),
             Pattern::Aprilgrid { .. } => 4 * self.columns * self.rows,
-            Pattern::Several { ref boards } => boards.iter().map(|own| own.board.len()).sum(),
+            Pattern::Several { ref boards } => boards.iter().map(|part| part.board.len()).sum(),
             _ => self.columns * self.rows,
         }
     }
@@ -254,8 +254,7 @@ impl Target {
         matches!(self.pattern, Pattern::AsymmetricCircles { .. } | Pattern::SymmetricCircles { .. })
     }
 
-    /// The same board with dots of another diameter, in mm, or of an unknown one, 0. Boards without dots stay as they
-    /// are.
+    /// The board with dots of another diameter, in mm, or of an unknown one, 0. Boards without dots stay as they are.
     pub fn with_circle_diameter_mm(&self, diameter_mm: f64) -> Target {
         let mut target = self.clone();
         if let Pattern::AsymmetricCircles { circle_diameter_mm } | Pattern::SymmetricCircles { circle_diameter_mm } =
@@ -298,8 +297,8 @@ mod tests {
     fn several_boards_have_their_markers_one_after_the_other() {
         let april =
             |columns| Target { pattern: Pattern::Aprilgrid { marker_mm: 30.0 }, columns, rows: 1, spacing_mm: 39.0 };
-        let own = |name: &str, first_tag, board| NumberedBoard { name: name.into(), first_tag, board };
-        let both = Target::several(vec![own("a", 0, april(2)), own("b", 2, april(3))]);
+        let numbered = |name: &str, first_tag, board| NumberedBoard { name: name.into(), first_tag, board };
+        let both = Target::several(vec![numbered("a", 0, april(2)), numbered("b", 2, april(3))]);
         assert_eq!((both.len(), april(2).parts().len()), (20, 1));
         assert_eq!(both.point(9), april(3).point(1));
         let parts = both.parts();
@@ -351,8 +350,8 @@ mod tests {
         assert!(dots.has_circles());
         assert_eq!((dots.point(43), dots.marker_rectangle()), ([102.0, 170.0], [[0.0, 0.0], [119.0, 170.0]]));
 
-        let own = |name: &str, board| NumberedBoard { name: name.into(), first_tag: 0, board };
-        let both = Target::several(vec![own("a", april.clone()), own("b", charuco.clone())]);
+        let numbered = |name: &str, board| NumberedBoard { name: name.into(), first_tag: 0, board };
+        let both = Target::several(vec![numbered("a", april.clone()), numbered("b", charuco.clone())]);
         assert_eq!(both.point(48 + 7), charuco.point(7));
         assert_eq!((both.point(47), both.point(48)), (april.point(47), charuco.point(0)));
         assert!(both.point(48 + 24)[0].is_nan() && both.points_of(2).is_empty());

@@ -1,4 +1,5 @@
-//! Evaluating a camera's chain with derivatives allocates nothing, however many observations there are, once its workspace has its size.
+//! Evaluating a camera's chain with derivatives allocates nothing, however many observations there are, once its workspace has
+//! its size.
 
 use std::alloc::System;
 

@@ -70,7 +70,7 @@ fn lenses_are_monotone_up_to_the_documented_radius() {
         Camera::new(640, 480, PINHOLE, vec![lens]).lens_limit()
     };
     let near =
-        |found: f64, expected: f64| assert!((expected - 0.021..=expected).contains(&found), "{found}, {expected}");
+        |radius: f64, expected: f64| assert!((expected - 0.021..=expected).contains(&radius), "{radius}, {expected}");
     // 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ = 0
     near(limit("brown_conrady", &[-0.2, 0.0, 0.0, 0.0, 0.0]), (1.0 / 0.6_f64).sqrt());
     near(limit("brown_conrady", &[0.0, -0.05, 0.0, 0.0, 0.0]), (1.0 / 0.25_f64).powf(0.25));
@@ -86,7 +86,7 @@ fn lenses_are_monotone_up_to_the_documented_radius() {
     near(limit("tilted_sensor", &[0.0, 0.5]), 1.0 / 0.5_f64.tan());
     // 1 + b ρ > 0 at all radii, at a metre.
     let widest = 85.0_f64.to_radians().tan();
-    let everywhere = |found: f64| assert!((found - widest).abs() < 1e-3, "{found}, {widest}");
+    let everywhere = |radius: f64| assert!((radius - widest).abs() < 1e-3, "{radius}, {widest}");
     everywhere(limit("focus_breathing", &[-500.0]));
     everywhere(limit("brown_conrady", &[0.1, 0.0, 0.0, 0.0, 0.0]));
     // 1 + 3 k1 θ² = 0 and 1 + 9 k4 θ⁸ = 0, θ = atan r.
@@ -176,8 +176,8 @@ fn lenses_imitate_each_other() {
     assert!(rays.len() > 280, "the corners alone see more than 85°: {}", rays.len());
     let largest = |camera: &Camera| {
         let error = |(r, p): (&[f64; 2], &[f64; 2])| {
-            let found = camera.project(&nalgebra::Vector3::new(r[0], r[1], 1.0)).unwrap_or([f64::INFINITY; 2]);
-            (found[0] - p[0]).hypot(found[1] - p[1])
+            let projected = camera.project(&nalgebra::Vector3::new(r[0], r[1], 1.0)).unwrap_or([f64::INFINITY; 2]);
+            (projected[0] - p[0]).hypot(projected[1] - p[1])
         };
         rays.iter().zip(&pixels).map(error).fold(0.0, f64::max)
     };
@@ -191,8 +191,8 @@ fn lenses_imitate_each_other() {
             b.free.iter_mut().skip(free).for_each(|f| *f = false);
             b
         });
-        let found = largest(&other.fitted_to_rays(&rays, &pixels));
-        assert!(found < most_px, "{name}: {found}");
+        let error_px = largest(&other.fitted_to_rays(&rays, &pixels));
+        assert!(error_px < most_px, "{name}: {error_px}");
     }
 }
 
@@ -242,10 +242,10 @@ fn depth_that_is_out_of_reach_is_refused() {
     let mut register = Register::builtin();
     register.add(|_| Logarithm);
     let camera = Camera::new(640, 480, PINHOLE, vec![register.block("logarithm", None).unwrap()]);
-    let of = |measured: f64| camera.true_inverse_depth(&Context::default(), [0.1, 0.2], 1.0, measured);
+    let corrected = |measured: f64| camera.true_inverse_depth(&Context::default(), [0.1, 0.2], 1.0, measured);
     let expected = (0.7_f64.exp() - 1.0) / 1000.0;
-    assert!((of(0.7e-6).unwrap() / expected - 1.0).abs() < 1e-12);
-    assert!(of(8e-4).is_err());
+    assert!((corrected(0.7e-6).unwrap() / expected - 1.0).abs() < 1e-12);
+    assert!(corrected(8e-4).is_err());
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What pieces say of themselves is complete, and true where it can be tried.
+//! Descriptions of pieces are complete, and true where it can be tried.
 
 use std::sync::Arc;
 

@@ -60,15 +60,20 @@ fn table(register: &Register) -> String {
     let mut table = String::from(
         "| piece | hook | what it describes | equation | parameters (unit) | constants | needs |\n|---|---|---|---|---|---|---|\n",
     );
-    let at =
+    let rows_at =
         |hook: HookKind| register.names_at(hook).map(|name| row(&*register.find(name).unwrap())).collect::<String>();
-    table += &at(HookKind::Board);
-    table += &at(HookKind::Lens);
-    let own = parameters(pinhole::PARAMETERS.iter().map(|p| (p.name.as_ref(), p.unit)));
+    table += &rows_at(HookKind::Board);
+    table += &rows_at(HookKind::Lens);
+    let parameters_of_pinhole = parameters(pinhole::PARAMETERS.iter().map(|p| (p.name.as_ref(), p.unit)));
     let (name, summary, equation) = (pinhole::NAME, pinhole::SUMMARY, pinhole::EQUATION);
-    writeln!(table, "| `{name}` | {} | {summary} | {equation} | {own} | – | – |", HookKind::Pixel.name()).unwrap();
-    table += &at(HookKind::Pixel);
-    table += &at(HookKind::Depth);
+    writeln!(
+        table,
+        "| `{name}` | {} | {summary} | {equation} | {parameters_of_pinhole} | – | – |",
+        HookKind::Pixel.name()
+    )
+    .unwrap();
+    table += &rows_at(HookKind::Pixel);
+    table += &rows_at(HookKind::Depth);
     table
 }
 

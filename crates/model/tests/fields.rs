@@ -66,8 +66,8 @@ proptest! {
             prop_assert!((again[0] - ray[0]).hypot(again[1] - ray[1]) < 1e-12);
             prop_assert!((1.0 / rho - z).abs() < 1e-9, "{}: {} mm for {z} mm", MODELS[model], 1.0 / rho);
             let point = Vector3::new(ray[0] * z, ray[1] * z, z);
-            let at = camera.project(&point).unwrap();
-            prop_assert!((at[0] - u).hypot(at[1] - v) < 1e-6);
+            let pixel = camera.project(&point).unwrap();
+            prop_assert!((pixel[0] - u).hypot(pixel[1] - v) < 1e-6);
         }
     }
 }

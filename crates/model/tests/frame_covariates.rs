@@ -50,12 +50,12 @@ fn at(amplitude: &[u16], x: i64, y: i64) -> Option<f64> {
 /// Pixels in the middle, at borders and in corners.
 const PIXELS: [[usize; 2]; 7] = [[0, 0], [73, 50], [146, 100], [13, 100], [146, 3], [64, 48], [41, 31]];
 
-fn close(found: StrayLight, expected: [[f64; 2]; 3], near: f64, tolerance: f64) -> bool {
+fn close(light: StrayLight, expected: [[f64; 2]; 3], near: f64, tolerance: f64) -> bool {
     let length = |p: &[f64; 2]| p[0].hypot(p[1]);
     let scale = expected.iter().map(length).fold(0.0, f64::max);
-    let parts = found.scene.iter().flatten().zip(expected.iter().flatten());
+    let parts = light.scene.iter().flatten().zip(expected.iter().flatten());
     parts.map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max) < tolerance * scale
-        && (f64::from(found.near) - near).abs() < 1e-4 * near
+        && (f64::from(light.near) - near).abs() < 1e-4 * near
 }
 
 #[test]
@@ -74,12 +74,12 @@ fn covariates_are_sums_over_all_pixels() {
         let range = |i: usize| range_mm(i % SIZE[0], i / SIZE[0]) as f32;
         let covariates = FrameCovariates::new(modulation, SIZE, &amplitude, range).unwrap();
         for pixel in PIXELS {
-            let own = mean_3x3(&image, pixel);
-            let expected = modulation.mhz.map(|f| scene(&amplitude, &range_mm, f, pixel).map(|p| p / own));
-            let found = covariates.at(&amplitude, pixel);
+            let local = mean_3x3(&image, pixel);
+            let expected = modulation.mhz.map(|f| scene(&amplitude, &range_mm, f, pixel).map(|p| p / local));
+            let light = covariates.at(&amplitude, pixel);
             let inside = (4..SIZE[0] - 4).contains(&pixel[0]) && (4..SIZE[1] - 4).contains(&pixel[1]);
-            let near = if inside { mean_3x3(&spread, pixel) / own } else { f64::from(found.near) };
-            assert!(close(found, expected, near, 2e-3), "{pixel:?}: {found:?}, expected {expected:?} and {near}");
+            let near = if inside { mean_3x3(&spread, pixel) / local } else { f64::from(light.near) };
+            assert!(close(light, expected, near, 2e-3), "{pixel:?}: {light:?}, expected {expected:?} and {near}");
         }
     }
 }
@@ -89,8 +89,8 @@ fn the_near_window_is_that_of_its_definition() {
     let gauss: Vec<f64> = (-3..=3).map(|i| (-f64::from(i * i) / (2.0 * NEAR_PX * NEAR_PX)).exp()).collect();
     let total: f64 = gauss.iter().sum();
     for (i, weight) in NEAR_WEIGHTS.iter().enumerate() {
-        let at = |shift: usize| i.checked_sub(shift).and_then(|j| gauss.get(j)).copied().unwrap_or(0.0);
-        let expected = (at(0) + at(1) + at(2)) / (3.0 * total);
+        let shifted = |shift: usize| i.checked_sub(shift).and_then(|j| gauss.get(j)).copied().unwrap_or(0.0);
+        let expected = (shifted(0) + shifted(1) + shifted(2)) / (3.0 * total);
         assert!((f64::from(*weight) - expected).abs() < 1e-7, "{i}: {weight} {expected}");
     }
     assert!((f64::from(NEAR_WEIGHTS.iter().sum::<f32>()) - 1.0).abs() < 1e-6);
@@ -117,10 +117,10 @@ fn invalid_pixels_have_the_range_of_their_neighbours() {
         };
         let covariates = FrameCovariates::new(Modulation::default(), SIZE, &amplitude, range).unwrap();
         for pixel in PIXELS {
-            let own = mean_3x3(&|x, y| at(&amplitude, x, y), pixel);
-            let expected = Modulation::default().mhz.map(|f| scene(&amplitude, &wall, f, pixel).map(|p| p / own));
-            let found = covariates.at(&amplitude, pixel);
-            assert!(close(found, expected, f64::from(found.near), 0.02), "{none} {pixel:?}: {found:?}, {expected:?}");
+            let local = mean_3x3(&|x, y| at(&amplitude, x, y), pixel);
+            let expected = Modulation::default().mhz.map(|f| scene(&amplitude, &wall, f, pixel).map(|p| p / local));
+            let light = covariates.at(&amplitude, pixel);
+            assert!(close(light, expected, f64::from(light.near), 0.02), "{none} {pixel:?}: {light:?}, {expected:?}");
         }
     }
 }
@@ -135,10 +135,10 @@ fn invalid_pixels_between_two_walls_have_the_range_of_the_nearer_one() {
     let range = |i: usize| if band.contains(&(i / SIZE[0])) { 0.0 } else { wall(0, i / SIZE[0]) as f32 };
     let covariates = FrameCovariates::new(Modulation::default(), SIZE, &amplitude, range).unwrap();
     for pixel in PIXELS {
-        let own = mean_3x3(&|x, y| at(&amplitude, x, y), pixel);
-        let expected = Modulation::default().mhz.map(|f| scene(&amplitude, &wall, f, pixel).map(|p| p / own));
-        let found = covariates.at(&amplitude, pixel);
-        assert!(close(found, expected, f64::from(found.near), 2e-3), "{pixel:?}: {found:?}, {expected:?}");
+        let local = mean_3x3(&|x, y| at(&amplitude, x, y), pixel);
+        let expected = Modulation::default().mhz.map(|f| scene(&amplitude, &wall, f, pixel).map(|p| p / local));
+        let light = covariates.at(&amplitude, pixel);
+        assert!(close(light, expected, f64::from(light.near), 2e-3), "{pixel:?}: {light:?}, {expected:?}");
     }
 }
 

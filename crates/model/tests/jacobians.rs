@@ -115,7 +115,7 @@ fn compare(
 ) {
     for c in 0..columns {
         let h = steps[c];
-        let mut at = |sign: f64| match c.checked_sub(POSE) {
+        let mut at_step = |sign: f64| match c.checked_sub(POSE) {
             None => f(theta, &retract(pose, c, sign * h)),
             Some(i) => {
                 let mut moved = theta.to_vec();
@@ -124,7 +124,7 @@ fn compare(
             }
         };
         // Central differences at h and h / 2, extrapolated (Richardson): the error is of fourth order in h.
-        let (plus, minus, plus_half, minus_half) = (at(1.0), at(-1.0), at(0.5), at(-0.5));
+        let (plus, minus, plus_half, minus_half) = (at_step(1.0), at_step(-1.0), at_step(0.5), at_step(-0.5));
         let size = (0..plus.len()).map(|r| jacobian[r * columns + c].abs()).fold(0.0, f64::max);
         let value = plus.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         for r in 0..plus.len() {

@@ -64,7 +64,7 @@ impl Board {
         }
     }
 
-    /// The same board printed white on black.
+    /// Prints the board white on black.
     pub fn white_on_black(mut self) -> Self {
         self.white_on_black = true;
         self
@@ -232,9 +232,9 @@ mod tests {
         let board = Board::new(Pattern::Chessboard, 9, 6, 25.0);
         for index in 0..board.len() {
             let [x, y] = board.marker(index);
-            let at = |dx: f64, dy: f64| board.surface([x + dx, y + dy]).printed;
-            assert_eq!(at(-1.0, -1.0), at(1.0, 1.0));
-            assert_ne!(at(-1.0, 1.0), at(1.0, 1.0));
+            let printed = |dx: f64, dy: f64| board.surface([x + dx, y + dy]).printed;
+            assert_eq!(printed(-1.0, -1.0), printed(1.0, 1.0));
+            assert_ne!(printed(-1.0, 1.0), printed(1.0, 1.0));
         }
         assert!(board.surface([-1.0, -1.0]).printed);
         assert!(!board.surface([-26.0, -1.0]).printed);

@@ -19,8 +19,8 @@ pub struct CameraTruth {
     pub centre_px: [f64; 2],
     /// Brown–Conrady coefficients [k1, k2, p1, p2, k3].
     pub lens: [f64; 5],
-    /// Coefficients k1 to k4 of a fisheye lens, whose image radius is f θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) at the angle θ to the axis;
-    /// the other lens is then not used.
+    /// Coefficients k1 to k4 of a fisheye lens, whose image radius is f θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) at the angle θ to
+    /// the axis; the other lens is then not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fisheye: Option<[f64; 4]>,
     /// Projective depth distortion [dx, dy, dz, dw]: ρ_m = dx x + dy y + dz + dw ρ; dx, dy, dz in 1/mm.
@@ -110,8 +110,8 @@ impl CameraTruth {
         positive("camera.focal_px", self.focal_px[1])?;
         positive("camera.baseline_mm", self.baseline_mm)?;
         positive("camera.depth[3]", self.depth[3])?;
-        let rest = [self.skew_px, self.centre_px[0], self.centre_px[1]];
-        for value in rest.into_iter().chain(self.lens).chain(self.fisheye.unwrap_or_default()).chain(self.depth) {
+        let others = [self.skew_px, self.centre_px[0], self.centre_px[1]];
+        for value in others.into_iter().chain(self.lens).chain(self.fisheye.unwrap_or_default()).chain(self.depth) {
             if !value.is_finite() {
                 return Err(SimulateError::BadParameter { field: "camera", value, expected: "finite parameters" });
             }

@@ -50,13 +50,13 @@ pub(crate) fn choose(frames: usize, seed: u64) -> Vec<Conditions> {
 /// Conditions of the frames of a video, which is too short for the temperature to change.
 pub(crate) fn video(frames: usize, period_s: f64) -> Vec<Conditions> {
     let session_s = (period_s * frames.saturating_sub(1) as f64).max(1.0);
-    let at = |frame: usize| Conditions {
+    let conditions_of = |frame: usize| Conditions {
         frame,
         time_s: period_s * frame as f64,
         session_s,
         temperature_c: REFERENCE_TEMPERATURE_C,
     };
-    (0..frames).map(at).collect()
+    (0..frames).map(conditions_of).collect()
 }
 
 #[cfg(test)]

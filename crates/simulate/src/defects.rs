@@ -124,15 +124,15 @@ impl Defects {
                 hit.duplicated.push([copy - 1, copy]);
             }
         }
-        let mut rest: Vec<usize> = (0..frames.len()).filter(|&i| free[i]).collect();
-        rest.shuffle(&mut rng);
-        let mut rest = rest.into_iter();
+        let mut sound: Vec<usize> = (0..frames.len()).filter(|&i| free[i]).collect();
+        sound.shuffle(&mut rng);
+        let mut sound = sound.into_iter();
         while hit.swapped.len() < self.swapped_depth_pairs {
-            let (Some(a), Some(b)) = (rest.next(), rest.next()) else { break };
+            let (Some(a), Some(b)) = (sound.next(), sound.next()) else { break };
             (frames[a].depth, frames[b].depth) = (frames[b].depth, frames[a].depth);
             hit.swapped.push([a, b]);
         }
-        for bad in rest.take(self.bad_frames) {
+        for bad in sound.take(self.bad_frames) {
             let [cx, cy] = board.centre();
             let mut direction =
                 || Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).try_normalize(1e-6).unwrap_or(Vector3::x());

@@ -149,8 +149,8 @@ impl Instrument {
 
     /// Adds an effect after those of its stage.
     pub fn add(&mut self, effect: Box<dyn DepthEffect>) {
-        let at = self.effects.partition_point(|other| other.stage() <= effect.stage());
-        self.effects.insert(at, effect);
+        let index = self.effects.partition_point(|other| other.stage() <= effect.stage());
+        self.effects.insert(index, effect);
     }
 
     /// Its effects on depth.
@@ -164,16 +164,16 @@ impl Instrument {
     }
 
     /// Applies the depth effects to an inverse depth (1/mm), without the projective distortion.
-    pub fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        self.effects.iter().fold(rho, |rho, effect| effect.distort(at, rho))
+    pub fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        self.effects.iter().fold(rho, |rho, effect| effect.distort(reading, rho))
     }
 
     /// Measured inverse depth without noise, given the true inverse depth, 1/mm.
-    pub fn measure(&self, at: &Reading, rho: f64) -> f64 {
+    pub fn measure(&self, reading: &Reading, rho: f64) -> f64 {
         let [dx, dy, dz, dw] = self.projective;
         let before = self.effects.partition_point(|effect| effect.stage() < Stage::Output);
-        let run = |effects: &[Box<dyn DepthEffect>], rho| effects.iter().fold(rho, |rho, e| e.distort(at, rho));
+        let run = |effects: &[Box<dyn DepthEffect>], rho| effects.iter().fold(rho, |rho, e| e.distort(reading, rho));
         let rho = run(&self.effects[..before], rho);
-        run(&self.effects[before..], dx * at.ray[0] + dy * at.ray[1] + dz + dw * rho)
+        run(&self.effects[before..], dx * reading.ray[0] + dy * reading.ray[1] + dz + dw * rho)
     }
 }

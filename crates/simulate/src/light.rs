@@ -13,7 +13,7 @@ pub enum Exposure {
         /// Share of full scale.
         white: f64,
     },
-    /// The same for all frames, as in raw infrared images.
+    /// One exposure for all frames, as in raw infrared images.
     Fixed {
         /// Signal of the board's white, frontal on the optical axis at 1 m, share of full scale.
         white_at_1m: f64,
@@ -39,9 +39,9 @@ impl Light {
     pub fn new(exposure: Exposure, bright: f64, middle: [f64; 3]) -> Self {
         match exposure {
             Exposure::Auto { white } => {
-                let at = |[x, y, z]: [f64; 3]| irradiance([x / z, y / z], z);
-                let weakest = at([0.0, 0.0, 1100.0]);
-                Self { gain: white / (bright * at(middle).max(weakest)), of_room: false }
+                let light_at = |[x, y, z]: [f64; 3]| irradiance([x / z, y / z], z);
+                let weakest = light_at([0.0, 0.0, 1100.0]);
+                Self { gain: white / (bright * light_at(middle).max(weakest)), of_room: false }
             }
             Exposure::Fixed { white_at_1m } => Self { gain: white_at_1m / bright, of_room: false },
             Exposure::Room { white } => Self { gain: white / bright, of_room: true },

@@ -138,18 +138,18 @@ impl PlantView<'_> {
     /// Depth between pixels, in steps: interpolated in inverse depth, in which planes are linear; that of the nearest
     /// pixel when a neighbour is missing or depth jumps.
     fn between(&self, raw: &[u16], [u, v]: [f64; 2]) -> Option<f64> {
-        let at = |column: f64, row: f64| {
+        let value_at = |column: f64, row: f64| {
             let inside = column >= 0.0 && row >= 0.0 && column < self.width as f64 && row < self.height as f64;
             let value = if inside { raw[row as usize * self.width + column as usize] } else { 0 };
             (value != 0).then_some(f64::from(value))
         };
-        let nearest = at(u.round(), v.round())?;
+        let nearest = value_at(u.round(), v.round())?;
         let (a, b) = (u - u.floor(), v - v.floor());
         let corners = [
-            (at(u.floor(), v.floor()), (1.0 - a) * (1.0 - b)),
-            (at(u.floor() + 1.0, v.floor()), a * (1.0 - b)),
-            (at(u.floor(), v.floor() + 1.0), (1.0 - a) * b),
-            (at(u.floor() + 1.0, v.floor() + 1.0), a * b),
+            (value_at(u.floor(), v.floor()), (1.0 - a) * (1.0 - b)),
+            (value_at(u.floor() + 1.0, v.floor()), a * (1.0 - b)),
+            (value_at(u.floor(), v.floor() + 1.0), (1.0 - a) * b),
+            (value_at(u.floor() + 1.0, v.floor() + 1.0), a * b),
         ];
         let mut rho = 0.0;
         for (value, weight) in corners.into_iter().filter(|(_, weight)| *weight > 0.0) {

@@ -25,7 +25,8 @@ pub struct Rendering {
     pub edge_noise: f64,
     /// Whether valid depth pixels at the board's outline mix the depths of board and background.
     pub mixed_pixels: bool,
-    /// Frequencies by which a time-of-flight camera modulates its light, MHz; 0 for one that is not used. Stray light depends on them.
+    /// Frequencies by which a time-of-flight camera modulates its light, MHz; 0 for one that is not used. Stray light depends on
+    /// them.
     pub modulation_mhz: [f64; 3],
 }
 

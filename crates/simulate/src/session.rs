@@ -93,16 +93,16 @@ impl<'a> Session<'a> {
     pub fn look(&self, placed: &PlacedBoard<'_>, pixel: [f64; 2]) -> Option<([f64; 2], Cut)> {
         let optics = &self.instrument.optics;
         let mut rho = 1.0 / placed.pose.translation[2];
-        let mut found = None;
+        let mut nearest = None;
         // With focus breathing the ray depends on its own depth.
         let rounds = if optics.breathing_mm == 0.0 { 1 } else { 8 };
         for _ in 0..rounds {
             let ray = optics.ray(pixel, rho)?;
             let cut = placed.cut(ray)?;
             rho = 1.0 / cut.z;
-            found = Some((ray, cut));
+            nearest = Some((ray, cut));
         }
-        found
+        nearest
     }
 
     /// The measurement of the depth pixel `pixel` (px) on the board; where `on_paper`, as if nothing were printed

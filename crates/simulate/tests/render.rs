@@ -33,8 +33,8 @@ fn dots_have_their_centre_of_mass_where_they_are_projected() {
                 let [px, py, z] = pose.apply([x, y, 0.0]);
                 let expected = [480.0 * px / z + 321.3, 480.0 * py / z + 238.6];
                 let radius = 5.75 * 480.0 / z;
-                let found = centre_of_mass(&frame.image, 640, expected, radius + 2.8);
-                errors.push((found[0] - expected[0]).hypot(found[1] - expected[1]));
+                let centre = centre_of_mass(&frame.image, 640, expected, radius + 2.8);
+                errors.push((centre[0] - expected[0]).hypot(centre[1] - expected[1]));
             }
         }
         let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
@@ -47,7 +47,7 @@ fn dots_have_their_centre_of_mass_where_they_are_projected() {
 fn centre_of_mass(image: &[u16], width: usize, centre: [f64; 2], reach: f64) -> [f64; 2] {
     let [u0, v0] = centre.map(|c| (c - reach).round() as usize);
     let [u1, v1] = centre.map(|c| (c + reach).round() as usize);
-    let at = |u: usize, v: usize| f64::from(image[v * width + u]);
+    let grey = |u: usize, v: usize| f64::from(image[v * width + u]);
     let (mut weight, mut moment) = (0.0, [0.0, 0.0]);
     for v in v0..=v1 {
         for u in u0..=u1 {
@@ -57,11 +57,12 @@ fn centre_of_mass(image: &[u16], width: usize, centre: [f64; 2], reach: f64) -> 
             let (a, b) = ((u - u0) as f64 / (u1 - u0) as f64, (v - v0) as f64 / (v1 - v0) as f64);
             let middle_u = u0.midpoint(u1);
             let middle_v = v0.midpoint(v1);
-            let across = at(u0, middle_v) * (1.0 - a) + at(u1, middle_v) * a;
-            let down = at(middle_u, v0) * (1.0 - b) + at(middle_u, v1) * b;
-            let centre_level = (at(u0, middle_v) + at(u1, middle_v) + at(middle_u, v0) + at(middle_u, v1)) / 4.0;
+            let across = grey(u0, middle_v) * (1.0 - a) + grey(u1, middle_v) * a;
+            let down = grey(middle_u, v0) * (1.0 - b) + grey(middle_u, v1) * b;
+            let centre_level =
+                (grey(u0, middle_v) + grey(u1, middle_v) + grey(middle_u, v0) + grey(middle_u, v1)) / 4.0;
             // Relative to the paper: shading across the dot would shift the centre.
-            let dark = 1.0 - at(u, v) / (across + down - centre_level);
+            let dark = 1.0 - grey(u, v) / (across + down - centre_level);
             weight += dark;
             moment = [moment[0] + dark * u as f64, moment[1] + dark * v as f64];
         }
@@ -191,8 +192,8 @@ fn a_dataset_tells_nothing_of_its_effects() {
     assert!(csv.starts_with("frame,timestamp_s,temperature_c\n0000,0.000,"), "{csv}");
     let error = simulation.write_dataset(dir.path()).unwrap_err().to_string();
     assert!(error.contains("empty"), "{error}");
-    let kept: depthcal_simulate::Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
-    assert_eq!(kept.effects, truth.effects);
+    let restored: depthcal_simulate::Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
+    assert_eq!(restored.effects, truth.effects);
 }
 
 #[test]

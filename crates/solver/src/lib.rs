@@ -3,17 +3,19 @@
 //! The solver minimises ½ Σᵢ ρᵢ(‖rᵢ(x)‖²) over variables x on smooth manifolds, where the rᵢ are whitened residuals and
 //! the ρᵢ are losses. It is independent of any application.
 //!
-//! | step | types |
-//! |---|---|
-//! | variables | [`Variable`]: vectors, rotations, poses, directions, and your own types; [`Values`] stores them under typed [`Key`]s |
-//! | residuals | [`Factor`]: one generic function, with automatic derivatives; [`Batch`]: factors of one type, with [`Noise`] and [`Loss`]; [`Prior`]; [`LaneBatch`]: residuals evaluated eight at a time; [`FactorBatch`]: full control, with hand-written Jacobians |
-//! | problem | [`Graph`]: batches, fixed and bounded variables, variables to eliminate |
-//! | solution | [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`] |
-//! | changing problems | [`Session`]: solves again after factors and variables were added or removed |
-//! | interruption | [`Interrupt`]; [`CheckpointFile`]: resume from a file, with bitwise the same result |
-//! | uncertainty | [`Covariance`]: joint and marginal, also of large sparse problems; undetermined combinations of variables by name |
-//! | missing effects | [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes |
-//! | checks | [`check_jacobians`] |
+//! - variables: [`Variable`]: vectors, rotations, poses, directions, and your own types; [`Values`] stores them under typed
+//!   [`Key`]s
+//! - residuals: [`Factor`]: one generic function, with automatic derivatives; [`Batch`]: factors of one type, with [`Noise`] and
+//!   [`Loss`]; [`Prior`]; [`LaneBatch`]: residuals evaluated eight at a time; [`FactorBatch`]: full control, with hand-written
+//!   Jacobians
+//! - problem: [`Graph`]: batches, fixed and bounded variables, variables to eliminate
+//! - solution: [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`]
+//! - changing problems: [`Session`]: solves again after factors and variables were added or removed
+//! - interruption: [`Interrupt`]; [`CheckpointFile`]: resume from a file, with bitwise the same result
+//! - uncertainty: [`Covariance`]: joint and marginal, also of large sparse problems; undetermined combinations of variables by
+//!   name
+//! - missing effects: [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes
+//! - checks: [`check_jacobians`]
 //!
 //! A straight line through three points:
 //!
@@ -91,14 +93,14 @@
 //! Every iteration solves a linear system (H + μ D²) δ = −g with H = JᵀJ. By default, [`LinearSolver::Auto`] estimates
 //! the work of the methods below and takes the cheapest; [`Report::linear_solver`] has the choice and the estimates.
 //!
-//! | [`LinearSolver`] | for |
-//! |---|---|
-//! | `Dense` | up to some hundred unknowns |
-//! | `SparseCholesky` | graphs whose variables are linked to few others, such as pose graphs; supernodal, with variables ordered as blocks by approximate minimum degree |
-//! | `DenseSchur` | many variables that share no factor with each other, linked by a few others: frames and a camera, points and some cameras |
-//! | `SparseSchur` | the same with many linking variables, each linked to few others: points and many cameras |
-//! | `ConjugateGradients` | the same if the reduced system is too large to factorise; it is not formed |
-//! | `SparseQr` | ill-conditioned problems: does not square the condition number of J; only on request |
+//! - `Dense`: up to some hundred unknowns
+//! - `SparseCholesky`: graphs whose variables are linked to few others, such as pose graphs; supernodal, with variables ordered
+//!   as blocks by approximate minimum degree
+//! - `DenseSchur`: many variables that share no factor with each other, linked by a few others: frames and a camera, points and
+//!   some cameras
+//! - `SparseSchur`: the same with many linking variables, each linked to few others: points and many cameras
+//! - `ConjugateGradients`: the same if the reduced system is too large to factorise; it is not formed
+//! - `SparseQr`: ill-conditioned problems: does not square the condition number of J; only on request
 //!
 //! If a combination of variables is undetermined, the damping still leads to a minimum. [`Report::weakest`] hints at such a
 //! combination; [`Options::name_undetermined`] and [`Covariance`] identify it.

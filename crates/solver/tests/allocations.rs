@@ -140,13 +140,14 @@ fn idle(graph: &Graph, values: &Values, iterations: u64) -> usize {
 
 /// Allocations of eight more iterations beyond those of the executor. Allocations for set-up and first iterations cancel.
 fn own(graph: &Graph, values: &Values, linear_solver: LinearSolver, method: Method) -> isize {
-    let of = |count: &dyn Fn(u64) -> usize| {
+    let per_iteration = |count: &dyn Fn(u64) -> usize| {
         // The minimum of some runs: the first run initialises libraries, and the test harness' own thread allocates
         // occasionally.
         let least = |n| (0..5).map(|_| count(n)).min().unwrap_or(0) as isize;
         least(13) - least(5)
     };
-    of(&|n| allocations(graph, values, linear_solver, method, n)) - of(&|n| idle(graph, values, n))
+    per_iteration(&|n| allocations(graph, values, linear_solver, method, n))
+        - per_iteration(&|n| idle(graph, values, n))
 }
 
 // A single test in this binary, because the counter is global to the process.

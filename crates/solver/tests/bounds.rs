@@ -89,11 +89,11 @@ fn random_linear_problems_in_a_box() {
         for method in METHODS {
             for linear_solver in LINEAR_SOLVERS {
                 let options = Options { method, linear_solver, cost_tolerance: 1e-14, ..Options::default() };
-                let found = minimize(&graph, values.clone(), &options).unwrap();
-                let report = &found.report;
+                let solution = minimize(&graph, values.clone(), &options).unwrap();
+                let report = &solution.report;
                 assert!(report.converged, "{seed} {method:?} {linear_solver:?} {report}");
                 assert!((report.cost - cost).abs() < 1e-9 * (1.0 + cost), "{seed} {method:?} {cost} {report}");
-                let got: Vec<f64> = found.values.get(p).iter().chain(found.values.get(q)).copied().collect();
+                let got: Vec<f64> = solution.values.get(p).iter().chain(solution.values.get(q)).copied().collect();
                 for i in 0..5 {
                     assert!(lower[i] <= got[i] && got[i] <= upper[i], "never outside, not by one bit");
                     assert!((got[i] - x[i]).abs() < 1e-5 * (1.0 + x.amax()), "{seed} {method:?} {got:?} {x}");
@@ -122,8 +122,8 @@ fn a_curve_with_a_bounded_rate() {
     let (mut graph, values, key) = curve();
     graph.bound(key, 1, f64::NEG_INFINITY, 1.2);
     for method in METHODS {
-        let found = minimize(&graph, values.clone(), &Options { method, ..Options::default() }).unwrap();
-        assert!(found.report.converged, "{}", found.report);
+        let solution = minimize(&graph, values.clone(), &Options { method, ..Options::default() }).unwrap();
+        assert!(solution.report.converged, "{}", solution.report);
         // With the rate on its bound, the factor is a linear fit.
         let (mut ey, mut ee) = (0.0, 0.0);
         for i in 0..20 {
@@ -132,7 +132,7 @@ fn a_curve_with_a_bounded_rate() {
             ey += e * y;
             ee += e * e;
         }
-        let p = found.values.get(key);
+        let p = solution.values.get(key);
         assert_eq!(p[1], 1.2);
         assert!((p[0] - ey / ee).abs() < 1e-8, "{p}");
     }
@@ -160,9 +160,9 @@ fn a_start_outside_is_moved_onto_the_bound() {
     graph.add_batch(Prior::isotropic("prior", key, Vector2::new(2.0, -20.0), 1.0).unwrap());
     graph.bound(key, 0, -1.0, 1.0);
     graph.bound(key, 1, -3.0, 3.0);
-    let found = minimize(&graph, values, &Options::default()).unwrap();
-    assert_eq!(*found.values.get(key), Vector2::new(1.0, -3.0));
-    assert!(found.report.converged && found.report.cost0 == 0.5 * (1.0 + 17.0 * 17.0), "{}", found.report);
+    let solution = minimize(&graph, values, &Options::default()).unwrap();
+    assert_eq!(*solution.values.get(key), Vector2::new(1.0, -3.0));
+    assert!(solution.report.converged && solution.report.cost0 == 0.5 * (1.0 + 17.0 * 17.0), "{}", solution.report);
 }
 
 /// An active bound on the shared camera and one on a point have the effect of fixing both there.
@@ -178,26 +178,26 @@ fn active_bounds_of_a_bundle_are_like_fixed_components() {
     for threads in [1, 3] {
         for linear_solver in LINEAR_SOLVERS {
             let options = Options { threads, linear_solver, ..Options::default() };
-            let found = minimize(&graph, values.clone(), &options).unwrap();
-            assert!(found.report.converged, "{}", found.report);
-            assert_eq!((found.values.get(camera).x, found.values.get(points[7]).z), (480.0, z));
-            results.push((format!("{:?}", found.values), found));
+            let solution = minimize(&graph, values.clone(), &options).unwrap();
+            assert!(solution.report.converged, "{}", solution.report);
+            assert_eq!((solution.values.get(camera).x, solution.values.get(points[7]).z), (480.0, z));
+            results.push((format!("{:?}", solution.values), solution));
         }
     }
     for i in 0..LINEAR_SOLVERS.len() {
         assert_eq!(results[i].0, results[i + LINEAR_SOLVERS.len()].0, "same bits for any number of threads");
     }
-    let found = &results[0].1;
+    let solution = &results[0].1;
     values.set_coordinate(camera.id(), 0, 480.0);
     values.set_coordinate(points[7].id(), 2, z);
     fixed.fix_partly(camera, &[true, false]);
     fixed.fix_partly(points[7], &[false, false, true]);
     let expected = minimize(&fixed, values, &Options::default()).unwrap();
-    assert!((found.report.cost - expected.report.cost).abs() < 1e-8 * expected.report.cost);
-    assert!((found.values.get(camera) - expected.values.get(camera)).norm() < 1e-5);
+    assert!((solution.report.cost - expected.report.cost).abs() < 1e-8 * expected.report.cost);
+    assert!((solution.values.get(camera) - expected.values.get(camera)).norm() < 1e-5);
     let ids = [camera.id(), points[7].id(), points[8].id()];
     let joint = |graph: &Graph| {
-        let covariance = Covariance::compute(graph, &found.values, &CovarianceOptions::default()).unwrap();
+        let covariance = Covariance::compute(graph, &solution.values, &CovarianceOptions::default()).unwrap();
         (covariance.joint(&ids), covariance.degrees_of_freedom())
     };
     assert_eq!(joint(&graph), joint(&fixed));
@@ -226,6 +226,6 @@ fn senseless_bounds_are_named() {
     assert!(refused(&|g| g.bound(key, 2, 0.0, 1.0)).contains("no coordinate"));
     assert!(refused(&|g| g.bound(rotation, 2, 0.0, 1.0)).contains("Variable::coordinate"));
     graph.bound(key, 4, 0.0, 1.0);
-    let found = minimize(&graph, values, &Options::default()).unwrap();
-    assert!((found.values.get(key).translation.vector - Vector3::new(1.0, 1.0, 3.0)).norm() < 1e-9);
+    let solution = minimize(&graph, values, &Options::default()).unwrap();
+    assert!((solution.values.get(key).translation.vector - Vector3::new(1.0, 1.0, 3.0)).norm() < 1e-9);
 }

@@ -45,8 +45,8 @@ fn bits(values: &Values) -> Vec<u64> {
 }
 
 fn trace(report: &Report) -> Vec<(Vec<u64>, bool)> {
-    let of = |i: &depthcal_solver::Iteration| [i.cost, i.trial_cost, i.predicted, i.gradient, i.step, i.damping];
-    report.trace.iter().map(|i| (of(i).map(f64::to_bits).to_vec(), i.accepted)).collect()
+    let numbers = |i: &depthcal_solver::Iteration| [i.cost, i.trial_cost, i.predicted, i.gradient, i.step, i.damping];
+    report.trace.iter().map(|i| (numbers(i).map(f64::to_bits).to_vec(), i.accepted)).collect()
 }
 
 /// A run that is cut after every iteration and resumed by a new solver.
@@ -122,15 +122,15 @@ fn minimize_goes_on_from_its_checkpoint() {
     // If there is a file, the start values have no effect, and neither has the number of threads.
     let mut elsewhere = values.clone();
     elsewhere.ids().for_each(|id| elsewhere.retract(id, &vec![0.01; elsewhere.dim(id)]));
-    let rest = Options { checkpoint: checkpoint(2), threads: 3, ..Options::default() };
-    let resumed = minimize(&graph, elsewhere, &rest).unwrap();
+    let resuming = Options { checkpoint: checkpoint(2), threads: 3, ..Options::default() };
+    let resumed = minimize(&graph, elsewhere, &resuming).unwrap();
     assert_eq!(bits(&resumed.values), bits(&whole.values));
     assert_eq!(trace(&resumed.report), trace(&whole.report));
     let error = |options: &Options| minimize(&graph, values.clone(), options).unwrap_err();
-    let other = Options { method: Method::GaussNewton, ..rest.clone() };
+    let other = Options { method: Method::GaussNewton, ..resuming.clone() };
     assert!(matches!(error(&other), SolveError::Checkpoint(CheckpointError::Options { .. })));
     fs::write(&path.0, "{}").unwrap();
-    assert!(matches!(error(&rest), SolveError::Checkpoint(CheckpointError::Corrupt { .. })));
+    assert!(matches!(error(&resuming), SolveError::Checkpoint(CheckpointError::Corrupt { .. })));
     let never = Options { checkpoint: checkpoint(0), ..Options::default() };
     assert!(matches!(error(&never), SolveError::Option { option: "checkpoint.every", .. }));
 }

@@ -24,8 +24,11 @@ fn lattice<const D: u32>(side: usize) -> (Graph, Values) {
     let count = side.pow(D);
     let keys: Vec<_> = (0..count)
         .map(|i| {
-            let at = |d: u32| (i / side.pow(d) % side) as f64;
-            values.insert(Vector3::new(at(0), at(1), if D > 2 { at(2) } else { 0.0 }) + 0.1 * normal3(&mut rng))
+            let coordinate = |d: u32| (i / side.pow(d) % side) as f64;
+            values.insert(
+                Vector3::new(coordinate(0), coordinate(1), if D > 2 { coordinate(2) } else { 0.0 })
+                    + 0.1 * normal3(&mut rng),
+            )
         })
         .collect();
     let mut distances = Batch::new("distances");

@@ -142,8 +142,8 @@ fn hessian(graph: &Graph, values: &Values, ids: &[depthcal_solver::VariableId]) 
                 .variables(group)
                 .iter()
                 .flat_map(|v| {
-                    let at = ids.iter().position(|id| id == v).unwrap();
-                    let first: usize = ids[..at].iter().map(|id| values.dim(*id)).sum();
+                    let index = ids.iter().position(|id| id == v).unwrap();
+                    let first: usize = ids[..index].iter().map(|id| values.dim(*id)).sum();
                     first..first + values.dim(*v)
                 })
                 .collect();
@@ -170,15 +170,15 @@ fn hessian(graph: &Graph, values: &Values, ids: &[depthcal_solver::VariableId]) 
 #[test]
 fn a_covariance_does_not_depend_on_the_way_to_the_minimum() {
     let Bundle { graph, values, camera, .. } = bundle(5, 25, 0.5, Loss::Trivial, 9);
-    let mut found = Vec::new();
+    let mut marginals = Vec::new();
     for linear_solver in [LinearSolver::DenseSchur, LinearSolver::SparseCholesky] {
         let options = Options { linear_solver, cost_tolerance: 1e-14, ..Options::default() };
         let solution = minimize(&graph, values.clone(), &options).unwrap();
         let covariance = Covariance::compute(&graph, &solution.values, &CovarianceOptions::default()).unwrap();
         assert!((covariance.variance_factor() - 1.0).abs() < 0.3);
-        found.push(covariance.marginal(camera));
+        marginals.push(covariance.marginal(camera));
     }
-    assert!((&found[0] - &found[1]).amax() < 1e-6 * found[0].amax());
+    assert!((&marginals[0] - &marginals[1]).amax() < 1e-6 * marginals[0].amax());
 }
 
 #[test]
@@ -209,10 +209,12 @@ fn selected_covariances_are_those_of_the_whole() {
         }
         if case == 2 {
             // Depth along the ray of a point that only one pose sees.
-            let kept = poses[2].id();
+            let last_pose = poses[2].id();
             for (batch, _) in graph.clone().batches() {
                 let point = points[7].id();
-                graph.retain_groups(batch, |g, b| !b.variables(g).contains(&point) || b.variables(g).contains(&kept));
+                graph.retain_groups(batch, |g, b| {
+                    !b.variables(g).contains(&point) || b.variables(g).contains(&last_pose)
+                });
             }
         }
         let whole = Covariance::compute(&graph, &values, &options).unwrap();

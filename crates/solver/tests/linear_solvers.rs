@@ -121,12 +121,27 @@ fn problem(seed: u64) -> Problem {
             independent.push(v);
         }
     }
-    // The dense solution.
+    let (solution, covariance) = dense_solution(&groups, &keys, &values, &offset, &free);
+    graph.add_batch(Linear { groups });
+    let independent = independent.into_iter().map(|i| keys[i]).collect();
+    Problem { graph, values, keys, independent, solution, covariance }
+}
+
+/// The solution and the covariance over all components, by the inverse of the dense normal matrix; `offset` has the first
+/// component of each key, and the number of all.
+fn dense_solution(
+    groups: &[Group],
+    keys: &[Key<DVector<f64>>],
+    values: &Values,
+    offset: &[usize],
+    free: &[bool],
+) -> (DVector<f64>, DMatrix<f64>) {
+    let n = free.len();
     let rows: usize = groups.iter().map(|g| g.3.len()).sum();
     let mut j = DMatrix::zeros(rows, n);
     let mut r = DVector::zeros(rows);
     let mut row = 0;
-    for (_, members, a, b) in &groups {
+    for (_, members, a, b) in groups {
         let mut column = 0;
         for key in members {
             let v = keys.iter().position(|k| k == key).unwrap();
@@ -151,9 +166,7 @@ fn problem(seed: u64) -> Problem {
             covariance[(*i, *k)] = inverse[(a, b)];
         }
     }
-    graph.add_batch(Linear { groups });
-    let independent = independent.into_iter().map(|i| keys[i]).collect();
-    Problem { graph, values, keys, independent, solution, covariance }
+    (solution, covariance)
 }
 
 proptest! {
@@ -176,13 +189,13 @@ proptest! {
             LinearSolver::SparseQr,
         ] {
             let options = Options { linear_solver, cost_tolerance: 1e-15, parameter_tolerance: 1e-12, ..Options::default() };
-            let found = minimize(&graph, values.clone(), &options).unwrap();
+            let solved = minimize(&graph, values.clone(), &options).unwrap();
             let x = DVector::from_iterator(
                 solution.len(),
-                keys.iter().flat_map(|k| found.values.get(*k).iter().copied().collect::<Vec<_>>()),
+                keys.iter().flat_map(|k| solved.values.get(*k).iter().copied().collect::<Vec<_>>()),
             );
             // Random Gaussian matrices of this size have condition numbers up to some thousands.
-            prop_assert!((&x - &solution).amax() < 1e-7 * (1.0 + solution.amax()), "{linear_solver:?} {}", found.report);
+            prop_assert!((&x - &solution).amax() < 1e-7 * (1.0 + solution.amax()), "{linear_solver:?} {}", solved.report);
         }
         let ids: Vec<_> = keys.iter().map(|k| k.id()).collect();
         let joint = Covariance::compute(&graph, &values, &CovarianceOptions::default()).unwrap().joint(&ids);

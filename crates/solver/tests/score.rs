@@ -48,10 +48,10 @@ fn problem(seed: u64, bend: f64, shake: f64, without: Option<usize>) -> Problem 
     let mut graph = Graph::new();
     let mut batch = Batch::new("rows");
     for (run, key) in runs.iter().enumerate() {
-        let (own, common) = (normal(), shake * normal());
+        let (noise, common) = (normal(), shake * normal());
         for _ in 0..20 {
             let (x, z) = (normal(), [normal(), normal()]);
-            let y = own + 0.7 * x - 0.2 * x * x * x + (bend + common) * x * x + normal();
+            let y = noise + 0.7 * x - 0.2 * x * x * x + (bend + common) * x * x + normal();
             if without != Some(run) {
                 batch.push(Row { x, z, y }, (*key, line, bend_key, extra));
             }
@@ -104,23 +104,24 @@ fn held_out_gain_is_what_solving_again_without_a_run_gives() {
     for run in [0, 7, 23] {
         let mut costs = [0.0; 2];
         for (release, cost) in [false, true].into_iter().zip(&mut costs) {
-            let mut rest = problem(4, 0.1, 0.0, Some(run));
+            let mut others = problem(4, 0.1, 0.0, Some(run));
             if release {
-                rest.graph.unfix(rest.bend);
+                others.graph.unfix(others.bend);
             }
-            solve(&mut rest);
+            solve(&mut others);
             // The held-out run with the shared variables fixed at that solution.
-            let mut own = problem(4, 0.1, 0.0, None);
-            own.values.set(own.line, *rest.values.get(rest.line));
-            own.values.set(own.bend, *rest.values.get(rest.bend));
-            own.graph.fix(own.line);
-            for (k, key) in own.runs.clone().into_iter().enumerate() {
+            let mut held_out = problem(4, 0.1, 0.0, None);
+            held_out.values.set(held_out.line, *others.values.get(others.line));
+            held_out.values.set(held_out.bend, *others.values.get(others.bend));
+            held_out.graph.fix(held_out.line);
+            for (k, key) in held_out.runs.clone().into_iter().enumerate() {
                 if k != run {
-                    own.graph.fix(key);
+                    held_out.graph.fix(key);
                 }
             }
-            solve(&mut own);
-            let residuals = own.graph.residuals(own.graph.batches().next().unwrap().0, &own.values).unwrap();
+            solve(&mut held_out);
+            let residuals =
+                held_out.graph.residuals(held_out.graph.batches().next().unwrap().0, &held_out.values).unwrap();
             *cost = 0.5 * residuals[20 * run..20 * run + 20].iter().map(|r| r * r).sum::<f64>();
         }
         let expected = costs[0] - costs[1];
@@ -173,16 +174,16 @@ fn shared_errors_of_a_cluster_deceive_the_plain_test_only() {
 /// An effect of the size that should be detected with probability 80 % is: 300 seeds, three standard deviations (2.3 %).
 #[test]
 fn detectable_sizes_are_detected_as_often_as_promised() {
-    let mut found = 0;
+    let mut significant = 0;
     for seed in 0..300 {
         let mut clean = problem(9000 + seed, 0.0, 0.0, None);
         solve(&mut clean);
         let size = linearize(&clean).detectable_factors(0, &[DVector::from_element(1, 1.0)], 0.01, 0.8)[0];
         let mut p = problem(9000 + seed, size, 0.0, None);
         solve(&mut p);
-        found += usize::from(linearize(&p).score(0).p_value < 0.01);
+        significant += usize::from(linearize(&p).score(0).p_value < 0.01);
     }
-    assert!((222..=258).contains(&found), "{found} of 300 against 240 expected");
+    assert!((222..=258).contains(&significant), "{significant} of 300 against 240 expected");
 }
 
 #[test]
@@ -221,19 +222,19 @@ fn only_fixed_variables_are_candidates() {
 
 /// The factor by which the runs' scores scatter more than their information says, over some problems.
 fn scatter_of_bend(bend: f64, shake: f64) -> f64 {
-    let of = |seed: u64| {
+    let ratio = |seed: u64| {
         let mut p = problem(seed, bend, shake, None);
         solve(&mut p);
         let joint = linearize(&p).efficient_scores(&[0, 1]);
         joint.scatter[(0, 0)] / joint.information[(0, 0)]
     };
-    (0..20).map(|seed| of(300 + seed)).sum::<f64>() / 20.0
+    (0..20).map(|seed| ratio(300 + seed)).sum::<f64>() / 20.0
 }
 
 #[test]
 fn runs_scatter_by_their_noise_and_not_by_the_effect_itself() {
-    // Twenty problems of 24 runs: the mean of their factors has a standard deviation of √(2/23/20) = 0.066. An effect of this size raises the
-    // scatter about the mean score to some tens, because x² says more in some runs than in others.
+    // Twenty problems of 24 runs: the mean of their factors has a standard deviation of √(2/23/20) = 0.066. An effect of this
+    // size raises the scatter about the mean score to some tens, because x² says more in some runs than in others.
     for bend in [0.0, 3.0] {
         let factor = scatter_of_bend(bend, 0.0);
         assert!((factor - 1.0).abs() < 0.25, "{bend}: {factor}");

@@ -1,5 +1,5 @@
-//! Scores and what is derived from them against dense linear algebra: every row of the Jacobian written down, projections by singular
-//! values, nothing eliminated block by block.
+//! Scores and what is derived from them against dense linear algebra: every row of the Jacobian written down, projections by
+//! singular values, nothing eliminated block by block.
 
 use depthcal_solver::score::{Candidate, Linearization};
 use depthcal_solver::{Batch, Factor, Graph, Key, Loss, Options, Over, Scalar, Values, VariableId, minimize};
@@ -25,14 +25,14 @@ struct Row {
 impl Factor<1> for Row {
     type Variables = (Vector2<f64>, Vector2<f64>, Vector1<f64>, Vector2<f64>);
     fn residual<T: Scalar>(&self, (own, line, bend, extra): Over<Self::Variables, T>) -> SVector<T, 1> {
-        let own = own[0] + own[1] * self.t;
+        let of_run = own[0] + own[1] * self.t;
         let line = line[0] * self.x + line[1] * (self.x * self.x * self.x);
         let extra = extra[0] * self.z[0] + extra[1] * self.z[1];
-        SVector::<T, 1>::new(own + line + bend[0] * (self.x * self.x) + extra - self.y)
+        SVector::<T, 1>::new(of_run + line + bend[0] * (self.x * self.x) + extra - self.y)
     }
 }
 
-/// What is known of the line from elsewhere, without any run.
+/// A measurement of the line from elsewhere, without any run.
 struct Known(f64);
 
 impl Factor<1> for Known {
@@ -64,14 +64,15 @@ fn problem(extra_mask: [bool; 2]) -> Problem {
     let (mut graph, mut rows) = (Graph::new(), Vec::new());
     let mut batch = Batch::new("rows").with_loss(Loss::Huber { delta: DELTA });
     for (run, key) in runs.iter().enumerate() {
-        let own = [normal(), normal()];
+        let line_of_run = [normal(), normal()];
         let of_run: Vec<Row> = (0..ROWS)
             .map(|_| {
                 let t = if run == 0 { 0.0 } else { normal() };
                 let (x, z) = (normal(), [normal(), normal()]);
                 // Regressors that resemble each other.
                 let z = [z[0] + 0.5 * x * x, z[1] + 0.4 * x * x];
-                let y = own[0] + own[1] * t + 0.7 * x + 0.3 * x * x + 0.2 * z[0] - 0.4 * z[1] + normal();
+                let y =
+                    line_of_run[0] + line_of_run[1] * t + 0.7 * x + 0.3 * x * x + 0.2 * z[0] - 0.4 * z[1] + normal();
                 Row { t, x, z, y }
             })
             .collect();
@@ -101,11 +102,11 @@ struct Dense {
 
 fn dense(p: &Problem) -> Vec<Dense> {
     let of_run = |(run, rows): (usize, &Vec<Row>)| {
-        let (own, line) = (p.values.get(p.runs[run]), p.values.get(p.line));
+        let (of_run, line) = (p.values.get(p.runs[run]), p.values.get(p.line));
         let (bend, extra) = (p.values.get(p.bend)[0], p.values.get(p.extra));
         let residual = |row: &Row| {
-            own[0]
-                + own[1] * row.t
+            of_run[0]
+                + of_run[1] * row.t
                 + line[0] * row.x
                 + line[1] * row.x.powi(3)
                 + bend * row.x.powi(2)
@@ -114,8 +115,8 @@ fn dense(p: &Problem) -> Vec<Dense> {
                 - row.y
         };
         let weight = |row: &Row| (DELTA / residual(row).abs()).min(1.0).sqrt();
-        let matrix = |columns: usize, of: &dyn Fn(&Row, usize) -> f64| {
-            DMatrix::from_fn(rows.len(), columns, |i, k| weight(&rows[i]) * of(&rows[i], k))
+        let matrix = |columns: usize, entry: &dyn Fn(&Row, usize) -> f64| {
+            DMatrix::from_fn(rows.len(), columns, |i, k| weight(&rows[i]) * entry(&rows[i], k))
         };
         Dense {
             r: DVector::from_fn(rows.len(), |i, _| weight(&rows[i]) * residual(&rows[i])),
@@ -134,26 +135,26 @@ fn without(basis: &DMatrix<f64>, columns: &DMatrix<f64>) -> DMatrix<f64> {
     columns - basis * svd.solve(columns, 1e-9).unwrap()
 }
 
-/// Residuals, shared columns (`line`, then `extra₀` where that is free) and columns of candidates after each run's own numbers, run by
-/// run; the last entry is the row that belongs to no run.
+/// Residuals, shared columns (`line`, then `extra₀` where that is free) and columns of candidates after each run's own numbers,
+/// run by run; the last entry is the row that belongs to no run.
 fn reduced(p: &Problem, extra_is_free: bool) -> Vec<(DVector<f64>, DMatrix<f64>, DMatrix<f64>)> {
     let mut parts: Vec<_> = dense(p)
         .into_iter()
         .map(|d| {
-            let (shared, own) = if extra_is_free {
+            let (shared, candidates) = if extra_is_free {
                 (hstack(&[&d.line, &d.extra.columns(0, 1).into_owned()]), d.extra.columns(1, 1).into_owned())
             } else {
                 (d.line, d.extra)
             };
             let r = without(&d.own, &DMatrix::from_column_slice(ROWS, 1, d.r.as_slice()));
-            (r.column(0).into_owned(), without(&d.own, &shared), without(&d.own, &hstack(&[&d.bend, &own])))
+            (r.column(0).into_owned(), without(&d.own, &shared), without(&d.own, &hstack(&[&d.bend, &candidates])))
         })
         .collect();
-    let (shared, own) = (parts[0].1.ncols(), parts[0].2.ncols());
+    let (shared, candidates) = (parts[0].1.ncols(), parts[0].2.ncols());
     let mut known = DMatrix::zeros(1, shared);
     known[(0, 0)] = 3.0;
     let r = 3.0 * p.values.get(p.line)[0] - 2.4;
-    parts.push((DVector::from_element(1, r), known, DMatrix::zeros(1, own)));
+    parts.push((DVector::from_element(1, r), known, DMatrix::zeros(1, candidates)));
     parts
 }
 
@@ -175,14 +176,14 @@ fn linearize(p: &Problem, smoothness: Option<DMatrix<f64>>) -> Linearization {
 }
 
 #[track_caller]
-fn close(found: f64, expected: f64) {
-    assert!((found - expected).abs() < 1e-8 * expected.abs().max(1e-3), "{found} against {expected}");
+fn close(value: f64, expected: f64) {
+    assert!((value - expected).abs() < 1e-8 * expected.abs().max(1e-3), "{value} against {expected}");
 }
 
 #[track_caller]
-fn all_close(found: &DMatrix<f64>, expected: &DMatrix<f64>) {
-    assert_eq!(found.shape(), expected.shape());
-    assert!((found - expected).amax() < 1e-8 * expected.amax(), "{found} against {expected}");
+fn all_close(value: &DMatrix<f64>, expected: &DMatrix<f64>) {
+    assert_eq!(value.shape(), expected.shape());
+    assert!((value - expected).amax() < 1e-8 * expected.amax(), "{value} against {expected}");
 }
 
 /// Everything over all rows: residuals, shared columns, columns of candidates.
@@ -211,14 +212,14 @@ fn scores_of_candidates_are_projections() {
     let p = problem([false, true]);
     let lin = linearize(&p, None);
     let parts = reduced(&p, true);
-    let (r, shared, own) = whole(&parts);
-    let projected = without(&shared, &own);
+    let (r, shared, candidates) = whole(&parts);
+    let projected = without(&shared, &candidates);
     let information = projected.transpose() * &projected;
     let score = -(projected.transpose() * &r);
     let joint = lin.efficient_scores(&[0, 1]);
     all_close(&joint.information, &information);
     (0..2).for_each(|i| close(joint.score[i], score[i]));
-    all_close(&joint.response, &-shared.clone().svd(true, true).solve(&own, 1e-9).unwrap());
+    all_close(&joint.response, &-shared.clone().svd(true, true).solve(&candidates, 1e-9).unwrap());
     // In the other order, and alone.
     let turned = lin.efficient_scores(&[1, 0]);
     close(turned.score[0], score[1]);
@@ -257,28 +258,28 @@ fn scores_of_candidates_are_projections() {
     }
 }
 
-/// What is left of a candidate given another, and how well one can take the place of the other.
+/// Scores of a candidate given another, and how well one can take the place of the other.
 #[test]
 fn candidates_are_told_apart_by_what_is_left_of_them() {
     let p = problem([false, true]);
     let lin = linearize(&p, None);
-    let (r, shared, own) = whole(&reduced(&p, true));
-    let alone = without(&shared, &own);
+    let (r, shared, candidates) = whole(&reduced(&p, true));
+    let alone = without(&shared, &candidates);
     let v = alone.column(0).norm_squared();
-    let basis = hstack(&[&shared, &own.columns(1, 1).into_owned()]);
-    let given = without(&basis, &own.columns(0, 1).into_owned());
-    let rest = given.norm_squared();
+    let basis = hstack(&[&shared, &candidates.columns(1, 1).into_owned()]);
+    let given = without(&basis, &candidates.columns(0, 1).into_owned());
+    let remaining = given.norm_squared();
     let size = DVector::from_element(1, -1.7);
     close(lin.visible_information(0)[(0, 0)], v);
     close(lin.noncentrality(0, &size, &[]), 1.7 * 1.7 * v);
-    close(lin.noncentrality(0, &size, &[1]), 1.7 * 1.7 * rest);
-    close(lin.mimicry(0, &size, 1), (1.0 - rest / v).sqrt());
+    close(lin.noncentrality(0, &size, &[1]), 1.7 * 1.7 * remaining);
+    close(lin.mimicry(0, &size, 1), (1.0 - remaining / v).sqrt());
     assert!((0.2..0.9).contains(&lin.mimicry(0, &size, 1)), "neither twins nor strangers");
     close(lin.mimicry(0, &DVector::zeros(1), 1), 1.0);
     let adjusted = lin.score_adjusted(0, &[1]);
     let u = -given.column(0).dot(&r);
-    close(adjusted.statistic, u * u / rest);
-    close(adjusted.change[0], u / rest);
+    close(adjusted.statistic, u * u / remaining);
+    close(adjusted.change[0], u / remaining);
     // A normal variable of this mean is beyond 2.5758 of either sign in 80 of 100 cases: 2.5758 + 0.8416 standard deviations.
     let factor = lin.detectable_factors(0, &[size], 0.01, 0.8)[0];
     assert!((factor * 1.7 * v.sqrt() - (2.575_829 + 0.841_621)).abs() < 1e-4, "{}", factor * 1.7 * v.sqrt());
@@ -294,9 +295,9 @@ fn a_further_cluster_adds_its_information() {
     let lin = linearize(&p, None);
     let mut parts = reduced(&p, true);
     parts.push(parts[3].clone());
-    let (_, shared, own) = whole(&parts);
+    let (_, shared, candidates) = whole(&parts);
     let more = lin.with_cluster(&lin, 3);
-    let expected = without(&shared, &own).column(0).norm_squared();
+    let expected = without(&shared, &candidates).column(0).norm_squared();
     close(more.visible_information(0)[(0, 0)], expected);
     close(more.score(0).covariance[(0, 0)], 1.0 / expected);
     assert_eq!(more.cluster_count(), RUNS);
@@ -315,13 +316,13 @@ fn clusters_of_different_problems_do_not_mix() {
 #[test]
 fn few_clusters_have_no_scatter() {
     let p = problem([true, true]);
-    let of = |runs: usize| {
+    let score = |runs: usize| {
         let runs: Vec<VariableId> = p.runs[..runs].iter().map(|k| k.id()).collect();
         Linearization::new(&p.graph, &p.values, &runs, &[Candidate::new("extra", p.extra)]).unwrap().score(0)
     };
-    assert!(of(4).clustered_p_value.is_nan());
-    assert!((0.0..1.0).contains(&of(5).clustered_p_value));
-    assert_eq!(of(5).rank, 2);
+    assert!(score(4).clustered_p_value.is_nan());
+    assert!((0.0..1.0).contains(&score(5).clustered_p_value));
+    assert_eq!(score(5).rank, 2);
 }
 
 /// For each strength of the prior the held-out costs, by taking each run out of the sums; then the strength that gains most.
@@ -332,10 +333,10 @@ fn held_out_gains_and_priors_are_those_of_taking_runs_out() {
     let prior = DMatrix::from_row_slice(2, 2, &[2.0, -1.0, -1.0, 1.0]);
     let lin = linearize(&p, Some(prior.clone()));
     // Columns: line, bend where it takes part, extra.
-    let columns = |(_, shared, own): &(DVector<f64>, DMatrix<f64>, DMatrix<f64>), bend: bool, extra: bool| {
+    let columns = |(_, shared, candidates): &(DVector<f64>, DMatrix<f64>, DMatrix<f64>), bend: bool, extra: bool| {
         let mut all = vec![shared.clone()];
-        all.extend(bend.then(|| own.columns(0, 1).into_owned()));
-        all.extend(extra.then(|| own.columns(1, 2).into_owned()));
+        all.extend(bend.then(|| candidates.columns(0, 1).into_owned()));
+        all.extend(extra.then(|| candidates.columns(1, 2).into_owned()));
         hstack(&all.iter().collect::<Vec<_>>())
     };
     let costs = |bend: bool, extra: bool, strength: f64| -> (Vec<f64>, DVector<f64>) {
@@ -354,16 +355,16 @@ fn held_out_gains_and_priors_are_those_of_taking_runs_out() {
             let mut block = h.view_mut((n - 2, n - 2), (2, 2));
             block += &prior * (strength * trace / prior.trace());
         }
-        let held_out = |(own, slope): &(DMatrix<f64>, DVector<f64>)| {
-            let step = -(&h - own).lu().solve(&(&g - slope)).unwrap();
-            slope.dot(&step) + 0.5 * step.dot(&(own * &step))
+        let held_out = |(of_part, slope): &(DMatrix<f64>, DVector<f64>)| {
+            let step = -(&h - of_part).lu().solve(&(&g - slope)).unwrap();
+            slope.dot(&step) + 0.5 * step.dot(&(of_part * &step))
         };
         (normal[..RUNS].iter().map(held_out).collect(), -h.lu().solve(&g).unwrap())
     };
     let base = costs(false, false, 0.0).0;
     // Without a prior.
     let gains = lin.held_out_gain(&[0]);
-    costs(true, false, 0.0).0.iter().zip(&base).zip(&gains).for_each(|((c, b), found)| close(*found, b - c));
+    costs(true, false, 0.0).0.iter().zip(&base).zip(&gains).for_each(|((c, b), gain)| close(*gain, b - c));
     // With one.
     for (candidates, bend) in [(&[1][..], false), (&[0, 1], true)] {
         let strengths = [1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
@@ -371,7 +372,7 @@ fn held_out_gains_and_priors_are_those_of_taking_runs_out() {
         let sum = |costs: &[f64]| costs.iter().sum::<f64>();
         let best = tried.iter().min_by(|a, b| sum(&a.0).total_cmp(&sum(&b.0))).unwrap();
         let gains = lin.held_out_gain(candidates);
-        best.0.iter().zip(&base).zip(&gains).for_each(|((c, b), found)| close(*found, b - c));
+        best.0.iter().zip(&base).zip(&gains).for_each(|((c, b), gain)| close(*gain, b - c));
         let change = lin.joint_change(candidates);
         let expected = best.1.rows(2, best.1.len() - 2);
         (0..expected.len()).for_each(|i| close(change[i], expected[i]));

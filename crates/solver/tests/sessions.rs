@@ -62,12 +62,12 @@ fn options() -> Options {
 }
 
 /// Both converge to the same minimum: costs agree to a relative 1e-13, values to the square root of that.
-fn same(found: &Solution, graph: &Graph, start: &Values) {
+fn same(solution: &Solution, graph: &Graph, start: &Values) {
     let anew = minimize(graph, start.clone(), &options()).unwrap();
-    assert!(found.report.converged && anew.report.converged, "{}\n{}", found.report, anew.report);
-    assert!((found.report.cost - anew.report.cost).abs() < 1e-9 * anew.report.cost, "{}", found.report);
+    assert!(solution.report.converged && anew.report.converged, "{}\n{}", solution.report, anew.report);
+    assert!((solution.report.cost - anew.report.cost).abs() < 1e-9 * anew.report.cost, "{}", solution.report);
     for id in start.ids() {
-        let (a, b) = (found.values.state(id).unwrap(), anew.values.state(id).unwrap());
+        let (a, b) = (solution.values.state(id).unwrap(), anew.values.state(id).unwrap());
         let close = a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-5);
         assert!(close || start.state(id).unwrap() == a, "{a:?} {b:?}");
     }
@@ -80,12 +80,12 @@ fn symbolic_factorisations_are_kept_while_they_fit() {
         let mut session = Session::new(Options { linear_solver, ..options() });
         let mut solve = |poses: &mut Poses, analyses: usize| {
             let start = poses.values.clone();
-            let found = session.solve(&poses.graph, start.clone()).unwrap();
-            assert_eq!(found.report.linear_solver.solver, LinearSolver::SparseCholesky);
-            assert_eq!(found.report.linear_solver.symbolic_analyses, analyses, "{}", found.report);
-            same(&found, &poses.graph, &start);
-            poses.values = found.values;
-            found.report.iterations
+            let solution = session.solve(&poses.graph, start.clone()).unwrap();
+            assert_eq!(solution.report.linear_solver.solver, LinearSolver::SparseCholesky);
+            assert_eq!(solution.report.linear_solver.symbolic_analyses, analyses, "{}", solution.report);
+            same(&solution, &poses.graph, &start);
+            poses.values = solution.values;
+            solution.report.iterations
         };
         let cold = solve(&mut poses, 1);
         // Without a change the first step is the last.
@@ -145,7 +145,7 @@ fn groups_that_are_taken_away_are_gone_for_all() {
     assert_eq!(poses.graph.retain_groups(doubled, |_, _| true), 0);
     assert_eq!(poses.graph.remove_variable(poses.keys[2]), 1 + 3);
     assert!(poses.graph.residuals(doubled, &poses.values).unwrap().is_empty());
-    let found = minimize(&poses.graph, poses.values.clone(), &options()).unwrap();
-    assert_eq!(found.report.residuals, 6 * (24 - 3) + 6);
-    assert_eq!(found.report.unknowns, 15 * 6);
+    let solution = minimize(&poses.graph, poses.values.clone(), &options()).unwrap();
+    assert_eq!(solution.report.residuals, 6 * (24 - 3) + 6);
+    assert_eq!(solution.report.unknowns, 15 * 6);
 }

@@ -241,13 +241,13 @@ fn priors_pull_every_kind_of_variable_to_their_mean() {
     }
     let solution = minimize(&graph, values, &Options::default()).unwrap();
     assert!(solution.report.converged, "{}", solution.report);
-    let at = &solution.values;
-    assert!(at.get(r).angle_to(&rotation) < 1e-9);
-    assert!((at.get(p).to_homogeneous() - pose.to_homogeneous()).amax() < 1e-9);
-    assert!((at.get(d).into_inner() - direction.into_inner()).norm() < 1e-9);
-    assert!((at.get(v) - vector).norm() < 1e-9);
+    let optimum = &solution.values;
+    assert!(optimum.get(r).angle_to(&rotation) < 1e-9);
+    assert!((optimum.get(p).to_homogeneous() - pose.to_homogeneous()).amax() < 1e-9);
+    assert!((optimum.get(d).into_inner() - direction.into_inner()).norm() < 1e-9);
+    assert!((optimum.get(v) - vector).norm() < 1e-9);
     // At the mean a prior's covariance is the given one.
-    let covariance = Covariance::compute(&graph, at, &CovarianceOptions::default()).unwrap();
+    let covariance = Covariance::compute(&graph, optimum, &CovarianceOptions::default()).unwrap();
     let expected = DVector::from_vec(vec![0.1, 0.2, 0.3, 1.0, 2.0, 3.0]);
     assert!((covariance.standard_deviations(p) - expected).amax() < 1e-9);
     let information = a.transpose() * a;

@@ -32,8 +32,8 @@ impl Estimate {
             return Self { value, low: value, high: value };
         }
         let outside = (1.0 - confidence) / 2.0;
-        let at = |q: f64| quantile_of_sorted(&resamples, q);
-        Self { value, low: at(outside), high: at(1.0 - outside) }
+        let quantile = |q: f64| quantile_of_sorted(&resamples, q);
+        Self { value, low: quantile(outside), high: quantile(1.0 - outside) }
     }
 
     /// Whether both ends of the interval are known.
@@ -52,7 +52,8 @@ pub struct Bootstrap {
 }
 
 impl Bootstrap {
-    /// Of errors over frames, wherever they are stated: the same frames have the same interval in records, reports and on the terminal.
+    /// Of errors over frames, wherever they are stated: the same frames have the same interval in records, reports and on the
+    /// terminal.
     pub const OVER_FRAMES: Self = Self { resamples: 1000, seed: 1 };
 
     /// Draws clusters of several strata (such as the frames of several datasets), each stratum within itself: for every
@@ -63,7 +64,7 @@ impl Bootstrap {
         (0..self.resamples).map(|_| sizes.iter().map(|n| draw(*n)).collect()).collect()
     }
 
-    /// What `statistic` makes of all clusters, with its 95 % interval. It is given the positions of the clusters, each as
+    /// The value of `statistic` for all clusters, with its 95 % interval. It is given the positions of the clusters, each as
     /// often as it was drawn.
     pub fn estimate(&self, clusters: usize, statistic: impl Fn(&[usize]) -> f64) -> Estimate {
         let mut drawn: Vec<usize> = (0..clusters).collect();
@@ -76,9 +77,9 @@ impl Bootstrap {
         Estimate::from_resamples(value, resamples.collect(), 0.95)
     }
 
-    /// Σa / Σb over clusters given by (a, b), both not negative, with its 95 % interval from the studentised bootstrap of its logarithm
-    /// (bootstrap-t; Efron, Tibshirani 1993, section 12.5; standard error by linearisation, Cochran 1977, section 6.4). Where few of the clusters
-    /// make up most of a sum, the percentile interval is too short.
+    /// Σa / Σb over clusters given by (a, b), both not negative, with its 95 % interval from the studentised bootstrap of its
+    /// logarithm (bootstrap-t; Efron, Tibshirani 1993, section 12.5; standard error by linearisation, Cochran 1977, section 6.4).
+    /// Where few of the clusters make up most of a sum, the percentile interval is too short.
     pub fn ratio(&self, clusters: &[(f64, f64)]) -> Estimate {
         let n = clusters.len();
         let Some((value, error)) = ratio_and_error(clusters.iter().copied(), n) else {
@@ -122,8 +123,8 @@ mod tests {
         assert!((e.value - 0.498_75).abs() < 1e-9, "{e:?}");
     }
 
-    /// Ratios of sums over 20 clusters of which few are large: of 400 samples, 95 % intervals hold the truth in 90 % or more. Percentile
-    /// intervals do in 85 %.
+    /// Ratios of sums over 20 clusters of which few are large: of 400 samples, 95 % intervals hold the truth in 90 % or more.
+    /// Percentile intervals do in 85 %.
     #[test]
     fn the_interval_of_a_skewed_ratio_holds_the_truth() {
         let mut rng = ChaCha8Rng::seed_from_u64(5);

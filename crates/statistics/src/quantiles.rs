@@ -15,9 +15,9 @@ pub fn quantile(values: impl IntoIterator<Item = f64>, q: f64) -> f64 {
     let Some(last) = finite.len().checked_sub(1) else { return f64::NAN };
     let position = q * last as f64;
     let (i, t) = (position.floor() as usize, position.fract());
-    let (_, at, above) = finite.select_nth_unstable_by(i.min(last), f64::total_cmp);
-    let (at, next) = (*at, above.iter().copied().fold(f64::INFINITY, f64::min));
-    if above.is_empty() { at } else { at + t * (next - at) }
+    let (_, lower, above) = finite.select_nth_unstable_by(i.min(last), f64::total_cmp);
+    let (lower, next) = (*lower, above.iter().copied().fold(f64::INFINITY, f64::min));
+    if above.is_empty() { lower } else { lower + t * (next - lower) }
 }
 
 /// The upper median of values, which are reordered: of an even number the greater one of the two in the middle, so that the

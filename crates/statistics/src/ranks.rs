@@ -1,7 +1,7 @@
 //! Rank correlation.
 
-/// Spearman's rank correlation of two samples of equal length, in −1 … 1: how nearly one rises (or falls) whenever the other does.
-/// Equal values have their mean rank. 0 for samples that do not vary (Spearman 1904).
+/// Spearman's rank correlation of two samples of equal length, in −1 … 1: how nearly one rises (or falls) whenever the other
+/// does. Equal values have their mean rank. 0 for samples that do not vary (Spearman 1904).
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let (a, b) = (ranks(a), ranks(b));
     let middle = 0.5 * (a.len() as f64 - 1.0);

@@ -14,8 +14,8 @@
 //! Where groups share nothing, the sign of a whole group is arbitrary: T under random signs is the distribution of T by
 //! chance, however values within a group are correlated (a sign-flip test of clusters; Canay, Romano, Shaikh 2017). Where few
 //! groups have cells in common that leaves little to tell chance by. Details far apart within a group are hardly
-//! correlated, since larger scales are taken off: with a sign for each block of cells of a group the same test is sharper, and the first
-//! one need only not contradict it.
+//! correlated, since larger scales are taken off: with a sign for each block of cells of a group the same test is sharper, and
+//! the first one need only not contradict it.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -42,7 +42,7 @@ pub struct PlacedValue {
     pub value: f64,
 }
 
-/// What groups share at one scale.
+/// Structure that groups share at one scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SharedOctave {
     /// Side of the cells, in cells of the finest grid: 1, 2, 4, …; the details are those of cells of this side within cells of
@@ -52,7 +52,7 @@ pub struct SharedOctave {
     pub z: f64,
     /// Probability of a T as large by chance, a sign for each block of a group.
     pub p_of_blocks: f64,
-    /// The same, a sign for each group.
+    /// Probability of a T as large by chance, a sign for each group.
     pub p_of_groups: f64,
     /// Estimated variance of what is shared at this scale, in squares of the values' unit, weighted by numbers of values;
     /// negative by chance.
@@ -132,8 +132,8 @@ impl Grid {
     }
 }
 
-/// What groups of values share at the same cells of a grid of `size` columns and rows, octave by octave from the finest; empty
-/// with fewer than six groups. `values` has those of a group, given its number.
+/// Structure that groups of values share at the same cells of a grid of `size` columns and rows, octave by octave from the
+/// finest; empty with fewer than six groups. `values` has those of a group, given its number.
 pub fn shared_structure<V>(groups: usize, size: [usize; 2], values: impl Fn(usize) -> V) -> Vec<SharedOctave>
 where
     V: Iterator<Item = PlacedValue>,
@@ -171,10 +171,10 @@ fn octave(level: &[Level], side: u32) -> Option<SharedOctave> {
         }
         for g in f + 1..groups {
             for (cell, detail, root) in &level[g].cells {
-                let own = dense[*cell as usize];
-                if own.1 > 0.0 {
-                    products[(block_of(*cell) * groups + f) * groups + g] += own.0 * detail;
-                    weights += f64::from(own.1 * root);
+                let entry = dense[*cell as usize];
+                if entry.1 > 0.0 {
+                    products[(block_of(*cell) * groups + f) * groups + g] += entry.0 * detail;
+                    weights += f64::from(entry.1 * root);
                 }
             }
         }
@@ -248,8 +248,8 @@ fn twice_total(products: &[f64], signs: &[f64]) -> f64 {
 /// p-values of tests on the same groups, corrected for their number.
 ///
 /// A sign for each group: the share of random signs with which any of the tests has a p-value as small (Westfall, Young 1993), so
-/// that tests that say nearly the same count as nearly one. A sign for each block: the p-value times the number of tests, where the
-/// test by groups does not contradict it. The smaller of the two counts, doubled for the choice.
+/// that tests that say nearly the same count as nearly one. A sign for each block: the p-value times the number of tests, where
+/// the test by groups does not contradict it. The smaller of the two counts, doubled for the choice.
 pub fn family_p_values(tests: &[SharedOctave]) -> Vec<f64> {
     let Some(first) = tests.first() else { return Vec::new() };
     let groups = first.products.len().isqrt();
@@ -332,12 +332,14 @@ mod tests {
     fn families_of_tests_are_corrected() {
         let least = |seed| {
             let groups = groups(10, seed, |_| 0.0);
-            let of = |size: [u32; 2]| -> Vec<Vec<PlacedValue>> {
+            let folded = |size: [u32; 2]| -> Vec<Vec<PlacedValue>> {
                 let cell = |c: [u32; 2]| [c[0] % size[0], c[1] % size[1]];
                 groups.iter().map(|g| g.iter().map(|v| PlacedValue { cell: cell(v.cell), ..*v }).collect()).collect()
             };
-            let tests: Vec<SharedOctave> =
-                [[40, 30], [40, 1], [1, 30]].into_iter().flat_map(|s| shared(&of(s), s.map(|n| n as usize))).collect();
+            let tests: Vec<SharedOctave> = [[40, 30], [40, 1], [1, 30]]
+                .into_iter()
+                .flat_map(|s| shared(&folded(s), s.map(|n| n as usize)))
+                .collect();
             family_p_values(&tests).into_iter().fold(1.0, f64::min)
         };
         let small = (100..160).filter(|seed| least(*seed) < 0.05).count();

@@ -1,7 +1,7 @@
 //! A scattered part of many values.
 
-/// Keeps about `most` of `count` values, scattered without a pattern: a stride would keep some columns of an image only. Whether a
-/// value is kept depends on its key alone, so that of two sets those values are kept that both have.
+/// Keeps about `most` of `count` values, scattered without a pattern: a stride would keep some columns of an image only. Whether
+/// a value is kept depends on its key alone, so that of two sets those values are kept that both have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Thinning {
     /// Of 2³² hashes, those below this are kept.
@@ -49,9 +49,9 @@ mod tests {
     fn few_values_all_stay_and_of_many_about_so_many() {
         assert!((0..100).all(|i| Thinning::new(100, 100).keeps(i)));
         let thinning = Thinning::new(80_000, 4000);
-        let kept = (0..80_000).filter(|i| thinning.keeps(*i)).count() as f64;
+        let count = (0..80_000).filter(|i| thinning.keeps(*i)).count() as f64;
         // Binomial: a standard deviation of 62.
-        assert!((kept - 4000.0).abs() < 4.0 * 62.0, "{kept}");
+        assert!((count - 4000.0).abs() < 4.0 * 62.0, "{count}");
     }
 
     /// A thinning of what a thinning has kept is a part of it, of the wanted size.
@@ -59,8 +59,8 @@ mod tests {
     fn thinnings_are_nested() {
         let first = Thinning::new(80_000, 16_000);
         let second = first.further(16_000, 4000);
-        let kept = (0..80_000).filter(|i| second.keeps(*i)).count() as f64;
-        assert!((kept - 4000.0).abs() < 4.0 * 62.0, "{kept}");
+        let count = (0..80_000).filter(|i| second.keeps(*i)).count() as f64;
+        assert!((count - 4000.0).abs() < 4.0 * 62.0, "{count}");
         assert!((0..80_000).all(|i| first.keeps(i) || !second.keeps(i)));
         assert_eq!(first.further(10, 20), first);
         assert_eq!(Thinning::ALL, Thinning::new(5, 5));

@@ -4,13 +4,14 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let own = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let root = std::env::args_os().nth(1).map_or_else(own, PathBuf::from);
+    let workspace = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let root = std::env::args_os().nth(1).map_or_else(workspace, PathBuf::from);
     match depthcal_structure::check_workspace(&root) {
-        Ok(violations) => {
-            violations.iter().for_each(|v| println!("{}", v.trim_end()));
-            println!("{} violations", violations.len());
-            if violations.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+        Ok(report) => {
+            report.postponed.iter().for_each(|v| println!("postponed: {v}"));
+            report.violations.iter().for_each(|v| println!("{}", v.trim_end()));
+            println!("{} violations, {} postponed", report.violations.len(), report.postponed.len());
+            if report.violations.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
         }
         Err(error) => {
             eprintln!("{error}");

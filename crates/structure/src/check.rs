@@ -2,17 +2,44 @@
 
 use std::path::Path;
 
+use crate::bindings::check_bindings;
 use crate::circles::{circles, describe};
+use crate::comments::{check_beginnings, check_comment_width};
 use crate::error::StructureError;
 use crate::graph::Graph;
 use crate::layers::{LAYERS, check_layers};
 use crate::modules::Tree;
 use crate::prints::prints;
 use crate::references::file_graph;
+use crate::size::check_size;
+use crate::source_files::{SourceFile, source_files};
 use crate::sources::Sources;
 use crate::test_programs::check_test_programs;
 
-/// What is wrong with one crate.
+/// Folders that are restructured at the moment: what is wrong with the size, the comments and the names of their files fails
+/// nothing and is listed apart. To become empty.
+const POSTPONED: [&str; 8] = [
+    "crates/calibration",
+    "crates/rig",
+    "crates/cli",
+    "crates/report",
+    "crates/python",
+    // These move, or go.
+    "examples",
+    "crates/solver/examples",
+    "crates/structure/src/prints.rs",
+];
+
+/// Violations in the workspace, one text each.
+#[derive(Clone, Debug, Default)]
+pub struct WorkspaceReport {
+    /// To be mended now.
+    pub violations: Vec<String>,
+    /// In folders whose files may violate the rules on size, comments and names until they are restructured.
+    pub postponed: Vec<String>,
+}
+
+/// Violations in one crate.
 #[derive(Clone, Debug, Default)]
 pub struct CrateReport {
     /// Number of files that are not tests.
@@ -52,12 +79,27 @@ fn folder(tree: &Tree, file: &str) -> String {
     module.map_or_else(|| file.to_owned(), |name| format!("{name}/"))
 }
 
-/// Everything that is wrong with the workspace in `root`, one text per violation; empty if nothing is. Sources that cannot be
-/// parsed are a violation.
+/// All violations in the workspace in `root`. Sources of a library that cannot be parsed are a violation.
 ///
 /// # Errors
-/// As [`check_layers`] and [`check_test_programs`].
-pub fn check_workspace(root: &Path) -> Result<Vec<String>, StructureError> {
+/// As [`check_layers`], [`check_test_programs`] and [`source_files`].
+pub fn check_workspace(root: &Path) -> Result<WorkspaceReport, StructureError> {
+    let mut report = WorkspaceReport { violations: check_dependencies(root)?, postponed: Vec::new() };
+    for file in source_files(root)? {
+        let postponed = POSTPONED.iter().any(|folder| file.path.starts_with(folder));
+        let target = if postponed { &mut report.postponed } else { &mut report.violations };
+        target.extend(check_file(&file));
+    }
+    Ok(report)
+}
+
+/// Violations of the rules on size, comments and names in one file.
+fn check_file(file: &SourceFile) -> Vec<String> {
+    [check_size(file), check_comment_width(file), check_beginnings(file), check_bindings(file)].concat()
+}
+
+/// Violations of the rules on dependencies, printing and forgotten tests.
+fn check_dependencies(root: &Path) -> Result<Vec<String>, StructureError> {
     let mut violations = check_layers(root)?;
     for layer in &LAYERS {
         let folder = root.join(layer.folder);
@@ -72,8 +114,8 @@ pub fn check_workspace(root: &Path) -> Result<Vec<String>, StructureError> {
                 continue;
             }
         };
-        let tagged = |kind: &str, found: Vec<String>| {
-            found.into_iter().map(|v| format!("{}, {kind}: {v}", layer.package)).collect::<Vec<_>>()
+        let tagged = |kind: &str, violations: Vec<String>| {
+            violations.into_iter().map(|v| format!("{}, {kind}: {v}", layer.package)).collect::<Vec<_>>()
         };
         violations.extend(tagged("folders", report.folder_circles));
         violations.extend(tagged("files", report.file_circles));

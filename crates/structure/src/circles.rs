@@ -8,15 +8,15 @@ use crate::graph::Graph;
 /// The shortest circle through each edge that lies on a circle, each once, short ones first; nodes in order of the arrows,
 /// the least name first. Empty for a graph without circles: every circle has edges, so none is missed.
 pub fn circles(graph: &Graph) -> Vec<Vec<String>> {
-    let mut found = BTreeSet::new();
+    let mut circles = BTreeSet::new();
     for (from, to, _) in graph.edges() {
         if let Some(mut circle) = graph.shortest(to, from) {
             let first = circle.iter().enumerate().min_by_key(|(_, n)| n.as_str()).map_or(0, |(i, _)| i);
             circle.rotate_left(first);
-            found.insert((circle.len(), circle));
+            circles.insert((circle.len(), circle));
         }
     }
-    found.into_iter().map(|(_, circle)| circle).collect()
+    circles.into_iter().map(|(_, circle)| circle).collect()
 }
 
 /// A circle as text: its nodes, and for each arrow the line that makes it.

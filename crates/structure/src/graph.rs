@@ -58,10 +58,10 @@ impl Graph {
         while let Some(node) = queue.pop_front() {
             if node == to {
                 let mut walk = vec![node.to_owned()];
-                let mut at = node;
-                while let Some(&before) = previous.get(at) {
+                let mut last = node;
+                while let Some(&before) = previous.get(last) {
                     walk.push(before.to_owned());
-                    at = before;
+                    last = before;
                 }
                 walk.reverse();
                 return Some(walk);

@@ -72,9 +72,9 @@ pub fn check_layers(root: &Path) -> Result<Vec<String>, StructureError> {
     for layer in &LAYERS {
         let path = root.join(layer.folder).join("Cargo.toml");
         if path.exists() {
-            let found = check_manifest(layer.package, &read_text(&path)?)
+            let of_manifest = check_manifest(layer.package, &read_text(&path)?)
                 .map_err(|message| StructureError::Manifest { path, message })?;
-            violations.extend(found);
+            violations.extend(of_manifest);
         }
     }
     let crates = root.join("crates");
@@ -91,11 +91,11 @@ pub fn check_layers(root: &Path) -> Result<Vec<String>, StructureError> {
 pub fn check_manifest(package: &str, text: &str) -> Result<Vec<String>, String> {
     let manifest: Table = text.parse().map_err(|e: toml::de::Error| e.message().to_owned())?;
     let place = |name: &str| LAYERS.iter().position(|l| l.package == name);
-    let own = place(package);
+    let ours = place(package);
     let mut violations = Vec::new();
     for dependency in dependencies(&manifest) {
         if let Some(theirs) = place(&dependency)
-            && own.is_none_or(|own| theirs <= own)
+            && ours.is_none_or(|ours| theirs <= ours)
         {
             violations.push(format!("{package} depends on {dependency}, which is not below it"));
         }

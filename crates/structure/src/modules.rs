@@ -106,10 +106,10 @@ impl Tree {
                     Some(given) => vec![beside.join(given)],
                     None => vec![folder.join(format!("{name}.rs")), inner.join("mod.rs")],
                 };
-                let Some(found) = candidates.into_iter().find(|c| sources.text(c).is_some()) else {
+                let Some(file) = candidates.into_iter().find(|c| sources.text(c).is_some()) else {
                     return Err(StructureError::MissingModule { path: here, name });
                 };
-                self.add_file(sources, &found, Some(index), below, &inner)?
+                self.add_file(sources, &file, Some(index), below, &inner)?
             };
             self.modules[index].children.insert(name, child);
         }
@@ -168,25 +168,27 @@ pub struct Import {
 
 /// The imports of a tree of `use`.
 pub fn imports(tree: &UseTree) -> Vec<Import> {
-    fn walk(tree: &UseTree, prefix: &[String], found: &mut Vec<Import>) {
+    fn walk(tree: &UseTree, prefix: &[String], imports: &mut Vec<Import>) {
         let with = |name: String| prefix.iter().cloned().chain([name]).collect::<Vec<_>>();
         match tree {
-            UseTree::Path(p) => walk(&p.tree, &with(p.ident.to_string()), found),
-            UseTree::Group(g) => g.items.iter().for_each(|t| walk(t, prefix, found)),
-            UseTree::Glob(_) => found.push(Import { path: prefix.to_vec(), name: None }),
+            UseTree::Path(p) => walk(&p.tree, &with(p.ident.to_string()), imports),
+            UseTree::Group(g) => g.items.iter().for_each(|t| walk(t, prefix, imports)),
+            UseTree::Glob(_) => imports.push(Import { path: prefix.to_vec(), name: None }),
             UseTree::Name(n) if n.ident == "self" => {
-                found.push(Import { path: prefix.to_vec(), name: prefix.last().cloned() });
+                imports.push(Import { path: prefix.to_vec(), name: prefix.last().cloned() });
             }
-            UseTree::Name(n) => found.push(Import { path: with(n.ident.to_string()), name: Some(n.ident.to_string()) }),
+            UseTree::Name(n) => {
+                imports.push(Import { path: with(n.ident.to_string()), name: Some(n.ident.to_string()) })
+            }
             UseTree::Rename(r) => {
                 let path = if r.ident == "self" { prefix.to_vec() } else { with(r.ident.to_string()) };
-                found.push(Import { path, name: Some(r.rename.to_string()) });
+                imports.push(Import { path, name: Some(r.rename.to_string()) });
             }
         }
     }
-    let mut found = Vec::new();
-    walk(tree, &[], &mut found);
-    found
+    let mut all = Vec::new();
+    walk(tree, &[], &mut all);
+    all
 }
 
 /// Whether an item is compiled for tests only.

@@ -1,4 +1,4 @@
-//! What a path means: the module whose file defines it.
+//! Resolution of paths: the module whose file defines an item.
 
 use std::collections::HashSet;
 
@@ -30,15 +30,15 @@ impl Tree {
     }
 
     fn follow(&self, module: usize, path: &[String], visited: &mut Visited) -> Vec<Target> {
-        let Some((first, mut rest)) = path.split_first() else { return vec![Target::Module(module)] };
+        let Some((first, mut remaining)) = path.split_first() else { return vec![Target::Module(module)] };
         let mut targets = match first.as_str() {
             "crate" => vec![Target::Module(0)],
             "self" => vec![Target::Module(module)],
             "super" => self.parent(module),
             name => self.lookup(module, name, visited).unwrap_or_default(),
         };
-        while let Some((next, after)) = rest.split_first() {
-            rest = after;
+        while let Some((next, after)) = remaining.split_first() {
+            remaining = after;
             targets = targets
                 .into_iter()
                 .flat_map(|target| match target {
@@ -60,14 +60,14 @@ impl Tree {
         self.modules[module].parent.map(Target::Module).into_iter().collect()
     }
 
-    /// What a name means in a module: `None` if the module does not know it, empty if it comes from another crate.
+    /// The targets of a name in a module: `None` if the module does not know it, empty if it comes from another crate.
     fn lookup(&self, module: usize, name: &str, visited: &mut Visited) -> Option<Vec<Target>> {
         if !visited.insert((module, name.to_owned())) {
             return None;
         }
-        let found = self.lookup_new(module, name, visited);
+        let targets = self.lookup_new(module, name, visited);
         visited.remove(&(module, name.to_owned()));
-        found
+        targets
     }
 
     fn lookup_new(&self, module: usize, name: &str, visited: &mut Visited) -> Option<Vec<Target>> {
@@ -94,20 +94,20 @@ impl Tree {
 
     /// Modules that define the traits which `use path::*` brings into scope.
     pub fn traits_of_glob(&self, module: usize, path: &[String]) -> Vec<Target> {
-        let mut found = Vec::new();
+        let mut targets = Vec::new();
         for target in self.resolve(module, path) {
             let Target::Module(m) = target else {
-                found.push(target);
+                targets.push(target);
                 continue;
             };
             let inside = &self.modules[m];
             for name in inside.traits.iter().chain(inside.imports.keys()) {
-                found.extend(self.resolve(m, &["self".to_owned(), name.clone()]).into_iter().filter(|t| match t {
+                targets.extend(self.resolve(m, &["self".to_owned(), name.clone()]).into_iter().filter(|t| match t {
                     Target::Item { module, name, .. } => self.modules[*module].traits.contains(name),
                     Target::Module(_) => false,
                 }));
             }
         }
-        found
+        targets
     }
 }

@@ -1,5 +1,5 @@
-//! Files of `tests/` that no test program contains. Where a manifest lists the test programs itself (`autotests = false`), cargo leaves
-//! out such a file without a word.
+//! Files of `tests/` that no test program contains. Where a manifest lists the test programs itself (`autotests = false`), cargo
+//! leaves out such a file without a word.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

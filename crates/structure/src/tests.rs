@@ -233,8 +233,8 @@ fn crates_depend_on_lower_ones_only() {
         ("depthcal-calibration", "[dependencies]\nindicatif = \"1\"", "for depthcal-cli, depthcal-report only"),
         ("depthcal", "[dependencies]\ndepthcal-structure = \"1\"", "for tests"),
     ] {
-        let found = violations(package, text);
-        assert!(found.len() == 1 && found[0].contains(message), "{text}: {found:?}");
+        let messages = violations(package, text);
+        assert!(messages.len() == 1 && messages[0].contains(message), "{text}: {messages:?}");
     }
     assert!(check_manifest("depthcal", "[dependencies").is_err());
 }
@@ -253,7 +253,9 @@ fn a_test_that_no_program_contains_is_named() {
     }
     let programs = "[[test]]\nname = \"suite\"\n[[test]]\nname = \"other\"\npath = \"tests/alone.rs\"";
     write("Cargo.toml", &format!("[package]\nautotests = false\n{programs}"));
-    let names = |found: Vec<String>| found.iter().map(|v| v.split(' ').next().unwrap().to_owned()).collect::<Vec<_>>();
+    let names = |violations: Vec<String>| {
+        violations.iter().map(|v| v.split(' ').next().unwrap().to_owned()).collect::<Vec<_>>()
+    };
     assert_eq!(names(check_test_programs(folder.path()).unwrap()), ["tests/c", "tests/d"]);
     // Cargo finds every file itself.
     write("Cargo.toml", &format!("[package]\n{programs}"));

@@ -23,8 +23,8 @@ pub fn camera_file(bytes: &[u8]) {
     if export.warnings.is_empty() && format != CameraFormat::Colmap {
         // COLMAP's principal point is half a pixel away, which rounds.
         let pinhole = |camera: &depthcal_model::Camera| -> Vec<f64> {
-            let of = |block: &Block| block.theta.clone();
-            camera.blocks().iter().filter(|block| block.name() == "pinhole").flat_map(of).collect()
+            let theta = |block: &Block| block.theta.clone();
+            camera.blocks().iter().filter(|block| block.name() == "pinhole").flat_map(theta).collect()
         };
         assert_eq!(pinhole(&again)[..4], pinhole(&camera.camera)[..4], "{format:?}");
     }

@@ -1,5 +1,5 @@
-//! A folder for readers that take a path: in `TMPDIR` where that is set, else in memory where the system has such a folder, so that a fuzzer
-//! is not slowed by a disk. A fuzzer ends without removing it; `run-all.sh` does.
+//! A folder for readers that take a path: in `TMPDIR` where that is set, else in memory where the system has such a folder, so
+//! that a fuzzer is not slowed by a disk. A fuzzer ends without removing it; `run-all.sh` does.
 
 use std::path::{Path, PathBuf};
 

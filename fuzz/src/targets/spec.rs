@@ -1,4 +1,4 @@
-//! What options name: pieces with subsets and constants, models, lenses, and formats.
+//! Names in options: pieces with subsets and constants, models, lenses, and formats.
 
 use depthcal_io::{CameraFormat, Paper};
 use depthcal_model::{ModelSpec, PieceSpec, Register};

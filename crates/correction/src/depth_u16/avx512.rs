@@ -43,15 +43,15 @@ pub(crate) fn in_single<const P: bool, const Q: bool, const R: bool, const KEEPS
     // block overlap them; pixels in an overlap are counted once.
     let head = chunk.out.as_ptr().align_offset(LINE) % BLOCK;
     let whole = (n - head) / BLOCK * BLOCK;
-    let rest = n - head - whole;
+    let remaining = n - head - whole;
     let out = &mut *chunk.out;
     if head > 0 {
         pass.blocks(c.part(0, BLOCK), &measured[..BLOCK], &mut out[..BLOCK], u32::MAX >> (BLOCK - head));
     }
     pass.blocks(c.part(head, whole), &measured[head..head + whole], &mut out[head..head + whole], u32::MAX);
-    if rest > 0 {
+    if remaining > 0 {
         let from = n - BLOCK;
-        pass.blocks(c.part(from, BLOCK), &measured[from..], &mut out[from..n], u32::MAX << (BLOCK - rest));
+        pass.blocks(c.part(from, BLOCK), &measured[from..], &mut out[from..n], u32::MAX << (BLOCK - remaining));
     }
     let most: [u16; BLOCK] = cast(pass.most);
     let corrected = if KEEPS_VALID { pass.depths } else { pass.corrected };

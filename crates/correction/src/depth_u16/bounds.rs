@@ -48,8 +48,8 @@ impl Bound {
         let change = sum / left;
         let usable = left > 0.05 && steps + change < 65535.0;
         // Depth must not shrink to a half, or a depth of one step would be rounded to 0.
-        let kept = !keeps_valid || 1.0 - p > 0.55 * (1.0 + r * z);
-        if !(usable && kept) {
+        let stays_valid = !keeps_valid || 1.0 - p > 0.55 * (1.0 + r * z);
+        if !(usable && stays_valid) {
             return None;
         }
         // The coefficients are rounded to f32: half an ulp (6e-8) each, that of r magnified near the pole.
@@ -124,8 +124,8 @@ mod tests {
 
     #[test]
     fn depth_that_could_shrink_to_nothing_has_no_precision() {
-        let of = |p: f32, keeps_valid: bool| needs(Bound { p, keeps_valid, ..NONE }, 10);
-        assert_eq!((of(0.46, true), of(0.44, true), of(0.46, false)), (None, Some("f32"), Some("f32")));
+        let need = |p: f32, keeps_valid: bool| needs(Bound { p, keeps_valid, ..NONE }, 10);
+        assert_eq!((need(0.46, true), need(0.44, true), need(0.46, false)), (None, Some("f32"), Some("f32")));
         // 1 − p = 0.6 > 0.55 (1 + r z) up to r z = 0.09.
         let with_r = |rz: f32| needs(Bound { p: 0.4, r: rz / 10.0, keeps_valid: true, ..NONE }, 10);
         assert_eq!((with_r(0.1), with_r(0.08)), (None, Some("f32")));
@@ -155,10 +155,11 @@ mod tests {
     #[test]
     fn larger_changes_need_more_precision() {
         assert_eq!(needs(Bound { p: 0.1, ..NONE }, 1000), Some("f32"));
-        // The change is 5000 steps: its roundings, 6 · 6e-8 · 5000, are more than a thousandth of a step; those of the coefficients,
-        // 6e-8 · 5000, are less.
+        // The change is 5000 steps: its roundings, 6 · 6e-8 · 5000, are more than a thousandth of a step; those of the
+        // coefficients, 6e-8 · 5000, are less.
         assert_eq!(needs(Bound { p: 0.1, ..NONE }, 50_000), Some("f64"));
-        // The change is 0.85 / 0.15 · 176 = 1000 steps, of which f32 would do; but the roundings of 1 − r z are magnified by 1.85 / 0.15.
+        // The change is 0.85 / 0.15 · 176 = 1000 steps, of which f32 would do; but the roundings of 1 − r z are magnified by 1.85
+        // / 0.15.
         let near_pole = Bound { r: 0.85 / 176.0, r_above: 0.85 / 176.0, ..NONE };
         assert_eq!(needs(near_pole, 176), Some("f64"));
         // 6e-8 · 20 000 is more than a thousandth.

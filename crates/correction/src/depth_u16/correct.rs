@@ -153,11 +153,11 @@ mod tests {
 
     #[test]
     fn the_specialised_loop_agrees_with_the_plain_one() {
-        let at = |i: usize, size: f32| size * (0.37 * i as f32).sin();
-        let p: Vec<f32> = (0..PIXELS).map(|i| at(i, 0.2)).collect();
-        let q: Vec<f32> = (0..PIXELS).map(|i| at(i + 5, 20.0)).collect();
+        let wave = |i: usize, size: f32| size * (0.37 * i as f32).sin();
+        let p: Vec<f32> = (0..PIXELS).map(|i| wave(i, 0.2)).collect();
+        let q: Vec<f32> = (0..PIXELS).map(|i| wave(i + 5, 20.0)).collect();
         // Some pixels have no ray.
-        let r: Vec<f32> = (0..PIXELS).map(|i| if i % 19 == 3 { 1e30 } else { at(2 * i, 4e-4) }).collect();
+        let r: Vec<f32> = (0..PIXELS).map(|i| if i % 19 == 3 { 1e30 } else { wave(2 * i, 4e-4) }).collect();
         let of_pixel = |i: usize| match i % 7 {
             1 => 0,
             4 => u16::MAX,

@@ -42,17 +42,17 @@ impl FrameLight {
         let of_row = |row: usize| dispatch(BlockRow { scene: &scene, row, slants, amplitude, depth });
         let blocks: Vec<Vec<BlockSum>> = (0..scene.rows()).into_par_iter().map(of_row).collect();
         let scene = scene.spread(blocks.concat())?;
-        let (mut own, mut near) = (vec![0.0; amplitude.len()], vec![0.0; amplitude.len()]);
-        let bands = own.par_chunks_mut(width * BLOCK_PX).zip(near.par_chunks_mut(width * BLOCK_PX));
-        let rows = bands.enumerate().flat_map_iter(|(band, (own, near))| {
+        let (mut local, mut near) = (vec![0.0; amplitude.len()], vec![0.0; amplitude.len()]);
+        let bands = local.par_chunks_mut(width * BLOCK_PX).zip(near.par_chunks_mut(width * BLOCK_PX));
+        let rows = bands.enumerate().flat_map_iter(|(band, (local, near))| {
             let first_row = band * BLOCK_PX;
-            let count = own.len() / width;
-            dispatch(OwnAndNear { amplitude, size, first_row, own, near });
+            let count = local.len() / width;
+            dispatch(OwnAndNear { amplitude, size, first_row, own: local, near });
             let scene = &scene;
             (first_row..first_row + count).flat_map(|v| scene.along_row(v))
         });
         let rows = rows.collect();
-        Some(Self { scene, width, rows, own, near })
+        Some(Self { scene, width, rows, own: local, near })
     }
 
     /// The stray light at a pixel with this row-major index.

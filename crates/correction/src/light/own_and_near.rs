@@ -19,14 +19,14 @@ pub(super) struct OwnAndNear<'a> {
 
 /// Pixels within `reach` of `at` in a row or column of `length`.
 #[inline(always)]
-fn span(at: usize, reach: usize, length: usize) -> std::ops::Range<usize> {
-    at.saturating_sub(reach)..(at + reach + 1).min(length)
+fn span(center: usize, reach: usize, length: usize) -> std::ops::Range<usize> {
+    center.saturating_sub(reach)..(center + reach + 1).min(length)
 }
 
 /// Sum of the near weights that lie within a row or column.
 #[inline(always)]
-fn total(at: usize, length: usize) -> f32 {
-    span(at, NEAR_REACH, length).map(|i| NEAR_WEIGHTS[i + NEAR_REACH - at]).sum()
+fn total(center: usize, length: usize) -> f32 {
+    span(center, NEAR_REACH, length).map(|i| NEAR_WEIGHTS[i + NEAR_REACH - center]).sum()
 }
 
 impl Kernel for OwnAndNear<'_> {
@@ -40,7 +40,7 @@ impl Kernel for OwnAndNear<'_> {
             (vec![0.0_f32; width + 2 * OWN_REACH], vec![0.0_f32; width + 2 * NEAR_REACH]);
         let across: Vec<f32> = (0..width).map(|u| 1.0 / total(u, width)).collect();
         let columns: Vec<f32> = (0..width).map(|u| span(u, OWN_REACH, width).len() as f32).collect();
-        for (line, (own, near)) in own.chunks_exact_mut(width).zip(near.chunks_exact_mut(width)).enumerate() {
+        for (line, (local, near)) in own.chunks_exact_mut(width).zip(near.chunks_exact_mut(width)).enumerate() {
             let v = first_row + line;
             box_sums.fill(0.0);
             near_sums.fill(0.0);
@@ -59,7 +59,7 @@ impl Kernel for OwnAndNear<'_> {
             let rows = span(v, OWN_REACH, height).len() as f32;
             let down = 1.0 / total(v, height);
             for u in 0..width {
-                own[u] = (box_sums[u] + box_sums[u + 1] + box_sums[u + 2]) / (columns[u] * rows);
+                local[u] = (box_sums[u] + box_sums[u + 1] + box_sums[u + 2]) / (columns[u] * rows);
             }
             near.fill(0.0);
             for (tap, weight) in NEAR_WEIGHTS.iter().enumerate() {
@@ -68,8 +68,8 @@ impl Kernel for OwnAndNear<'_> {
                 }
             }
             for u in 0..width {
-                let ratio = near[u] * across[u] * down / own[u];
-                near[u] = if own[u] > 0.0 { ratio } else { f32::NAN };
+                let ratio = near[u] * across[u] * down / local[u];
+                near[u] = if local[u] > 0.0 { ratio } else { f32::NAN };
             }
         }
     }

@@ -58,7 +58,7 @@ impl Band<'_> {
     #[inline(always)]
     fn part<I: Isa>(&mut self, isa: I, offset: usize, count: usize, summary: &mut CorrectionSummary) -> bool {
         let Self { frame, input, output, .. } = self;
-        let (first, own) = (self.first + offset, offset..offset + count);
+        let (first, in_band) = (self.first + offset, offset..offset + count);
         let pixels = first..first + count;
         let prepared = frame.prepared;
         if count > CHUNK && matches!(input, Input::Output) {
@@ -68,11 +68,11 @@ impl Band<'_> {
         let (steps, millimetres): ([u16; CHUNK], [f32; CHUNK]);
         let input = match (&*input, &*output) {
             (Input::Output, Output::U16(out)) => {
-                steps = copied(&out[own.clone()]);
+                steps = copied(&out[in_band.clone()]);
                 Input::U16(&steps[..count])
             }
             (Input::Output, Output::F32(out)) => {
-                millimetres = copied(&out[own.clone()]);
+                millimetres = copied(&out[in_band.clone()]);
                 Input::F32(&millimetres[..count])
             }
             (Input::U16(all), _) => Input::U16(&all[pixels.clone()]),
@@ -83,7 +83,7 @@ impl Band<'_> {
         let map = frame.plan.and_then(|(plan, _)| plan.only_moebius()).zip(prepared.bounds.as_ref());
         if let (Input::U16(measured), Output::U16(out), Some(map)) = (input, &mut *output, map) {
             let (c, unit_mm) = (map.0.coefficients(first, count), frame.unit_mm);
-            let chunk = Chunk { c, unit_mm, measured, out: &mut out[own.clone()] };
+            let chunk = Chunk { c, unit_mm, measured, out: &mut out[in_band.clone()] };
             if let Some(done) = depth_u16::correct(isa, map, first, chunk, &|i, raw| frame.exact_steps(i, raw)) {
                 summary.corrected += done.corrected;
                 summary.saturated += done.saturated;
@@ -101,10 +101,10 @@ impl Band<'_> {
             let (out, unit_mm) = (&mut out[3 * offset..3 * (offset + count)], frame.unit_mm as f32);
             let cubics = prepared.ray_cubics.part(first, count);
             let pixels = DepthOnRays { map, measured, unit_mm, rays, cubics, out };
-            if let Some(found) = from_u16::<I, true>(isa, pixels) {
-                summary.corrected += found.points;
-                summary.invalid += count - found.depths;
-                summary.not_correctable += found.depths - found.points;
+            if let Some(counts) = from_u16::<I, true>(isa, pixels) {
+                summary.corrected += counts.points;
+                summary.invalid += count - counts.depths;
+                summary.not_correctable += counts.depths - counts.points;
                 return true;
             }
         }
@@ -112,6 +112,24 @@ impl Band<'_> {
             return false;
         }
 
+        self.chunk(isa, input, offset, count, summary);
+        true
+    }
+
+    /// Corrects at most [`CHUNK`] pixels stage by stage in f32, with what f32 cannot do in f64, and adds to the summary.
+    #[inline(always)]
+    fn chunk<I: Isa>(
+        &mut self,
+        isa: I,
+        input: Input<'_>,
+        offset: usize,
+        count: usize,
+        summary: &mut CorrectionSummary,
+    ) {
+        let Self { frame, output, .. } = self;
+        let (first, in_band) = (self.first + offset, offset..offset + count);
+        let prepared = frame.prepared;
+        let rays = [0, 1].map(|k| &prepared.ray_planes[k][first..first + count]);
         let mut z = [0.0f32; CHUNK];
         let z = &mut z[..count];
         match input {
@@ -141,7 +159,7 @@ impl Band<'_> {
         summary.saturated += match output {
             Output::U16(out) => {
                 let per_mm = (1.0 / frame.unit_mm) as f32;
-                let out = &mut out[own];
+                let out = &mut out[in_band];
                 let beyond = store_u16(z, per_mm, out);
                 let mut distances = [0.0f32; CHUNK];
                 if let Input::U16(measured) = input
@@ -151,13 +169,12 @@ impl Band<'_> {
                 }
                 beyond
             }
-            Output::F32(out) => store_f32(z, &mut out[own]),
+            Output::F32(out) => store_f32(z, &mut out[in_band]),
             Output::Points(out) => {
                 store_points(isa, prepared, first, z, out.part(offset, count));
                 0
             }
         };
-        true
     }
 }
 
@@ -191,12 +208,12 @@ mod tests {
             let undecided = near_half(&[20_000], &[z], 1.0, error_steps, &mut distances);
             (undecided, distances[0])
         };
-        // A quarter of a step from the next integer, so a quarter from the middle. f32 explains 20 100 · 2.5e-7, and twice that of
-        // the change of 100 steps.
-        let (undecided, found) = distance(20_100.25, 0.01);
-        assert!(!undecided && (found - (0.25 - 0.01 - 0.005_075)).abs() < 1e-4, "{found}");
+        // A quarter of a step from the next integer, so a quarter from the middle. f32 explains 20 100 · 2.5e-7, and twice that
+        // of the change of 100 steps.
+        let (undecided, distance_mm) = distance(20_100.25, 0.01);
+        assert!(!undecided && (distance_mm - (0.25 - 0.01 - 0.005_075)).abs() < 1e-4, "{distance_mm}");
         assert!(distance(20_100.25, 0.26).0);
-        assert!((distance(20_099.75, 0.01).1 - found).abs() < 1e-6);
+        assert!((distance(20_099.75, 0.01).1 - distance_mm).abs() < 1e-6);
         assert!(distance(20_100.5, 0.01).0);
         // Errors that are tolerated.
         let mut distances = [f32::NAN];

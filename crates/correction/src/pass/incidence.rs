@@ -80,7 +80,7 @@ mod tests {
     /// A window of a plane in which only the first `n` pixels have depth, the one that is asked for among them.
     #[test]
     fn a_plane_needs_its_fewest_pixels() {
-        let of = |n: usize| {
+        let cosine_of = |n: usize| {
             let pixels: Vec<[f64; 3]> = (0..25)
                 .map(|i| {
                     let (x, y) = ((i % 5) as f64 * 0.01, (i / 5) as f64 * 0.01);
@@ -91,7 +91,7 @@ mod tests {
         };
         // ρ = α x + γ at x = y = 0: γ / |(α, γ)|.
         let expected = 1.0 / 1.25f64.sqrt();
-        assert_eq!(of(FEWEST - 1), None);
-        assert!((of(FEWEST).unwrap() - expected).abs() < 1e-9);
+        assert_eq!(cosine_of(FEWEST - 1), None);
+        assert!((cosine_of(FEWEST).unwrap() - expected).abs() < 1e-9);
     }
 }

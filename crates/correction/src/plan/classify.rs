@@ -22,9 +22,9 @@ fn reference() -> Context {
 
 /// Sampled pixels, on a regular grid over the image.
 fn pixels(camera: &Camera) -> impl Iterator<Item = [f64; 2]> {
-    let at = |i: usize, size: usize| (i * (size - 1)) as f64 / (GRID - 1) as f64;
+    let coordinate = |i: usize, size: usize| (i * (size - 1)) as f64 / (GRID - 1) as f64;
     let (width, height) = (camera.width, camera.height);
-    (0..GRID * GRID).map(move |i| [at(i % GRID, width).round(), at(i / GRID, height).round()])
+    (0..GRID * GRID).map(move |i| [coordinate(i % GRID, width).round(), coordinate(i / GRID, height).round()])
 }
 
 /// Two contexts that differ from [`reference`] in a single quantity, which `change` multiplies by a factor.
@@ -178,13 +178,14 @@ pub(crate) fn affine(shape: Shape, measured: [f64; 2]) -> [f64; 2] {
 /// Indices of at most 529 pixels that have a ray, on a regular grid over the image.
 pub(crate) fn samples(camera: &Camera, rays: &[[f64; 2]]) -> Vec<usize> {
     const ALONG: usize = 23;
-    let at = |i: usize, size: usize| i * (size - 1) / (ALONG - 1);
-    let all = (0..ALONG * ALONG).map(|i| at(i / ALONG, camera.height) * camera.width + at(i % ALONG, camera.width));
+    let coordinate = |i: usize, size: usize| i * (size - 1) / (ALONG - 1);
+    let all = (0..ALONG * ALONG)
+        .map(|i| coordinate(i / ALONG, camera.height) * camera.width + coordinate(i % ALONG, camera.width));
     all.filter(|index| !rays[*index][0].is_nan()).collect()
 }
 
-/// Classifies a depth piece. `measured` gives the measured inverse depths (1/mm) of observations, many at a time, because pieces in
-/// other languages take long for each call; `rays` has the ray of every pixel.
+/// Classifies a depth piece. `measured` gives the measured inverse depths (1/mm) of observations, many at a time, because pieces
+/// in other languages take long for each call; `rays` has the ray of every pixel.
 pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Observation]) -> Vec<f64>) -> PieceClass {
     let places: Vec<([f64; 2], [f64; 2])> =
         samples(camera, rays).into_iter().map(|i| (pixel(i, camera.width), rays[i])).collect();
@@ -221,9 +222,9 @@ pub(crate) fn piece(camera: &Camera, rays: &[[f64; 2]], measured: impl Fn(&[Obse
         cases().all(|(context, cosine)| {
             values(&places, &context, cosine, &rhos).chunks(rhos.len()).all(|values| {
                 let [k0, k1] = affine(shape, [values[0], values[1]]);
-                checked.iter().zip(&values[2..]).all(|(z, found)| {
+                checked.iter().zip(&values[2..]).all(|(z, value)| {
                     let expected = if shape == Shape::AffineInInverse { k0 + k1 / z } else { 1.0 / (k0 * z + k1) };
-                    (found - expected).abs() <= 1e-10 * expected.abs()
+                    (value - expected).abs() <= 1e-10 * expected.abs()
                 })
             })
         })
@@ -310,12 +311,12 @@ mod tests {
     #[test]
     fn a_piece_has_the_form_that_it_has_at_all_pixels() {
         let rays = vec![[0.0; 2]; 160 * 120];
-        let of = |measured: fn(&Context, f64) -> f64| {
+        let shape = |measured: fn(&Context, f64) -> f64| {
             let all = |o: &[Observation]| o.iter().map(|o| measured(&o.context, o.rho)).collect();
             piece(&small_camera(Vec::new()), &rays, all).shape
         };
-        assert_eq!(of(|c, rho| rho + 1e-7 * c.pixel[0]), Shape::AffineInInverse);
-        assert_eq!(of(|c, rho| rho + 1e-3 * c.pixel[0] * rho * rho), Shape::Other);
+        assert_eq!(shape(|c, rho| rho + 1e-7 * c.pixel[0]), Shape::AffineInInverse);
+        assert_eq!(shape(|c, rho| rho + 1e-3 * c.pixel[0] * rho * rho), Shape::Other);
     }
 
     /// Drifts in proportion to the column, so that the first pixel does not.

@@ -67,10 +67,10 @@ impl ByCosine {
     pub fn correct(&self, cosines: &[f32], z: &mut [f32]) {
         const LAST: f32 = (COSINES - 1) as f32;
         for (z, cosine) in z.iter_mut().zip(cosines) {
-            let at = (*cosine * LAST).clamp(1.0, LAST);
+            let position = (*cosine * LAST).clamp(1.0, LAST);
             // Rounds down: at ≥ 1, so at − 0.5 is positive, and adding 2²³ rounds it to a whole number.
-            let node = (at - 0.5 + 8_388_608.0) - 8_388_608.0;
-            let (i, t) = ((node.to_index()) & (COSINES - 1), at - node);
+            let node = (position - 0.5 + 8_388_608.0) - 8_388_608.0;
+            let (i, t) = ((node.to_index()) & (COSINES - 1), position - node);
             let next = (i + 1) & (COSINES - 1);
             let p = self.p[i] + t * (self.p[next] - self.p[i]);
             let q = self.q[i] + t * (self.q[next] - self.q[i]);

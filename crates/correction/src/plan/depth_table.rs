@@ -73,8 +73,8 @@ mod tests {
         for x in [64.0f32, 64.01, 100.0, 999.9, 1024.0, 5000.1, 16370.0] {
             let cell = Cell::of(x);
             assert!(cell.inside);
-            let found = node(cell.index) + cell.fraction * cell.length();
-            assert!((found - x).abs() <= x * 1e-7, "{x} {found}");
+            let interpolated = node(cell.index) + cell.fraction * cell.length();
+            assert!((interpolated - x).abs() <= x * 1e-7, "{x} {interpolated}");
         }
         for x in [0.0f32, 1.0, 63.9, 16384.0, f32::MAX, f32::INFINITY, f32::NAN, -100.0] {
             assert!(!Cell::of(x).inside, "{x}");

@@ -67,8 +67,8 @@ pub(crate) enum Tables {
 }
 
 impl Moebius {
-    /// Tables from a matrix for every pixel that has a ray: `matrices` gives those of the pixels with the given indices. `rays` are the
-    /// true rays of the pixels, NaN where there is none.
+    /// Tables from a matrix for every pixel that has a ray: `matrices` gives those of the pixels with the given indices. `rays`
+    /// are the true rays of the pixels, NaN where there is none.
     pub fn new(matrices: impl Fn(&[usize]) -> Vec<Matrix> + Sync, rays: &[[f64; 2]]) -> Self {
         let mut all = vec![NO_INVERSE; rays.len()];
         all.par_chunks_mut(BAND).zip(rays.par_chunks(BAND)).enumerate().for_each(|(band, (all, rays))| {
@@ -278,9 +278,9 @@ mod tests {
         rays[7] = [f64::NAN; 2];
         let of_ray = |[x, y]: [f64; 2]| [0.0, 0.0, 1e-5 * x - 2e-5 * y + 3e-5];
         let mut all: Vec<[f64; 3]> = rays.iter().map(|ray| of_ray(*ray)).collect();
-        let found = affine_in_ray(&all, &rays).expect("it is affine");
-        for (found, expected) in found.into_iter().zip([1e-5, -2e-5, 3e-5]) {
-            assert!((found - expected).abs() < 1e-11, "{found} {expected}");
+        let coefficients = affine_in_ray(&all, &rays).expect("it is affine");
+        for (coefficient, expected) in coefficients.into_iter().zip([1e-5, -2e-5, 3e-5]) {
+            assert!((coefficient - expected).abs() < 1e-11, "{coefficient} {expected}");
         }
         // A single pixel that is another is enough.
         all[211][2] += 1e-9;

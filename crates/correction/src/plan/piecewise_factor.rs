@@ -68,14 +68,14 @@ impl PiecewiseFactor {
         }
         let of_pixel = |pixel: usize| {
             let mut m = [f32::NAN; MOST_NODES];
-            let found: Vec<f64> = nodes.iter().map(|z| factor(pixel, *z)).collect();
+            let factors: Vec<f64> = nodes.iter().map(|z| factor(pixel, *z)).collect();
             // d(z m)/dz at both ends of a segment. Where z m falls there are several true depths or none.
             let rises = |(m, z): (&[f64], &f64)| {
                 let rise = (m[1] - m[0]) / length;
                 m[0] + z * rise > 0.0 && m[1] + (z + length) * rise > 0.0
             };
-            if usable(pixel) && found[0] > 0.0 && found.windows(2).zip(&nodes).all(rises) {
-                m.iter_mut().zip(found).for_each(|(m, found)| *m = found as f32);
+            if usable(pixel) && factors[0] > 0.0 && factors.windows(2).zip(&nodes).all(rises) {
+                m.iter_mut().zip(factors).for_each(|(m, factor)| *m = factor as f32);
             }
             m
         };
@@ -118,15 +118,15 @@ impl PiecewiseFactor {
         }
         for i in 0..n {
             let measured = z[i];
-            let (mut found, mut step) = (measured, 0.0);
+            let (mut depth, mut step) = (measured, 0.0);
             for _ in 0..NEWTON_STEPS {
-                let factor = isa.mul_add(slope[i], found, alpha[i]);
-                let missing = isa.mul_add(-found, factor, measured);
-                step = isa.divide(missing, isa.mul_add(slope[i], found, factor));
-                found += step;
+                let factor = isa.mul_add(slope[i], depth, alpha[i]);
+                let missing = isa.mul_add(-depth, factor, measured);
+                step = isa.divide(missing, isa.mul_add(slope[i], depth, factor));
+                depth += step;
             }
-            let converged = step.abs() <= CONVERGED * found;
-            z[i] = if measured > 0.0 { if converged { found } else { f32::NAN } } else { measured };
+            let converged = step.abs() <= CONVERGED * depth;
+            z[i] = if measured > 0.0 { if converged { depth } else { f32::NAN } } else { measured };
         }
     }
 }

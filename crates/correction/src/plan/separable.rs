@@ -52,9 +52,9 @@ impl Separable {
         pixels: usize,
         usable: impl Fn(usize) -> bool + Sync,
     ) -> Option<Self> {
-        let found = [true, false].map(|inverse| (inverse, functions(measured, samples, inverse)));
+        let both = [true, false].map(|inverse| (inverse, functions(measured, samples, inverse)));
         let (inverse, functions) =
-            found.into_iter().filter_map(|(i, f)| Some((i, f?))).min_by_key(|(_, functions)| functions.len())?;
+            both.into_iter().filter_map(|(i, f)| Some((i, f?))).min_by_key(|(_, functions)| functions.len())?;
         let of_pixel = |pixel: usize| -> [f64; MOST_TERMS] {
             if usable(pixel) {
                 coefficients(&functions, |node| difference(measured, pixel, node, inverse))

@@ -57,7 +57,7 @@ pub(crate) struct Plan {
 /// nothing.
 const MOST_STAGES: usize = 16;
 
-/// What the stages need of a frame.
+/// Data of one frame that the stages read.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FrameInputs<'a> {
     /// p, q, r of the Möbius map of each stage that depends on the frame as a whole.
@@ -88,12 +88,12 @@ impl Plan {
         let mut stages = Vec::new();
         // Whether a stage makes pixels without a ray NaN.
         let mut marks_pixels_without_ray = false;
-        let mut rest = pieces.as_slice();
-        while let Some((piece, class)) = rest.last() {
+        let mut remaining = pieces.as_slice();
+        while let Some((piece, class)) = remaining.last() {
             // The number of pieces at the end of the chain that are static Möbius maps.
-            let run = rest.iter().rev().take_while(|(_, c)| c.is_static() && c.shape != Shape::Other).count();
+            let run = remaining.iter().rev().take_while(|(_, c)| c.is_static() && c.shape != Shape::Other).count();
             if run > 0 {
-                let (before, run) = rest.split_at(rest.len() - run);
+                let (before, run) = remaining.split_at(remaining.len() - run);
                 let matrices = |indices: &[usize]| {
                     let mut matrices = vec![IDENTITY; indices.len()];
                     for (piece, _) in run {
@@ -106,7 +106,7 @@ impl Plan {
                 };
                 stages.push(Stage::Moebius(Moebius::new(matrices, rays)));
                 marks_pixels_without_ray = true;
-                rest = before;
+                remaining = before;
                 continue;
             }
             if class.surroundings {
@@ -142,7 +142,7 @@ impl Plan {
             } else {
                 return None;
             });
-            rest = &rest[..rest.len() - 1];
+            remaining = &remaining[..remaining.len() - 1];
         }
         // Pixels without a ray have no true depth, whatever the value of the pieces there.
         if !marks_pixels_without_ray && (stages.is_empty() || rays.iter().any(|ray| ray[0].is_nan())) {
@@ -188,8 +188,8 @@ impl Plan {
         }
     }
 
-    /// What the stages need of a frame. `cosines` are those of the angle of incidence, one per pixel; 1 where they are
-    /// not given. `light` is that of the frame, where it is known.
+    /// Data of a frame for the stages. `cosines` are those of the angle of incidence, one per pixel; 1 where they are not given.
+    /// `light` is that of the frame, where it is known.
     pub fn inputs<'a>(
         &self,
         context: &FrameContext<'a>,

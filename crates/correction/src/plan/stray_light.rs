@@ -63,11 +63,11 @@ impl StrayLight {
         })
     }
 
-    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 and NaN stay, and pixels without light
-    /// of their own; NaN where the iteration does not converge.
+    /// Takes measured to true depth (mm), in place, for consecutive pixels from `first` on. 0 and NaN stay, and pixels without
+    /// light of their own; NaN where the iteration does not converge.
     #[inline(always)]
     pub fn correct(&self, light: &FrameLight, first: usize, z: &mut [f32]) {
-        let (own, near) = light.own_and_near();
+        let (local, near) = light.own_and_near();
         let mut done = 0;
         while done < z.len() {
             let index = first + done;
@@ -77,10 +77,10 @@ impl StrayLight {
             let nodes = light.row(row);
             let ends = [&nodes[node], &nodes[(node + 1).min(nodes.len() - 1)]];
             let pixels = index..index + count;
-            let known = [&own[pixels.clone()], &near[pixels.clone()], &self.slants[pixels]];
+            let known = [&local[pixels.clone()], &near[pixels.clone()], &self.slants[pixels]];
             let of_pixels = &mut z[done..done + count];
-            if let ([Ok(own), Ok(near), Ok(slants)], Ok(z)) = (known.map(Lanes::try_from), of_pixels.try_into()) {
-                self.block(ends, offset, [&own, &near, &slants], z);
+            if let ([Ok(local), Ok(near), Ok(slants)], Ok(z)) = (known.map(Lanes::try_from), of_pixels.try_into()) {
+                self.block(ends, offset, [&local, &near, &slants], z);
             } else {
                 // Lanes without a pixel have depth 0.
                 let mut lanes = [0.0; BLOCK_PX];
@@ -198,8 +198,8 @@ fn angle(y: f32, x: f32) -> f32 {
     };
     let t = above / below;
     let s = t * t;
-    let rest = (((8.053_744_5e-2 * s - 1.387_768_6e-1) * s + 1.997_771_1e-1) * s - 3.333_295e-1) * s * t + t;
-    (base + rest).copysign(y)
+    let atan = (((8.053_744_5e-2 * s - 1.387_768_6e-1) * s + 1.997_771_1e-1) * s - 3.333_295e-1) * s * t + t;
+    (base + atan).copysign(y)
 }
 
 #[cfg(test)]

@@ -21,10 +21,50 @@ const LANE_INDICES: [u32; LANES] = {
     indices
 };
 
+/// A Möbius map of depth with q = 0, z = (1 + p) z_m / (1 − r z_m), by the constants of all lanes. Without CORRECT it only
+/// scales.
+#[derive(Clone, Copy)]
+struct DepthMap<const CORRECT: bool> {
+    v4: V4,
+    /// mm per step, times 1 + p.
+    scale: __m512,
+    /// r per step, over the rays.
+    d: [__m512; 3],
+    one: __m512,
+    nan: __m512,
+}
+
+impl<const CORRECT: bool> DepthMap<CORRECT> {
+    #[inline(always)]
+    fn new(v4: V4, (p, d): (f32, [f32; 3]), unit_mm: f32) -> Self {
+        let splat = |value: f32| v4.avx512f._mm512_set1_ps(value);
+        let scale = splat(if CORRECT { (1.0 + p) * unit_mm } else { unit_mm });
+        Self { v4, scale, d: d.map(|d| splat(d * unit_mm)), one: splat(1.0), nan: splat(f32::NAN) }
+    }
+
+    /// Depth at `valid` lanes, mm, NaN at the others, of `steps`, 0 where there is no measurement. `nearest_pole` becomes the
+    /// smaller of itself and 1 − r z_m.
+    #[inline(always)]
+    fn depth(&self, steps: __m512, [rx, ry]: [__m512; 2], valid: u16, nearest_pole: &mut __m512) -> __m512 {
+        let Self { scale, d, one, nan, .. } = *self;
+        let f = self.v4.avx512f;
+        if !CORRECT {
+            return f._mm512_mask_mul_ps(nan, valid, steps, scale);
+        }
+        let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
+        // `left` is 1 where there is no depth. The minimum of NaN and a number is the number.
+        let left = f._mm512_fnmadd_ps(r, steps, one);
+        *nearest_pole = f._mm512_min_ps(left, *nearest_pole);
+        // The estimate of 1/left has an error of 2⁻¹⁴, which a Newton step squares.
+        let inverse = f._mm512_rcp14_ps(left);
+        let inverse = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, inverse, one), inverse, inverse);
+        f._mm512_mask_mul_ps(nan, valid, f._mm512_mul_ps(steps, scale), inverse)
+    }
+}
+
 /// [`portable::from_u16`] in AVX-512's own instructions.
 ///
-/// With q = 0 the map is z = (1 + p) z_m / (1 − r z_m). Computed in this form, depth itself is rounded three times,
-/// some 0.001 mm at 5 m.
+/// Computed as [`DepthMap`] does it, depth itself is rounded three times, some 0.001 mm at 5 m.
 #[inline(always)]
 pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> Option<PointCounts> {
     let f = v4.avx512f;
@@ -32,14 +72,11 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
         return portable::from_u16::<_, CORRECT>(v4, pixels);
     }
     let DepthOnRays { map, measured, unit_mm, rays: [rx, ry], cubics, out } = pixels;
-    let (p, d) = map;
-    if CORRECT && p <= -1.0 {
+    if CORRECT && map.0 <= -1.0 {
         return None;
     }
     let splat = |value: f32| f._mm512_set1_ps(value);
-    let scale = splat(if CORRECT { (1.0 + p) * unit_mm } else { unit_mm });
-    let d = d.map(|d| splat(d * unit_mm));
-    let (nan, one) = (splat(f32::NAN), splat(1.0));
+    let depth_map = DepthMap::<CORRECT>::new(v4, map, unit_mm);
     let (one_step, no_measurement) = (f._mm512_set1_epi32(1), f._mm512_set1_epi32(i32::from(u16::MAX) - 1));
 
     let places: __m512 = cast(PLACES);
@@ -60,12 +97,12 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
     let blocks = steps_blocks.len();
     let (x_blocks, y_blocks, block_cubics) = (&x_blocks[..blocks], &y_blocks[..blocks], &cubics[..blocks]);
 
-    let mut nearest_pole = one;
+    let mut nearest_pole = depth_map.one;
     let (mut depths, mut without_ray) = (0, 0);
-    let mut before = [nan; 3];
+    let mut before = [depth_map.nan; 3];
     let (first, out) = out.split_at_mut(3 * head);
     let (whole, out) = out.split_at_mut(3 * LANES * (blocks - 1));
-    let (last, rest) = out.split_at_mut(3 * (LANES - head));
+    let (last, remainder) = out.split_at_mut(3 * (LANES - head));
     let mut lines = whole.as_chunks_mut::<{ 3 * LANES }>().0.iter_mut();
     let mut one_block = [0.0; 3 * LANES];
     for b in 0..blocks {
@@ -85,18 +122,7 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
             (cubic(of_x), cubic(of_y))
         };
         let steps = f._mm512_maskz_cvtepi32_ps(measured, steps);
-        let depth = if CORRECT {
-            let r = f._mm512_fmadd_ps(d[0], rx, f._mm512_fmadd_ps(d[1], ry, d[2]));
-            // `left` is 1 where there is no depth. The minimum of NaN and a number is the number.
-            let left = f._mm512_fnmadd_ps(r, steps, one);
-            nearest_pole = f._mm512_min_ps(left, nearest_pole);
-            // The estimate of 1/left has an error of 2⁻¹⁴, which a Newton step squares.
-            let inverse = f._mm512_rcp14_ps(left);
-            let inverse = f._mm512_fmadd_ps(f._mm512_fnmadd_ps(left, inverse, one), inverse, inverse);
-            f._mm512_mask_mul_ps(nan, valid, f._mm512_mul_ps(steps, scale), inverse)
-        } else {
-            f._mm512_mask_mul_ps(nan, valid, steps, scale)
-        };
+        let depth = depth_map.depth(steps, [rx, ry], valid, &mut nearest_pole);
         let point = [f._mm512_mul_ps(rx, depth), f._mm512_mul_ps(ry, depth), depth];
         if b == 0 {
             v4.interleave(&cast(point[0]), &cast(point[1]), &cast(point[2]), &mut one_block);
@@ -116,7 +142,7 @@ pub(crate) fn from_u16<const CORRECT: bool>(v4: V4, pixels: DepthOnRays<'_>) -> 
         return None;
     }
     let rays = [x_rest, y_rest];
-    let of_rest = DepthOnRays { map, measured: steps_rest, unit_mm, rays, cubics: &[], out: rest };
+    let of_rest = DepthOnRays { map, measured: steps_rest, unit_mm, rays, cubics: &[], out: remainder };
     let of_rest = portable::from_u16::<_, CORRECT>(v4, of_rest)?;
     Some(PointCounts { depths: depths + of_rest.depths, points: depths - without_ray + of_rest.points })
 }

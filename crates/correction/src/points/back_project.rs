@@ -29,7 +29,7 @@ fn point(z: f32, rx: f32, ry: f32) -> [f32; 3] {
 fn interleaved<I: Isa>(isa: I, z: &[f32], rays: [&[f32]; 2], out: &mut [f32]) {
     let n = z.len();
     let [rx, ry] = rays.map(|r| &r[..n]);
-    let (blocks, rest) = out[..3 * n].as_chunks_mut::<{ 3 * LANES }>();
+    let (blocks, out_rest) = out[..3 * n].as_chunks_mut::<{ 3 * LANES }>();
     let (z_blocks, z_rest) = z.as_chunks::<LANES>();
     let (x_blocks, x_rest) = rx.as_chunks::<LANES>();
     let (y_blocks, y_rest) = ry.as_chunks::<LANES>();
@@ -46,7 +46,7 @@ fn interleaved<I: Isa>(isa: I, z: &[f32], rays: [&[f32]; 2], out: &mut [f32]) {
         }
         isa.interleave(&x, &y, &depth, out);
     }
-    for (((z, rx), ry), out) in z_rest.iter().zip(x_rest).zip(y_rest).zip(rest.chunks_exact_mut(3)) {
+    for (((z, rx), ry), out) in z_rest.iter().zip(x_rest).zip(y_rest).zip(out_rest.chunks_exact_mut(3)) {
         out.copy_from_slice(&point(*z, *rx, *ry));
     }
 }

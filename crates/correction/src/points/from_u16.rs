@@ -79,8 +79,8 @@ mod tests {
             3 => u16::MAX - 1,
             _ => (i * 977 % 9000) as u16,
         };
-        let at = |i: usize, k: f32| if i % 11 == 6 { f32::NAN } else { (k * i as f32).sin() };
-        ((0..n).map(steps).collect(), [0.71, 0.37].map(|k| (0..n).map(|i| at(i, k)).collect()))
+        let wave = |i: usize, k: f32| if i % 11 == 6 { f32::NAN } else { (k * i as f32).sin() };
+        ((0..n).map(steps).collect(), [0.71, 0.37].map(|k| (0..n).map(|i| wave(i, k)).collect()))
     }
 
     fn points_of<const CORRECT: bool>(n: usize) {
@@ -98,10 +98,10 @@ mod tests {
                 let z = f64::from(measured[i]) * f64::from(UNIT_MM);
                 let r = f64::from(d[0]) * x + f64::from(d[1]) * y + f64::from(d[2]);
                 let z = (1.0 + f64::from(p)) * z / (1.0 - r * z);
-                for (found, expected) in out[3 * i..3 * i + 3].iter().zip([x * z, y * z, z]) {
-                    let near = (f64::from(*found) - expected).abs() <= 1e-6 * z;
-                    let right = if has_depth(i) && !x.is_nan() { near } else { found.is_nan() };
-                    assert!(right, "pixel {i} of {n}: {found} instead of {expected}");
+                for (coordinate, expected) in out[3 * i..3 * i + 3].iter().zip([x * z, y * z, z]) {
+                    let near = (f64::from(*coordinate) - expected).abs() <= 1e-6 * z;
+                    let right = if has_depth(i) && !x.is_nan() { near } else { coordinate.is_nan() };
+                    assert!(right, "pixel {i} of {n}: {coordinate} instead of {expected}");
                 }
             }
         }
@@ -115,19 +115,20 @@ mod tests {
         }
     }
 
-    /// A depth at or beyond the pole of its map is left to f64, wherever in a chunk its pixel is; a pixel without depth has no pole.
+    /// A depth at or beyond the pole of its map is left to f64, wherever in a chunk its pixel is; a pixel without depth has no
+    /// pole.
     #[test]
     fn poles_are_noticed_at_every_pixel() {
         let n = 3 * LANES + 5;
-        for at in 0..n {
+        for place in 0..n {
             // r is 1e-3 / mm at one pixel and zero elsewhere.
-            let x: Vec<f32> = (0..n).map(|i| if i == at { 1.0 } else { 0.0 }).collect();
+            let x: Vec<f32> = (0..n).map(|i| if i == place { 1.0 } else { 0.0 }).collect();
             let y = vec![0.0; n];
             for (steps, usable) in [(1900, true), (2000, false), (2400, false), (0, true), (u16::MAX, true)] {
-                let measured: Vec<u16> = (0..n).map(|i| if i == at { steps } else { 3000 }).collect();
+                let measured: Vec<u16> = (0..n).map(|i| if i == place { steps } else { 3000 }).collect();
                 let frame = Frame::<true> { map: (0.0, [1e-3, 0.0, 0.0]), measured: &measured, rays: [&x, &y] };
                 for result in frame.results() {
-                    assert_eq!(result.is_some(), usable, "pixel {at}: {steps} steps");
+                    assert_eq!(result.is_some(), usable, "pixel {place}: {steps} steps");
                 }
             }
         }

@@ -34,15 +34,15 @@ pub(crate) fn from_u16<I: Isa, const CORRECT: bool>(isa: I, from: DepthOnRays<'_
     let (measured_blocks, measured_rest) = measured.as_chunks::<LANES>();
     let (x_blocks, x_rest) = rays[0].as_chunks::<LANES>();
     let (y_blocks, y_rest) = rays[1].as_chunks::<LANES>();
-    let (blocks, rest) = out.as_chunks_mut::<{ 3 * LANES }>();
+    let (blocks, last_points) = out.as_chunks_mut::<{ 3 * LANES }>();
     let [mut points, mut lost] = [[0u32; LANES]; 2];
     for (((measured, x), y), out) in measured_blocks.iter().zip(x_blocks).zip(y_blocks).zip(blocks) {
-        let found = block::<I, CORRECT>(isa, map, (measured, unit_mm), [x, y], out);
+        let counts = block::<I, CORRECT>(isa, map, (measured, unit_mm), [x, y], out);
         for i in 0..LANES {
-            points[i] += found[0][i];
+            points[i] += counts[0][i];
         }
         for i in 0..LANES {
-            lost[i] |= found[1][i];
+            lost[i] |= counts[1][i];
         }
     }
     if !measured_rest.is_empty() {
@@ -51,10 +51,10 @@ pub(crate) fn from_u16<I: Isa, const CORRECT: bool>(isa: I, from: DepthOnRays<'_
         last[..n].copy_from_slice(measured_rest);
         x[..n].copy_from_slice(x_rest);
         y[..n].copy_from_slice(y_rest);
-        let found = block::<I, CORRECT>(isa, map, (&last, unit_mm), [&x, &y], &mut out);
-        rest.copy_from_slice(&out[..3 * n]);
-        points[0] += found[0].iter().sum::<u32>();
-        lost[0] |= found[1].iter().fold(0, |any, lost| any | lost);
+        let counts = block::<I, CORRECT>(isa, map, (&last, unit_mm), [&x, &y], &mut out);
+        last_points.copy_from_slice(&out[..3 * n]);
+        points[0] += counts[0].iter().sum::<u32>();
+        lost[0] |= counts[1].iter().fold(0, |any, lost| any | lost);
     }
     let (depths, points) = (isa.max_and_count(measured).1, points.iter().sum::<u32>() as usize);
     lost.iter().all(|lost| *lost == 0).then_some(PointCounts { depths, points })

@@ -50,9 +50,13 @@ impl Rays {
 
     fn fill<T: Real>(&self, [x, y]: [&mut [T]; 2]) -> Result<(), CorrectorError> {
         let (width, height) = (self.camera.width, self.camera.height);
-        for found in [x.len(), y.len()] {
-            if found != width * height {
-                return Err(CorrectorError::Length { what: "a buffer for rays", found, expected: width * height });
+        for length in [x.len(), y.len()] {
+            if length != width * height {
+                return Err(CorrectorError::Length {
+                    what: "a buffer for rays",
+                    found: length,
+                    expected: width * height,
+                });
             }
         }
         let threads = rayon::current_num_threads();

@@ -28,12 +28,12 @@ impl BrownConrady {
             (Some(block), None) if block.name() == "brown_conrady" => block.theta.clone().try_into().ok()?,
             _ => return None,
         };
-        let at = |u: usize, v: usize| {
+        let shift_at = |u: usize, v: usize| {
             let pixel = [u as f64, v as f64];
             let seen = camera.image_pixel(&Context { pixel, ..Context::default() });
             [seen[0] - pixel[0], seen[1] - pixel[1]]
         };
-        let shift = at(0, 0);
+        let shift = shift_at(0, 0);
         let (w, h) = (camera.width, camera.height);
         let alike = |d: [f64; 2]| (d[0] - shift[0]).abs() < 1e-11 && (d[1] - shift[1]).abs() < 1e-11;
         let lens = Self { pinhole: camera.pinhole(), shift, k, limit: camera.lens_limit() };
@@ -42,7 +42,8 @@ impl BrownConrady {
         let ([u, v], [fx, fy, cx, cy, skew]) = (camera.project(&[0.21, -0.13, 1.0].into())?, lens.pinhole);
         let [a, b, ..] = distort::<f64, false>(&k, x, y);
         let same = (fx * a + skew * b + cx - u).abs() < 1e-9 && (fy * b + cy - v).abs() < 1e-9;
-        (same && [at(w - 1, 0), at(w / 2, h / 2), at(w / 3, h - 1)].into_iter().all(alike)).then_some(lens)
+        (same && [shift_at(w - 1, 0), shift_at(w / 2, h / 2), shift_at(w / 3, h - 1)].into_iter().all(alike))
+            .then_some(lens)
     }
 }
 
@@ -101,13 +102,13 @@ mod tests {
             let [below, above] = [h, -h].map(|h| distort::<f64, false>(&k, x, y + h));
             let slope = |one: f64, other: f64| (one - other) / (2.0 * h);
             // Differences of rounding 1e-16 over 2e-6, and of third derivatives near 1 times h².
-            for (found, expected) in [
+            for (derivative, expected) in [
                 (dxx, slope(right[0], left[0])),
                 (cross, slope(right[1], left[1])),
                 (cross, slope(below[0], above[0])),
                 (dyy, slope(below[1], above[1])),
             ] {
-                assert!((found - expected).abs() < 1e-9, "({x}, {y}): {found}, by differences {expected}");
+                assert!((derivative - expected).abs() < 1e-9, "({x}, {y}): {derivative}, by differences {expected}");
             }
             // The equation as it is printed (Brown 1966; OpenCV's order of coefficients).
             let r2 = x * x + y * y;

@@ -118,11 +118,11 @@ mod tests {
             let crosses = pixels.start % WIDTH + LANES > WIDTH;
             assert_eq!(cubic[0][0].is_nan(), crosses || pixels.contains(&LOST), "{b}");
             for (k, i) in pixels.flat_map(|i| [(0, i), (1, i)]) {
-                let (found, expected) = (planes[k][i], rays[i][k]);
+                let (coordinate, expected) = (planes[k][i], rays[i][k]);
                 if cubic[0][0].is_nan() {
-                    assert_eq!(found.to_bits(), before[k][i].to_bits());
+                    assert_eq!(coordinate.to_bits(), before[k][i].to_bits());
                 } else {
-                    assert!((f64::from(found) - expected).abs() <= 1e-7 && found == at(&cubic[k], i % LANES));
+                    assert!((f64::from(coordinate) - expected).abs() <= 1e-7 && coordinate == at(&cubic[k], i % LANES));
                 }
             }
         }

@@ -27,9 +27,9 @@ impl Reach {
         const AROUND: usize = 2048;
         let (width, height) = (camera.width, camera.height);
         let ring = |radius: f64| -> Vec<[f64; 2]> {
-            let at = |i: usize| (std::f64::consts::TAU * i as f64 / AROUND as f64).sin_cos();
+            let direction = |i: usize| (std::f64::consts::TAU * i as f64 / AROUND as f64).sin_cos();
             let distorted = |(sin, cos): (f64, f64)| distort::<f64, false>(&lens.k, radius * cos, radius * sin);
-            (0..AROUND).map(at).map(distorted).map(|[x, y, ..]| [x, y]).collect()
+            (0..AROUND).map(direction).map(distorted).map(|[x, y, ..]| [x, y]).collect()
         };
         // Images of circles a thousandth, which is less than a pixel, on either side of the limit.
         let (inner, outer) = (ring(lens.limit * (1.0 - 1e-3)), ring(lens.limit * (1.0 + 1e-3)));
@@ -45,8 +45,8 @@ impl Reach {
         let columns = |ring: &[[f64; 2]], y: f64| {
             let next = ring.iter().cycle().skip(1);
             let crossings = ring.iter().zip(next).filter(|(a, b)| (a[1] <= y) != (b[1] <= y));
-            let at = crossings.map(|(a, b)| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));
-            let pixel = at.map(|x| fx * x + skew * y + cx - lens.shift[0]);
+            let x_at_crossing = crossings.map(|(a, b)| a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]));
+            let pixel = x_at_crossing.map(|x| fx * x + skew * y + cx - lens.shift[0]);
             pixel.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], u| [low.min(u), high.max(u)])
         };
         let whole = |[low, high]: [f64; 2]| {
@@ -79,8 +79,8 @@ impl Reach {
             values[..inside.start].fill(T::of(f64::NAN));
             values[inside.end..].fill(T::of(f64::NAN));
         }
-        let at = self.limit.partition_point(|(index, _)| *index < first);
-        for (index, ray) in self.limit[at..].iter().take_while(|(index, _)| *index < end) {
+        let start = self.limit.partition_point(|(index, _)| *index < first);
+        for (index, ray) in self.limit[start..].iter().take_while(|(index, _)| *index < end) {
             [x[index - first], y[index - first]] = ray.map(T::of);
         }
         inside

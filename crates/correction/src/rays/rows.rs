@@ -88,23 +88,23 @@ impl<T: Real> Kernel for Rows<'_, T> {
 /// Extrapolates a row from the one to three rows before it, from column `from` on. A single row is continued by adding
 /// `step`.
 #[inline(always)]
-fn extrapolate<T: Real>(rows: usize, before: &[T], width: usize, from: usize, own: &mut [T], step: T) {
-    let n = own.len();
-    let row = |k: usize| &before[before.len() - k * width + from..][..n];
-    let a = row(1);
+fn extrapolate<T: Real>(rows: usize, before: &[T], width: usize, from: usize, row: &mut [T], step: T) {
+    let n = row.len();
+    let previous = |k: usize| &before[before.len() - k * width + from..][..n];
+    let a = previous(1);
     if rows == 1 {
         for i in 0..n {
-            own[i] = a[i] + step;
+            row[i] = a[i] + step;
         }
     } else if rows == 2 {
-        let b = row(2);
+        let b = previous(2);
         for i in 0..n {
-            own[i] = a[i] + (a[i] - b[i]);
+            row[i] = a[i] + (a[i] - b[i]);
         }
     } else {
-        let (b, c) = (row(2), row(3));
+        let (b, c) = (previous(2), previous(3));
         for i in 0..n {
-            own[i] = T::of(3.0) * (a[i] - b[i]) + c[i];
+            row[i] = T::of(3.0) * (a[i] - b[i]) + c[i];
         }
     }
 }

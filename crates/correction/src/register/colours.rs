@@ -29,8 +29,8 @@ pub fn colours_of(
         }
         let (column, row) = ((u as usize).min(width.saturating_sub(2)), (v as usize).min(height.saturating_sub(2)));
         let (x, y) = (u - column as f32, v - row as f32);
-        let at = |c: usize, r: usize| image.data[(row + r).min(height - 1) * width + (column + c).min(width - 1)];
-        let (tl, tr, bl, br) = (at(0, 0), at(1, 0), at(0, 1), at(1, 1));
+        let pixel_at = |c: usize, r: usize| image.data[(row + r).min(height - 1) * width + (column + c).min(width - 1)];
+        let (tl, tr, bl, br) = (pixel_at(0, 0), pixel_at(1, 0), pixel_at(0, 1), pixel_at(1, 1));
         Some(std::array::from_fn(|i| {
             let top = f32::from(tl[i]) * (1.0 - x) + f32::from(tr[i]) * x;
             let bottom = f32::from(bl[i]) * (1.0 - x) + f32::from(br[i]) * x;

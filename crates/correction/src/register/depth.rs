@@ -8,8 +8,8 @@ use super::gaps::closed_gaps;
 
 /// Neighbouring pixels whose depths differ by a larger share are not of one surface: a surface seen at 80° has a hundredth.
 const JOINED: f32 = 0.025;
-/// How far outside a triangle a pixel may lie, as a share of the height of the triangle: by rounding, a pixel on the edge that two triangles
-/// share may seem to lie outside of both, and would become a hole.
+/// How far outside a triangle a pixel may lie, as a share of the height of the triangle: by rounding, a pixel on the edge that
+/// two triangles share may seem to lie outside of both, and would become a hole.
 const ON_EDGE: f32 = 1e-5;
 /// Rows of the image that one thread fills.
 const BAND: usize = 64;
@@ -69,7 +69,7 @@ pub fn depth_into(
     let measured = nearest(&shapes(&seen(points, camera, camera_from_depth), width), camera);
     // Gaps are joined with each other and with the points about them, which are what they are interpolated from.
     let mut whole = closed_gaps(points, width);
-    whole.iter_mut().zip(points).filter(|(_, p)| !p[2].is_nan()).for_each(|(own, p)| *own = *p);
+    whole.iter_mut().zip(points).filter(|(_, p)| !p[2].is_nan()).for_each(|(stored, p)| *stored = *p);
     let whole = nearest(&shapes(&seen(&whole, camera, camera_from_depth), width), camera);
     let depth = |rho: f32| if rho > 0.0 { 1.0 / rho } else { 0.0 };
     let surface_mm: Vec<f32> = whole.into_iter().map(depth).collect();
@@ -88,14 +88,14 @@ fn shapes(seen: &[Option<Seen>], width: usize) -> Vec<[Seen; 3]> {
     let mut shapes: Vec<[Seen; 3]> = Vec::with_capacity(2 * seen.len());
     for row in 0..rows {
         for column in 0..width {
-            let at = |r: usize, c: usize| (r < rows && c < width).then(|| seen[r * width + c]).flatten();
-            let Some(own) = at(row, column) else { continue };
+            let point_at = |r: usize, c: usize| (r < rows && c < width).then(|| seen[r * width + c]).flatten();
+            let Some(here) = point_at(row, column) else { continue };
             // A point alone covers its nearest pixel, so that thin surfaces do not vanish.
-            shapes.push([own; 3]);
-            let (right, below) = (at(row, column + 1), at(row + 1, column));
-            let corner = at(row + 1, column + 1);
+            shapes.push([here; 3]);
+            let (right, below) = (point_at(row, column + 1), point_at(row + 1, column));
+            let corner = point_at(row + 1, column + 1);
             if let (Some(right), Some(below)) = (right, below) {
-                shapes.push([own, right, below]);
+                shapes.push([here, right, below]);
             }
             if let (Some(right), Some(below), Some(corner)) = (right, below, corner) {
                 shapes.push([right, corner, below]);

@@ -51,9 +51,9 @@ fn close_line(
             let between = |x: f32, y: f32| x + share * (y - x);
             // Rays are affine in the pixel but for the lens, and inverse depth is on a plane.
             let z = 1.0 / between(1.0 / a[2], 1.0 / b[2]);
-            let own = &mut closed[place(k)];
-            if own[2].is_nan() || z < own[2] {
-                *own = [z * between(a[0] / a[2], b[0] / b[2]), z * between(a[1] / a[2], b[1] / b[2]), z];
+            let pixel = &mut closed[place(k)];
+            if pixel[2].is_nan() || z < pixel[2] {
+                *pixel = [z * between(a[0] / a[2], b[0] / b[2]), z * between(a[1] / a[2], b[1] / b[2]), z];
             }
         }
     }

@@ -19,16 +19,16 @@ const OUTSIDE: u32 = u32::MAX;
 /// The runs of all output pixels, given the source (column, row) of each, NaN where there is none, and the size of the
 /// image. The runs of row r are those from the r-th to the (r + 1)-th of the numbers returned with them.
 pub(crate) fn runs(sources: &[[f64; 2]], width: usize, height: usize) -> (Vec<Run>, Vec<u32>) {
-    let inside = |at: f64, size: usize| at >= -0.5 && at < size as f64 - 0.5;
+    let inside = |coordinate: f64, size: usize| coordinate >= -0.5 && coordinate < size as f64 - 0.5;
     let nearest = |[u, v]: [f64; 2]| {
-        let found = inside(u, width) && inside(v, height);
+        let is_inside = inside(u, width) && inside(v, height);
         let index = || (v.round().max(0.0) as usize * width + u.round().max(0.0) as usize) as u32;
-        if found { index() } else { OUTSIDE }
+        if is_inside { index() } else { OUTSIDE }
     };
     let (mut runs, mut rows) = (Vec::<Run>::new(), vec![0]);
     for row in sources.chunks(width) {
         let first = runs.len();
-        for source in row.iter().map(|at| nearest(*at)) {
+        for source in row.iter().map(|pixel| nearest(*pixel)) {
             match runs[first..].last_mut() {
                 Some(run) if run.source != OUTSIDE && source == run.source + run.length => run.length += 1,
                 Some(run) if run.source == OUTSIDE && source == OUTSIDE => run.length += 1,
@@ -58,22 +58,22 @@ impl<T: Copy + Default> Kernel for Nearest<'_, T> {
         /// Pixels copied at a time. A copy may go beyond the end of a run; the next run overwrites that.
         const BLOCK: usize = 16;
         let Self { runs, image, out } = self;
-        let mut at = 0;
+        let mut written = 0;
         for run in runs {
             let (source, length) = (run.source as usize, run.length as usize);
             if run.source == OUTSIDE {
-                out[at..at + length].fill(T::default());
+                out[written..written + length].fill(T::default());
             } else {
                 let padded = length.next_multiple_of(BLOCK);
-                match (image.get(source..source + padded), out.get_mut(at..at + padded)) {
+                match (image.get(source..source + padded), out.get_mut(written..written + padded)) {
                     (Some(image), Some(out)) => {
                         let (from, to) = (image.as_chunks::<BLOCK>().0, out.as_chunks_mut::<BLOCK>().0);
                         to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
                     }
-                    _ => out[at..at + length].copy_from_slice(&image[source..source + length]),
+                    _ => out[written..written + length].copy_from_slice(&image[source..source + length]),
                 }
             }
-            at += length;
+            written += length;
         }
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn segments(sources: &[[f64; 2]], width: usize, height: usize) -> (Ve
     };
     let (mut segments, mut cells) = (Vec::new(), Vec::with_capacity(pixels));
     for part in sources.chunks(width).flat_map(|row| row.chunks(SEGMENT)) {
-        let corners: Vec<_> = part.iter().map(|at| corner(*at)).collect();
+        let corners: Vec<_> = part.iter().map(|pixel| corner(*pixel)).collect();
         let least = corners.iter().flatten().map(|(index, _)| *index).min().unwrap_or(0);
         let base = least.min(pixels.saturating_sub(spare));
         let of_corner = |corner: &Option<(usize, [f64; 2])>| {
@@ -49,9 +49,12 @@ pub(crate) fn segments(sources: &[[f64; 2]], width: usize, height: usize) -> (Ve
             let [right, lower] = fractions.map(|f| (f * 256.0).round().min(255.0) as u8);
             Some(Cell { offset, right, lower })
         };
-        let found: Vec<Option<Cell>> = corners.iter().map(of_corner).collect();
-        segments.push(Segment { base: base as u32, whole: pixels >= spare && found.iter().all(Option::is_some) });
-        cells.extend(found.iter().map(|cell| cell.unwrap_or(BORDER)));
+        let cells_of_segment: Vec<Option<Cell>> = corners.iter().map(of_corner).collect();
+        segments.push(Segment {
+            base: base as u32,
+            whole: pixels >= spare && cells_of_segment.iter().all(Option::is_some),
+        });
+        cells.extend(cells_of_segment.iter().map(|cell| cell.unwrap_or(BORDER)));
     }
     (segments, cells)
 }

@@ -108,7 +108,7 @@ impl Remap {
     fn check<T>(&self, image: &[T], out: &[T]) -> Result<(), CorrectorError> {
         let expected = self.width * self.height;
         let wrong = [("the image", image.len()), ("the output", out.len())].into_iter().find(|(_, n)| *n != expected);
-        wrong.map_or(Ok(()), |(what, found)| Err(CorrectorError::Length { what, found, expected }))
+        wrong.map_or(Ok(()), |(what, length)| Err(CorrectorError::Length { what, found: length, expected }))
     }
 
     /// Calls `work` for every row of the output, in bands on the threads of the current rayon pool.
@@ -210,11 +210,11 @@ mod tests {
             let image: Vec<u32> = (0..n as u32).map(|i| i + 1).collect();
             let mut out = vec![7; n];
             remap.nearest(&image, &mut out).unwrap();
-            for (i, found) in out.iter().enumerate() {
+            for (i, value) in out.iter().enumerate() {
                 let [u, v] = source(&camera, pinhole, pixel(i, w)).map(f64::round);
                 let inside = u >= 0.0 && v >= 0.0 && u < w as f64 && v < camera.height as f64;
                 let expected = if inside { (v as usize * w + u as usize) as u32 + 1 } else { 0 };
-                assert_eq!(*found, expected, "pixel {i}");
+                assert_eq!(*value, expected, "pixel {i}");
             }
         }
     }
@@ -259,8 +259,8 @@ mod tests {
             for index in (0..camera.width * camera.height).step_by(13) {
                 let [u, v] = pixel(index, camera.width);
                 let skew = 2.5;
-                let at = source(&camera, [fx, fy, cx, cy, skew], [u, v]);
-                let Ok([x, y]) = camera.ray(at, TYPICAL_RHO) else { continue };
+                let pixel = source(&camera, [fx, fy, cx, cy, skew], [u, v]);
+                let Ok([x, y]) = camera.ray(pixel, TYPICAL_RHO) else { continue };
                 seen += 1;
                 assert!((fx * x + skew * y + cx - u).hypot(fy * y + cy - v) < 1e-6, "pixel {index}");
             }
@@ -318,15 +318,15 @@ mod tests {
             {
                 let mut out = vec![7; n];
                 remap.depth(&image, &mut out).unwrap();
-                for (i, found) in out.iter().enumerate() {
+                for (i, value) in out.iter().enumerate() {
                     let (four, fractions) = match origin(&camera, pinhole, i) {
                         Origin::Between(four, fractions) => (four.map(|k| image[k]), fractions),
                         Origin::Border(nearest) => {
-                            assert_eq!(*found, image[nearest], "pixel {i}");
+                            assert_eq!(*value, image[nearest], "pixel {i}");
                             continue;
                         }
                         Origin::Outside => {
-                            assert_eq!(*found, 0, "pixel {i}");
+                            assert_eq!(*value, 0, "pixel {i}");
                             continue;
                         }
                     };
@@ -335,16 +335,16 @@ mod tests {
                         interpolated += 1;
                         let expected = mean(four.map(f64::from), fractions, |z| 1.0 / z);
                         // Half a step by rounding, and the roundings of f32.
-                        let error = (f64::from(*found) - expected).abs();
-                        assert!(error <= 0.5 + 1e-6 * expected, "pixel {i}: {four:?} become {found}, not {expected}");
+                        let error = (f64::from(*value) - expected).abs();
+                        assert!(error <= 0.5 + 1e-6 * expected, "pixel {i}: {four:?} become {value}, not {expected}");
                     } else {
                         taken += 1;
                         // Fractions are rounded to 1/256, so that in the middle between two pixels either is near.
-                        let near = |at: f64, fraction: f64| (at - fraction).abs() <= 0.5 + 1.0 / 256.0;
+                        let near = |coordinate: f64, fraction: f64| (coordinate - fraction).abs() <= 0.5 + 1.0 / 256.0;
                         let is_near =
                             |k: usize| near((k % 2) as f64, fractions[0]) && near((k / 2) as f64, fractions[1]);
                         let mut nearest = (0..4).filter(|k| is_near(*k));
-                        assert!(nearest.any(|k| four[k] == *found), "pixel {i}: {four:?} become {found}");
+                        assert!(nearest.any(|k| four[k] == *value), "pixel {i}: {four:?} become {value}");
                     }
                 }
             }

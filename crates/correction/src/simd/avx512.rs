@@ -7,7 +7,7 @@ use super::isa::{Isa, LANES, Specialised};
 
 /// For each third of the output, the lane that every value is taken from: of x (below [`LANES`]) and y (from there on).
 const XY: [[u32; LANES]; 3] = indices(0);
-/// The same for values taken from z.
+/// For each third of the output, the lane of z that every value is taken from.
 const Z: [[u32; LANES]; 3] = indices(1);
 /// For each third of the output, a mask of the values that are taken from z.
 const IS_Z: [u16; 3] = lanes_of_z();

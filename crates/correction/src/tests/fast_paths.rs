@@ -1,4 +1,5 @@
-//! Cameras get the fast way that docs/correction.md promises: a slower one gives the same depth, so that no other test would tell.
+//! Cameras get the fast way that docs/correction.md promises: a slower one gives the same depth, so that no other test would
+//! tell.
 
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
@@ -58,7 +59,7 @@ fn every_built_in_depth_piece_has_the_stage_of_its_form() {
     }
 }
 
-/// What the stages do not reach goes to the inverse in f64, which is far slower.
+/// Depths that the stages do not reach go to the inverse in f64, which is far slower.
 #[test]
 fn stages_reach_all_depths_of_the_working_range() {
     for spec in

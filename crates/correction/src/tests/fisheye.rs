@@ -31,9 +31,9 @@ fn rays_depth_and_points_are_those_of_the_camera() {
     let (mut widest, mut without) = (0.0_f64, 0);
     for i in 0..n {
         let point = &points[3 * i..3 * i + 3];
-        let at = Context { pixel: pixel(i, WIDTH), ..Context::default() };
-        let Ok(([ex, ey], rho)) = camera.correct(&at, 1.0, 1.0 / f64::from(measured.data[i])) else {
-            assert!(x[i].is_nan() == camera.ray(at.pixel, 1e-3).is_err() && point[2].is_nan(), "pixel {i}");
+        let context = Context { pixel: pixel(i, WIDTH), ..Context::default() };
+        let Ok(([ex, ey], rho)) = camera.correct(&context, 1.0, 1.0 / f64::from(measured.data[i])) else {
+            assert!(x[i].is_nan() == camera.ray(context.pixel, 1e-3).is_err() && point[2].is_nan(), "pixel {i}");
             without += 1;
             continue;
         };
@@ -41,17 +41,17 @@ fn rays_depth_and_points_are_those_of_the_camera() {
         widest = widest.max(slant.sqrt().recip().acos().to_degrees());
         assert!((x[i] - ex).hypot(y[i] - ey) < 1e-11 * slant, "pixel {i}");
         let expected = [ex / rho, ey / rho, 1.0 / rho];
-        for (found, expected) in point.iter().zip(expected) {
+        for (coordinate, expected) in point.iter().zip(expected) {
             assert!(
-                (f64::from(*found) - expected).abs() < 0.01 + 1e-6 * expected.abs(),
-                "pixel {i}: {found} {expected}"
+                (f64::from(*coordinate) - expected).abs() < 0.01 + 1e-6 * expected.abs(),
+                "pixel {i}: {coordinate} {expected}"
             );
         }
     }
     assert!(widest > 80.0 && without > 20 && without < n / 10, "{widest}°, {without} pixels without a ray");
 }
 
-/// What an ideal pinhole camera of 127° shows comes from where the fisheye camera sees the same ray.
+/// Every pixel of an ideal pinhole camera of 127° comes from where the fisheye camera sees the same ray.
 #[test]
 fn images_become_those_of_a_pinhole_camera() {
     let camera = camera(false);
@@ -62,14 +62,14 @@ fn images_become_those_of_a_pinhole_camera() {
     let mut out = vec![0; image.len()];
     remap.nearest(&image, &mut out).unwrap();
     let mut compared = 0;
-    for (i, found) in out.iter().enumerate() {
+    for (i, value) in out.iter().enumerate() {
         let [u, v] = pixel(i, WIDTH);
         let ray = [(u - pinhole[2]) / pinhole[0], (v - pinhole[3]) / pinhole[1], 1.0].map(|c| 1000.0 * c);
         let [su, sv] = camera.project(&ray.into()).unwrap();
         if su < 0.0 || sv < 0.0 || su > WIDTH as f64 - 1.0 || sv > HEIGHT as f64 - 1.0 {
             continue;
         }
-        let (fu, fv) = (f64::from(found / 100), f64::from(found % 100));
+        let (fu, fv) = (f64::from(value / 100), f64::from(value % 100));
         // The hundreds are columns only where the row is below a hundred.
         if sv < 99.0 {
             assert!((fu - su).abs() <= 0.501 && (fv - sv).abs() <= 0.501, "{u} {v}: {fu} {fv} against {su} {sv}");

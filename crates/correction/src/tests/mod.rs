@@ -181,8 +181,8 @@ fn effects_of_time_temperature_and_amplitude_are_taken_from_the_frame() {
         corrector.correct_f32(&measured, &context, out).unwrap();
         for index in (0..measured.len()).step_by(7) {
             let signal = context.amplitude.map_or(f64::NAN, |image| f64::from(image.data[index]));
-            let at = Context { pixel: pixel(index, WIDTH), amplitude: signal, ..frame };
-            let expected = 1.0 / camera.correct(&at, 1.0, 1.0 / f64::from(measured[index])).unwrap().1;
+            let context = Context { pixel: pixel(index, WIDTH), amplitude: signal, ..frame };
+            let expected = 1.0 / camera.correct(&context, 1.0, 1.0 / f64::from(measured[index])).unwrap().1;
             assert!((f64::from(out[index]) - expected).abs() < 0.01);
         }
     }
@@ -473,8 +473,8 @@ fn buffers_are_corrected_as_images() {
         for shift in [0, 1, 5, 31] {
             let from: Vec<u16> = std::iter::repeat_n(9, shift).chain(measured.data.iter().copied()).collect();
             let mut to = vec![7; from.len()];
-            let found = corrector.correct_u16_buffer(&from[shift..], 1.0, &context, &mut to[shift..]).unwrap();
-            assert_eq!((&to[shift..], found), (&expected.data[..], summary), "{shift}");
+            let counts = corrector.correct_u16_buffer(&from[shift..], 1.0, &context, &mut to[shift..]).unwrap();
+            assert_eq!((&to[shift..], counts), (&expected.data[..], summary), "{shift}");
             assert!(to[..shift].iter().all(|v| *v == 7));
         }
         let short = corrector.correct_u16_buffer(&measured.data[1..], 1.0, &context, &mut expected.data);

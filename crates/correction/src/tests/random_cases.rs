@@ -65,32 +65,32 @@ fn sixteen_bits_are_the_exact_inverse_rounded() {
         let context = FrameContext::default();
         let summary = corrector.correct_u16(&measured, unit_mm, &context, &mut out).unwrap();
         let mut expected = CorrectionSummary::default();
-        for (i, (raw, found)) in measured.data.iter().zip(&out.data).enumerate() {
+        for (i, (raw, corrected)) in measured.data.iter().zip(&out.data).enumerate() {
             if !DepthImage::is_measurement(*raw) {
-                prop_assert_eq!(*found, 0);
+                prop_assert_eq!(*corrected, 0);
                 expected.invalid += 1;
                 continue;
             }
             let of_pixel = context.at(pixel(i, WIDTH), i);
             let Some(depth_mm) = prepared.invert(&of_pixel, i, f64::from(*raw) * unit_mm, 1.0) else {
-                if *found == 0 {
+                if *corrected == 0 {
                     expected.not_correctable += 1;
                     continue;
                 }
                 // Nearer than an offset, the camera's iteration fails. The result must then map back to the measured
                 // depth.
                 let ray = prepared.rays[i];
-                let back = camera.measured_inverse_depth(&of_pixel, ray, 1.0, 1.0 / (f64::from(*found) * unit_mm));
+                let back = camera.measured_inverse_depth(&of_pixel, ray, 1.0, 1.0 / (f64::from(*corrected) * unit_mm));
                 let miss = 1.0 / back / unit_mm - f64::from(*raw);
-                prop_assert!(miss.abs() < 2.0, "pixel {}: {} steps become {}", i, raw, found);
+                prop_assert!(miss.abs() < 2.0, "pixel {}: {} steps become {}", i, raw, corrected);
                 expected.corrected += 1;
                 continue;
             };
             expected.corrected += 1;
             let steps = depth_mm / unit_mm;
             expected.saturated += usize::from(!(0.5..65535.5).contains(&steps));
-            let error = (f64::from(*found) - steps.clamp(1.0, 65535.0)).abs();
-            prop_assert!(error <= 0.501, "pixel {}: {} steps become {}, not {}", i, raw, found, steps);
+            let error = (f64::from(*corrected) - steps.clamp(1.0, 65535.0)).abs();
+            prop_assert!(error <= 0.501, "pixel {}: {} steps become {}, not {}", i, raw, corrected, steps);
             worst.set(worst.get().max(error));
         }
         prop_assert_eq!((summary.invalid, summary.corrected), (expected.invalid, expected.corrected));
@@ -172,10 +172,10 @@ fn what_is_no_measurement_becomes_nothing_and_changes_nothing_else() {
         prop_assert_eq!(summary.corrected + summary.invalid + summary.not_correctable, n);
         for i in 0..n {
             // A chunk is corrected in f32 or in f64, by its largest depth, which may lie in a hole: the same to 0.501 steps.
-            let (found, without) = (out.data[i], expected.data[i]);
-            let same = found.abs_diff(without) <= 1 && (found == 0) == (without == 0);
-            let as_expected = if is_hole(i) { found == 0 } else { same };
-            prop_assert!(as_expected, "pixel {}: {}, not {}", i, found, without);
+            let (with_holes, without) = (out.data[i], expected.data[i]);
+            let same = with_holes.abs_diff(without) <= 1 && (with_holes == 0) == (without == 0);
+            let as_expected = if is_hole(i) { with_holes == 0 } else { same };
+            prop_assert!(as_expected, "pixel {}: {}, not {}", i, with_holes, without);
         }
         let mut in_place = holes.clone();
         prop_assert_eq!(corrector.correct_u16_in_place(&mut in_place, unit_mm, &context).unwrap(), summary);
@@ -198,11 +198,11 @@ fn what_is_no_measurement_becomes_nothing_and_changes_nothing_else() {
                 [&expected[3 * i..3 * i + 3], &out[3 * i..3 * i + 3]],
                 [&uncorrected[0][i][..], &uncorrected[1][i][..]],
             ];
-            for [without, found] in pairs {
+            for [without, with_holes] in pairs {
                 let same = |(a, b): (&f32, &f32)| (a - b).abs() <= 0.005 || (a.is_nan() && b.is_nan());
-                let none = found.iter().all(|c| c.is_nan());
-                let as_expected = if is_hole(i) { none } else { found.iter().zip(without).all(same) };
-                prop_assert!(as_expected, "pixel {}: {:?}, not {:?}", i, found, without);
+                let none = with_holes.iter().all(|c| c.is_nan());
+                let as_expected = if is_hole(i) { none } else { with_holes.iter().zip(without).all(same) };
+                prop_assert!(as_expected, "pixel {}: {:?}, not {:?}", i, with_holes, without);
             }
         }
         Ok(())

@@ -101,7 +101,7 @@ fn frames_are_corrected_as_the_model_has_it() {
     }
 }
 
-/// The same bits on any number of threads.
+/// Results have the same bits on any number of threads.
 #[test]
 fn threads_make_no_difference() {
     let (amplitude, depth) = (amplitudes(), measured());

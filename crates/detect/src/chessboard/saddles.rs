@@ -96,11 +96,12 @@ pub(crate) fn lattices(plane: &Plane, sigma: f32, least: usize) -> impl Iterator
 /// Direction in which the image is brighter on both sides of a saddle point, rad, modulo π.
 fn bright_angle(plane: &Plane, center: [f64; 2]) -> f64 {
     let (x, y) = (center[0].round() as usize, center[1].round() as usize);
-    let at = |x: usize, y: usize| f64::from(plane.data[y.min(plane.height - 1) * plane.width + x.min(plane.width - 1)]);
+    let grey =
+        |x: usize, y: usize| f64::from(plane.data[y.min(plane.height - 1) * plane.width + x.min(plane.width - 1)]);
     let (left, above) = (x.saturating_sub(1), y.saturating_sub(1));
-    let xx = at(x + 1, y) - 2.0 * at(x, y) + at(left, y);
-    let yy = at(x, y + 1) - 2.0 * at(x, y) + at(x, above);
-    let xy = (at(x + 1, y + 1) - at(left, y + 1) - at(x + 1, above) + at(left, above)) / 4.0;
+    let xx = grey(x + 1, y) - 2.0 * grey(x, y) + grey(left, y);
+    let yy = grey(x, y + 1) - 2.0 * grey(x, y) + grey(x, above);
+    let xy = (grey(x + 1, y + 1) - grey(left, y + 1) - grey(x + 1, above) + grey(left, above)) / 4.0;
     (2.0 * xy).atan2(xx - yy) / 2.0
 }
 
@@ -110,11 +111,11 @@ fn saddles(plane: &Plane) -> Vec<Blob> {
     if width < 8 || height < 8 {
         return Vec::new();
     }
-    let at = |x: usize, y: usize| plane.data[y * width + x];
+    let grey = |x: usize, y: usize| plane.data[y * width + x];
     let hessian = |x: usize, y: usize| {
-        let xx = at(x + 1, y) - 2.0 * at(x, y) + at(x - 1, y);
-        let yy = at(x, y + 1) - 2.0 * at(x, y) + at(x, y - 1);
-        let xy = (at(x + 1, y + 1) - at(x - 1, y + 1) - at(x + 1, y - 1) + at(x - 1, y - 1)) / 4.0;
+        let xx = grey(x + 1, y) - 2.0 * grey(x, y) + grey(x - 1, y);
+        let yy = grey(x, y + 1) - 2.0 * grey(x, y) + grey(x, y - 1);
+        let xy = (grey(x + 1, y + 1) - grey(x - 1, y + 1) - grey(x + 1, y - 1) + grey(x - 1, y - 1)) / 4.0;
         [xx, xy, yy]
     };
     let mut response = vec![0.0f32; width * height];
@@ -129,10 +130,10 @@ fn saddles(plane: &Plane) -> Vec<Blob> {
         for x in 3..width - 3 {
             let value = response[y * width + x];
             let rivals = (y - 2..=y + 2).flat_map(|v| (x - 2..=x + 2).map(move |u| v * width + u));
-            let own = y * width + x;
+            let index = y * width + x;
             // Of equal values the first counts.
             if value > 0.0
-                && rivals.filter(|&r| r != own).all(|r| response[r] < value || (response[r] == value && r > own))
+                && rivals.filter(|&r| r != index).all(|r| response[r] < value || (response[r] == value && r > index))
             {
                 peaks.push((value, x, y));
             }
@@ -147,7 +148,7 @@ fn saddles(plane: &Plane) -> Vec<Blob> {
         .map(|(_, x, y)| {
             // To sub-pixel accuracy: where the gradient vanishes.
             let [xx, xy, yy] = hessian(x, y);
-            let (gx, gy) = ((at(x + 1, y) - at(x - 1, y)) / 2.0, (at(x, y + 1) - at(x, y - 1)) / 2.0);
+            let (gx, gy) = ((grey(x + 1, y) - grey(x - 1, y)) / 2.0, (grey(x, y + 1) - grey(x, y - 1)) / 2.0);
             let determinant = xx * yy - xy * xy;
             let offset = [(xy * gy - yy * gx) / determinant, (xy * gx - xx * gy) / determinant];
             let [dx, dy] = offset.map(|d| f64::from(d.clamp(-1.0, 1.0)));

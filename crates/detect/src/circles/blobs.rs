@@ -57,21 +57,16 @@ pub(crate) fn dark_blobs(data: &[u8], width: usize, height: usize, limit: usize)
             continue;
         }
         let half = node.darkest + contrast / 2;
-        let mut at = i;
-        while tree[at].level > half && heavy[at] != u32::MAX {
-            at = heavy[at] as usize;
+        let mut node = i;
+        while tree[node].level > half && heavy[node] != u32::MAX {
+            node = heavy[node] as usize;
         }
         // At low levels noise can tear the region apart: go back to the last elliptical one.
-        while !good[at] && at != i {
-            at = tree[at].parent as usize;
+        while !good[node] && node != i {
+            node = tree[node].parent as usize;
         }
-        let found = tree[at];
-        blobs.push(Blob {
-            center: found.center(),
-            covariance: found.covariance(),
-            area: f64::from(found.area),
-            contrast,
-        });
+        let blob = tree[node];
+        blobs.push(Blob { center: blob.center(), covariance: blob.covariance(), area: f64::from(blob.area), contrast });
     }
     blobs.sort_by(|a, b| {
         b.contrast.cmp(&a.contrast).then(a.center[1].total_cmp(&b.center[1])).then(a.center[0].total_cmp(&b.center[0]))
@@ -81,18 +76,18 @@ pub(crate) fn dark_blobs(data: &[u8], width: usize, height: usize, limit: usize)
 
 /// Of several candidates on the same dot, keeps the one of highest contrast.
 fn without_duplicates(blobs: Vec<Blob>, limit: usize) -> Vec<Blob> {
-    let mut kept: Vec<Blob> = Vec::new();
+    let mut distinct: Vec<Blob> = Vec::new();
     for blob in blobs {
         let same = |k: &&Blob| {
             let d = [k.center[0] - blob.center[0], k.center[1] - blob.center[1]];
             k.in_radii(d) < 0.7 && blob.in_radii(d) < 0.7 && (0.4..2.5).contains(&(k.area / blob.area))
         };
-        if !kept.iter().any(|k| same(&k)) {
-            kept.push(blob);
+        if !distinct.iter().any(|k| same(&k)) {
+            distinct.push(blob);
         }
-        if kept.len() == limit {
+        if distinct.len() == limit {
             break;
         }
     }
-    kept
+    distinct
 }

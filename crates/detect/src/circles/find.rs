@@ -87,13 +87,13 @@ fn labellings_that_fit(lattice: &Lattice, blobs: &[Blob], target: &Target, board
     labellings(lattice, board)
         .into_iter()
         .filter_map(|places| {
-            let found: Vec<(usize, &Blob)> = places
+            let labelled: Vec<(usize, &Blob)> = places
                 .iter()
                 .enumerate()
                 .filter_map(|(index, place)| lattice.get(place).map(|&blob| (index, &blobs[blob])))
                 .collect();
-            let upright = verify(&found, target)?;
-            let markers = found.iter().map(|(index, blob)| Marker { index: *index, pixel: blob.center }).collect();
+            let upright = verify(&labelled, target)?;
+            let markers = labelled.iter().map(|(index, blob)| Marker { index: *index, pixel: blob.center }).collect();
             Some((upright, markers))
         })
         .max_by(|a: &(f64, Vec<Marker>), b| a.0.total_cmp(&b.0))
@@ -102,19 +102,19 @@ fn labellings_that_fit(lattice: &Lattice, blobs: &[Blob], target: &Target, board
 
 /// Checks a labelling against a smooth map from the board and against the size of the dots; returns how upright the
 /// board is ([`upright`]), or `None` when a check fails.
-fn verify(found: &[(usize, &Blob)], target: &Target) -> Option<f64> {
-    let pairs: Vec<_> = found.iter().map(|(index, blob)| (target.point(*index), blob.center)).collect();
+fn verify(labelled: &[(usize, &Blob)], target: &Target) -> Option<f64> {
+    let pairs: Vec<_> = labelled.iter().map(|(index, blob)| (target.point(*index), blob.center)).collect();
     let map = BoardMap::fit(&pairs)?;
     let homography = *map.homography();
     let step = step_mm(target);
     let (mut squares, mut homography_squares) = (0.0, 0.0);
-    let mut scales = Vec::with_capacity(found.len());
-    for ((board, pixel), (_, blob)) in pairs.iter().zip(found) {
-        let at = map.apply(*board)?;
+    let mut scales = Vec::with_capacity(labelled.len());
+    for ((board, pixel), (_, blob)) in pairs.iter().zip(labelled) {
+        let mapped = map.apply(*board)?;
         let (x, y) = (map.apply([board[0] + 1.0, board[1]])?, map.apply([board[0], board[1] + 1.0])?);
-        let (x, y) = ([x[0] - at[0], x[1] - at[1]], [y[0] - at[0], y[1] - at[1]]);
+        let (x, y) = ([x[0] - mapped[0], x[1] - mapped[1]], [y[0] - mapped[0], y[1] - mapped[1]]);
         let step_px = step * x[0].hypot(x[1]).min(y[0].hypot(y[1]));
-        let distance = (at[0] - pixel[0]).hypot(at[1] - pixel[1]);
+        let distance = (mapped[0] - pixel[0]).hypot(mapped[1] - pixel[1]);
         // 0.35 px: the uncertainty of centroids of small dots.
         if distance > MAX_DISTANCE * step_px + 0.35 {
             return None;
@@ -128,7 +128,7 @@ fn verify(found: &[(usize, &Blob)], target: &Target) -> Option<f64> {
         }
         scales.push(blob.area / determinant);
     }
-    let n = found.len() as f64;
+    let n = labelled.len() as f64;
     if (squares / n).sqrt() > MAX_RMS || (homography_squares / n).sqrt() > MAX_HOMOGRAPHY_RMS {
         return None;
     }

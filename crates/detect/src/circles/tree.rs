@@ -104,16 +104,16 @@ fn nodes(data: &[u8], width: usize, order: &[u32], parent: &[u32]) -> Vec<Node> 
         nodes.push(Node { parent: 0, level, darkest: level, area: 0, sums: [0; 5] });
     }
     for &p in order {
-        let own = if node_of[p as usize] == u32::MAX { parent[p as usize] } else { p };
+        let representative = if node_of[p as usize] == u32::MAX { parent[p as usize] } else { p };
         let (x, y) = (u64::from(p) % width as u64, u64::from(p) / width as u64);
         let pixel = Node { parent: 0, level: 0, darkest: data[p as usize], area: 1, sums: [x, y, x * x, x * y, y * y] };
-        nodes[node_of[own as usize] as usize].absorb(&pixel);
+        nodes[node_of[representative as usize] as usize].absorb(&pixel);
     }
     for &p in order.iter().filter(|&&p| stands_for_region(p)) {
-        let (own, up) = (node_of[p as usize] as usize, node_of[parent[p as usize] as usize]);
-        nodes[own].parent = up;
-        if up as usize != own {
-            let child = nodes[own];
+        let (node, up) = (node_of[p as usize] as usize, node_of[parent[p as usize] as usize]);
+        nodes[node].parent = up;
+        if up as usize != node {
+            let child = nodes[node];
             nodes[up as usize].absorb(&child);
         }
     }

@@ -29,9 +29,9 @@ pub(crate) fn find(
         for border in [1, 2] {
             let reading = Reading { dictionary: &dictionary, border, scale };
             let tags = read_tags(&plane, &reading, options)?;
-            let kept = consistent(tags, corners_of, 0.2);
-            if kept.len() > best.len() {
-                best = kept;
+            let candidate = consistent(tags, corners_of, 0.2);
+            if candidate.len() > best.len() {
+                best = candidate;
             }
         }
         if 10 * best.len() >= 9 * need {

@@ -104,18 +104,18 @@ pub(crate) fn find(
             }
         }
         let tags = read_tags(&plane, &Reading { dictionary: &dictionary, border: 1, scale }, options)?;
-        let kept = layouts.iter().map(|&(layout, first)| {
+        let candidates = layouts.iter().map(|&(layout, first)| {
             (layout, first, consistent(tags.clone(), |id| tag_corners(target, marker_mm, id, first), 0.2))
         });
-        let kept: Vec<_> = kept.collect();
-        let most = kept.iter().map(|(_, _, kept)| kept.len()).max().unwrap_or(0);
+        let candidates: Vec<_> = candidates.collect();
+        let most = candidates.iter().map(|(_, _, tags)| tags.len()).max().unwrap_or(0);
         if most == 0 {
             continue;
         }
         // Tags of every other row alone fit in both layouts, one square apart: then the tags between the crossings decide.
-        let is_sure = most >= SURE_TAGS && kept.iter().filter(|(_, _, kept)| kept.len() == most).count() == 1;
-        for (layout, first_white, kept) in kept.into_iter().filter(|(_, _, kept)| kept.len() == most) {
-            let mut markers = predict(&kept, target, |id| tag_corners(target, marker_mm, id, first_white));
+        let is_sure = most >= SURE_TAGS && candidates.iter().filter(|(_, _, tags)| tags.len() == most).count() == 1;
+        for (layout, first_white, tags) in candidates.into_iter().filter(|(_, _, tags)| tags.len() == most) {
+            let mut markers = predict(&tags, target, |id| tag_corners(target, marker_mm, id, first_white));
             if options.refine {
                 markers = extend(image, target, &markers);
             }

@@ -40,40 +40,40 @@ struct Corner {
 /// exchanged or that disagree with the corners around them are left out.
 pub(super) fn extend(image: &GrayImage, target: &Target, seeds: &[Marker]) -> Vec<Marker> {
     let search = Search { image, pixels: Pixels::new(image), target };
-    let mut found: BTreeMap<usize, Corner> = BTreeMap::new();
+    let mut corners: BTreeMap<usize, Corner> = BTreeMap::new();
     let places: BTreeMap<usize, [f64; 2]> = seeds.iter().map(|m| (m.index, m.pixel)).collect();
     for seed in seeds {
         let Some(map) = local_map(target, seed.index, true, &places) else { continue };
         if let Some(corner) = search.fit(seed.index, seed.pixel, &map) {
-            found.insert(seed.index, corner);
+            corners.insert(seed.index, corner);
         }
     }
-    search.keep_polarity(&mut found);
+    search.keep_polarity(&mut corners);
     // How many corners were around a corner when it was last tried.
     let mut tried: BTreeMap<usize, usize> = BTreeMap::new();
     loop {
         let mut frontier: Vec<(usize, usize)> = (0..target.len())
-            .filter(|index| !found.contains_key(index))
-            .map(|index| (near(target, index, false, found.keys().copied()).len(), index))
+            .filter(|index| !corners.contains_key(index))
+            .map(|index| (near(target, index, false, corners.keys().copied()).len(), index))
             .filter(|(support, index)| *support >= 4 && tried.get(index).is_none_or(|before| before < support))
             .collect();
         // Those with most support first: they are predicted best, and once found they support the others.
         frontier.sort_by_key(|(support, index)| (std::cmp::Reverse(*support), *index));
-        let before = found.len();
+        let before = corners.len();
         for (support, index) in frontier {
             tried.insert(index, support);
-            let places = found.iter().map(|(&i, c)| (i, c.pixel)).collect();
+            let places = corners.iter().map(|(&i, c)| (i, c.pixel)).collect();
             let Some(map) = local_map(target, index, false, &places) else { continue };
             let Some(place) = map.apply(target.point(index)) else { continue };
-            if let Some(corner) = search.fit(index, place, &map).filter(|c| search.belongs(index, c, &found)) {
-                found.insert(index, corner);
+            if let Some(corner) = search.fit(index, place, &map).filter(|c| search.belongs(index, c, &corners)) {
+                corners.insert(index, corner);
             }
         }
-        if found.len() == before {
+        if corners.len() == before {
             break;
         }
     }
-    let markers = found.iter().map(|(&index, corner)| Marker { index, pixel: corner.pixel }).collect();
+    let markers = corners.iter().map(|(&index, corner)| Marker { index, pixel: corner.pixel }).collect();
     without_strays(markers, target)
 }
 
@@ -99,9 +99,10 @@ impl Search<'_> {
             Pattern::Aprilgrid { marker_mm } => (marker_mm, 0.06),
             _ => (self.target.spacing_mm, 0.15),
         };
-        let at = map.apply([x, y])?;
+        let origin = map.apply([x, y])?;
         let (right, down) = (map.apply([x + length, y])?, map.apply([x, y + length])?);
-        let step = (right[0] - at[0]).hypot(right[1] - at[1]).min((down[0] - at[0]).hypot(down[1] - at[1]));
+        let step =
+            (right[0] - origin[0]).hypot(right[1] - origin[1]).min((down[0] - origin[0]).hypot(down[1] - origin[1]));
         let options = RefineOptions::default();
         let marker = Marker { index, pixel: place };
         let (fitted, clear_px) = fit_corner(&self.pixels, self.target, &marker, &|p| map.apply(p), &options)?;
@@ -126,21 +127,21 @@ impl Search<'_> {
     }
 
     /// Drops corners whose dark and bright sides are not those of most others.
-    fn keep_polarity(&self, found: &mut BTreeMap<usize, Corner>) {
-        let positive = found.iter().filter(|(i, c)| c.contrast * self.parity(**i) > 0.0).count();
-        let sign = if 2 * positive >= found.len() { 1.0 } else { -1.0 };
-        found.retain(|&index, corner| corner.contrast * self.parity(index) * sign > 0.0);
+    fn keep_polarity(&self, corners: &mut BTreeMap<usize, Corner>) {
+        let positive = corners.iter().filter(|(i, c)| c.contrast * self.parity(**i) > 0.0).count();
+        let sign = if 2 * positive >= corners.len() { 1.0 } else { -1.0 };
+        corners.retain(|&index, corner| corner.contrast * self.parity(index) * sign > 0.0);
     }
 
     /// Whether a corner has the polarity and about the contrast of the corners around it.
-    fn belongs(&self, index: usize, corner: &Corner, found: &BTreeMap<usize, Corner>) -> bool {
-        let mut contrasts: Vec<f64> = near(self.target, index, false, found.keys().copied())
+    fn belongs(&self, index: usize, corner: &Corner, corners: &BTreeMap<usize, Corner>) -> bool {
+        let mut contrasts: Vec<f64> = near(self.target, index, false, corners.keys().copied())
             .into_iter()
-            .map(|i| found[&i].contrast * self.parity(i))
+            .map(|i| corners[&i].contrast * self.parity(i))
             .collect();
         contrasts.sort_by(f64::total_cmp);
         let Some(&median) = contrasts.get(contrasts.len() / 2) else { return false };
-        let own = corner.contrast * self.parity(index);
-        own * median > 0.0 && own.abs() > LEAST_CONTRAST * median.abs()
+        let contrast = corner.contrast * self.parity(index);
+        contrast * median > 0.0 && contrast.abs() > LEAST_CONTRAST * median.abs()
     }
 }

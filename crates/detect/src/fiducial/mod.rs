@@ -16,8 +16,8 @@ pub(crate) use charuco::find as find_charuco;
 use crate::error::DetectError;
 use crate::tags::dictionary::Dictionary;
 
-/// The cells of tag `id` of the dictionary that OpenCV calls `name`, row by row, with its black border of one cell: whether each is
-/// white.
+/// The cells of tag `id` of the dictionary that OpenCV calls `name`, row by row, with its black border of one cell: whether each
+/// is white.
 ///
 /// # Errors
 /// [`DetectError`] for an unknown dictionary or a number beyond it.

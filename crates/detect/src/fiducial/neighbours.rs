@@ -81,9 +81,9 @@ pub(super) fn prediction(target: &Target, index: usize, places: &BTreeMap<usize,
         let rows = jacobian(i);
         normal += rows.transpose() * rows;
     }
-    let own = jacobian(index);
-    let solved = normal.cholesky()?.solve(&own.transpose());
-    let factor = (1.0 + (own * solved).trace() / 2.0).sqrt();
+    let row = jacobian(index);
+    let solved = normal.cholesky()?.solve(&row.transpose());
+    let factor = (1.0 + (row * solved).trace() / 2.0).sqrt();
     Some((map.apply(origin)?, factor))
 }
 
@@ -104,8 +104,8 @@ mod tests {
         };
         let places = (0..target.len()).map(|i| (i, seen(i))).collect();
         for (index, range) in [(24, 1.0..1.2), (0, 1.5..6.0), (48, 1.5..6.0)] {
-            let (at, factor) = prediction(&target, index, &places).expect("a map");
-            assert!((at[0] - seen(index)[0]).hypot(at[1] - seen(index)[1]) < 1e-6);
+            let (predicted, factor) = prediction(&target, index, &places).expect("a map");
+            assert!((predicted[0] - seen(index)[0]).hypot(predicted[1] - seen(index)[1]) < 1e-6);
             assert!(range.contains(&factor), "marker {index}: {factor}");
         }
     }

@@ -89,7 +89,7 @@ fn placements(crossings: &Crossings, target: &Target, turns: usize) -> Vec<BTree
     };
     // An image without crossings has no place on the board.
     let (Some(columns), Some(rows)) = (range(0), range(1)) else { return Vec::new() };
-    let mut found = Vec::new();
+    let mut all = Vec::new();
     for dy in rows {
         for dx in columns.clone() {
             let placed: BTreeMap<[i32; 2], usize> = nodes
@@ -99,11 +99,11 @@ fn placements(crossings: &Crossings, target: &Target, turns: usize) -> Vec<BTree
                 .map(|(node, [x, y])| (node, (y * size[0] + x) as usize))
                 .collect();
             if placed.len() as f64 >= MIN_ON_BOARD * nodes.len() as f64 {
-                found.push(placed);
+                all.push(placed);
             }
         }
     }
-    found
+    all
 }
 
 /// Correlation of the cells seen with the cells printed, and the number of cells; `None` when the squares show no tags.
@@ -160,12 +160,12 @@ fn look(low: [i32; 2], crossings: &Crossings, plane: &Plane, cells: usize, share
     let map = Homography::fit(&pairs)?;
     let grey = |p: [f64; 2]| plane.between(map.apply(p)?);
     let margin = (1.0 - share) / 2.0;
-    let at = |k: usize| margin + share * (k as f64 + 0.5) / cells as f64;
+    let coordinate = |k: usize| margin + share * (k as f64 + 0.5) / cells as f64;
     let mut values = vec![vec![0.0; cells]; cells];
     let (mut border, mut count) = (0.0, 0.0);
     for (row, line) in values.iter_mut().enumerate() {
         for (column, value) in line.iter_mut().enumerate() {
-            *value = grey([at(column), at(row)])?;
+            *value = grey([coordinate(column), coordinate(row)])?;
             if [row, column].iter().any(|&k| k == 0 || k + 1 == cells) {
                 border += *value;
                 count += 1.0;
@@ -174,7 +174,7 @@ fn look(low: [i32; 2], crossings: &Crossings, plane: &Plane, cells: usize, share
     }
     let around: Vec<f64> = (0..4 * cells)
         .map(|k| {
-            let (s, outer) = (at(k % cells), margin / 2.0);
+            let (s, outer) = (coordinate(k % cells), margin / 2.0);
             grey([[s, outer], [1.0 - outer, s], [s, 1.0 - outer], [outer, s]][k / cells])
         })
         .collect::<Option<_>>()?;
@@ -217,9 +217,9 @@ mod tests {
         assert_eq!(placements(&whole, &target, 1).len(), 0);
         let part: Crossings = (0..4).map(|i| ([i % 2 + 7, i / 2 - 3], [0.0, 0.0])).collect();
         for turns in 0..4 {
-            let found = placements(&part, &target, turns);
-            assert_eq!(found.len(), 4 * 2);
-            assert!(found.iter().all(|placed| placed.len() == 4));
+            let all = placements(&part, &target, turns);
+            assert_eq!(all.len(), 4 * 2);
+            assert!(all.iter().all(|placed| placed.len() == 4));
         }
         assert_eq!(unturned(turned([3, -5], 3), 3), [3, -5]);
     }

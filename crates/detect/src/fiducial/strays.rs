@@ -20,10 +20,10 @@ const LIMIT_PX: f64 = 1.0;
 pub(super) fn without_strays(markers: Vec<Marker>, target: &Target) -> Vec<Marker> {
     let mut places: BTreeMap<usize, [f64; 2]> = markers.iter().map(|m| (m.index, m.pixel)).collect();
     let distance = |index: usize, places: &BTreeMap<usize, [f64; 2]>| {
-        let (at, factor) = prediction(target, index, places)?;
+        let (predicted, factor) = prediction(target, index, places)?;
         let pixel = places.get(&index)?;
         // A prediction from one side only is not held against a marker as much as one from all sides.
-        Some((at[0] - pixel[0]).hypot(at[1] - pixel[1]) / factor)
+        Some((predicted[0] - pixel[0]).hypot(predicted[1] - pixel[1]) / factor)
     };
     loop {
         let far: BTreeMap<usize, f64> = places.keys().filter_map(|&i| Some((i, distance(i, &places)?))).collect();
@@ -80,9 +80,9 @@ mod tests {
         for wrong in [0, 17, 41] {
             let mut markers = all.clone();
             markers[wrong].pixel[1] += 1.3;
-            let kept = without_strays(markers, &target);
-            assert_eq!(kept.len(), all.len() - 1);
-            assert!(kept.iter().all(|m| m.index != wrong));
+            let consistent = without_strays(markers, &target);
+            assert_eq!(consistent.len(), all.len() - 1);
+            assert!(consistent.iter().all(|m| m.index != wrong));
         }
     }
 }

@@ -51,8 +51,8 @@ impl Homography {
         let h = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8]);
         let mut matrix = to.try_inverse()? * h * from;
         // Choose the sign for which points in front of the camera have a positive third coordinate.
-        let at = pairs[0].0;
-        if (matrix * Vector3::new(at[0], at[1], 1.0)).z < 0.0 {
+        let first = pairs[0].0;
+        if (matrix * Vector3::new(first[0], first[1], 1.0)).z < 0.0 {
             matrix = -matrix;
         }
         matrix.iter().all(|v| v.is_finite()).then(|| Homography(matrix / matrix.norm()))

@@ -29,8 +29,8 @@ impl LocalMap {
     ) -> Option<LocalMap> {
         let mut samples = Vec::with_capacity(SIDE * SIDE);
         for i in 0..SIDE * SIDE {
-            let at = |k: usize| (2.0 * k as f64 / (SIDE - 1) as f64 - 1.0) * reach;
-            let p = [board[0] + at(i % SIDE), board[1] + at(i / SIDE)];
+            let offset = |k: usize| (2.0 * k as f64 / (SIDE - 1) as f64 - 1.0) * reach;
+            let p = [board[0] + offset(i % SIDE), board[1] + offset(i / SIDE)];
             let q = pixel_from_board(p)?;
             if !(q[0].is_finite() && q[1].is_finite()) {
                 return None;

@@ -56,7 +56,7 @@ pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32;
         })
     };
     let (low, high) = bounds(&mut lattice.keys().copied());
-    let mut found: Vec<Labelling> = Vec::new();
+    let mut complete: Vec<Labelling> = Vec::new();
     for turns in 0..4 {
         let cells: Vec<[i32; 2]> = board.iter().map(|&c| turned(c, turns)).collect();
         let (cell_low, cell_high) = bounds(&mut cells.iter().copied());
@@ -76,18 +76,18 @@ pub(crate) fn labellings(lattice: &Lattice, board: &[[i32; 2]]) -> Vec<Vec<[i32;
                 if missing <= limit {
                     let mut set = places.clone();
                     set.sort_unstable();
-                    found.push(Labelling { missing, set, places });
+                    complete.push(Labelling { missing, set, places });
                 }
             }
         }
     }
-    found.sort_by(|a, b| a.missing.cmp(&b.missing).then_with(|| a.set.cmp(&b.set)));
-    let Some((best, set)) = found.first().map(|f| (f.missing, f.set.clone())) else { return Vec::new() };
-    let rival = found.iter().find(|f| f.set != set).map(|f| f.missing);
+    complete.sort_by(|a, b| a.missing.cmp(&b.missing).then_with(|| a.set.cmp(&b.set)));
+    let Some((best, set)) = complete.first().map(|f| (f.missing, f.set.clone())) else { return Vec::new() };
+    let rival = complete.iter().find(|f| f.set != set).map(|f| f.missing);
     if best > allowed || rival.is_some_and(|r| r < best + MARGIN) {
         return Vec::new();
     }
-    found.into_iter().filter(|f| f.set == set).map(|f| f.places).collect()
+    complete.into_iter().filter(|f| f.set == set).map(|f| f.places).collect()
 }
 
 #[cfg(test)]
@@ -135,9 +135,9 @@ mod tests {
         let board = board_cells(&target(true, 4, 11));
         for turns in 0..4 {
             let lattice = lattice(&board, turns, [5, -3]);
-            let found = labellings(&lattice, &board);
-            assert_eq!(found.len(), 1);
-            assert!(found[0].iter().enumerate().all(|(i, cell)| lattice[cell] == i));
+            let all = labellings(&lattice, &board);
+            assert_eq!(all.len(), 1);
+            assert!(all[0].iter().enumerate().all(|(i, cell)| lattice[cell] == i));
         }
     }
 
@@ -159,8 +159,8 @@ mod tests {
         for cell in &board[..4] {
             seen.remove(cell);
         }
-        let found = labellings(&seen, &board);
-        assert!(found.iter().all(|f| f.iter().enumerate().all(|(i, c)| seen.get(c).is_none_or(|&k| k == i))));
+        let all = labellings(&seen, &board);
+        assert!(all.iter().all(|f| f.iter().enumerate().all(|(i, c)| seen.get(c).is_none_or(|&k| k == i))));
         // A larger board than declared: the declared one fits in more than one place.
         let small = board_cells(&target(true, 4, 9));
         assert!(labellings(&lattice(&board, 0, [0, 0]), &small).is_empty());

@@ -46,17 +46,17 @@ impl<'a> Neighbourhood<'a> {
     fn within(&self, p: [f64; 2], radius: f64) -> Vec<usize> {
         let range = |v: f64| ((((v - radius) / self.cell).floor() as i64).max(0), ((v + radius) / self.cell) as i64);
         let ((x0, x1), (y0, y1)) = (range(p[0]), range(p[1]));
-        let mut found = Vec::new();
+        let mut near = Vec::new();
         for y in y0..=y1 {
             for x in x0..=x1.min(self.columns - 1) {
                 let Some(bucket) = self.buckets.get(&(y * self.columns + x)) else { continue };
-                found.extend(bucket.iter().copied().filter(|&i| {
+                near.extend(bucket.iter().copied().filter(|&i| {
                     let c = self.blobs[i].center;
                     (c[0] - p[0]).hypot(c[1] - p[1]) <= radius
                 }));
             }
         }
-        found
+        near
     }
 
     /// The candidate nearest to `p`, if there is one within `radius` (px).
@@ -152,13 +152,13 @@ impl<'a> Neighbourhood<'a> {
             let before = lattice.len();
             for (place, _) in places {
                 let Some((predicted, step)) = self.predict(&lattice, place) else { continue };
-                let Some(found) = self.nearest(predicted, TOLERANCE * step) else { continue };
+                let Some(nearest) = self.nearest(predicted, TOLERANCE * step) else { continue };
                 let neighbour = [[1, 0], [-1, 0], [0, 1], [0, -1]]
                     .iter()
                     .find_map(|s| lattice.get(&[place[0] + s[0], place[1] + s[1]]).copied());
-                if !used[found] && neighbour.is_some_and(|n| similar(&self.blobs[n], &self.blobs[found])) {
-                    used[found] = true;
-                    lattice.insert(place, found);
+                if !used[nearest] && neighbour.is_some_and(|n| similar(&self.blobs[n], &self.blobs[nearest])) {
+                    used[nearest] = true;
+                    lattice.insert(place, nearest);
                 }
             }
             if lattice.len() == before {

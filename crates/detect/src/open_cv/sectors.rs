@@ -42,8 +42,8 @@ pub(crate) fn corners(
     let scaled = to_mat(plane, scale)?;
     let mut corners = Vector::<Point2f>::new();
     let size = Size::new(target.columns as i32, target.rows as i32);
-    let found =
+    let is_found =
         detectors::find_chessboard_corners_sb(&scaled, size, &mut corners, effort.flags()).context(operation)?;
-    let complete = found && corners.len() == target.len();
+    let complete = is_found && corners.len() == target.len();
     Ok(complete.then(|| corners.iter().map(|p| unscaled(p, scale)).collect()))
 }

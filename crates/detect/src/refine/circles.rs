@@ -27,7 +27,8 @@ use crate::geometry::LocalMap;
 /// border, without contrast) are left out.
 ///
 /// # Errors
-/// [`DetectError`] when the board has no dots or dots of unknown diameter, a marker is not on the board, or the image is inconsistent.
+/// [`DetectError`] when the board has no dots or dots of unknown diameter, a marker is not on the board, or the image is
+/// inconsistent.
 pub fn refine_circles(
     image: &GrayImage,
     detection: &Detection,

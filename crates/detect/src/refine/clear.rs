@@ -27,8 +27,8 @@ pub(crate) fn keep_clear(detection: &mut Detection, refined: &[RefinedMarker]) {
 /// Moves markers to their refined positions; markers that were not refined stay as they are.
 pub(crate) fn take_over(detection: &mut Detection, refined: &[RefinedMarker]) {
     for r in refined {
-        if let Ok(at) = detection.markers.binary_search_by_key(&r.index, |m| m.index) {
-            detection.markers[at].pixel = r.pixel;
+        if let Ok(index) = detection.markers.binary_search_by_key(&r.index, |m| m.index) {
+            detection.markers[index].pixel = r.pixel;
         }
     }
 }

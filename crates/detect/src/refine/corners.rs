@@ -78,7 +78,8 @@ pub(crate) fn fit_corner(
     best
 }
 
-/// Scatter about the model, relative to the contrast, below which a corner looks as it was thought to: no other appearance is tried.
+/// Scatter about the model, relative to the contrast, below which a corner looks as it was thought to: no other appearance is
+/// tried.
 const CLEAR: f64 = 0.06;
 
 /// The fit of one appearance.
@@ -117,8 +118,8 @@ struct Appearance {
 /// Cells of a tag of 36h11 along a side, with a border of one cell, and with one of two as Kalibr prints it.
 const CELLS: [f64; 2] = [8.0, 10.0];
 
-/// What a corner may look like. That of a tag is a corner on paper, or, where Kalibr has drawn the board, a crossing with the black square
-/// between the tags.
+/// The appearances that a corner may have. That of a tag is a corner on paper, or, where Kalibr has drawn the board, a crossing
+/// with the black square between the tags.
 fn appearances(target: &Target, index: usize, options: &RefineOptions) -> Vec<Appearance> {
     let (x, y) = ([1.0, 0.0], [0.0, 1.0]);
     let square = target.spacing_mm * options.corner_reach;
@@ -143,11 +144,11 @@ fn appearances(target: &Target, index: usize, options: &RefineOptions) -> Vec<Ap
         }
         Pattern::Several { ref boards } => {
             let mut left = index;
-            for own in boards {
-                if left < own.board.len() {
-                    return appearances(&own.board, left, options);
+            for part in boards {
+                if left < part.board.len() {
+                    return appearances(&part.board, left, options);
                 }
-                left -= own.board.len();
+                left -= part.board.len();
             }
             Vec::new()
         }

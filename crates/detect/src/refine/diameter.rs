@@ -110,8 +110,8 @@ fn unbent(fitted_mm: f64, blur_px: f64, px_per_mm: f64) -> f64 {
 
 /// Scale of the image at a board point: the square root of the areas' ratio.
 fn px_per_mm(map: &BoardMap, [x, y]: [f64; 2]) -> Option<f64> {
-    let (at, right, down) = (map.apply([x, y])?, map.apply([x + 1.0, y])?, map.apply([x, y + 1.0])?);
-    let (a, b) = ([right[0] - at[0], right[1] - at[1]], [down[0] - at[0], down[1] - at[1]]);
+    let (centre, right, down) = (map.apply([x, y])?, map.apply([x + 1.0, y])?, map.apply([x, y + 1.0])?);
+    let (a, b) = ([right[0] - centre[0], right[1] - centre[1]], [down[0] - centre[0], down[1] - centre[1]]);
     Some((a[0] * b[1] - a[1] * b[0]).abs().sqrt()).filter(|scale| *scale > 0.0)
 }
 

@@ -16,8 +16,8 @@ const LEAST_CONTRAST: f64 = 0.03;
 /// Largest share of the border's cells that are white.
 const MAX_WHITE_BORDER: f64 = 0.3;
 
-/// The cells inside a tag's border, row by row from the highest bit, 1 for white; `None` where the quadrilateral has no dark border or
-/// no bright paper around it. Dark and bright are planes over the tag, which uneven light tilts.
+/// The cells inside a tag's border, row by row from the highest bit, 1 for white; `None` where the quadrilateral has no dark
+/// border or no bright paper around it. Dark and bright are planes over the tag, which uneven light tilts.
 pub(super) fn read(plane: &Plane, quad: &Quad, side: usize, border: usize) -> Option<u64> {
     let n = side + 2 * border;
     let size = n as f64;

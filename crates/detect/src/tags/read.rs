@@ -9,8 +9,8 @@ use super::tag::{Reading, Tag};
 use super::threshold::dark;
 use crate::stretch::Plane;
 
-/// Levels of the threshold between the darkest and the brightest value around a pixel. At the second, tags that touch other print by
-/// their corners come apart; at the third, thin borders that blur has lightened hold together.
+/// Levels of the threshold between the darkest and the brightest value around a pixel. At the second, tags that touch other print
+/// by their corners come apart; at the third, thin borders that blur has lightened hold together.
 const LEVELS: [f32; 3] = [0.5, 0.3, 0.7];
 /// Least size of a cell, px.
 const LEAST_CELL_PX: f64 = 1.25;
@@ -28,7 +28,7 @@ pub(crate) fn read_tags(plane: &Plane, reading: &Reading) -> Vec<Tag> {
     let (dictionary, border) = (reading.dictionary, reading.border);
     let across = dictionary.side() + 2 * border;
     let least = LEAST_CELL_PX * across as f64;
-    let mut found: Vec<(Tag, Match)> = Vec::new();
+    let mut matched: Vec<(Tag, Match)> = Vec::new();
     for level in LEVELS {
         for outline in outlines(&dark(plane, level), plane.width, least as usize) {
             let read = around(outline, least).and_then(|quad| fitted(plane, &quad, across)).and_then(|quad| {
@@ -37,15 +37,15 @@ pub(crate) fn read_tags(plane: &Plane, reading: &Reading) -> Vec<Tag> {
                 Some((tag(&quad, &known), known))
             });
             let Some((tag, known)) = read else { continue };
-            match found.iter_mut().find(|(other, _)| same(other, &tag)) {
+            match matched.iter_mut().find(|(other, _)| same(other, &tag)) {
                 Some(other) if known.wrong < other.1.wrong => *other = (tag, known),
                 Some(_) => {}
-                None => found.push((tag, known)),
+                None => matched.push((tag, known)),
             }
         }
     }
     let unscaled = |p: [f64; 2]| p.map(|v| (v + 0.5) / scale - 0.5);
-    found.into_iter().map(|(tag, _)| Tag { corners: tag.corners.map(unscaled), ..tag }).collect()
+    matched.into_iter().map(|(tag, _)| Tag { corners: tag.corners.map(unscaled), ..tag }).collect()
 }
 
 /// The tag with its corners from its own top left. After a quarter turn, anticlockwise, the second corner is the first.

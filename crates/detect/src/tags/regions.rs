@@ -31,15 +31,15 @@ pub(super) fn outlines(mask: &[bool], width: usize, least: usize) -> Vec<Vec<[f6
                 x += 1;
             }
             let run = Run { row, start, end: x };
-            let own = runs.len() as u32;
+            let label = runs.len() as u32;
             runs.push(run);
-            root.push(own);
+            root.push(label);
             while candidate < above.end && runs[candidate].end <= start {
                 candidate += 1;
             }
             let mut over = candidate;
             while over < above.end && runs[over].start < x {
-                join(&mut root, over as u32, own);
+                join(&mut root, over as u32, label);
                 over += 1;
             }
         }
@@ -69,13 +69,13 @@ fn outline(members: &[u32], runs: &[Run], [width, height]: [usize; 2], least: us
     if rows.len() < least || right - left < least || left == 0 || top == 0 || right == width || bottom + 1 == height {
         return None;
     }
-    let at = |x: usize, y: f64| [x as f64 - 0.5, y];
+    let corner = |x: usize, y: f64| [x as f64 - 0.5, y];
     let mut points = Vec::with_capacity(2 * rows.len() + 4);
     for run in &rows {
-        points.extend([at(run.start, run.row as f64), at(run.end, run.row as f64)]);
+        points.extend([corner(run.start, run.row as f64), corner(run.end, run.row as f64)]);
     }
     for (run, y) in [(rows.first()?, top as f64 - 0.5), (rows.last()?, bottom as f64 + 0.5)] {
-        points.extend([at(run.start, y), at(run.end, y)]);
+        points.extend([corner(run.start, y), corner(run.end, y)]);
     }
     Some(points)
 }
@@ -110,14 +110,14 @@ mod tests {
             "..............",
         ];
         let mask: Vec<bool> = rows.iter().flat_map(|r| r.chars().map(|c| c == '#')).collect();
-        let found = outlines(&mask, 14, 3);
-        assert_eq!(found.len(), 2);
+        let all = outlines(&mask, 14, 3);
+        assert_eq!(all.len(), 2);
         let bounds = |points: &[[f64; 2]]| {
             points.iter().fold([99.0f64, 99.0, -99.0, -99.0], |b, p| {
                 [b[0].min(p[0]), b[1].min(p[1]), b[2].max(p[0]), b[3].max(p[1])]
             })
         };
-        assert_eq!(bounds(&found[0]), [0.5, 0.5, 4.5, 4.5]);
-        assert_eq!(bounds(&found[1]), [7.5, 0.5, 10.5, 3.5]);
+        assert_eq!(bounds(&all[0]), [0.5, 0.5, 4.5, 4.5]);
+        assert_eq!(bounds(&all[1]), [7.5, 0.5, 10.5, 3.5]);
     }
 }

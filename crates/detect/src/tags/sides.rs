@@ -17,8 +17,8 @@ const LEAST_CONTRAST: f64 = 0.03;
 /// An edge farther from the line through the others than this is left out, px.
 const STRAY_PX: f64 = 0.7;
 
-/// The quadrilateral with its sides moved to the edges between dark (inside) and bright (outside); `cells` is the number of a tag's
-/// cells along a side. `None` where fewer than half of a side's places have an edge.
+/// The quadrilateral with its sides moved to the edges between dark (inside) and bright (outside); `cells` is the number of a
+/// tag's cells along a side. `None` where fewer than half of a side's places have an edge.
 pub(super) fn fitted(plane: &Plane, quad: &Quad, cells: usize) -> Option<Quad> {
     let mut quad = *quad;
     // The second time from better normals.
@@ -50,9 +50,9 @@ fn side(plane: &Plane, a: [f64; 2], b: [f64; 2], reach: f64) -> Option<[[f64; 2]
     for place in 0..PLACES {
         let s = length * (ENDS + (1.0 - 2.0 * ENDS) * (place as f64 + 0.5) / PLACES as f64);
         let origin = [a[0] + s * along[0], a[1] + s * along[1]];
-        let at = |k: usize| k as f64 * STEP_PX - reach;
+        let offset = |k: usize| k as f64 * STEP_PX - reach;
         let seen = profile.iter_mut().enumerate().try_for_each(|(k, value)| {
-            *value = plane.between([origin[0] + at(k) * outward[0], origin[1] + at(k) * outward[1]])?;
+            *value = plane.between([origin[0] + offset(k) * outward[0], origin[1] + offset(k) * outward[1]])?;
             Some(())
         });
         if seen.is_none() {

@@ -7,8 +7,8 @@ const TILE: usize = 4;
 /// Least difference between the largest and the smallest value around a pixel, of the plane's range: less is paper, or ink.
 const LEAST_CONTRAST: f32 = 0.05;
 
-/// Whether each pixel is dark. The threshold lies `level` of the way from the smallest to the largest value of the 3 × 3 tiles around
-/// a pixel, as in AprilTag's detector (Wang, Olson 2016, "AprilTag 2"). Where these hardly differ, nothing is dark.
+/// Whether each pixel is dark. The threshold lies `level` of the way from the smallest to the largest value of the 3 × 3 tiles
+/// around a pixel, as in AprilTag's detector (Wang, Olson 2016, "AprilTag 2"). Where these hardly differ, nothing is dark.
 pub(super) fn dark(plane: &Plane, level: f32) -> Vec<bool> {
     let (width, height) = (plane.width, plane.height);
     let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));

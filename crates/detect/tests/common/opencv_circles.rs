@@ -23,8 +23,8 @@ pub fn find(image: &GrayImage, target: &Target) -> Option<Detection> {
         features2d::SimpleBlobDetector::create(parameters).expect("a detector");
     let blobs: Ptr<features2d::Feature2D> = blobs.into();
     let mut centers = Vector::<Point2f>::new();
-    let found = calib3d::find_circles_grid(&mat, size, &mut centers, flags, Some(&blobs)).expect("a search");
+    let is_found = calib3d::find_circles_grid(&mat, size, &mut centers, flags, Some(&blobs)).expect("a search");
     let markers = centers.iter().enumerate();
     let markers = markers.map(|(index, p)| Marker { index, pixel: [f64::from(p.x), f64::from(p.y)] }).collect();
-    found.then_some(Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout: None })
+    is_found.then_some(Detection { markers, polarity: Polarity::DarkOnBright, charuco_layout: None })
 }

@@ -137,8 +137,8 @@ impl<'a> Scene<'a> {
                 let (a, b, c, d) = (corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1));
                 let mut sum = 0.0;
                 for i in 0..self.rays * self.rays {
-                    let at = |k: usize| (k as f64 + 0.5) / self.rays as f64;
-                    let (s, t) = (at(i % self.rays), at(i / self.rays));
+                    let fraction = |k: usize| (k as f64 + 0.5) / self.rays as f64;
+                    let (s, t) = (fraction(i % self.rays), fraction(i / self.rays));
                     let mix = |k: usize| (1.0 - t) * ((1.0 - s) * a[k] + s * b[k]) + t * ((1.0 - s) * c[k] + s * d[k]);
                     let ray = inverse * Vector3::new(mix(0), mix(1), 1.0);
                     let distance = -origin.z / ray.z;

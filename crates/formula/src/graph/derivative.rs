@@ -11,8 +11,8 @@ impl Graph {
     }
 
     fn derivative_known(&mut self, id: Id, input: Input, known: &mut HashMap<Id, Id>) -> Id {
-        if let Some(found) = known.get(&id) {
-            return *found;
+        if let Some(derivative) = known.get(&id) {
+            return *derivative;
         }
         let derivative = match self.operation(id) {
             Operation::Constant(_) => self.constant(0.0),

@@ -7,7 +7,7 @@ use crate::covariate::FormulaCovariate;
 /// A node of a [`Graph`].
 pub(crate) type Id = u32;
 
-/// What a graph depends on.
+/// An argument of a graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Input {
     /// A number of the chain's state at the piece's hook.

@@ -86,14 +86,14 @@ impl Tape {
     #[inline]
     fn one(&self, theta: &[f64], state: &[f64], context: &Context, registers: &mut [f64; ON_STACK]) {
         for (i, instruction) in self.instructions.iter().enumerate() {
-            let at = |r: u32| registers[r as usize];
+            let register = |r: u32| registers[r as usize];
             registers[i] = match *instruction {
                 Instruction::Constant(value) => value,
                 Instruction::Input(Input::State(k)) => state[usize::from(k)],
                 Instruction::Input(Input::Theta(k)) => theta[usize::from(k)],
                 Instruction::Input(Input::Context(covariate)) => covariate.of_context(context),
-                Instruction::Unary(unary, a) => unary.of(at(a)),
-                Instruction::Binary(binary, a, b) => binary.of(at(a), at(b)),
+                Instruction::Unary(unary, a) => unary.of(register(a)),
+                Instruction::Binary(binary, a, b) => binary.of(register(a), register(b)),
             };
         }
     }
@@ -101,8 +101,8 @@ impl Tape {
     fn several(&self, theta: &[f64], states: &[f64], inputs: usize, contexts: &[Context], registers: &mut [f64]) {
         let n = contexts.len();
         for (i, instruction) in self.instructions.iter().enumerate() {
-            let (before, rest) = registers.split_at_mut(i * CHUNK);
-            let out = &mut rest[..n];
+            let (before, from_here) = registers.split_at_mut(i * CHUNK);
+            let out = &mut from_here[..n];
             let part = |r: u32| &before[r as usize * CHUNK..][..n];
             match *instruction {
                 Instruction::Constant(value) => out.fill(value),

@@ -32,11 +32,11 @@ fn output<N: Notation>(notation: &N, content: &Content) -> String {
     let plus = |first: Node, e: &Expression| write(notation, &sum(Expression { node: first, span: 0..0 }, e));
     if content.adds_to == AddsTo::Factor {
         let factor = notation.bracketed(&plus(Node::Number(1.0), &content.expressions[0]));
-        let own = match content.hook() {
+        let state = match content.hook() {
             HookKind::Depth => notation.name("z"),
             _ => notation.bracketed(&format!("{}{}{}", notation.name("x"), notation.comma(), notation.name("y"))),
         };
-        return notation.binary(Operator::Multiply, &own, &factor);
+        return notation.binary(Operator::Multiply, &state, &factor);
     }
     let parts: Vec<String> = lines(content).into_iter().map(|(name, e)| plus(Node::Name(name.to_owned()), e)).collect();
     match parts.as_slice() {
@@ -50,12 +50,12 @@ pub(crate) fn equation(content: &Content) -> String {
     output(&Text, content)
 }
 
-/// The same as LaTeX.
+/// The output of the piece as LaTeX.
 pub(crate) fn latex(content: &Content) -> String {
     output(&Latex, content)
 }
 
-/// The same as an element of HTML.
+/// The output of the piece as an element of HTML.
 pub(crate) fn mathml(content: &Content) -> String {
     format!("<math xmlns=\"http://www.w3.org/1998/Math/MathML\">{}</math>", output(&MathMl, content))
 }

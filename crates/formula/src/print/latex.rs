@@ -31,8 +31,8 @@ impl Notation for Latex {
         } else {
             letters(&symbol.index)
         };
-        let own = letters(&symbol.letters);
-        if index.is_empty() { own } else { format!("{own}_{{{index}}}") }
+        let base = letters(&symbol.letters);
+        if index.is_empty() { base } else { format!("{base}_{{{index}}}") }
     }
     fn bracketed(&self, inner: &str) -> String {
         format!("\\left({inner}\\right)")

@@ -25,11 +25,11 @@ impl Notation for MathMl {
     }
     fn name(&self, name: &str) -> String {
         let symbol = Symbol::of(name);
-        let (own, index) = (escaped(&symbol.characters()), escaped(&symbol.index_characters()));
+        let (base, index) = (escaped(&symbol.characters()), escaped(&symbol.index_characters()));
         if index.is_empty() {
-            format!("<mi>{own}</mi>")
+            format!("<mi>{base}</mi>")
         } else {
-            format!("<msub><mi>{own}</mi><mi>{index}</mi></msub>")
+            format!("<msub><mi>{base}</mi><mi>{index}</mi></msub>")
         }
     }
     fn bracketed(&self, inner: &str) -> String {

@@ -4,9 +4,10 @@ mod equation;
 mod latex;
 mod mathml;
 mod notation;
+mod piece_file;
 mod rust;
 mod symbol;
 mod text;
 
 pub(crate) use equation::{equation, latex, mathml};
-pub(crate) use rust::piece_file;
+pub(crate) use piece_file::piece_file;

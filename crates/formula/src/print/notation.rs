@@ -43,27 +43,27 @@ fn without_sign(expression: &Expression) -> (bool, Expression) {
 
 /// `first + e` as one sum, without brackets around a sum and without two signs in a row.
 pub(super) fn sum(first: Expression, e: &Expression) -> Expression {
-    let of = |operator: Operator, a: Expression, b: Expression| Expression {
+    let combined = |operator: Operator, a: Expression, b: Expression| Expression {
         span: e.span.clone(),
         node: Node::Binary(operator, Box::new(a), Box::new(b)),
     };
     match &e.node {
         Node::Binary(operator @ (Operator::Add | Operator::Subtract), a, b) => {
-            of(*operator, sum(first, a), (**b).clone())
+            combined(*operator, sum(first, a), (**b).clone())
         }
         _ => match without_sign(e) {
-            (true, rest) => of(Operator::Subtract, first, rest),
-            (false, rest) => of(Operator::Add, first, rest),
+            (true, rest) => combined(Operator::Subtract, first, rest),
+            (false, rest) => combined(Operator::Add, first, rest),
         },
     }
 }
 
 /// An expression in a notation.
 pub(super) fn write<N: Notation>(notation: &N, expression: &Expression) -> String {
-    if let (Node::Binary(Operator::Multiply | Operator::Divide, ..), (true, rest)) =
+    if let (Node::Binary(Operator::Multiply | Operator::Divide, ..), (true, positive)) =
         (&expression.node, without_sign(expression))
     {
-        return notation.negative(&write(notation, &rest));
+        return notation.negative(&write(notation, &positive));
     }
     // A part in brackets where it binds less than `least`.
     let part = |inner: &Expression, least: u8| {

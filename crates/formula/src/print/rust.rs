@@ -1,11 +1,10 @@
-//! Formulas as the Rust file of a piece.
+//! Formulas as Rust code.
 
 use std::fmt::Write as _;
 
+use depthcal_model::AddsTo;
 use depthcal_model::hook::HookKind;
-use depthcal_model::{AddsTo, FormulaSearch};
 
-use super::equation::equation;
 use crate::content::Content;
 use crate::covariate::FormulaCovariate;
 use crate::syntax::{Expression, Function, Node, Operator};
@@ -40,13 +39,13 @@ const RESERVED: [&str; 45] = [
 ];
 
 /// A name of a formula as a name in Rust.
-fn identifier(name: &str) -> String {
+pub(super) fn identifier(name: &str) -> String {
     let usable = name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     if usable && !RESERVED.contains(&name) { name.to_owned() } else { format!("p_{}", ascii(name)) }
 }
 
 /// A name in small ASCII letters; other characters as their numbers.
-fn ascii(name: &str) -> String {
+pub(super) fn ascii(name: &str) -> String {
     name.chars().fold(String::new(), |mut text, c| {
         match c {
             c if c.is_ascii_alphanumeric() || c == '_' => text.push(c.to_ascii_lowercase()),
@@ -56,22 +55,8 @@ fn ascii(name: &str) -> String {
     })
 }
 
-/// `row_gain` as `RowGain`.
-fn type_name(name: &str) -> String {
-    let capital = |part: &str| {
-        let mut letters = part.chars();
-        letters.next().map_or_else(String::new, |first| first.to_ascii_uppercase().to_string() + letters.as_str())
-    };
-    name.split('_').map(capital).collect()
-}
-
-/// A text as a Rust literal.
-fn literal(text: &str) -> String {
-    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', " "))
-}
-
 /// A number as a Rust literal with a point.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let text = format!("{value:?}");
     if value < 0.0 { format!("({text})") } else { text }
 }
@@ -87,185 +72,8 @@ fn bare(text: &str) -> &str {
     if closes_early { text } else { inner }
 }
 
-/// The Rust file of a piece, in the form of those in `crates/model/src/HOOK/`.
-pub(crate) fn piece_file(content: &Content) -> String {
-    let definition = &content.definition;
-    let (hook, constants) = (content.hook(), &definition.constants);
-    let kind = type_name(&definition.name);
-    let parameters: Vec<&String> = definition.parameters.keys().collect();
-    let count = parameters.len();
-    let (hook_name, state, state_type, output_type) = match hook {
-        HookKind::Depth => ("Depth", "s", "DepthState<T>", "T"),
-        HookKind::Lens => ("Lens", "s", "LensState<T>", "[T; 2]"),
-        HookKind::Pixel => ("Pixel", "[u, v]", "[T; 2]", "[T; 2]"),
-        HookKind::Board | HookKind::Pose => ("Board", "[board_x, board_y, board_z]", "[T; 3]", "[T; 3]"),
-    };
-    let state_import = state_type.strip_suffix("<T>").map_or_else(String::new, |name| format!(", {name}"));
-    let needs: Vec<String> =
-        content.covariates.iter().filter_map(|c| c.needs()).map(|c| format!("Covariate::{c:?}")).collect();
-    let searched = constants.values().any(|constant| constant.search().is_some());
-    let form = match content.adds_to {
-        AddsTo::InverseDepth => Some("InverseDepth"),
-        AddsTo::Factor if hook == HookKind::Depth => Some("Factor"),
-        _ => None,
-    };
-    let mut imports = vec!["Context", "Parameter", "Piece", "Scalar"];
-    if !constants.is_empty() {
-        imports.extend(["Constant", "Options"]);
-    }
-    if !needs.is_empty() || searched {
-        imports.push("Covariate");
-    }
-    if searched {
-        imports.push("ScanKind");
-    }
-    if form.is_some() {
-        imports.push("On");
-    }
-    imports.sort_unstable();
-
-    let mut file = String::new();
-    let mut line = |text: &str| {
-        file.push_str(text);
-        file.push('\n');
-    };
-    line(&format!(
-        "use crate::hook::{};",
-        if state_import.is_empty() { hook_name.to_owned() } else { format!("{{{hook_name}{state_import}}}") }
-    ));
-    line(&format!("use crate::piece::{{{}}};", imports.join(", ")));
-    line("");
-    for (name, constant) in constants {
-        let unit = content.units_of_constants.get(name).map_or("1", String::as_str);
-        let label = name.replace('_', " ");
-        let search = constant.search().zip(content.covariates.iter().find_map(|c| c.searched()));
-        let search = search.map_or_else(String::new, |(kind, covariate)| {
-            let kind = match kind {
-                FormulaSearch::Period => "Period",
-                FormulaSearch::TimeConstant => "TimeConstant",
-                FormulaSearch::Reference => "Reference",
-            };
-            format!(".searched(Covariate::{covariate:?}, ScanKind::{kind})")
-        });
-        line(&format!("const {}: Constant =", ascii(name).to_uppercase()));
-        let number = number(constant.value());
-        line(&format!(
-            "    Constant::new({}, {}, {}, {number}){search};",
-            literal(name),
-            literal(&label),
-            literal(unit)
-        ));
-    }
-    if !constants.is_empty() {
-        line("");
-    }
-    let summary = content.summary();
-    line(&format!("/// {}{}.", summary[..1].to_uppercase(), summary[1..].replace('\n', " ")));
-    line("#[derive(Debug, Clone, Copy)]");
-    if constants.is_empty() {
-        line(&format!("pub struct {kind};"));
-    } else {
-        line(&format!("pub struct {kind} {{"));
-        for name in constants.keys() {
-            let unit = content.units_of_constants.get(name).map_or("1", String::as_str);
-            let unit = if unit == "1" { String::new() } else { format!(", {unit}") };
-            line(&format!("    /// Constant {name} of the formula{unit}."));
-            line(&format!("    pub {}: f64,", identifier(name)));
-        }
-        line("}");
-        line("");
-        line(&format!("impl {kind} {{"));
-        line("    /// With the constants that are given by name, and defaults for the others.");
-        line("    pub fn with_options(given: &Options) -> Self {");
-        let fields: Vec<String> = constants
-            .keys()
-            .map(|name| format!("{}: {}.of(given)", identifier(name), ascii(name).to_uppercase()))
-            .collect();
-        line(&format!("        Self {{ {} }}", fields.join(", ")));
-        line("    }");
-        line("}");
-    }
-    line("");
-    line(&format!("impl Piece<{hook_name}, {count}> for {kind} {{"));
-    line(&format!("    const NAME: &'static str = {};", literal(&definition.name)));
-    line(&format!("    const SUMMARY: &'static str = {};", literal(&summary)));
-    line(&format!("    const EQUATION: &'static str = {};", literal(&equation(content))));
-    line(&format!("    const SOURCE: &'static str = {};", literal(content.source())));
-    line(&format!("    const PARAMETERS: [Parameter; {count}] = ["));
-    for ((name, parameter), scale) in definition.parameters.iter().zip(&content.scales) {
-        let table = parameter.table();
-        line(&format!(
-            "        Parameter::new({}, {}, {}, {}).meaning({}),",
-            literal(name),
-            literal(&table.unit),
-            number(table.nominal),
-            number(*scale),
-            literal(&content.meaning_of(name))
-        ));
-    }
-    line("    ];");
-    if !constants.is_empty() {
-        let names: Vec<String> = constants.keys().map(|name| ascii(name).to_uppercase()).collect();
-        line(&format!("    const CONSTANTS: &'static [Constant] = &[{}];", names.join(", ")));
-    }
-    if !needs.is_empty() {
-        line(&format!("    const NEEDS: &'static [Covariate] = &[{}];", needs.join(", ")));
-    }
-    if let Some(form) = form {
-        line(&format!("    const FORM: On = On::{form};"));
-    }
-    line("");
-    line("    #[inline(always)]");
-    let names: Vec<String> = parameters.iter().map(|name| identifier(name)).collect();
-    let context = if content.covariates.iter().any(|c| context_value(*c, hook).is_some()) { "c" } else { "_" };
-    line(&format!(
-        "    fn map<T: Scalar>(&self, {state}: {state_type}, [{}]: [T; {count}], {context}: &Context) -> {output_type} {{",
-        names.join(", ")
-    ));
-    let unchanged = match hook {
-        HookKind::Depth => "s.rho",
-        HookKind::Lens => "[s.x, s.y]",
-        other => return_state(other),
-    };
-    for covariate in content.covariates.iter().filter(|c| c.may_be_unknown()) {
-        let value = context_value(*covariate, hook).unwrap_or("f64::NAN");
-        let unknown = match covariate {
-            FormulaCovariate::Temperature => format!("{value}.is_nan()"),
-            _ => format!("!({value} > 0.0)"),
-        };
-        line(&format!("        if {unknown} {{"));
-        line(&format!("            return {unchanged};"));
-        line("        }");
-    }
-    for covariate in &content.covariates {
-        if let Some(value) = covariate_value(*covariate, hook) {
-            line(&format!("        let {} = {value};", covariate.name()));
-        }
-    }
-    for text in result(content) {
-        line(&format!("        {text}"));
-    }
-    line("    }");
-    if !constants.is_empty() {
-        line("    fn options(&self) -> Vec<(&'static str, f64)> {");
-        let values: Vec<String> =
-            constants.keys().map(|n| format!("({}.name, self.{})", ascii(n).to_uppercase(), identifier(n))).collect();
-        line(&format!("        vec![{}]", values.join(", ")));
-        line("    }");
-    }
-    line("}");
-    file
-}
-
-fn return_state(hook: HookKind) -> &'static str {
-    match hook {
-        HookKind::Pixel => "[u, v]",
-        _ => "[board_x, board_y, board_z]",
-    }
-}
-
 /// The value of a covariate that is part of the context.
-fn context_value(covariate: FormulaCovariate, hook: HookKind) -> Option<&'static str> {
+pub(super) fn context_value(covariate: FormulaCovariate, hook: HookKind) -> Option<&'static str> {
     use FormulaCovariate as C;
     match covariate {
         C::U | C::V if hook == HookKind::Pixel => None,
@@ -280,7 +88,7 @@ fn context_value(covariate: FormulaCovariate, hook: HookKind) -> Option<&'static
 }
 
 /// The value of a covariate; `None` where the state is destructured into names already.
-fn covariate_value(covariate: FormulaCovariate, hook: HookKind) -> Option<String> {
+pub(super) fn covariate_value(covariate: FormulaCovariate, hook: HookKind) -> Option<String> {
     use FormulaCovariate as C;
     if let Some(value) = context_value(covariate, hook) {
         return Some(value.to_owned());
@@ -305,8 +113,8 @@ fn covariate_value(covariate: FormulaCovariate, hook: HookKind) -> Option<String
     }
 }
 
-/// The last lines of the map.
-fn result(content: &Content) -> Vec<String> {
+/// The last lines of the map, the value of the last one is the result.
+pub(super) fn result(content: &Content) -> Vec<String> {
     let codes: Vec<Code> = content.expressions.iter().map(|e| code(e, content)).collect();
     let e = |code: &Code| format!("let e = {};", bare(&code.lifted()));
     match (content.hook(), content.adds_to) {
@@ -339,16 +147,16 @@ fn result(content: &Content) -> Vec<String> {
 
 /// The code of an expression.
 fn code(expression: &Expression, content: &Content) -> Code {
-    let of = |part: &Expression| code(part, content);
+    let code_of = |part: &Expression| code(part, content);
     match &expression.node {
         Node::Number(value) => Code::plain(number(*value)),
         Node::Name(name) => named(name, content),
         Node::Negative(part) => {
-            let part = of(part);
+            let part = code_of(part);
             Code { text: format!("(-{})", part.text), dual: part.dual }
         }
-        Node::Binary(operator, a, b) => binary(*operator, &of(a), &of(b)),
-        Node::Call(function, parts) => call(*function, &parts.iter().map(of).collect::<Vec<_>>()),
+        Node::Binary(operator, a, b) => binary(*operator, &code_of(a), &code_of(b)),
+        Node::Call(function, parts) => call(*function, &parts.iter().map(code_of).collect::<Vec<_>>()),
     }
 }
 

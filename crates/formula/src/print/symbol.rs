@@ -44,8 +44,8 @@ impl Symbol {
             Some(covariate) => covariate.symbol(),
             None => {
                 let end = name.find(|c: char| c == '_' || c.is_ascii_digit()).filter(|end| *end > 0);
-                let (letters, rest) = name.split_at(end.unwrap_or(name.len()));
-                (letters, rest.trim_start_matches('_'))
+                let (letters, index) = name.split_at(end.unwrap_or(name.len()));
+                (letters, index.trim_start_matches('_'))
             }
         };
         Self { letters: letters.to_owned(), index: index.to_owned() }

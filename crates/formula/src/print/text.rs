@@ -8,11 +8,11 @@ pub(super) struct Text;
 
 /// A whole number as raised or lowered characters; `None` where a character has no such form.
 fn shifted(text: &str, characters: &str) -> Option<String> {
-    let of = |c: char| match c {
+    let shifted = |c: char| match c {
         '-' => characters.chars().nth(10),
         c => characters.chars().nth(c.to_digit(10)? as usize),
     };
-    text.chars().map(of).collect()
+    text.chars().map(shifted).collect()
 }
 
 const RAISED: &str = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻";

@@ -144,9 +144,9 @@ fn call(pair: Pair<'_, Rule>, span: Range<usize>) -> Result<Expression, SyntaxEr
     };
     let arguments = parts.map(expression).collect::<Result<Vec<_>, _>>()?;
     if arguments.len() != function.arguments() {
-        let (expected, found) = (function.arguments(), arguments.len());
+        let (expected, given) = (function.arguments(), arguments.len());
         let problem =
-            format!("'{name}' takes {expected} argument{}, not {found}", if expected == 1 { "" } else { "s" });
+            format!("'{name}' takes {expected} argument{}, not {given}", if expected == 1 { "" } else { "s" });
         return Err(SyntaxError { problem, span });
     }
     Ok(Expression { node: Node::Call(function, arguments), span })
@@ -191,8 +191,8 @@ mod tests {
             ("+a − 1.5e-3", "(a-0.0015)"),
             ("min(a, max(b, -1))", "min(a,max(b,(-1)))"),
         ] {
-            let found = parse(text).unwrap_or_else(|e| panic!("{text}: {e:?}"));
-            assert_eq!(bracketed(&found), expected, "{text}");
+            let expression = parse(text).unwrap_or_else(|e| panic!("{text}: {e:?}"));
+            assert_eq!(bracketed(&expression), expected, "{text}");
         }
     }
 

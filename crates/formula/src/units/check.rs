@@ -20,10 +20,10 @@ pub(crate) fn check(
     units: &mut Inference,
     of_name: &impl Fn(&str) -> Unit,
 ) -> Result<Unit, Clash> {
-    let of = |part: &Expression, units: &mut Inference| check(part, text, units, of_name);
+    let unit_of = |part: &Expression, units: &mut Inference| check(part, text, units, of_name);
     let written = |part: &Expression| &text[part.span.clone()];
     let plain = |part: &Expression, what: &str, units: &mut Inference| -> Result<(), Clash> {
-        let unit = of(part, units)?;
+        let unit = unit_of(part, units)?;
         if units.equate(&unit, &Unit::one()) {
             return Ok(());
         }
@@ -37,12 +37,12 @@ pub(crate) fn check(
     match &expression.node {
         Node::Number(_) => Ok(Unit::one()),
         Node::Name(name) => Ok(of_name(name)),
-        Node::Negative(part) => of(part, units),
-        Node::Binary(Operator::Multiply, a, b) => Ok(of(a, units)?.times(&of(b, units)?)),
-        Node::Binary(Operator::Divide, a, b) => Ok(of(a, units)?.over(&of(b, units)?)),
+        Node::Negative(part) => unit_of(part, units),
+        Node::Binary(Operator::Multiply, a, b) => Ok(unit_of(a, units)?.times(&unit_of(b, units)?)),
+        Node::Binary(Operator::Divide, a, b) => Ok(unit_of(a, units)?.over(&unit_of(b, units)?)),
         Node::Binary(Operator::Power, base, exponent) => {
             if let Some(power) = number(exponent) {
-                return Ok(of(base, units)?.power(power));
+                return Ok(unit_of(base, units)?.power(power));
             }
             plain(exponent, "an exponent", units)?;
             plain(base, "what has an exponent that varies", units)?;
@@ -52,9 +52,9 @@ pub(crate) fn check(
         Node::Call(Function::Min | Function::Max, parts) => {
             same(&parts[0], &parts[1], expression, text, units, of_name)
         }
-        Node::Call(Function::Sqrt, parts) => Ok(of(&parts[0], units)?.power(0.5)),
-        Node::Call(Function::Abs | Function::Hinge, parts) => of(&parts[0], units),
-        Node::Call(Function::Step, parts) => of(&parts[0], units).map(|_| Unit::one()),
+        Node::Call(Function::Sqrt, parts) => Ok(unit_of(&parts[0], units)?.power(0.5)),
+        Node::Call(Function::Abs | Function::Hinge, parts) => unit_of(&parts[0], units),
+        Node::Call(Function::Step, parts) => unit_of(&parts[0], units).map(|_| Unit::one()),
         Node::Call(function, parts) => {
             let what = format!("the argument of {}", function.name());
             plain(&parts[0], &what, units)?;

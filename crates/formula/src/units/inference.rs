@@ -2,7 +2,7 @@
 
 use super::unit::{Base, Unit};
 
-/// What is known of the units of constants, by number: a unit that may itself contain others that are not known.
+/// Units of constants as far as they are known, by number: a unit may itself contain others that are not known.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Inference {
     known: Vec<Option<Unit>>,
@@ -37,8 +37,8 @@ impl Inference {
             _ => None,
         });
         let Some((i, exponent)) = unknown else { return false };
-        let rest = quotient.over(&Unit::base(Base::Unknown(i)).power(exponent));
-        self.known[i] = Some(rest.power(-1.0 / exponent));
+        let others = quotient.over(&Unit::base(Base::Unknown(i)).power(exponent));
+        self.known[i] = Some(others.power(-1.0 / exponent));
         true
     }
 }

@@ -17,7 +17,7 @@ const SYMBOLS: [(&str, Option<Base>); 8] = [
     ("step", None),
 ];
 
-/// What units are products of.
+/// A base unit; units are products of powers of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Base {
     Millimetre,

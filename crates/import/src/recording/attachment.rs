@@ -33,7 +33,8 @@ pub(crate) fn attachment(path: &Path, name: &str) -> Result<Option<Vec<u8>>, Imp
     }
 }
 
-/// What is known of the attached file that is being read: whether its name is the one looked for, and place and size of its contents.
+/// The attached file that is being read, as far as it is known: whether its name is the one looked for, and place and size of its
+/// contents.
 #[derive(Default)]
 struct Attached {
     is_it: bool,
@@ -43,9 +44,9 @@ struct Attached {
 fn find(reader: &mut (impl Read + Seek), length: u64, name: &str) -> io::Result<Option<Vec<u8>>> {
     let invalid = |problem: &str| io::Error::new(io::ErrorKind::InvalidData, problem);
     let mut attached = Attached::default();
-    let mut at = 0_u64;
+    let mut position = 0_u64;
     while let Some((id, size, header)) = element(reader)? {
-        at += header;
+        position += header;
         let is_entered = match id {
             SEGMENT | ATTACHMENTS => true,
             ATTACHED_FILE => {
@@ -61,15 +62,15 @@ fn find(reader: &mut (impl Read + Seek), length: u64, name: &str) -> io::Result<
         }
         let size = size.ok_or_else(|| invalid("the size of an element is unknown"))?;
         // What is cut off has no attachments behind it.
-        let Some(end) = at.checked_add(size).filter(|end| *end <= length) else { return Ok(None) };
+        let Some(end) = position.checked_add(size).filter(|end| *end <= length) else { return Ok(None) };
         match id {
             FILE_NAME if size <= LONGEST_NAME => {
                 let mut text = vec![0; size as usize];
                 reader.read_exact(&mut text)?;
                 attached.is_it = String::from_utf8_lossy(&text).trim_end_matches('\0') == name;
-                at = end;
+                position = end;
             }
-            FILE_DATA => attached.data = Some((at, size)),
+            FILE_DATA => attached.data = Some((position, size)),
             _ => {}
         }
         if let Attached { is_it: true, data: Some((start, size)) } = attached {
@@ -82,8 +83,8 @@ fn find(reader: &mut (impl Read + Seek), length: u64, name: &str) -> io::Result<
             return Ok(Some(data));
         }
         // Within the file, hence within i64.
-        reader.seek_relative((end - at) as i64)?;
-        at = end;
+        reader.seek_relative((end - position) as i64)?;
+        position = end;
     }
     Ok(None)
 }
@@ -97,7 +98,8 @@ fn element(reader: &mut impl Read) -> io::Result<Option<(u32, Option<u64>, u64)>
     Ok(Some((id as u32, (!is_unknown).then_some(size), id_bytes + size_bytes)))
 }
 
-/// A number of at most `most` bytes, whose count is that of the leading zeros of the first byte, with or without the bit that marks it.
+/// A number of at most `most` bytes, whose count is that of the leading zeros of the first byte, with or without the bit that
+/// marks it.
 fn number(reader: &mut impl Read, most: u64, without_mark: bool) -> io::Result<Option<(u64, u64)>> {
     let mut first = [0];
     if reader.read(&mut first)? == 0 {

@@ -45,8 +45,8 @@ pub(super) fn visit(
     Ok(())
 }
 
-/// Refuses a bag whose index would begin beyond the end of the file, or with a chunk that claims more memory than it can fill: the reader
-/// takes both on trust.
+/// Refuses a bag whose index would begin beyond the end of the file, or with a chunk that claims more memory than it can fill:
+/// the reader takes both on trust.
 fn check_claims(path: &Path) -> Result<(), ImportError> {
     let unreadable = |error| ImportError::Read { path: path.to_owned(), error };
     let file = File::open(path).map_err(unreadable)?;
@@ -59,21 +59,22 @@ fn check_claims(path: &Path) -> Result<(), ImportError> {
     }
 }
 
-/// Bytes of a chunk per byte of it compressed, at most, and largest chunk, bytes. Recorders begin a new chunk after 768 KiB; LZ4 and bzip2 make
-/// 1/255 and less of images of one grey value.
+/// Bytes of a chunk per byte of it compressed, at most, and largest chunk, bytes. Recorders begin a new chunk after 768 KiB; LZ4
+/// and bzip2 make 1/255 and less of images of one grey value.
 const LARGEST_RATIO: u64 = 1024;
 const LARGEST: u64 = 1 << 30;
 /// Longest header of a record, bytes: that of a connection has the name of its topic.
 const LONGEST_HEADER: u32 = 1 << 20;
 
-/// Walks over the records before the index, of which it reads the headers; says what is wrong with the first that claims too much.
+/// Walks over the records before the index, of which it reads the headers; says what is wrong with the first that claims too
+/// much.
 fn check_records(reader: &mut BufReader<File>, length: u64) -> io::Result<Option<String>> {
     reader.seek_relative(VERSION.len() as i64)?;
-    let mut at = VERSION.len() as u64;
+    let mut position = VERSION.len() as u64;
     // The first record says where the index begins.
     let mut index = None;
-    while index.is_none_or(|index| at < index) {
-        let record = at;
+    while index.is_none_or(|index| position < index) {
+        let record = position;
         let header_length = u32::from_le_bytes(read4(reader)?);
         if header_length > LONGEST_HEADER {
             return Ok(Some(format!("its record at byte {record} has an implausibly long header")));
@@ -102,8 +103,8 @@ fn check_records(reader: &mut BufReader<File>, length: u64) -> io::Result<Option
                 return Ok(Some(format!("its chunk at byte {record} claims {size} bytes, made of {data}")));
             }
         }
-        at += 8 + u64::from(header_length) + data;
-        if at > end {
+        position += 8 + u64::from(header_length) + data;
+        if position > end {
             return Ok(Some(format!("its record at byte {record} reaches into the index")));
         }
         reader.seek_relative(data as i64)?;
@@ -119,13 +120,13 @@ fn read4(reader: &mut impl Read) -> io::Result<[u8; 4]> {
 
 /// The value of the field that begins with `name`.
 fn field<'a>(header: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
-    let mut rest = header;
-    while let Some((length, tail)) = rest.split_first_chunk() {
+    let mut unread = header;
+    while let Some((length, tail)) = unread.split_first_chunk() {
         let (one, tail) = tail.split_at_checked(u32::from_le_bytes(*length) as usize)?;
         if let Some(value) = one.strip_prefix(name) {
             return Some(value);
         }
-        rest = tail;
+        unread = tail;
     }
     None
 }

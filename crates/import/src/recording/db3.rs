@@ -11,8 +11,8 @@ use rusqlite::{Connection, OpenFlags};
 use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged, plain_type};
 use crate::error::ImportError;
 
-/// Instructions of SQLite's machine per byte of the file: reading and sorting a message takes some tens, and none is that short. A damaged
-/// file may have pages that contain themselves, and would be read for ever.
+/// Instructions of SQLite's machine per byte of the file: reading and sorting a message takes some tens, and none is that short.
+/// A damaged file may have pages that contain themselves, and would be read for ever.
 const INSTRUCTIONS_PER_BYTE: u64 = 100;
 /// Instructions that every file may take, and how many are counted at a time.
 const INSTRUCTIONS: u64 = 1_000_000;
@@ -37,8 +37,8 @@ fn open(path: &Path) -> Result<Connection, ImportError> {
     // A view of these names could compute anything, as its own SQL says.
     let tables =
         "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND rootpage > 0 AND name IN ('topics', 'messages')";
-    let found: i64 = database.query_row(tables, [], |row| row.get(0)).map_err(fault)?;
-    if found != 2 {
+    let count: i64 = database.query_row(tables, [], |row| row.get(0)).map_err(fault)?;
+    if count != 2 {
         return Err(damaged(path, "ROS 2 bag", "it does not have the two tables topics and messages"));
     }
     Ok(database)

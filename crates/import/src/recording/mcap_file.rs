@@ -1,7 +1,7 @@
 //! MCAP, by the `mcap` crate: ROS 2's default, also with messages of ROS 1.
 //!
-//! The crate takes records apart, out of chunks and compression. Their fields are read here, since the crate reserves memory for strings by
-//! the lengths that they claim.
+//! The crate takes records apart, out of chunks and compression. Their fields are read here, since the crate reserves memory for
+//! strings by the lengths that they claim.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -14,8 +14,8 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use super::packet::{Layout, Packet, StreamInfo, Visitor, damaged, plain_type};
 use crate::error::ImportError;
 
-/// Bytes of a record per byte of the file, and most bytes of one where the file is shorter: those of compressed chunks are allocated before
-/// they are read. Images of one grey value shrink to a thousandth.
+/// Bytes of a record per byte of the file, and most bytes of one where the file is shorter: those of compressed chunks are
+/// allocated before they are read. Images of one grey value shrink to a thousandth.
 const LARGEST_RATIO: u64 = 1024;
 const LARGEST: u64 = 1 << 30;
 /// Bytes that are read at a time, so that memory grows with the file, not with what a record claims.
@@ -96,8 +96,8 @@ struct Record<'a> {
 
 impl<'a> Record<'a> {
     fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (bytes, rest) = self.rest.split_first_chunk()?;
-        self.rest = rest;
+        let (bytes, after) = self.rest.split_first_chunk()?;
+        self.rest = after;
         Some(*bytes)
     }
 
@@ -107,8 +107,8 @@ impl<'a> Record<'a> {
 
     fn string(&mut self) -> Option<String> {
         let length = u32::from_le_bytes(self.number()?) as usize;
-        let (bytes, rest) = self.rest.split_at_checked(length)?;
-        self.rest = rest;
+        let (bytes, after) = self.rest.split_at_checked(length)?;
+        self.rest = after;
         Some(String::from_utf8_lossy(bytes).into_owned())
     }
 

@@ -55,8 +55,9 @@ pub(super) fn visit(
     Ok(())
 }
 
-/// What the demuxer gives. Its sums of broken numbers wrap, and panic in a build that checks overflow in dependencies; it is generic
-/// over the reader, so that its arithmetic is compiled with ours, and nothing before it can tell which numbers it will add.
+/// Calls the demuxer and makes its panics errors. Its sums of broken numbers wrap, and panic in a build that checks overflow in
+/// dependencies; it is generic over the reader, so that its arithmetic is compiled with ours, and nothing before it can tell
+/// which numbers it will add.
 fn guarded<T>(path: &Path, read: impl FnOnce() -> T) -> Result<T, ImportError> {
     catch_unwind(AssertUnwindSafe(read)).map_err(|_| damaged(path, "Matroska file", "its numbers are out of range"))
 }

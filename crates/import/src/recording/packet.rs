@@ -36,7 +36,7 @@ pub(crate) struct Packet<'a> {
     pub data: Cow<'a, [u8]>,
 }
 
-/// What is done with each message; `Break` ends the reading.
+/// The function that is called with each message; `Break` ends the reading.
 pub(crate) type Visitor<'a> = dyn FnMut(Packet<'_>) -> Result<ControlFlow<()>, ImportError> + 'a;
 
 /// `sensor_msgs/msg/Image` of ROS 2 as ROS 1 has it: `sensor_msgs/Image`.

@@ -25,7 +25,7 @@ pub enum BoardPrintError {
     /// A paper that is none.
     #[error("{name:?} is no paper size: give a0 … a5, letter, legal, tabloid, or width x height in mm such as 600x400")]
     UnknownPaper {
-        /// What was given.
+        /// The name that was given.
         name: String,
     },
     /// The dictionary gave no image of a tag.

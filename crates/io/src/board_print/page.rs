@@ -45,7 +45,8 @@ const FOOT_MM: f64 = 20.0;
 const LETTER_MM: f64 = 3.0;
 
 impl BoardPage {
-    /// Places a board on `paper`, or on the smallest of A4 … A0 that holds it. `tags` is asked for the tags of boards that have any.
+    /// Places a board on `paper`, or on the smallest of A4 … A0 that holds it. `tags` is asked for the tags of boards that have
+    /// any.
     ///
     /// # Errors
     /// [`BoardPrintError`]: the paper is too small, the diameter of the dots is not known, or a tag cannot be drawn.
@@ -76,7 +77,7 @@ impl BoardPage {
         });
         // The outer ticks' outer edges are the ruler's ends.
         let line = [left - 0.1, base - 0.1, ruler_mm + 0.2, 0.2];
-        let text = |at: [f64; 2], text: String| Text { at, size_mm: LETTER_MM, text };
+        let text = |corner: [f64; 2], text: String| Text { at: corner, size_mm: LETTER_MM, text };
         let check = format!(
             "{ruler_mm} mm from the middle of the first line to that of the last. If not, the printer scaled the page: print at 100 %."
         );
@@ -102,7 +103,7 @@ impl BoardPage {
     }
 }
 
-/// What a person reads below the board: the section `[board]` in one line.
+/// The line below the board for its reader: the section `[board]`.
 fn describe(target: &Target) -> String {
     let Target { columns, rows, spacing_mm, pattern } = target;
     let (kind, more) = match pattern {

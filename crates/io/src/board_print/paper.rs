@@ -33,7 +33,7 @@ impl Paper {
         Paper { size_mm: sheets.into_iter().find(holds).unwrap_or(needs_mm.map(f64::ceil)) }
     }
 
-    /// The same sheet, turned where only that holds `needs_mm`.
+    /// The sheet, turned where only that holds `needs_mm`.
     pub fn turned_for(self, needs_mm: [f64; 2]) -> Paper {
         let [w, h] = self.size_mm;
         let holds = |size: [f64; 2]| needs_mm[0] <= size[0] && needs_mm[1] <= size[1];

@@ -1,4 +1,4 @@
-//! What a format can hold, and the nearest camera that it can.
+//! Cameras that a format can hold, and the nearest one where it cannot hold a camera.
 
 use depthcal_model::{Camera, Register};
 use nalgebra::Vector3;
@@ -27,8 +27,8 @@ pub(super) struct Written {
     pub warnings: Vec<ExportWarning>,
 }
 
-/// The camera in the first of a format's lens models that holds it exactly; where there is none, the nearest of all of them, with the
-/// largest error that this makes.
+/// The camera in the first of a format's lens models that holds it exactly; where there is none, the nearest of all of them, with
+/// the largest error that this makes.
 pub(super) fn nearest(camera: &Camera, format: &'static str, models: &[HeldLens]) -> Written {
     let [fx, fy, cx, cy, skew] = camera.pinhole();
     let form = form_of(camera);
@@ -95,7 +95,7 @@ pub(super) fn largest_error(camera: &Camera, rays: &[[f64; 2]], pixels: &[[f64; 
     rays.iter().zip(pixels).map(error).fold(0.0, f64::max)
 }
 
-/// What a format with these lens models cannot hold of a camera, in words.
+/// Properties of a camera that a format with these lens models cannot hold, in words.
 fn lost(camera: &Camera, form: Option<&LensForm>, models: &[HeldLens], skew: f64) -> Vec<String> {
     const NAMES: [&str; 14] =
         ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"];

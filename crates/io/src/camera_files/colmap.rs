@@ -1,7 +1,8 @@
 //! COLMAP's cameras.txt: a line `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…` per camera.
 //!
-//! Written are `OPENCV`, `FULL_OPENCV` and `OPENCV_FISHEYE`; read are also `SIMPLE_PINHOLE`, `PINHOLE`, `SIMPLE_RADIAL`, `RADIAL`,
-//! `SIMPLE_RADIAL_FISHEYE` and `RADIAL_FISHEYE`. COLMAP has the centre of the first pixel at (0.5, 0.5), which is converted.
+//! Written are `OPENCV`, `FULL_OPENCV` and `OPENCV_FISHEYE`; read are also `SIMPLE_PINHOLE`, `PINHOLE`, `SIMPLE_RADIAL`,
+//! `RADIAL`, `SIMPLE_RADIAL_FISHEYE` and `RADIAL_FISHEYE`. COLMAP has the centre of the first pixel at (0.5, 0.5), which is
+//! converted.
 
 use std::path::Path;
 
@@ -76,8 +77,8 @@ pub(super) fn read(path: &Path, id: &str, words: &[&str]) -> Result<Intrinsics, 
     if p.len() != expected {
         return Err(fault("PARAMS", format!("are {} numbers, expected {expected} for {model}", p.len())));
     }
-    let (fx, fy, rest) = if is_simple { (p[0], p[0], &p[1..]) } else { (p[0], p[1], &p[2..]) };
-    let (cx, cy, k) = (rest[0] - FIRST_PIXEL, rest[1] - FIRST_PIXEL, &rest[2..]);
+    let (fx, fy, others) = if is_simple { (p[0], p[0], &p[1..]) } else { (p[0], p[1], &p[2..]) };
+    let (cx, cy, k) = (others[0] - FIRST_PIXEL, others[1] - FIRST_PIXEL, &others[2..]);
     if !(fx > 0.0 && fy > 0.0) {
         return Err(fault("PARAMS", format!("have the focal lengths {fx} and {fy}, expected positive ones")));
     }

@@ -39,7 +39,7 @@ pub enum CameraFileError {
         path: PathBuf,
         /// The field.
         field: String,
-        /// What is wrong, and what is expected.
+        /// The fault, and what is expected.
         problem: String,
     },
     /// A model that is not known here.

@@ -17,8 +17,8 @@ pub struct ExportCamera {
 }
 
 impl ExportCamera {
-    /// The camera of a calibration: `camera` as it was made of `calibration`. Pieces of board and pose do not belong to the camera
-    /// and are left out.
+    /// The camera of a calibration: `camera` as it was made of `calibration`. Pieces of board and pose do not belong to the
+    /// camera and are left out.
     pub fn new(camera: &Camera, calibration: &Calibration) -> Self {
         let camera = camera.filtered(|b| b.hook() == HookKind::Lens);
         let of_depth = |piece: &&PieceRecord| {

@@ -25,8 +25,8 @@ pub struct FileLens {
 }
 
 impl FileLens {
-    /// OpenCV's distortion coefficients in their order: 4 or 5 for Brown–Conrady, 8, 12 or 14 for the larger models; `None` for another
-    /// number of them.
+    /// OpenCV's distortion coefficients in their order: 4 or 5 for Brown–Conrady, 8, 12 or 14 for the larger models; `None` for
+    /// another number of them.
     pub fn opencv(coefficients: &[f64]) -> Option<Self> {
         let piece = match coefficients.len() {
             4 | 5 => "brown_conrady",
@@ -42,7 +42,8 @@ impl FileLens {
     }
 }
 
-/// Width and height of an image, px, from numbers of a file; `None` where they are none, or of more pixels than any image that is read.
+/// Width and height of an image, px, from numbers of a file; `None` where they are none, or of more pixels than any image that is
+/// read.
 pub(super) fn size_px(width: f64, height: f64) -> Option<[usize; 2]> {
     let is_count = |n: f64| n >= 1.0 && n.fract() == 0.0;
     (is_count(width) && is_count(height) && width * height <= MAX_PIXELS as f64)

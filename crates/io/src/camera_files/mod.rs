@@ -1,9 +1,9 @@
 //! Cameras in the files of other programs, read and written: OpenCV's FileStorage, ROS camera_info, Kalibr's camchain, mrcal's
 //! .cameramodel, COLMAP's cameras.txt.
 //!
-//! All but COLMAP share depthcal's conventions: x right, y down, z forward, and the centre of the first pixel at (0, 0); COLMAP has it at
-//! (0.5, 0.5). A lens that a format cannot hold is replaced by the nearest that it can, and the largest error in pixels that this makes
-//! over the image is an [`ExportWarning`].
+//! All but COLMAP share depthcal's conventions: x right, y down, z forward, and the centre of the first pixel at (0, 0); COLMAP
+//! has it at (0.5, 0.5). A lens that a format cannot hold is replaced by the nearest that it can, and the largest error in pixels
+//! that this makes over the image is an [`ExportWarning`].
 
 mod capability;
 mod colmap;

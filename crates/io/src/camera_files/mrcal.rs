@@ -26,15 +26,15 @@ const HELD: [HeldLens; 4] = [
 /// The dictionary without the binary data that mrcal may append, and which is no YAML.
 pub(super) fn without_binary(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
-    let mut rest = text;
-    while let Some(begin) = rest.find(" b'") {
-        let after = &rest[begin + 3..];
+    let mut unread = text;
+    while let Some(begin) = unread.find(" b'") {
+        let after = &unread[begin + 3..];
         let Some(length) = after.find('\'') else { break };
-        out.push_str(&rest[..begin]);
+        out.push_str(&unread[..begin]);
         out.push_str(" ''");
-        rest = &after[length + 1..];
+        unread = &after[length + 1..];
     }
-    out + rest
+    out + unread
 }
 
 /// Whether a document is of this format.

@@ -8,8 +8,9 @@
 //! | `fisheye_model` | 1 for a fisheye lens, as OpenCV's calibration sample writes it |
 //! | `depth_pieces` | depthcal's own, where there are any |
 //!
-//! The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit and value). OpenCV's
-//! functions ignore them. Read are also `K`, `cameraMatrix`, `D`, `distCoeffs` and `dist_coeffs`, and the coefficients of `cv2` as 1×n.
+//! The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit and value).
+//! OpenCV's functions ignore them. Read are also `K`, `cameraMatrix`, `D`, `distCoeffs` and `dist_coeffs`, and the coefficients
+//! of `cv2` as 1×n.
 
 use std::fmt::Write as _;
 
@@ -24,7 +25,7 @@ use crate::record::PieceRecord;
 
 const FORMAT: &str = "OpenCV";
 const FISHEYE: HeldLens = HeldLens { name: "fisheye lens", piece: "kannala_brandt", count: 4 };
-/// What OpenCV holds, the simplest first.
+/// Lens models that OpenCV holds, the simplest first.
 const HELD: [HeldLens; 5] = [
     HeldLens { name: "lens of 5 coefficients", piece: "brown_conrady", count: 5 },
     HeldLens { name: "lens of 8 coefficients", piece: "opencv_lens", count: 8 },
@@ -49,11 +50,11 @@ pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
         None => None,
         Some(field) => {
             let k = node.required_numbers(field)?;
-            let found = k.len();
+            let count = k.len();
             let lens = if is_fisheye { k.try_into().ok().map(FileLens::fisheye) } else { FileLens::opencv(&k) };
             let expected = if is_fisheye { "4" } else { "4, 5, 8, 12 or 14" };
-            let problem = || node.fault(field, format!("has {found} numbers, expected {expected}"));
-            if found == 0 { None } else { Some(lens.ok_or_else(problem)?) }
+            let problem = || node.fault(field, format!("has {count} numbers, expected {expected}"));
+            if count == 0 { None } else { Some(lens.ok_or_else(problem)?) }
         }
     };
     let size = node.size(["image_width", "image_height"])?;

@@ -20,12 +20,12 @@ pub enum ExportWarning {
     Approximated {
         /// Name of the format.
         format: &'static str,
-        /// What it cannot hold.
+        /// Properties that the format cannot hold.
         lost: Vec<String>,
         /// The lens model that was written, in the format's words.
         written: &'static str,
-        /// Largest distance over the image between the pixels that both cameras give a ray, px; infinite where a pixel has no ray in the
-        /// file's camera.
+        /// Largest distance over the image between the pixels that both cameras give a ray, px; infinite where a pixel has no ray
+        /// in the file's camera.
         largest_px: f64,
     },
     /// Pixels of the camera without a ray, whatever the format.

@@ -7,8 +7,8 @@ use super::intrinsics::Intrinsics;
 use super::yaml::{Node, parse};
 use super::{colmap, kalibr, mrcal, opencv, ros};
 
-/// Reads a camera from a file of another program, whose format is recognised by its contents. Of several cameras one is named after the
-/// path: `camchain.yaml#cam1`.
+/// Reads a camera from a file of another program, whose format is recognised by its contents. Of several cameras one is named
+/// after the path: `camchain.yaml#cam1`.
 ///
 /// # Errors
 /// [`CameraFileError`].

@@ -36,14 +36,14 @@ pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
     const D: &str = "distortion_coefficients";
     let pinhole = node.camera_matrix("camera_matrix")?;
     let k = node.numbers(D)?.unwrap_or_default();
-    let found = k.len();
+    let count = k.len();
     let counted = |lens: Option<FileLens>, expected: &str| {
-        lens.map(Some).ok_or_else(|| node.fault(D, format!("has {found} numbers, expected {expected}")))
+        lens.map(Some).ok_or_else(|| node.fault(D, format!("has {count} numbers, expected {expected}")))
     };
     let lens = match node.required_text("distortion_model")? {
         _ if k.is_empty() => None,
-        "plumb_bob" => counted(FileLens::opencv(&k).filter(|_| found <= 5), "4 or 5")?,
-        "rational_polynomial" => counted(FileLens::opencv(&k).filter(|_| found >= 8), "8, 12 or 14")?,
+        "plumb_bob" => counted(FileLens::opencv(&k).filter(|_| count <= 5), "4 or 5")?,
+        "rational_polynomial" => counted(FileLens::opencv(&k).filter(|_| count >= 8), "8, 12 or 14")?,
         "equidistant" | "fisheye" => counted(k.try_into().ok().map(FileLens::fisheye), "4")?,
         model => {
             let known = "plumb_bob, rational_polynomial and equidistant";

@@ -107,7 +107,7 @@ fn mrcal_and_colmap_as_they_are_written() {
     assert!(text.ends_with("1 OPENCV 640 480 476.5 477.25 313.47 242.99 -0.1468 0.0463 0.0012 -7.0e-5\n"), "{text}");
 }
 
-/// What OpenCV's calibration sample, `cv2` and OpenCV's fisheye sample write.
+/// Files as OpenCV's calibration sample, `cv2` and OpenCV's fisheye sample write them.
 #[test]
 fn opencvs_own_files() {
     let sample = "\
@@ -152,9 +152,8 @@ avg_reprojection_error: 3.9259109564815858e-01
     assert_eq!((lens.piece, lens.values[3]), ("kannala_brandt", -2.812_210_044_111_547e-4));
 }
 
-/// ROS' documentation, Kalibr's wiki, mrcal's documentation and COLMAP's documentation.
 #[test]
-fn documented_texts_of_the_others() {
+fn the_text_of_ros_documentation() {
     let ros = "\
 image_width: 2448
 image_height: 2050
@@ -180,7 +179,10 @@ projection_matrix:
     let camera = read(ros);
     assert_eq!((camera.size, camera.pinhole), (Some([2448, 2050]), [4827.94, 4835.62, 1223.5, 1024.5, 0.0]));
     assert_eq!(camera.lens.unwrap().values, [-0.41527, 0.31874, -0.00197, 0.00071, 0.0]);
+}
 
+#[test]
+fn the_text_of_kalibrs_wiki() {
     let kalibr = "\
 cam0:
   camera_model: pinhole
@@ -209,7 +211,10 @@ cam1:
     assert!(fails(kalibr).contains("camera.yaml#NAME with one of cam0, cam1"), "{}", fails(kalibr));
     let none = parse_camera(Path::new("chain.yaml"), kalibr, Some("cam7")).unwrap_err().to_string();
     assert!(none.contains("no camera 'cam7', but cam0, cam1"), "{none}");
+}
 
+#[test]
+fn the_text_of_mrcals_documentation() {
     let mrcal = "\
 # generated with ...
 {
@@ -228,7 +233,10 @@ cam1:
     let camera = read(mrcal);
     assert_eq!((camera.size, camera.pinhole[2]), (Some([4000, 2200]), 1965.706996));
     assert_eq!(camera.lens.unwrap().values[7], 0.0500223357);
+}
 
+#[test]
+fn the_text_of_colmaps_documentation() {
     let colmap = "\
 # Camera list with one line of data per camera:
 #   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
@@ -317,7 +325,7 @@ fn what_a_format_holds_comes_back() {
     }
 }
 
-/// What a format cannot hold is replaced by the nearest, and the error that is told is the error of the file.
+/// A lens that a format cannot hold is replaced by the nearest, and the error that is told is the error of the file.
 #[test]
 fn what_a_format_cannot_hold_is_told_with_its_error() {
     let fisheye: &[f64] = &[0.03, -0.01, 0.004, -0.001];

@@ -22,8 +22,8 @@ const DEEPEST: usize = 32;
 /// Largest text that is read, bytes. Cameras with all their numbers are some kilobytes; mrcal may append its optimisation.
 const LARGEST: usize = 64 << 20;
 
-/// Refuses what the loader takes on trust: depth, which it walks by recursion, and aliases, a few of which in each other are more than
-/// any memory holds.
+/// Refuses what the loader takes on trust: depth, which it walks by recursion, and aliases, a few of which in each other are more
+/// than any memory holds.
 fn check_structure(body: &str, syntax: impl Fn(String) -> CameraFileError) -> Result<(), CameraFileError> {
     let mut parser = Parser::new_from_str(body);
     let mut depth = 0_usize;
@@ -74,8 +74,8 @@ impl<'a> Node<'a> {
     }
 
     fn value(&self, field: &str) -> Option<&'a Yaml> {
-        let found = &self.value[field];
-        (!found.is_badvalue() && !found.is_null()).then_some(found)
+        let value = &self.value[field];
+        (!value.is_badvalue() && !value.is_null()).then_some(value)
     }
 
     pub fn has(&self, field: &str) -> bool {
@@ -126,8 +126,8 @@ impl<'a> Node<'a> {
     /// So many numbers.
     pub fn array<const N: usize>(&self, field: &str) -> Result<[f64; N], CameraFileError> {
         let given = self.required_numbers(field)?;
-        let found = given.len();
-        given.try_into().map_err(|_| self.fault(field, format!("has {found} numbers, expected {N}")))
+        let count = given.len();
+        given.try_into().map_err(|_| self.fault(field, format!("has {count} numbers, expected {N}")))
     }
 
     /// fx, fy, cx, cy and skew from a 3×3 matrix.

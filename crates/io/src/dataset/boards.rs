@@ -50,12 +50,13 @@ pub(crate) fn boards_of(source: Source<'_>, root: &DeTable<'_>) -> Result<Target
         let board = board_from(&section)?;
         let first_tag =
             section.get(FIRST_TAG).map(|_| section.count(FIRST_TAG, 0..=MOST_TAGS)).transpose()?.unwrap_or(0);
-        let Some(own) = tags_of(&board, first_tag) else {
+        let Some(numbering) = tags_of(&board, first_tag) else {
             return refused("without tags, which cannot be told from others");
         };
         let meets = |other: &&NumberedBoard| {
-            tags_of(&other.board, other.first_tag)
-                .is_some_and(|(family, tags)| family == own.0 && tags.start < own.1.end && own.1.start < tags.end)
+            tags_of(&other.board, other.first_tag).is_some_and(|(family, tags)| {
+                family == numbering.0 && tags.start < numbering.1.end && numbering.1.start < tags.end
+            })
         };
         if let Some(other) = boards.iter().find(meets) {
             return refused(&format!("some of whose tags have the numbers of those of {}", other.name));

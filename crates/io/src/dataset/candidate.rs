@@ -21,8 +21,8 @@ impl Candidate {
     }
 }
 
-/// Time of capture in a file's stem, s: its last number, in s with a decimal point or up to 11 digits, in ms with up to 14, in µs with up to
-/// 17, in ns beyond.
+/// Time of capture in a file's stem, s: its last number, in s with a decimal point or up to 11 digits, in ms with up to 14, in µs
+/// with up to 17, in ns beyond.
 pub(crate) fn stem_time_s(stem: &str) -> Option<f64> {
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
     let number = |c: char| c.is_ascii_digit() || c == '.';
@@ -49,8 +49,8 @@ mod tests {
     #[test]
     fn times_in_names() {
         let near = |stem: &str, time: f64| {
-            let found = stem_time_s(stem).unwrap();
-            assert!((found - time).abs() < 1e-6, "{stem}: {found}");
+            let read = stem_time_s(stem).unwrap();
+            assert!((read - time).abs() < 1e-6, "{stem}: {read}");
         };
         near("1305031102.175304", 1305031102.175304);
         near("rgb_1305031102.175304", 1305031102.175304);

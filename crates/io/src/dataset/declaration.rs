@@ -32,8 +32,8 @@ pub struct DatasetFile {
     pub camera: Option<CameraHint>,
 }
 
-/// `[frames]`: globs relative to the dataset's folder. At least one of `image`, `depth`, `associations` and `metadata` (a table with a
-/// column `image` or `depth`) is given.
+/// `[frames]`: globs relative to the dataset's folder. At least one of `image`, `depth`, `associations` and `metadata` (a table
+/// with a column `image` or `depth`) is given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct FramesSection {
     /// Glob of the images, or a list of them with times (`rgb.txt`).
@@ -370,8 +370,8 @@ pub(crate) fn path_of(section: &Section<'_>, field: Field) -> Result<Option<Stri
 }
 
 fn depth_from(depth: &Section<'_>) -> Result<DepthSection, DatasetError> {
-    // The usual mistake is 0.001, metres per step instead of millimetres. 1000 is for floating-point metres; whole steps have a lower
-    // limit, see `DepthFrame::check_unit`.
+    // The usual mistake is 0.001, metres per step instead of millimetres. 1000 is for floating-point metres; whole steps have a
+    // lower limit, see `DepthFrame::check_unit`.
     Ok(DepthSection { unit_mm: depth.positive(UNIT, 0.002..=1000.0)? })
 }
 

@@ -69,7 +69,8 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may have no end.
+    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may
+    /// have no end.
     pub(super) fn check_intrinsics(&self) -> Result<(), DatasetError> {
         match self.intrinsics_file() {
             Some(path) if path.exists() && !path.is_file() => {

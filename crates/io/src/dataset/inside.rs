@@ -2,11 +2,12 @@
 
 use std::path::{Component, Path, PathBuf};
 
-/// The path `given`, which is relative to `folder` or absolute, as one relative to `root`, without `.` and `..`; `None` where it leads out of
-/// `root`.
+/// The path `given`, which is relative to `folder` or absolute, as one relative to `root`, without `.` and `..`; `None` where it
+/// leads out of `root`.
 ///
-/// Only the text counts, not what is on the disk: a symbolic link in the folder is followed, as its owner has put it there, while the text of
-/// a file that came with a dataset reaches nothing else. `..` is taken out before a link could give it another meaning.
+/// Only the text counts, not what is on the disk: a symbolic link in the folder is followed, as its owner has put it there, while
+/// the text of a file that came with a dataset reaches nothing else. `..` is taken out before a link could give it another
+/// meaning.
 pub(crate) fn within(root: &Path, folder: &Path, given: &Path) -> Option<PathBuf> {
     let (root, path) = (plain(root)?, plain(&folder.join(given))?);
     path.strip_prefix(root).ok().map(Path::to_owned)
@@ -44,8 +45,8 @@ mod tests {
             assert_eq!(within("../../other/1.png"), None, "{root}");
             assert_eq!(within("a/../../../1.png"), None, "{root}");
             assert_eq!(within("/etc/passwd"), None, "{root}");
-            let own = std::path::absolute(if root.is_empty() { "." } else { root }).unwrap().join("1.png");
-            assert_eq!(within(own.to_str().unwrap()), Some("1.png".into()), "{root}");
+            let absolute = std::path::absolute(if root.is_empty() { "." } else { root }).unwrap().join("1.png");
+            assert_eq!(within(absolute.to_str().unwrap()), Some("1.png".into()), "{root}");
         }
     }
 }

@@ -24,8 +24,8 @@ pub(crate) fn compare(a: &str, b: &str) -> Ordering {
 /// Removes the digits at the front of `text` and returns them without leading zeros.
 fn take_number<'a>(text: &mut &'a [u8]) -> &'a [u8] {
     let end = text.iter().position(|byte| !byte.is_ascii_digit()).unwrap_or(text.len());
-    let (digits, rest) = text.split_at(end);
-    *text = rest;
+    let (digits, after) = text.split_at(end);
+    *text = after;
     let zeros = digits.iter().take_while(|byte| **byte == b'0').count();
     &digits[zeros..]
 }

@@ -61,8 +61,8 @@ impl Stray {
 /// Name of a frame, and the positions of its image and its depth image.
 pub(crate) type Pair = (String, usize, usize);
 
-/// Pairs by the first of the rules equal stems, equal rests, equal numbers that pairs the most files. Names that occur twice under a
-/// rule pair with nothing.
+/// Pairs by the first of the rules equal stems, equal rests, equal numbers that pairs the most files. Names that occur twice
+/// under a rule pair with nothing.
 pub(crate) fn by_name(images: &[Candidate], depth: &[Candidate]) -> (Pairing, Vec<Pair>) {
     let stems = |files: &[Candidate]| files.iter().map(Candidate::stem).collect::<Vec<_>>();
     let (image_stems, depth_stems) = (stems(images), stems(depth));
@@ -101,7 +101,7 @@ fn equal(images: &[Option<String>], depth: &[Option<String>]) -> Vec<Pair> {
 fn rests(stems: &[String]) -> Vec<String> {
     let Some(first) = stems.first() else { return Vec::new() };
     let shared = |forward: bool| {
-        let of = |stem: &String| {
+        let shared = |stem: &String| {
             let same = |(p, q): &(char, char)| p == q;
             let count =
                 |pairs: &mut dyn Iterator<Item = (char, char)>| pairs.take_while(same).map(|(c, _)| c.len_utf8()).sum();
@@ -112,7 +112,7 @@ fn rests(stems: &[String]) -> Vec<String> {
             };
             bytes
         };
-        stems.iter().map(of).min().unwrap_or(0)
+        stems.iter().map(shared).min().unwrap_or(0)
     };
     // Between a letter and a digit, or beside what is neither.
     let is_border = |within: Option<char>, beyond: Option<char>| match (within, beyond) {
@@ -122,8 +122,8 @@ fn rests(stems: &[String]) -> Vec<String> {
     };
     let front_fits = |front: usize| {
         let fits = |stem: &String| {
-            let (front, rest) = stem.split_at_checked(front)?;
-            is_border(front.chars().next_back(), rest.chars().next()).then_some(())
+            let (front, middle) = stem.split_at_checked(front)?;
+            is_border(front.chars().next_back(), middle.chars().next()).then_some(())
         };
         stems.iter().all(|stem| fits(stem).is_some())
     };
@@ -131,8 +131,8 @@ fn rests(stems: &[String]) -> Vec<String> {
     let shortest = stems.iter().map(String::len).min().unwrap_or(0);
     let back_fits = |back: usize| {
         let fits = |stem: &String| {
-            let (rest, back) = stem.split_at_checked(stem.len() - back)?;
-            is_border(back.chars().next(), rest.chars().next_back()).then_some(())
+            let (middle, back) = stem.split_at_checked(stem.len() - back)?;
+            is_border(back.chars().next(), middle.chars().next_back()).then_some(())
         };
         stems.iter().all(|stem| fits(stem).is_some())
     };

@@ -68,17 +68,17 @@ impl RigDataset {
         let of_table = table.as_ref().is_some_and(|table| {
             declared.cameras.iter().any(|c| table.columns.iter().any(|name| is_column_of(name, &c.name)))
         });
-        let (mut found, pairing) = if let (true, Some(table), Some(path)) = (of_table, &table, &table_path) {
+        let (mut by_camera, pairing) = if let (true, Some(table), Some(path)) = (of_table, &table, &table_path) {
             (tabled(root, path, table, &declared)?, Pairing::Table)
         } else {
             matched(root, &file, &declared)?
         };
         if let (false, Some(table)) = (of_table, table) {
-            give_rows(table, &mut found);
+            give_rows(table, &mut by_camera);
         }
         let mut cameras = Vec::new();
-        for (section, mut own) in declared.cameras.into_iter().zip(found) {
-            let has_depth = own.frames.iter().any(|frame| frame.depth.is_some());
+        for (section, mut listing) in declared.cameras.into_iter().zip(by_camera) {
+            let has_depth = listing.frames.iter().any(|frame| frame.depth.is_some());
             if has_depth && section.unit_mm.is_none() {
                 return Err(DatasetError::MissingField {
                     path: file,
@@ -86,19 +86,19 @@ impl RigDataset {
                     remedy: "give the millimetres per step of every camera's depth images; they are never guessed",
                 });
             }
-            own.frames.sort_by(|a, b| natural::compare(&a.name, &b.name));
-            own.lists.extend(table_path.clone());
+            listing.frames.sort_by(|a, b| natural::compare(&a.name, &b.name));
+            listing.lists.extend(table_path.clone());
             let dataset = Dataset {
                 root: root.to_owned(),
                 name: format!("{}/{}", folder_name(root), section.name),
                 target: declared.board.clone(),
-                frames: own.frames,
+                frames: listing.frames,
                 depth_unit_mm: section.unit_mm,
                 camera: section.camera,
                 metadata: table_path.clone(),
-                pairing: own.pairing,
-                strays: own.strays,
-                lists: own.lists,
+                pairing: listing.pairing,
+                strays: listing.strays,
+                lists: listing.lists,
             };
             dataset.check_intrinsics()?;
             cameras.push(RigMember { name: section.name, dataset });
@@ -108,19 +108,19 @@ impl RigDataset {
 }
 
 fn is_column_of(column: &str, camera: &str) -> bool {
-    column.strip_prefix(camera).is_some_and(|rest| matches!(rest, ".image" | ".depth"))
+    column.strip_prefix(camera).is_some_and(|kind| matches!(kind, ".image" | ".depth"))
 }
 
 /// The frames of every camera where the table names their files.
 fn tabled(root: &Path, path: &Path, table: &FrameTable, declared: &RigFile) -> Result<Vec<Frames>, DatasetError> {
     let folder = path.parent().unwrap_or(root);
-    let mut found: Vec<Frames> = declared.cameras.iter().map(|_| empty(Pairing::Table)).collect();
+    let mut by_camera: Vec<Frames> = declared.cameras.iter().map(|_| empty(Pairing::Table)).collect();
     for row in &table.rows {
         // Columns of files are no quantities of the frame.
         let files = |name: &str| declared.cameras.iter().any(|c| is_column_of(name, &c.name));
         let mut metadata = row.metadata.clone();
         metadata.other.retain(|name, _| !files(name));
-        for (camera, own) in declared.cameras.iter().zip(&mut found) {
+        for (camera, listing) in declared.cameras.iter().zip(&mut by_camera) {
             let file = |kind: &str| {
                 let given = row.metadata.other.get(&format!("{}.{kind}", camera.name));
                 let outside = |given: &String| DatasetError::Outside {
@@ -134,14 +134,14 @@ fn tabled(root: &Path, path: &Path, table: &FrameTable, declared: &RigFile) -> R
             let (image, depth) = (file("image")?, file("depth")?);
             if let Some(missing) = [&image, &depth].into_iter().flatten().find(|file| !file.is_file()) {
                 let reason = format!("there is no file {}", missing.display());
-                own.strays.push(Stray { name: format!("row {}", row.frame), reason });
+                listing.strays.push(Stray { name: format!("row {}", row.frame), reason });
             } else if image.is_some() || depth.is_some() {
-                own.frames.push(Frame { name: row.frame.clone(), image, depth, metadata: metadata.clone() });
+                listing.frames.push(Frame { name: row.frame.clone(), image, depth, metadata: metadata.clone() });
             }
         }
     }
-    for (camera, own) in declared.cameras.iter().zip(&found) {
-        if own.frames.is_empty() {
+    for (camera, listing) in declared.cameras.iter().zip(&by_camera) {
+        if listing.frames.is_empty() {
             let problem = format!(
                 "no row names a file of the camera {}: fill a column {}.image or {}.depth with paths relative to this table's folder",
                 camera.name, camera.name, camera.name
@@ -149,7 +149,7 @@ fn tabled(root: &Path, path: &Path, table: &FrameTable, declared: &RigFile) -> R
             return Err(DatasetError::Table { path: path.to_owned(), line: 1, problem });
         }
     }
-    Ok(found)
+    Ok(by_camera)
 }
 
 fn empty(pairing: Pairing) -> Frames {
@@ -158,7 +158,7 @@ fn empty(pairing: Pairing) -> Frames {
 
 /// The frames of every camera, found by its globs or lists, with common names.
 fn matched(root: &Path, file: &Path, declared: &RigFile) -> Result<(Vec<Frames>, Pairing), DatasetError> {
-    let own = |camera: &CameraSection| {
+    let frames_of = |camera: &CameraSection| {
         let section = FramesSection {
             image: camera.image.clone(),
             depth: camera.depth.clone(),
@@ -167,19 +167,19 @@ fn matched(root: &Path, file: &Path, declared: &RigFile) -> Result<(Vec<Frames>,
         };
         find_frames(root, file, &section)
     };
-    let mut found = declared.cameras.iter().map(own).collect::<Result<Vec<_>, _>>()?;
+    let mut by_camera = declared.cameras.iter().map(frames_of).collect::<Result<Vec<_>, _>>()?;
     let mut pairing = declared.within_s.map_or(Pairing::Stem, |within_s| Pairing::Time { within_s });
-    let (first, rest) = match found.split_first_mut() {
+    let (first, others) = match by_camera.split_first_mut() {
         Some(split) => split,
-        None => return Ok((found, pairing)),
+        None => return Ok((by_camera, pairing)),
     };
     // The frames that some camera has, with their times.
     let mut known: Vec<Candidate> = first.frames.iter().map(candidate).collect();
-    for (camera, own) in declared.cameras.iter().skip(1).zip(rest) {
-        let theirs: Vec<Candidate> = own.frames.iter().map(candidate).collect();
+    for (camera, listing) in declared.cameras.iter().skip(1).zip(others) {
+        let theirs: Vec<Candidate> = listing.frames.iter().map(candidate).collect();
         let pairs = match declared.within_s {
             Some(within_s) => {
-                let no_time = |of| DatasetError::NoTime { path: file.to_owned(), file: of };
+                let no_time = |timeless| DatasetError::NoTime { path: file.to_owned(), file: timeless };
                 pairing::by_time(&known, &theirs, within_s).map_err(no_time)?
             }
             None => {
@@ -190,8 +190,9 @@ fn matched(root: &Path, file: &Path, declared: &RigFile) -> Result<(Vec<Frames>,
                 pairs
             }
         };
-        let names: BTreeMap<usize, String> = pairs.into_iter().map(|(_, k, own)| (own, known[k].stem())).collect();
-        for (number, frame) in own.frames.iter_mut().enumerate() {
+        let names: BTreeMap<usize, String> =
+            pairs.into_iter().map(|(_, k, number)| (number, known[k].stem())).collect();
+        for (number, frame) in listing.frames.iter_mut().enumerate() {
             match names.get(&number) {
                 Some(name) => frame.name.clone_from(name),
                 None => {
@@ -203,7 +204,7 @@ fn matched(root: &Path, file: &Path, declared: &RigFile) -> Result<(Vec<Frames>,
             }
         }
     }
-    Ok((found, pairing))
+    Ok((by_camera, pairing))
 }
 
 /// A path whose stem is the name, dots included.
@@ -216,13 +217,13 @@ fn candidate(frame: &Frame) -> Candidate {
 }
 
 /// Gives frames the rows of their names. Frames without a row keep their own times.
-fn give_rows(table: FrameTable, found: &mut [Frames]) {
+fn give_rows(table: FrameTable, by_camera: &mut [Frames]) {
     let rows: BTreeMap<String, FrameMetadata> = table.rows.into_iter().map(|row| (row.frame, row.metadata)).collect();
-    for frame in found.iter_mut().flat_map(|own| &mut own.frames) {
+    for frame in by_camera.iter_mut().flat_map(|listing| &mut listing.frames) {
         if let Some(row) = rows.get(&frame.name) {
-            let own = frame.metadata.timestamp_s;
+            let own_time = frame.metadata.timestamp_s;
             frame.metadata = row.clone();
-            frame.metadata.timestamp_s = frame.metadata.timestamp_s.or(own);
+            frame.metadata.timestamp_s = frame.metadata.timestamp_s.or(own_time);
         }
     }
 }

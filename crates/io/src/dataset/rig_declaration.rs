@@ -134,15 +134,15 @@ fn member<'a>(source: Source<'a>, name: &str, value: &'a Spanned<DeValue<'a>>) -
         let problem = format!("[cameras.{name:?}] has a name with other characters than letters, digits, - and _");
         return Err(source.field_error(value, SECTION, problem));
     }
-    let own: Section<'a> = section(source, value, &format!("cameras.{name}."), MEMBER_KEYS)?;
-    let (image, depth) = (path_of(&own, IMAGE)?, path_of(&own, DEPTH)?);
-    let unit_mm = own.get(UNIT).map(|_| own.positive(UNIT, 0.002..=1000.0)).transpose()?;
+    let member: Section<'a> = section(source, value, &format!("cameras.{name}."), MEMBER_KEYS)?;
+    let (image, depth) = (path_of(&member, IMAGE)?, path_of(&member, DEPTH)?);
+    let unit_mm = member.get(UNIT).map(|_| member.positive(UNIT, 0.002..=1000.0)).transpose()?;
     if depth.is_some() && unit_mm.is_none() {
         return Err(source.field_error(value, UNIT, format!("is missing in [cameras.{name}]")));
     }
-    let table: &DeTable<'_> = own.table;
+    let table: &DeTable<'_> = member.table;
     let declares = CAMERA_KEYS.iter().any(|key| table.contains_key(*key));
-    let camera = declares.then(|| camera_from(&own)).transpose()?;
+    let camera = declares.then(|| camera_from(&member)).transpose()?;
     Ok(CameraSection { name: name.to_owned(), image, depth, unit_mm, camera })
 }
 
@@ -152,8 +152,8 @@ mod tests {
 
     const BOARD: &str = "[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n";
 
-    fn parsed(rest: &str) -> Result<RigFile, DatasetError> {
-        RigFile::parse(Path::new("set/dataset.toml"), &format!("{BOARD}{rest}"))
+    fn parsed(sections: &str) -> Result<RigFile, DatasetError> {
+        RigFile::parse(Path::new("set/dataset.toml"), &format!("{BOARD}{sections}"))
     }
 
     #[test]
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn faults_have_line_and_remedy() {
-        let complaint = |rest: &str| parsed(rest).unwrap_err().to_string();
+        let complaint = |sections: &str| parsed(sections).unwrap_err().to_string();
         let unit = complaint("[cameras.a]\ndepth = \"a/*.png\"\n");
         assert!(unit.contains("unit_mm") && unit.contains("cameras.a") && unit.contains("never guessed"), "{unit}");
         let files = complaint("[cameras.a]\nlens = \"none\"\n");

@@ -12,15 +12,15 @@ pub(crate) fn is_list(pattern: &str) -> bool {
     Path::new(pattern).extension().is_some_and(|extension| extension.eq_ignore_ascii_case("txt"))
 }
 
-/// Reads a list with lines `time file`, such as TUM's `rgb.txt`; `#` begins a comment. Files are relative to the list's folder, and in the
-/// folder `root`.
+/// Reads a list with lines `time file`, such as TUM's `rgb.txt`; `#` begins a comment. Files are relative to the list's folder,
+/// and in the folder `root`.
 pub(crate) fn read_list(root: &Path, path: &Path) -> Result<Vec<Candidate>, DatasetError> {
     let rows = lines(path, 2, "a time in s and a file, such as 1305031102.1753 rgb/1305031102.175304.png")?;
     rows.iter().map(|row| candidate(root, path, row, 0)).collect()
 }
 
-/// Reads TUM's associations, lines `time file time file` as `associate.py rgb.txt depth.txt` writes them: image and depth of every
-/// frame. Where the first file of every line has `depth` in its path and the second has not, the order is the other one.
+/// Reads TUM's associations, lines `time file time file` as `associate.py rgb.txt depth.txt` writes them: image and depth of
+/// every frame. Where the first file of every line has `depth` in its path and the second has not, the order is the other one.
 pub(crate) fn read_associations(root: &Path, path: &Path) -> Result<Vec<(Candidate, Candidate)>, DatasetError> {
     let rows = lines(path, 4, "a time in s and a file, twice: the image's and the depth image's")?;
     let pairs = rows.iter().map(|row| Ok((candidate(root, path, row, 0)?, candidate(root, path, row, 2)?)));
@@ -43,14 +43,14 @@ fn lines(path: &Path, cells: usize, expected: &str) -> Result<Vec<Row>, DatasetE
         if text.is_empty() || text.starts_with('#') {
             continue;
         }
-        let found: Vec<String> =
+        let entries: Vec<String> =
             text.split([' ', '\t', ',']).filter(|cell| !cell.is_empty()).map(str::to_owned).collect();
         let line = number as u64 + 1;
-        if found.len() != cells {
-            let problem = format!("this line has {} entries: write {expected}", found.len());
+        if entries.len() != cells {
+            let problem = format!("this line has {} entries: write {expected}", entries.len());
             return Err(DatasetError::Table { path: path.to_owned(), line, problem });
         }
-        rows.push(Row { line, cells: found });
+        rows.push(Row { line, cells: entries });
     }
     if rows.is_empty() {
         let problem = format!("the list is empty: write lines of {expected}");

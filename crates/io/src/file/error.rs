@@ -89,7 +89,7 @@ pub enum FileError {
 }
 
 impl FileError {
-    /// The same error of a file that is not in `from` but, under the same name, in `to`.
+    /// The error, of the file of the same name in `to` instead of `from`.
     pub(super) fn moved(mut self, from: &Path, to: &Path) -> Self {
         let (FileError::Read { path, .. }
         | FileError::Write { path, .. }
@@ -106,7 +106,7 @@ impl FileError {
     }
 }
 
-/// What helps against an error of writing.
+/// Remedy for an error of writing.
 fn remedy(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::StorageFull => {

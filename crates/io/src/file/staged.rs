@@ -28,8 +28,8 @@ pub struct Displaced {
 
 /// A hidden folder within a folder of results, in which a command writes its files before any of the present ones is touched.
 ///
-/// A disk that is full, or a run that is killed, leaves the earlier results as they were. [`commit`](Self::commit) then puts the new
-/// ones into their places. Without it, the new ones are removed.
+/// A disk that is full, or a run that is killed, leaves the earlier results as they were. [`commit`](Self::commit) then puts the
+/// new ones into their places. Without it, the new ones are removed.
 #[derive(Debug)]
 pub struct StagedResults {
     out: PathBuf,
@@ -63,8 +63,8 @@ impl StagedResults {
     /// Puts the files into their places; returns what that removed and replaced beside a calibration.
     ///
     /// `first` is the file that all others tell of. In every folder that has a new `first`, the earlier files that tell of it
-    /// ([`OF_CALIBRATION`] if it is a `calibration.json`, and those that are written anew) are removed before it is replaced, and the new
-    /// ones follow it: whenever this is interrupted, each file tells of the `first` beside it or is missing.
+    /// ([`OF_CALIBRATION`] if it is a `calibration.json`, and those that are written anew) are removed before it is replaced, and
+    /// the new ones follow it: whenever this is interrupted, each file tells of the `first` beside it or is missing.
     ///
     /// # Errors
     /// [`FileError::Write`] with the file. Where something that cannot be replaced is in the way of a file, nothing is changed.

@@ -14,8 +14,8 @@ const MOVING: &str = "moving";
 
 /// A dataset that is being written, in a hidden folder within its folder.
 ///
-/// [`commit`](Self::commit) moves its parts into their places, the file that makes a folder a dataset last. What a killed run left, hidden or moved already, is
-/// removed by the next run that begins one there.
+/// [`commit`](Self::commit) moves its parts into their places, the file that makes a folder a dataset last. What a killed run
+/// left, hidden or moved already, is removed by the next run that begins one there.
 #[derive(Debug)]
 pub struct StagedDataset {
     out: PathBuf,
@@ -28,7 +28,8 @@ pub struct StagedDataset {
 }
 
 impl StagedDataset {
-    /// Prepares a dataset for the folder `out`, which is created if it does not exist. `last` is the file that makes a folder a dataset.
+    /// Prepares a dataset for the folder `out`, which is created if it does not exist. `last` is the file that makes a folder a
+    /// dataset.
     ///
     /// # Errors
     /// [`FileError::Write`] with the folder: it cannot be written, or another run is writing a dataset into it.
@@ -101,8 +102,8 @@ fn take_back(out: &Path, last: &str) -> io::Result<()> {
     let staging = out.join(STAGING);
     let parts = fs::read_to_string(staging.join(MOVING)).unwrap_or_default();
     if !out.join(last).exists() {
-        // A part that is no longer in the hidden folder was moved by the run that this folder belongs to: `commit` begins only where
-        // nothing of its name is in the way.
+        // A part that is no longer in the hidden folder was moved by the run that this folder belongs to: `commit` begins only
+        // where nothing of its name is in the way.
         for part in parts.lines().filter(|part| !staging.join(part).exists()).map(|part| out.join(part)) {
             let removed = if part.is_dir() { fs::remove_dir_all(&part) } else { fs::remove_file(&part) };
             found(removed)?;

@@ -1,8 +1,8 @@
 //! Temporary names, and what killed runs left under them.
 //!
-//! A program that is killed cannot remove its temporary files. They are recognised by their names, `.NAME.RANDOM.depthcal.tmp`, and a
-//! program that is alive holds a lock on each of its own: whatever has such a name and no lock is removed by the next run that
-//! writes into the folder. Nothing depends on dates or process numbers, so that other machines may share the folder.
+//! A program that is killed cannot remove its temporary files. They are recognised by their names, `.NAME.RANDOM.depthcal.tmp`,
+//! and a program that is alive holds a lock on each of its own: whatever has such a name and no lock is removed by the next run
+//! that writes into the folder. Nothing depends on dates or process numbers, so that other machines may share the folder.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};

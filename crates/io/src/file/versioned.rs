@@ -67,8 +67,8 @@ pub(crate) fn read_versioned<T: Versioned>(path: &Path) -> Result<T, FileError> 
 pub(crate) fn parse_versioned<T: Versioned>(path: &Path, text: &[u8]) -> Result<T, FileError> {
     let header: Header = parse_json(path, text)?;
     if header.format.as_ref().and_then(|format| format.as_str()) != Some(T::FORMAT) {
-        let found = header.format.map_or("missing".into(), |format| format.to_string());
-        return Err(FileError::Format { path: path.to_owned(), expected: T::FORMAT, found });
+        let format = header.format.map_or("missing".into(), |format| format.to_string());
+        return Err(FileError::Format { path: path.to_owned(), expected: T::FORMAT, found: format });
     }
     match header.version {
         Some(version) if (u64::from(T::OLDEST)..=u64::from(T::VERSION)).contains(&version) => {}

@@ -10,12 +10,12 @@ use super::temporary::{temporary_file, without_name};
 /// Writes the file `path` with the bytes that `fill` writes: under a temporary name in the same folder, synchronised to
 /// the disk, then renamed.
 ///
-/// Where `path` is a symbolic link, the link is replaced by the file, and what it points to stays as it is: no output reaches a file that
-/// was not named. A link among the folders of `path` is followed, since results go to the folder that the user chose.
+/// Where `path` is a symbolic link, the link is replaced by the file, and what it points to stays as it is: no output reaches a
+/// file that was not named. A link among the folders of `path` is followed, since results go to the folder that the user chose.
 ///
 /// Missing parent folders are created. When anything fails, or the program is interrupted, `path` keeps its former
-/// contents. The temporary name, `.NAME.RANDOM.depthcal.tmp`, starts with a dot, so that globs such as `*.png` do not match it; the
-/// next run that writes into the folder removes what a killed one left.
+/// contents. The temporary name, `.NAME.RANDOM.depthcal.tmp`, starts with a dot, so that globs such as `*.png` do not match it;
+/// the next run that writes into the folder removes what a killed one left.
 ///
 /// # Errors
 /// [`FileError::Write`] with `path`: the folder or the file cannot be created, or `fill` failed.

@@ -28,7 +28,7 @@ impl Values {
         }
     }
 
-    /// What they are, for messages.
+    /// Type of the values, for messages.
     fn name(&self) -> &'static str {
         match self {
             Values::U8(_) => "8-bit",
@@ -55,12 +55,12 @@ pub(crate) fn depth(path: &Path, decoded: Decoded) -> Result<DepthFrame, ImageEr
     let Decoded { width, height, channels, values, format } = decoded;
     if channels != 1 || matches!(values, Values::U8(_)) {
         let kind = values.name();
-        let found = if channels == 1 {
+        let description = if channels == 1 {
             format!("{kind} grey {format}")
         } else {
             format!("{kind} {format} of {channels} channels")
         };
-        return Err(ImageError::NotDepth { path: path.to_owned(), found });
+        return Err(ImageError::NotDepth { path: path.to_owned(), found: description });
     }
     let values = match values {
         Values::U8(_) => DepthValues::Steps(Vec::new()),
@@ -79,8 +79,8 @@ pub(crate) fn depth(path: &Path, decoded: Decoded) -> Result<DepthFrame, ImageEr
     Ok(DepthFrame { width, height, values })
 }
 
-/// Grey values of 8 or 16 bits. Numbers of other types are rounded and limited to 16 bits; floating-point images within 0 … 1 are scaled
-/// by 65535 first.
+/// Grey values of 8 or 16 bits. Numbers of other types are rounded and limited to 16 bits; floating-point images within 0 … 1 are
+/// scaled by 65535 first.
 pub(crate) fn gray(path: &Path, decoded: Decoded) -> Result<GrayImage, ImageError> {
     let Decoded { width, height, channels, values, format } = decoded;
     let (values, bits) = sixteen(values);

@@ -22,7 +22,8 @@ pub const DEPTH_EXTENSIONS: &[&str] = &["png", "tif", "tiff", "exr", "npy", "npz
 /// Reads an image as grey values: PNG (grey of 1 to 16 bits, RGB, RGBA, palette), JPEG, TIFF, EXR, NPY, NPZ, binary PGM or PPM.
 ///
 /// The format is recognised by the contents, not by the name. Colour becomes luma 0.299 R + 0.587 G + 0.114 B,
-/// transparency is ignored, values of fewer than 8 bits are scaled to 8, floating-point values within 0 … 1 to 16; others are rounded.
+/// transparency is ignored, values of fewer than 8 bits are scaled to 8, floating-point values within 0 … 1 to 16; others are
+/// rounded.
 ///
 /// # Errors
 /// [`ImageError`] with the file: it cannot be read, is damaged or truncated, or has another format.
@@ -31,8 +32,8 @@ pub fn read_gray(path: impl AsRef<Path>) -> Result<GrayImage, ImageError> {
     decode_gray(path, &read(path)?)
 }
 
-/// Reads a colour image of any format that [`read_gray`] reads. Grey values become three equal channels; of 16 bits the upper 8 are
-/// kept.
+/// Reads a colour image of any format that [`read_gray`] reads. Grey values become three equal channels; of 16 bits the upper 8
+/// are kept.
 ///
 /// # Errors
 /// As [`read_gray`].
@@ -58,8 +59,9 @@ pub fn read_depth(path: impl AsRef<Path>) -> Result<DepthImage, ImageError> {
     }
 }
 
-/// Reads a depth image: one channel of 16-bit or floating-point values in a PNG, TIFF, EXR, NPY, NPZ or PGM. Whole numbers of other
-/// types become 16-bit steps where they fit and floating-point numbers otherwise; the largest value of their type is no measurement.
+/// Reads a depth image: one channel of 16-bit or floating-point values in a PNG, TIFF, EXR, NPY, NPZ or PGM. Whole numbers of
+/// other types become 16-bit steps where they fit and floating-point numbers otherwise; the largest value of their type is no
+/// measurement.
 ///
 /// # Errors
 /// [`ImageError::NotDepth`] says what the file is when it cannot hold depth; otherwise as [`read_gray`].
@@ -76,12 +78,12 @@ pub fn write_depth(path: impl AsRef<Path>, depth: &DepthImage) -> Result<(), Fil
     png16::write(path.as_ref(), [depth.width, depth.height], &depth.data, 16)
 }
 
-/// Writes a depth image in the format of the path's extension, atomically: png and pgm (16-bit steps only), tif, tiff and npy (the
-/// type of the values), exr (floating-point, channel Z).
+/// Writes a depth image in the format of the path's extension, atomically: png and pgm (16-bit steps only), tif, tiff and npy
+/// (the type of the values), exr (floating-point, channel Z).
 ///
 /// # Errors
-/// [`FileError::Invalid`] when the data do not have width × height values, the extension is another, or the format cannot hold the
-/// values; [`FileError::Write`].
+/// [`FileError::Invalid`] when the data do not have width × height values, the extension is another, or the format cannot hold
+/// the values; [`FileError::Write`].
 pub fn write_depth_frame(path: impl AsRef<Path>, depth: &DepthFrame) -> Result<(), FileError> {
     let path = path.as_ref();
     let invalid = |problem: String| FileError::Invalid { path: path.to_owned(), field: "data".into(), problem };
@@ -176,14 +178,14 @@ pub fn decode_depth_frame(path: &Path, bytes: &[u8]) -> Result<DepthFrame, Image
     if png16::is_png(bytes) {
         return png16::decode_depth(path, bytes).map(DepthFrame::from);
     }
-    let found = if jpeg::is_jpeg(bytes) {
+    let description = if jpeg::is_jpeg(bytes) {
         "a JPEG, which changes the values"
     } else if bytes.is_empty() {
         "an empty file"
     } else {
         return decoded::depth(path, decode_other(path, bytes)?);
     };
-    Err(ImageError::NotDepth { path: path.to_owned(), found: found.into() })
+    Err(ImageError::NotDepth { path: path.to_owned(), found: description.into() })
 }
 
 /// Decodes all formats but PNG and JPEG.

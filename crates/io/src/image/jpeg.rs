@@ -77,15 +77,15 @@ fn decode_as<P>(
     Ok(([width, height], data))
 }
 
-/// Whether the components are sampled as no camera does it, and the decoder would panic: the first one more coarsely than another, or
-/// half as often as the others from row to row in a scan of its own (ITU-T T.81, B.2.2 and B.2.3).
+/// Whether the components are sampled as no camera does it, and the decoder would panic: the first one more coarsely than
+/// another, or half as often as the others from row to row in a scan of its own (ITU-T T.81, B.2.2 and B.2.3).
 fn has_unknown_sampling(bytes: &[u8]) -> bool {
     let mut factors: Vec<[u8; 2]> = Vec::new();
-    let mut rest = bytes.get(2..).unwrap_or_default();
-    while let [fill, mark, segment @ ..] = rest {
+    let mut unread = bytes.get(2..).unwrap_or_default();
+    while let [fill, mark, segment @ ..] = unread {
         // As the decoder does, whatever lies between the segments is passed over.
         if *fill != 0xff || matches!(mark, 0x00 | 0x01 | 0xd0..=0xd9 | 0xff) {
-            rest = &rest[1..];
+            unread = &unread[1..];
             continue;
         }
         let length = segment.first_chunk().map_or(0, |length| usize::from(u16::from_be_bytes(*length)));
@@ -102,7 +102,7 @@ fn has_unknown_sampling(bytes: &[u8]) -> bool {
             }
             _ => {}
         }
-        rest = segment.get(length..).unwrap_or_default();
+        unread = segment.get(length..).unwrap_or_default();
     }
     false
 }

@@ -24,10 +24,12 @@ fn damaged(path: &Path, message: impl std::fmt::Display) -> ImageError {
     ImageError::Damaged { path: path.to_owned(), format: "NPY", message: message.to_string() }
 }
 
-/// What NumPy writes of a plain array is short and flat. What is not could claim memory, or exhaust the parser.
+/// Refuses headers that are longer or deeper than those NumPy writes of a plain array: others could claim memory, or exhaust the
+/// parser.
 fn check_header(path: &Path, bytes: &[u8]) -> Result<(), ImageError> {
-    let number =
-        |at: std::ops::Range<usize>| bytes.get(at).map(|b| b.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b)));
+    let number = |range: std::ops::Range<usize>| {
+        bytes.get(range).map(|b| b.iter().rev().fold(0, |n, b| n << 8 | usize::from(*b)))
+    };
     let (start, length) = match bytes.get(6) {
         Some(1) => (10, number(8..10)),
         _ => (12, number(8..12)),
@@ -99,11 +101,11 @@ fn read<T: Deserialize>(path: &Path, file: NpyFile<Cursor<&[u8]>>) -> Result<Vec
 /// Values in the order of columns (Fortran's), row by row.
 fn by_rows(values: Values, height: usize, width: usize, channels: usize) -> Values {
     fn turned<T: Copy>(values: Vec<T>, height: usize, width: usize, channels: usize) -> Vec<T> {
-        let of = |i: usize| {
+        let value = |i: usize| {
             let (pixel, channel) = (i / channels, i % channels);
             values[pixel / width + height * (pixel % width + width * channel)]
         };
-        (0..values.len()).map(of).collect()
+        (0..values.len()).map(value).collect()
     }
     match values {
         Values::U8(values) => Values::U8(turned(values, height, width, channels)),

@@ -20,8 +20,8 @@ pub(crate) fn pixels(path: &Path, width: usize, height: usize) -> Result<usize, 
     }
 }
 
-/// Refuses a file of `length` bytes that claims `needed` bytes of pixels although its format compresses by `ratio` at most, before
-/// memory is allocated for them.
+/// Refuses a file of `length` bytes that claims `needed` bytes of pixels although its format compresses by `ratio` at most,
+/// before memory is allocated for them.
 pub(crate) fn fits(
     path: &Path,
     format: &'static str,

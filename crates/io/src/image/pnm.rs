@@ -15,15 +15,15 @@ pub(crate) fn is_pnm(bytes: &[u8]) -> bool {
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<Decoded, ImageError> {
     let (format, channels) = if bytes.starts_with(b"P6") { ("PPM", 3) } else { ("PGM", 1) };
     let damaged = |message: String| ImageError::Damaged { path: path.to_owned(), format, message };
-    let mut rest = bytes.get(2..).unwrap_or_default();
-    let mut number = |what: &str| next_number(&mut rest).ok_or_else(|| damaged(format!("its header has no {what}")));
+    let mut unread = bytes.get(2..).unwrap_or_default();
+    let mut number = |what: &str| next_number(&mut unread).ok_or_else(|| damaged(format!("its header has no {what}")));
     let (width, height, greatest) = (number("width")?, number("height")?, number("greatest value")?);
     if !(1..=65535).contains(&greatest) {
         return Err(damaged(format!("its greatest value is {greatest}, expected 1 … 65535")));
     }
     let count = channels * pixels(path, width, height)?;
     // A single white space ends the header; what follows is data even if it looks like white space.
-    let samples = rest.get(1..).unwrap_or_default();
+    let samples = unread.get(1..).unwrap_or_default();
     let size = if greatest < 256 { 1 } else { 2 };
     let Some(samples) = samples.get(..count * size) else {
         return Err(damaged(format!("it has {} bytes of {}", samples.len(), count * size)));
@@ -47,16 +47,16 @@ pub(crate) fn encode(frame: &DepthFrame) -> Result<Vec<u8>, String> {
 }
 
 /// Removes white space, comments and a decimal number from the front of `rest`, and returns the number.
-fn next_number(rest: &mut &[u8]) -> Option<usize> {
+fn next_number(unread: &mut &[u8]) -> Option<usize> {
     loop {
-        match rest.first()? {
-            b'#' => *rest = &rest[rest.iter().position(|byte| *byte == b'\n')?..],
-            byte if byte.is_ascii_whitespace() => *rest = &rest[1..],
+        match unread.first()? {
+            b'#' => *unread = &unread[unread.iter().position(|byte| *byte == b'\n')?..],
+            byte if byte.is_ascii_whitespace() => *unread = &unread[1..],
             _ => break,
         }
     }
-    let end = rest.iter().position(|byte| !byte.is_ascii_digit()).unwrap_or(rest.len());
-    let (digits, tail) = rest.split_at(end);
-    *rest = tail;
+    let end = unread.iter().position(|byte| !byte.is_ascii_digit()).unwrap_or(unread.len());
+    let (digits, tail) = unread.split_at(end);
+    *unread = tail;
     std::str::from_utf8(digits).ok()?.parse().ok()
 }

@@ -10,12 +10,12 @@ const MOST: usize = 1000;
 /// Checks the board that the file has at `place`: what counts its markers has to fit into memory.
 pub(super) fn check_board(board: &Target, place: &str) -> Result<(), Fault> {
     if let Pattern::Several { boards } = &board.pattern {
-        for (i, own) in boards.iter().enumerate() {
+        for (i, part) in boards.iter().enumerate() {
             let place = format!("{place}.boards[{i}].board");
-            if matches!(own.board.pattern, Pattern::Several { .. }) {
+            if matches!(part.board.pattern, Pattern::Several { .. }) {
                 return Err(Fault::new(place, "is several boards again: list all boards in one place"));
             }
-            check_board(&own.board, &place)?;
+            check_board(&part.board, &place)?;
         }
         return Ok(());
     }

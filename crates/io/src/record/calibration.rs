@@ -19,14 +19,14 @@ use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
 ///
-/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields; that of a rig has version 3. Files of
-/// version 1 have no formulas and are read as well.
+/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields; that of a rig has version
+/// 3. Files of version 1 have no formulas and are read as well.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Calibration {
     /// The camera; of a rig the reference camera.
     pub camera: CameraRecord,
-    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their places, and names begin
-    /// with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
+    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their places, and
+    /// names begin with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance: Option<CovarianceRecord>,
     /// Noise of the measurements, estimated from the data.
@@ -138,9 +138,9 @@ impl Calibration {
         write_versioned(path.as_ref(), self, false)
     }
 
-    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was evaluated:
-    /// the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is `None` for a
-    /// camera file of another program, and `name` is what the message calls the evaluated one.
+    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was
+    /// evaluated: the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is
+    /// `None` for a camera file of another program, and `name` is what the message calls the evaluated one.
     ///
     /// # Errors
     /// [`FileError::OtherCalibration`]; a `calibration.json` that cannot be read counts as another.
@@ -152,7 +152,8 @@ impl Calibration {
         }
     }
 
-    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to none.
+    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to
+    /// none.
     fn is_same_fit(&self, other: &Self) -> bool {
         let without_observations = |c: &Self| Self { observations: None, ..c.clone() };
         without_observations(self) == without_observations(other)

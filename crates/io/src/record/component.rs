@@ -1,4 +1,4 @@
-//! What a formula describes of the residuals, for drawing it through them.
+//! Residuals in bins over a covariate, with the formula that describes them, for drawing.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,6 @@ pub struct DiagnosisComponentBin {
     /// Its standard error over frames, mm; absent where a single frame is in the bin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub standard_error_mm: Option<f64>,
-    /// What the formula adds to measured depth, mm.
+    /// Millimetres that the formula adds to measured depth.
     pub formula_mm: f64,
 }

@@ -72,8 +72,8 @@ pub struct DiagnosisRefuted {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum DiagnosisRefutation {
-    /// It explains too little of what a free function of its covariate explains in its place and form: it is not what depends on the
-    /// covariate there.
+    /// It explains too little of what a free function of its covariate explains in its place and form: it is not what depends on
+    /// the covariate there.
     OwnFunction {
         /// The covariate.
         along: DiagnosisCovariate,

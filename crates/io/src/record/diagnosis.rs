@@ -91,7 +91,7 @@ pub struct DiagnosisStep {
     pub depth_rms_after_mm: Option<Interval>,
     /// Decrease of the held-out root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
-    /// What speaks for it, where it is a formula that was found in the residuals.
+    /// Evidence for the effect, where it is a formula that was found in the residuals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub formula: Option<DiagnosisFormula>,
 }
@@ -108,7 +108,8 @@ pub struct DiagnosisFormula {
     pub covariates_not_told_apart: Vec<DiagnosisExchange>,
     /// Place and form.
     pub place: DiagnosisPlace,
-    /// Share of resamples of the frames in which the best of all terms has these covariates, or ones that are not told apart from them.
+    /// Share of resamples of the frames in which the best of all terms has these covariates, or ones that are not told apart from
+    /// them.
     pub stability: f64,
     /// Whether frames that the search did not see confirm sign and size; else it is a candidate.
     pub confirmed: bool,
@@ -126,7 +127,7 @@ pub struct DiagnosisFormula {
     pub replaced: Vec<String>,
     /// The best formulas of other covariates.
     pub runners_up: Vec<DiagnosisRunnerUp>,
-    /// What it describes of the residuals; absent in files of earlier versions.
+    /// Residuals that it describes, in bins over its covariates; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub components: Vec<DiagnosisComponent>,
     /// The effect whole, as `--with` takes it in a file.
@@ -158,7 +159,7 @@ pub struct DiagnosisRunnerUp {
     pub expression: String,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
-    /// What it explains on left-out frames, over what the winner does.
+    /// Gain on left-out frames, as a share of the winner's.
     pub gain_share: f64,
 }
 
@@ -167,7 +168,7 @@ pub struct DiagnosisRunnerUp {
 pub struct DiagnosisPlace {
     /// The state from which it takes its covariates.
     pub of: Of,
-    /// What its shape is added to.
+    /// The quantity that its shape is added to.
     pub on: On,
 }
 
@@ -286,7 +287,7 @@ pub struct DiagnosisFile {
     /// Effects that may be missing too, but are not certain; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub possible: Vec<DiagnosisPossible>,
-    /// What the last model leaves beside the pure error; absent where it cannot be told, and in files of earlier versions.
+    /// Residuals of the last model beside the pure error; absent where it cannot be told, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pure_error: Option<DiagnosisPureError>,
     /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order

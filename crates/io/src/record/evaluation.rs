@@ -16,7 +16,8 @@ pub struct Evaluation {
     pub transfer: Vec<TransferError>,
 }
 
-/// Markers that one camera sees, taken through its corrected depth into another camera's image, against where that camera sees them.
+/// Markers that one camera sees, taken through its corrected depth into another camera's image, against where that camera sees
+/// them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TransferError {
     /// Name of the dataset.
@@ -31,9 +32,9 @@ pub struct TransferError {
     pub rms_px: f64,
     /// Root mean square of the distance between the marker's point and the line of sight of `to`, mm.
     pub rms_mm: f64,
-    /// The same through depth as measured, px.
+    /// `rms_px` through depth as measured, px.
     pub before_rms_px: f64,
-    /// The same in ranges of distance, from near to far.
+    /// Transfer errors in ranges of distance, from near to far.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub by_distance: Vec<TransferAtDistance>,
 }
@@ -74,7 +75,7 @@ pub struct DatasetEvaluation {
     /// Board pixels that are no measurements of the board, and are therefore in none of these errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub outliers: Option<Outliers>,
-    /// The same errors for every frame.
+    /// These errors for every frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames_detail: Vec<FrameEvaluation>,
 }

@@ -21,8 +21,8 @@ pub enum DiagnosisLeftOver {
         /// Share of it that the best named effects explain.
         explained_share: f64,
     },
-    /// A smooth function of two covariates together explains something for certain on left-out frames, though no function of one does, nor a
-    /// formula.
+    /// A smooth function of two covariates together explains something for certain on left-out frames, though no function of one
+    /// does, nor a formula.
     Together {
         /// Names of the covariates, as in formulas.
         covariates: Vec<String>,
@@ -133,7 +133,7 @@ pub enum DiagnosisCapture {
         /// Noncentrality parameter (squared distance in standard deviations) of the effect with its rival in the model,
         /// of the present captures.
         noncentrality: f64,
-        /// The same with one such frame more.
+        /// `noncentrality` with one such frame more.
         noncentrality_with_frame: f64,
         /// Noncentrality parameter from which the two count as distinguishable.
         noncentrality_needed: f64,

@@ -137,7 +137,7 @@ pub struct FleetEffect {
     pub units: Vec<FleetEffectUnit>,
 }
 
-/// What one unit says of an effect.
+/// Estimate of an effect from one unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct FleetEffectUnit {
     /// Number of the unit.
@@ -172,7 +172,7 @@ pub struct FleetOutlierPart {
     pub parameter: String,
     /// Value of this unit.
     pub value: f64,
-    /// What the other units predict.
+    /// Value that the other units predict.
     pub expected: f64,
     /// Departure given all other parameters of the unit, in standard deviations.
     pub standardized: f64,

@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Lens models compared on left-out frames, the simplest first; the one that was chosen is the simplest within one standard error of
-/// the best.
+/// Lens models compared on left-out frames, the simplest first; the one that was chosen is the simplest within one standard error
+/// of the best.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct LensComparison {
     /// Name of the chosen lens model.
     pub chosen: String,
-    /// What was compared.
+    /// The lenses that were compared.
     pub lenses: Vec<ComparedLens>,
 }
 
@@ -19,8 +19,8 @@ pub struct ComparedLens {
     pub lens: String,
     /// Number of its fitted parameters.
     pub parameters: usize,
-    /// Root mean square reprojection error of left-out frames, px, whose poses follow from their own markers; absent where it could not
-    /// be fitted.
+    /// Root mean square reprojection error of left-out frames, px, whose poses follow from their own markers; absent where it
+    /// could not be fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out_px: Option<f64>,
     /// Mean over frames of its squared error less the best lens', in standard errors; 0 for the best.

@@ -14,7 +14,7 @@ pub struct DiagnosisPureError {
     pub pure_error_mm: f64,
     /// The first over the second; 1 where frames share nothing for certain.
     pub ratio: f64,
-    /// What frames certainly share, by falling size.
+    /// Errors that frames certainly share, by falling size.
     pub shared: Vec<DiagnosisShared>,
     /// Law and correlation of the pure error.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -34,7 +34,8 @@ pub struct RigCameraRecord {
     /// Root mean square of its depth residuals, mm; absent without depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<f64>,
-    /// Parameters, `PIECE.PARAMETER`, that the boards leave open and that are therefore held or have a prior, each with the reason.
+    /// Parameters, `PIECE.PARAMETER`, that the boards leave open and that are therefore held or have a prior, each with the
+    /// reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_open: Vec<LeftOpen>,
 }
@@ -54,7 +55,7 @@ pub struct PlaceRecord {
     pub drift: Option<DriftRecord>,
 }
 
-/// What a drift depends on.
+/// The covariate of a drift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub enum DriftOver {
     /// The frames' `timestamp_s`.
@@ -65,7 +66,8 @@ pub enum DriftOver {
     Temperature,
 }
 
-/// A place (R, t) that changes in proportion to time or temperature x: (R Exp(s ω), t + s τ) with s = (x − `reference`) / `range`.
+/// A place (R, t) that changes in proportion to time or temperature x: (R Exp(s ω), t + s τ) with s = (x − `reference`) /
+/// `range`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DriftRecord {
     /// x.

@@ -53,8 +53,8 @@ pub struct ScoredEffect {
     pub options: BTreeMap<String, f64>,
     /// Its parameters.
     pub parameters: Vec<ScoredParameter>,
-    /// Scatter of the frames' scores less what the effect itself explains of them, Σ uᵢuᵢᵀ: the information where frames are independent
-    /// and the noise is as the model says. One row and column per parameter.
+    /// Scatter of the frames' scores less what the effect itself explains of them, Σ uᵢuᵢᵀ: the information where frames are
+    /// independent and the noise is as the model says. One row and column per parameter.
     pub scatter: Vec<Vec<f64>>,
     /// Mean square of the effect over the observations, mm², as a quadratic form in its parameters' departures from their nominal
     /// values.

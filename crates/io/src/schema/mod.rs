@@ -1,7 +1,7 @@
 //! JSON schemas (draft 2020-12) of the files that depthcal reads and writes.
 //!
-//! Schemas of result files come from the types that are written; that of `dataset.toml` is a file of its own, because its parser gives
-//! better errors than a derived one and accepts what no derived type says (see its tests).
+//! Schemas of result files come from the types that are written; that of `dataset.toml` is a file of its own, because its parser
+//! gives better errors than a derived one and accepts what no derived type says (see its tests).
 
 use depthcal_model::FormulaDefinition;
 use schemars::{JsonSchema, SchemaGenerator};

@@ -4,8 +4,8 @@ use crate::piece::{BoardSide, Constant, Context, Options, Parameter, Piece, Scal
 const WIDTH: Constant = Constant::new("width_mm", "width", "mm", 200.0).of_board(BoardSide::Width);
 const HEIGHT: Constant = Constant::new("height_mm", "height", "mm", 200.0).of_board(BoardSide::Height);
 
-/// The surface of the board is uneven: terms of third and fourth degree of its height over its own plane. Those of second degree are
-/// [`BoardBow`](super::BoardBow)'s, to which these are nearly orthogonal.
+/// The surface of the board is uneven: terms of third and fourth degree of its height over its own plane. Those of second degree
+/// are [`BoardBow`](super::BoardBow)'s, to which these are nearly orthogonal.
 #[derive(Debug, Clone, Copy)]
 pub struct BoardWarp {
     /// Width and height of the rectangle of the markers, mm, with a corner at the origin.

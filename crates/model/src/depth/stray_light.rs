@@ -10,13 +10,13 @@ const F3: Constant = Constant::new("f3_mhz", "third modulation frequency", "MHz"
 const DELAY_MM: f64 = crate::frame_covariates::LIGHT_MM_PER_S / (4.0 * std::f64::consts::PI * 80e6);
 
 /// Light that the lens spreads: a share of the light of the whole scene falls on every pixel and turns its phase, the more the
-/// darker the pixel is; light of the nearest pixels delays it. Needs [`Context::stray`] of the same frequencies; no effect where it
-/// is unknown.
+/// darker the pixel is; light of the nearest pixels delays it. Needs [`Context::stray`] of the same frequencies; no effect where
+/// it is unknown.
 ///
 /// With the phasor P_f = A exp(i 4π f r/c) of every pixel (amplitude A, range r), G∗P_f its mean over the frame, weighted by a
 /// Gaussian of 200 px, and B∗A the mean amplitude over 3×3 pixels, R_f = G∗P_f / (B∗A exp(iφ_f)) with the own phase φ_f of the
-/// state's range and the delay. The neighbours' share N = B∗(G'∗A) / B∗A (Gaussian G' of 0.8 px) is without phases, which hardly differ between
-/// neighbours: phases measured at this scale would take noise off instead of explaining it.
+/// state's range and the delay. The neighbours' share N = B∗(G'∗A) / B∗A (Gaussian G' of 0.8 px) is without phases, which hardly
+/// differ between neighbours: phases measured at this scale would take noise off instead of explaining it.
 #[derive(Debug, Clone, Copy)]
 pub struct StrayLight {
     /// The camera's modulation frequencies.

@@ -62,10 +62,10 @@ impl<M: Piece<Depth, P>, const P: usize> Field<M, P> {
         let grid = layout.grid;
         let order = grid.interpolation.order();
         let [columns, rows] = if of_cell { [order, order] } else { [grid.columns, grid.rows] };
-        let own = local.parameters();
+        let local_parameters = local.parameters();
         let mut parameters = Vec::with_capacity(columns * rows * layout.per_node() + layout.shared);
         for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-            for field in &own[..layout.fields] {
+            for field in &local_parameters[..layout.fields] {
                 for bin in 0..grid.bins {
                     let depth = if grid.in_depth() { format!(",{bin}") } else { String::new() };
                     let name = Cow::Owned(format!("{}[{column},{row}{depth}]", field.name));
@@ -73,7 +73,7 @@ impl<M: Piece<Depth, P>, const P: usize> Field<M, P> {
                 }
             }
         }
-        parameters.extend_from_slice(&own[layout.fields..]);
+        parameters.extend_from_slice(&local_parameters[layout.fields..]);
         Self { local, layout, parameters: parameters.into(), of_cell }
     }
 
@@ -81,8 +81,8 @@ impl<M: Piece<Depth, P>, const P: usize> Field<M, P> {
     #[inline]
     fn nodes(&self, pixel: [f64; 2]) -> ([(usize, f64); MAX_NODES], usize) {
         let order = self.layout.grid.interpolation.order();
-        let ([column, row], at) = self.layout.grid.cell(pixel);
-        let weights = self.layout.grid.image_weights(at);
+        let ([column, row], fraction) = self.layout.grid.cell(pixel);
+        let weights = self.layout.grid.image_weights(fraction);
         let mut nodes = [(0, 0.0); MAX_NODES];
         let per_node = self.layout.per_node();
         for k in 0..order * order {

@@ -13,8 +13,8 @@ pub struct FrameCovariates {
 }
 
 impl FrameCovariates {
-    /// Of a frame with `width` × `height` pixels: its amplitudes, row by row, and the range of every pixel by its index, mm; 0, NaN
-    /// or infinity where none was measured. `None` where the sizes contradict each other or nothing was measured.
+    /// Of a frame with `width` × `height` pixels: its amplitudes, row by row, and the range of every pixel by its index, mm; 0,
+    /// NaN or infinity where none was measured. `None` where the sizes contradict each other or nothing was measured.
     pub fn new(
         modulation: Modulation,
         [width, height]: [usize; 2],
@@ -31,7 +31,7 @@ impl FrameCovariates {
 
     /// The stray light at a pixel of the frame, given its amplitudes.
     pub fn at(&self, amplitude: &[u16], [u, v]: [usize; 2]) -> StrayLight {
-        let (own, near) = own_and_near(amplitude, self.scene.size(), [u, v]);
-        if own > 0.0 { self.scene.at([u as f32, v as f32]).over(own, near / own) } else { StrayLight::UNKNOWN }
+        let (local, near) = own_and_near(amplitude, self.scene.size(), [u, v]);
+        if local > 0.0 { self.scene.at([u as f32, v as f32]).over(local, near / local) } else { StrayLight::UNKNOWN }
     }
 }

@@ -1,9 +1,9 @@
-//! Covariates that a frame determines beyond the pixel: the amplitude around it, and the light of the scene that the lens spreads over
-//! all pixels.
+//! Covariates that a frame determines beyond the pixel: the amplitude around it, and the light of the scene that the lens spreads
+//! over all pixels.
 //!
-//! Everything here works on slices, row by row, and takes the range of a pixel from a function, so that calibration and correction
-//! compute the same numbers from images of any type. A frame costs one pass over its pixels ([`Scene::row`]) and a sum over some
-//! hundred blocks ([`Scene::spread`]).
+//! Everything here works on slices, row by row, and takes the range of a pixel from a function, so that calibration and
+//! correction compute the same numbers from images of any type. A frame costs one pass over its pixels ([`Scene::row`]) and a sum
+//! over some hundred blocks ([`Scene::spread`]).
 
 mod block;
 mod covariates;

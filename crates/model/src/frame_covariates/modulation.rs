@@ -26,8 +26,8 @@ impl Default for Modulation {
 }
 
 impl Modulation {
-    /// The frequencies among a piece's constants. Where any is given, those that are not given are not used; where none is, they are
-    /// those of the Kinect v2. What is no frequency becomes 0.
+    /// The frequencies among a piece's constants. Where any is given, those that are not given are not used; where none is, they
+    /// are those of the Kinect v2. What is no frequency becomes 0.
     pub fn of(given: &BTreeMap<String, f64>) -> Self {
         if NAMES.iter().all(|name| !given.contains_key(*name)) {
             return Self::default();

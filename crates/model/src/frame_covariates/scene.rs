@@ -31,8 +31,8 @@ impl Scene {
         self.size[1].div_ceil(BLOCK_PX)
     }
 
-    /// Sums over the blocks of a row. Amplitudes and ranges (mm; 0, NaN or infinity where none was measured) are those of the whole
-    /// frame.
+    /// Sums over the blocks of a row. Amplitudes and ranges (mm; 0, NaN or infinity where none was measured) are those of the
+    /// whole frame.
     #[inline(always)]
     pub fn row(&self, row: usize, amplitude: &[u16], range_mm: impl Fn(usize) -> f32) -> Vec<BlockSum> {
         let turns = turns_per_mm(&self.modulation);
@@ -45,17 +45,17 @@ impl Scene {
             let (mut measured, mut all) = ([0.0_f32; BLOCK_PX], [0.0_f32; BLOCK_PX]);
             for line in lines.clone() {
                 let start = line * width + first;
-                let (mut ranges, mut own, mut lit) = ([0.0_f32; BLOCK_PX], [0.0_f32; BLOCK_PX], [0.0_f32; BLOCK_PX]);
+                let (mut ranges, mut signal, mut lit) = ([0.0_f32; BLOCK_PX], [0.0_f32; BLOCK_PX], [0.0_f32; BLOCK_PX]);
                 for i in 0..BLOCK_PX.min(width - first) {
-                    own[i] = f32::from(amplitude[start + i]);
+                    signal[i] = f32::from(amplitude[start + i]);
                     let range = range_mm(start + i);
                     let valid = range > 0.0 && range <= LONGEST_MM;
                     ranges[i] = if valid { range } else { 0.0 };
-                    lit[i] = if valid { own[i] } else { 0.0 };
+                    lit[i] = if valid { signal[i] } else { 0.0 };
                 }
                 for i in 0..BLOCK_PX {
                     measured[i] += lit[i];
-                    all[i] += own[i];
+                    all[i] += signal[i];
                 }
                 for (sum, turns) in phasors.iter_mut().zip(turns) {
                     for i in 0..BLOCK_PX {

@@ -20,8 +20,8 @@ pub struct SceneLight {
     nodes: Vec<[f32; PARTS]>,
 }
 
-/// Weights of the blocks along one side of the frame (`length` pixels) at every node, which sum to the weight of one pixel: blocks
-/// have sums over pixels.
+/// Weights of the blocks along one side of the frame (`length` pixels) at every node, which sum to the weight of one pixel:
+/// blocks have sums over pixels.
 fn weights(length: usize) -> Vec<Vec<f64>> {
     let blocks = length.div_ceil(BLOCK_PX);
     let pixels = |block: usize| BLOCK_PX.min(length - block * BLOCK_PX) as f64;
@@ -78,17 +78,17 @@ impl SceneLight {
 
     /// The phasors at a pixel within the frame.
     pub fn at(&self, [u, v]: [f32; 2]) -> Phasors {
-        let node = |at: f32, nodes: usize| {
-            let at = (at / NODE_PX as f32).clamp(0.0, (nodes - 1) as f32);
-            let first = (at as usize).min(nodes.saturating_sub(2));
-            (first, (first + 1).min(nodes - 1), at - first as f32)
+        let node = |position: f32, nodes: usize| {
+            let position_in_nodes = (position / NODE_PX as f32).clamp(0.0, (nodes - 1) as f32);
+            let first = (position_in_nodes as usize).min(nodes.saturating_sub(2));
+            (first, (first + 1).min(nodes - 1), position_in_nodes - first as f32)
         };
         let (left, right, a) = node(u, self.columns);
         let (top, bottom, b) = node(v, self.nodes.len() / self.columns);
-        let at = |column: usize, row: usize| &self.nodes[row * self.columns + column];
+        let node_at = |column: usize, row: usize| &self.nodes[row * self.columns + column];
         let mix = |i: usize| {
-            let above = at(left, top)[i] + a * (at(right, top)[i] - at(left, top)[i]);
-            let below = at(left, bottom)[i] + a * (at(right, bottom)[i] - at(left, bottom)[i]);
+            let above = node_at(left, top)[i] + a * (node_at(right, top)[i] - node_at(left, top)[i]);
+            let below = node_at(left, bottom)[i] + a * (node_at(right, bottom)[i] - node_at(left, bottom)[i]);
             above + b * (below - above)
         };
         Phasors(std::array::from_fn(|f| [mix(2 * f), mix(2 * f + 1)]))

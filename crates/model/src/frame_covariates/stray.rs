@@ -4,11 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::modulation::FREQUENCIES;
 
-/// The light that reaches a pixel by other ways than its own ray, as shares of the pixel's own signal. Own signal is the mean amplitude over 3×3 pixels, which is what a camera that smooths its raw images measures.
+/// The light that reaches a pixel by other ways than its own ray, as shares of the pixel's own signal. Own signal is the mean
+/// amplitude over 3×3 pixels, which is what a camera that smooths its raw images measures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StrayLight {
-    /// Phasor of the light of the whole scene at each modulation frequency, real and imaginary part, over the pixel's own amplitude;
-    /// NaN where unknown. Its own phase is not taken off.
+    /// Phasor of the light of the whole scene at each modulation frequency, real and imaginary part, over the pixel's own
+    /// amplitude; NaN where unknown. Its own phase is not taken off.
     pub scene: [[f32; 2]; FREQUENCIES],
     /// Amplitude of the light of the nearest pixels over the pixel's own; NaN where unknown.
     pub near: f32,
@@ -38,8 +39,8 @@ pub struct Phasors(pub [[f32; 2]; FREQUENCIES]);
 impl Phasors {
     /// As shares of a pixel's own amplitude.
     #[inline(always)]
-    pub fn over(self, own: f32, near: f32) -> StrayLight {
-        StrayLight { scene: self.0.map(|p| p.map(|part| part / own)), near }
+    pub fn over(self, local: f32, near: f32) -> StrayLight {
+        StrayLight { scene: self.0.map(|p| p.map(|part| part / local)), near }
     }
 }
 
@@ -47,7 +48,8 @@ impl Phasors {
 mod tests {
     use super::*;
 
-    /// A pixel at the border of an amplitude image has the light of its neighbours and not that of the scene, or the other way round.
+    /// A pixel at the border of an amplitude image has the light of its neighbours and not that of the scene, or the other way
+    /// round.
     #[test]
     fn light_is_known_only_where_both_parts_are() {
         let known = StrayLight { scene: [[0.5, -0.1]; FREQUENCIES], near: 1.2 };

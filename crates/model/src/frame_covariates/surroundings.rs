@@ -24,8 +24,8 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Of the pixels from `low` to `high` (column, row, both included), which must lie in the image of `width` × `height` amplitudes,
-    /// row by row. Beyond the image's border the window is cut off.
+    /// Of the pixels from `low` to `high` (column, row, both included), which must lie in the image of `width` × `height`
+    /// amplitudes, row by row. Beyond the image's border the window is cut off.
     pub fn of(amplitude: &[u16], [width, height]: [usize; 2], low: [usize; 2], high: [usize; 2]) -> Self {
         let w = &*WEIGHTS;
         let columns = high[0] - low[0] + 1;
@@ -47,9 +47,9 @@ impl Surroundings {
                 rows.push([sum, moment]);
             }
         }
-        let total = |at: usize, size: usize| -> f64 {
-            let (from, to) = (at.saturating_sub(REACH), (at + REACH).min(size - 1));
-            (from..=to).map(|i| w[i + REACH - at]).sum()
+        let total = |center: usize, size: usize| -> f64 {
+            let (from, to) = (center.saturating_sub(REACH), (center + REACH).min(size - 1));
+            (from..=to).map(|i| w[i + REACH - center]).sum()
         };
         let across: Vec<f64> = (low[0]..=high[0]).map(|u| total(u, width)).collect();
         let mut values = Vec::with_capacity(columns * (high[1] - low[1] + 1));
@@ -79,12 +79,12 @@ impl Surroundings {
     }
 }
 
-/// What [`Surroundings::at`] has for a single pixel (u, v), which must lie in the image.
+/// The values of [`Surroundings::at`] for a single pixel (u, v), which must lie in the image.
 pub fn mean_and_slope(amplitude: &[u16], [width, height]: [usize; 2], [u, v]: [usize; 2]) -> (f64, [f64; 2]) {
     let w = &*WEIGHTS;
     // Of either axis: first and last pixel of the window.
     let [(left, right), (top, bottom)] =
-        [(u, width), (v, height)].map(|(at, size)| (at.saturating_sub(REACH), (at + REACH).min(size - 1)));
+        [(u, width), (v, height)].map(|(center, size)| (center.saturating_sub(REACH), (center + REACH).min(size - 1)));
     let (mut total, mut sum, mut moment) = (0.0, 0.0, [0.0; 2]);
     for row in top..=bottom {
         let (mut of_row, mut weighted, mut along) = (0.0, 0.0, 0.0);

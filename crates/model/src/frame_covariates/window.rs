@@ -7,7 +7,8 @@ pub const OWN_REACH: usize = 1;
 /// Pixels to either side that the spread light of the nearest pixels, smoothed as the own signal is, is summed over.
 pub const NEAR_REACH: usize = 4;
 
-/// Weights along a row or a column: the Gaussian of [`NEAR_PX`], cut off at three pixels, averaged over three positions. They sum to
+/// Weights along a row or a column: the Gaussian of [`NEAR_PX`], cut off at three pixels, averaged over three positions. They sum
+/// to
 /// 1.
 pub const NEAR_WEIGHTS: [f32; 2 * NEAR_REACH + 1] = [
     0.000_146_914,
@@ -21,14 +22,15 @@ pub const NEAR_WEIGHTS: [f32; 2 * NEAR_REACH + 1] = [
     0.000_146_914,
 ];
 
-/// Mean amplitude over 3×3 pixels, and over the nearest pixels with [`NEAR_WEIGHTS`] along both axes; beyond the image's border the
-/// windows are cut off.
+/// Mean amplitude over 3×3 pixels, and over the nearest pixels with [`NEAR_WEIGHTS`] along both axes; beyond the image's border
+/// the windows are cut off.
 pub fn own_and_near(amplitude: &[u16], [width, height]: [usize; 2], [u, v]: [usize; 2]) -> (f32, f32) {
-    let span = |at: usize, reach: usize, length: usize| at.saturating_sub(reach)..(at + reach + 1).min(length);
-    let total = |at: usize, length: usize| -> f32 {
-        span(at, NEAR_REACH, length).map(|i| NEAR_WEIGHTS[i + NEAR_REACH - at]).sum()
+    let span =
+        |center: usize, reach: usize, length: usize| center.saturating_sub(reach)..(center + reach + 1).min(length);
+    let total = |center: usize, length: usize| -> f32 {
+        span(center, NEAR_REACH, length).map(|i| NEAR_WEIGHTS[i + NEAR_REACH - center]).sum()
     };
-    let (mut own, mut count, mut near) = (0.0_f32, 0_u32, 0.0_f32);
+    let (mut local, mut count, mut near) = (0.0_f32, 0_u32, 0.0_f32);
     let columns = span(u, NEAR_REACH, width);
     for row in span(v, NEAR_REACH, height) {
         let line = &amplitude[row * width..][..width];
@@ -38,8 +40,8 @@ pub fn own_and_near(amplitude: &[u16], [width, height]: [usize; 2], [u, v]: [usi
         if row.abs_diff(v) <= OWN_REACH {
             let box_ = span(u, OWN_REACH, width);
             count += box_.len() as u32;
-            own += line[box_].iter().map(|a| f32::from(*a)).sum::<f32>();
+            local += line[box_].iter().map(|a| f32::from(*a)).sum::<f32>();
         }
     }
-    (own / count as f32, near / (total(u, width) * total(v, height)))
+    (local / count as f32, near / (total(u, width) * total(v, height)))
 }

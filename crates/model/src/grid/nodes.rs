@@ -85,7 +85,7 @@ impl Grid {
         Self { interpolation, columns, rows, bins, size_px: None, range_mm: None, in_depth: true }
     }
 
-    /// The same with the constants that are given by name, brought into their range.
+    /// Sets the constants that are given by name, brought into their range.
     pub fn with_options(mut self, options: &BTreeMap<String, f64>) -> Self {
         let fewest = self.interpolation.order();
         let count = |name: &str, present: usize, fewest: usize| {
@@ -218,8 +218,8 @@ mod tests {
             let grid = grid.over(&domain);
             let order = grid.interpolation.order();
             for pixel in [[0.0, 0.0], [639.0, 479.0], [13.2, 400.7], [320.0, 240.0]] {
-                let ([c, r], at) = grid.cell(pixel);
-                let weights = grid.image_weights(at);
+                let ([c, r], fraction) = grid.cell(pixel);
+                let weights = grid.image_weights(fraction);
                 assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-14);
                 let mut sum = [0.0; 2];
                 for j in 0..order {

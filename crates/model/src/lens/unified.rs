@@ -1,11 +1,12 @@
 use crate::hook::{Lens, LensState};
 use crate::piece::{Context, Parameter, Piece, Role, Scalar};
 
-/// The unified model of central cameras: the point is projected onto the unit sphere, from there through a centre ξ above the sphere's
-/// onto a plane, and then distorted radially and tangentially as Brown–Conrady does. Kalibr's `omni` with `radtan`, OpenCV's `omnidir`.
+/// The unified model of central cameras: the point is projected onto the unit sphere, from there through a centre ξ above the
+/// sphere's onto a plane, and then distorted radially and tangentially as Brown–Conrady does. Kalibr's `omni` with `radtan`,
+/// OpenCV's `omnidir`.
 ///
-/// Domain: without distortion it is monotone for all rays in front of the camera where ξ ≥ 0; with it, up to the radius m of the plane
-/// at which 1 + 3 k1 m² + 5 k2 m⁴ = 0.
+/// Domain: without distortion it is monotone for all rays in front of the camera where ξ ≥ 0; with it, up to the radius m of the
+/// plane at which 1 + 3 k1 m² + 5 k2 m⁴ = 0.
 #[derive(Debug, Clone, Copy)]
 pub struct Unified;
 

@@ -76,8 +76,8 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn placement(&self) -> Placement {
         Placement::default()
     }
-    /// Whether it can act in another place and form ([`Placement`]): an effect of depth that is no field. Light of the whole frame
-    /// adds to the phase at the true range, and nowhere else.
+    /// Whether it can act in another place and form ([`Placement`]): an effect of depth that is no field. Light of the whole
+    /// frame adds to the phase at the true range, and nowhere else.
     fn can_be_placed(&self) -> bool {
         let of_light = self.needs().contains(&Covariate::StrayLight);
         self.hook() == HookKind::Depth && self.role() == Role::Effect && self.field().is_none() && !of_light
@@ -98,8 +98,8 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
         d_state: &mut [f64],
         d_theta: Option<&mut [f64]>,
     );
-    /// [`AnyPiece::linearize`] of a depth effect whose parameters are `theta`, its nominal ones, so that it changes nothing: ∂ρ/∂ρ is 1
-    /// and only derivatives by the parameters are computed.
+    /// [`AnyPiece::linearize`] of a depth effect whose parameters are `theta`, its nominal ones, so that it changes nothing:
+    /// ∂ρ/∂ρ is 1 and only derivatives by the parameters are computed.
     fn linearize_at_nominal(
         &self,
         theta: &[f64],
@@ -115,12 +115,12 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn field(&self) -> Option<FieldLayout> {
         None
     }
-    /// The same piece laid over a camera's image and the depth that was seen; `None` where that makes no difference.
+    /// The piece laid over a camera's image and the depth that was seen; `None` where that makes no difference.
     fn over(&self, _domain: &Domain) -> Option<Arc<dyn AnyPiece>> {
         None
     }
-    /// The same piece with the parameters of one cell alone, for batches of observations that all lie in that cell;
-    /// `None` for a piece that is no field.
+    /// The piece with the parameters of one cell alone, for batches of observations that all lie in that cell; `None` for a piece
+    /// that is no field.
     fn of_cell(&self) -> Option<Arc<dyn AnyPiece>> {
         None
     }

@@ -38,14 +38,14 @@ impl Constant {
         Self { name, label, unit, default, search: None, of_board: None }
     }
 
-    /// The same constant, whose value can be searched for in data.
+    /// Makes it a constant whose value can be searched for in data.
     #[must_use]
     pub const fn searched(mut self, covariate: Covariate, kind: ScanKind) -> Self {
         self.search = Some((covariate, kind));
         self
     }
 
-    /// The same constant, which is a side of the rectangle of the board's markers.
+    /// Makes it a side of the rectangle of the board's markers.
     #[must_use]
     pub const fn of_board(mut self, side: BoardSide) -> Self {
         self.of_board = Some(side);

@@ -9,7 +9,8 @@ pub struct Context {
     pub pixel: [f64; 2],
     /// Infrared amplitude at the pixel, in steps of the image; NaN where unknown.
     pub amplitude: f64,
-    /// Mean infrared amplitude around the pixel, weighted by a Gaussian of [`SURROUND_PX`](crate::SURROUND_PX); NaN where unknown.
+    /// Mean infrared amplitude around the pixel, weighted by a Gaussian of [`SURROUND_PX`](crate::SURROUND_PX); NaN where
+    /// unknown.
     #[serde(default = "unknown")]
     pub surround: f64,
     /// Slope of the logarithm of that mean along u and v, 1/px; NaN where unknown.

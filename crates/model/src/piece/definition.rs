@@ -55,7 +55,7 @@ pub trait Piece<H: Hook, const P: usize>: fmt::Debug + Send + Sync + 'static {
     const NEEDS: &'static [Covariate] = &[];
     /// Its role in a search for missing effects.
     const ROLE: Role = Role::Effect;
-    /// What its equation adds its shape to, for a piece of depth.
+    /// The quantity that its equation adds its shape to, for a piece of depth.
     const FORM: On = On::Depth;
     /// Whether it only adds to ρ an offset map over the image and cannot scale ρ. A depth model of such a map alone is given
     /// a free scale and offset (see [`Register::depth_model`](crate::Register::depth_model)).

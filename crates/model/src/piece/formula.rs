@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::placement::Of;
 use crate::hook::HookKind;
 
-/// An effect given as a formula instead of Rust: an entry `[[effect]]` of a file of formulas, and of a piece in `calibration.json`.
+/// An effect given as a formula instead of Rust: an entry `[[effect]]` of a file of formulas, and of a piece in
+/// `calibration.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaDefinition {
@@ -15,7 +16,7 @@ pub struct FormulaDefinition {
     pub name: String,
     /// Where it acts: `depth`, `lens`, `pixel` or `board`.
     pub hook: HookKind,
-    /// What the value of the formula is added to; the first of its hook where absent.
+    /// The quantity that the value of the formula is added to; the first of its hook where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adds_to: Option<AddsTo>,
     /// For an effect of depth, the state from which the covariates are taken.
@@ -113,7 +114,7 @@ pub struct ParameterTable {
 }
 
 impl FormulaParameter {
-    /// The same as a table.
+    /// The parameter as a table.
     pub fn table(&self) -> ParameterTable {
         match self {
             Self::Unit(unit) => {
@@ -169,7 +170,7 @@ impl FormulaConstant {
         }
     }
 
-    /// The same with another value.
+    /// A copy with another value.
     #[must_use]
     pub fn with_value(&self, value: f64) -> Self {
         match self {
@@ -195,8 +196,8 @@ impl FormulaConstant {
     }
 }
 
-fn is_true_state(of: &Of) -> bool {
-    *of == Of::True
+fn is_true_state(state: &Of) -> bool {
+    *state == Of::True
 }
 
 fn is_zero(value: &f64) -> bool {
@@ -207,7 +208,7 @@ fn is_zero(value: &f64) -> bool {
 mod tests {
     use super::*;
 
-    /// What is left out of a file is what it has without: zero, and nothing else.
+    /// A number that is left out of a file is zero when it is read, and nothing else is left out.
     #[test]
     fn only_what_says_nothing_is_left_out() {
         let parameter = |nominal| {

@@ -21,7 +21,7 @@ impl Parameter {
         Self { name: Cow::Borrowed(name), unit, nominal, scale, meaning: "" }
     }
 
-    /// The same parameter with its meaning, one sentence with a full stop.
+    /// Sets its meaning, one sentence with a full stop.
     #[must_use]
     pub const fn meaning(mut self, meaning: &'static str) -> Self {
         self.meaning = meaning;

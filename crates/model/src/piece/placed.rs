@@ -91,9 +91,9 @@ impl AnyPiece for Placed {
     fn evaluate(&self, theta: &[f64], states: &[f64], contexts: &[Context], out: &mut [f64]) {
         self.piece.evaluate(theta, states, contexts, out);
         let Some(on) = self.placement.on else { return };
-        let own = self.piece.form();
+        let form = self.piece.form();
         for (state, out) in states.chunks_exact(IN).zip(out) {
-            *out = on.apply(state[RHO], own.size_mm(state[RHO], *out)).0;
+            *out = on.apply(state[RHO], form.size_mm(state[RHO], *out)).0;
         }
     }
 
@@ -108,9 +108,9 @@ impl AnyPiece for Placed {
     ) {
         self.piece.linearize(theta, states, contexts, out, d_state, d_theta.as_deref_mut());
         let Some(on) = self.placement.on else { return };
-        let (own, count) = (self.piece.form(), self.parameters().len());
+        let (form, count) = (self.piece.form(), self.parameters().len());
         for (k, state) in states.chunks_exact(IN).enumerate() {
-            let (size, [by_rho, by_out]) = own.size_with_derivatives(state[RHO], out[k]);
+            let (size, [by_rho, by_out]) = form.size_with_derivatives(state[RHO], out[k]);
             let (placed, [direct, by_size]) = on.apply(state[RHO], size);
             out[k] = placed;
             let scale = by_size * by_out;
@@ -156,7 +156,7 @@ mod tests {
     }
 
     fn placements() -> impl Iterator<Item = Placement> {
-        Of::ALL.into_iter().flat_map(|of| On::ALL.map(|on| Placement { of, on: Some(on) }))
+        Of::ALL.into_iter().flat_map(|state| On::ALL.map(|on| Placement { of: state, on: Some(on) }))
     }
 
     fn context() -> Context {
@@ -181,23 +181,23 @@ mod tests {
             for placement in placements() {
                 let other = placed(piece.clone(), placement).unwrap();
                 let name = piece.name();
-                let at = |rho: f64| {
+                let sizes_at = |rho: f64| {
                     let state = [0.2, -0.3, rho, 0.8];
                     (1.0 / value(&*piece, state) - 1.0 / rho, 1.0 / value(&*other, state) - 1.0 / rho)
                 };
-                let (own, changed) = at(1.0 / REFERENCE_DEPTH_MM);
+                let (original, changed) = sizes_at(1.0 / REFERENCE_DEPTH_MM);
                 // Equal in first order: the forms differ by the square of the effect over the depth.
-                let second_order = 2.0 * own * own / REFERENCE_DEPTH_MM + 1e-9;
-                assert!((own - changed).abs() <= second_order, "{name}{placement}: {own} {changed}");
+                let second_order = 2.0 * original * original / REFERENCE_DEPTH_MM + 1e-9;
+                assert!((original - changed).abs() <= second_order, "{name}{placement}: {original} {changed}");
                 // Twice as far an effect on depth stays, a factor doubles it, one on inverse depth makes it four times as large.
                 let power = |on: On| match on {
                     On::Depth => 0,
                     On::Factor => 1,
                     On::InverseDepth => 2,
                 };
-                let (own, changed) = at(0.5 / REFERENCE_DEPTH_MM);
-                let expected = own * 2f64.powi(power(placement.on.unwrap()) - power(piece.form()));
-                let second_order = 4.0 * expected.abs().max(own.abs()).powi(2) / REFERENCE_DEPTH_MM + 1e-9;
+                let (original, changed) = sizes_at(0.5 / REFERENCE_DEPTH_MM);
+                let expected = original * 2f64.powi(power(placement.on.unwrap()) - power(piece.form()));
+                let second_order = 4.0 * expected.abs().max(original.abs()).powi(2) / REFERENCE_DEPTH_MM + 1e-9;
                 assert!((expected - changed).abs() <= second_order, "{name}{placement}: {expected} {changed}");
             }
         }
@@ -218,12 +218,12 @@ mod tests {
                     piece.evaluate(theta, state, &[context()], &mut out);
                     out[0]
                 };
-                let near = |found: f64, expected: f64, size: f64, what: &str| {
+                let near = |derivative: f64, expected: f64, size: f64, what: &str| {
                     // Inverse depths of 1e-3 1/mm have 1e-19 of rounding, waves over depth some ten times that.
                     let tolerance = 1e-6 * expected.abs() + 1e-17 / size;
                     assert!(
-                        (found - expected).abs() <= tolerance,
-                        "{}{placement} {what}: {found} {expected}",
+                        (derivative - expected).abs() <= tolerance,
+                        "{}{placement} {what}: {derivative} {expected}",
                         piece.name()
                     );
                 };
@@ -247,8 +247,8 @@ mod tests {
         }
     }
 
-    /// Every effect of depth, those that cannot be placed too: at its nominal parameters it changes nothing, and the short way to its
-    /// derivatives gives those of the long one.
+    /// Every effect of depth, those that cannot be placed too: at its nominal parameters it changes nothing, and the short way to
+    /// its derivatives gives those of the long one.
     #[test]
     fn at_nominal_parameters_the_derivatives_are_the_same() {
         let register = Register::builtin();
@@ -285,8 +285,8 @@ mod tests {
             assert!(placed(register.find(name).unwrap(), measured).is_none(), "{name}");
         }
         let ripple = register.find("disparity_ripple").unwrap();
-        let own = Placement { of: Of::True, on: Some(On::InverseDepth) };
-        assert!(placed(ripple, own).unwrap().placement().is_own());
+        let declared = Placement { of: Of::True, on: Some(On::InverseDepth) };
+        assert!(placed(ripple, declared).unwrap().placement().is_own());
     }
 
     /// The description of a piece is that of its equation, wherever it acts.

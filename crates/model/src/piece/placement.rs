@@ -19,7 +19,7 @@ pub enum Of {
     Measured,
 }
 
-/// What the shape of an effect of depth is added to.
+/// The quantity that the shape of an effect of depth is added to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum On {
@@ -93,7 +93,7 @@ impl On {
         self.size_with_derivatives(rho, measured).0
     }
 
-    /// The same with its derivatives by both.
+    /// [`On::size_mm`] with its derivatives by both.
     #[inline(always)]
     pub(crate) fn size_with_derivatives(self, rho: f64, measured: f64) -> (f64, [f64; 2]) {
         const Z0: f64 = REFERENCE_DEPTH_MM;
@@ -130,8 +130,8 @@ impl Placement {
 
     /// For people, in brackets after a name: `after the depth model, added to inverse depth`; empty where it is the piece's own.
     pub fn words(&self) -> Vec<String> {
-        let of = (self.of == Of::Measured).then_some(self.of.words());
-        of.into_iter().chain(self.on.map(On::words)).map(str::to_owned).collect()
+        let state = (self.of == Of::Measured).then_some(self.of.words());
+        state.into_iter().chain(self.on.map(On::words)).map(str::to_owned).collect()
     }
 }
 
@@ -148,7 +148,7 @@ impl FromStr for Of {
     type Err = UnknownPlacement;
 
     fn from_str(text: &str) -> Result<Self, UnknownPlacement> {
-        Self::ALL.into_iter().find(|of| of.name() == text).ok_or(UnknownPlacement)
+        Self::ALL.into_iter().find(|state| state.name() == text).ok_or(UnknownPlacement)
     }
 }
 
@@ -167,14 +167,14 @@ mod tests {
     /// The words of a report, and the texts of files and their inverses.
     #[test]
     fn places_and_forms_are_said_where_they_are_not_the_piece_s_own() {
-        let placement = |of, on| Placement { of, on };
+        let placement = |state, on| Placement { of: state, on };
         assert!(placement(Of::True, None).is_own() && placement(Of::True, None).words().is_empty());
         let both = placement(Of::Measured, Some(On::InverseDepth));
         assert_eq!(both.words(), ["after the depth model", "added to inverse depth"]);
         assert_eq!(both.to_string(), "@of=measured@on=inverse_depth");
         assert_eq!(placement(Of::True, Some(On::Factor)).words(), ["as a factor of depth"]);
         assert_eq!(Of::True.words(), "before the depth model");
-        assert!(Of::ALL.into_iter().all(|of| of.name().parse() == Ok(of)) && "depth".parse::<Of>().is_err());
+        assert!(Of::ALL.into_iter().all(|state| state.name().parse() == Ok(state)) && "depth".parse::<Of>().is_err());
         assert!(On::ALL.into_iter().all(|on| on.name().parse() == Ok(on)) && "true".parse::<On>().is_err());
     }
 

@@ -26,8 +26,8 @@ impl DepthEffect for SmoothMap {
         Stage::Disparity
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let (u, v) = (at.pixel[0] / self.size[0], at.pixel[1] / self.size[1]);
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let (u, v) = (reading.pixel[0] / self.size[0], reading.pixel[1] / self.size[1]);
         let pi = std::f64::consts::PI;
         let map: f64 = self.waves.iter().map(|(i, j, a)| a * (pi * i * u).cos() * (pi * j * v).cos()).sum();
         rho + self.scale * map * (-rho * self.disparity_scale / self.decay).exp()
@@ -42,15 +42,15 @@ pub(super) fn smooth_map(context: &Context, size: f64, to: &mut Instrument) -> R
         .map(|(i, j)| (f64::from(i), f64::from(j), rng.sample::<f64, _>(StandardNormal) / f64::from(i + j)))
         .collect();
     let camera = context.camera;
-    let of = |scale: f64| SmoothMap {
+    let map = |scale: f64| SmoothMap {
         scale,
         waves: waves.clone(),
         size: [camera.width as f64, camera.height as f64],
         decay: 60.0,
         disparity_scale: camera.disparity_scale(),
     };
-    let scale = 1e-6 * size / context.rms_mm(&of(1e-6), usual());
-    to.add(Box::new(of(scale)));
+    let scale = 1e-6 * size / context.rms_mm(&map(1e-6), usual());
+    to.add(Box::new(map(scale)));
     Ok(parameters([("scale_per_mm", scale), ("decay_px", 60.0)]))
 }
 
@@ -66,8 +66,8 @@ impl DepthEffect for RowBanding {
         Stage::Output
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let band = (at.pixel[1].max(0.0) / self.rows) as usize;
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let band = (reading.pixel[1].max(0.0) / self.rows) as usize;
         rho + self.scale * self.offsets[band % self.offsets.len()]
     }
 }
@@ -76,9 +76,9 @@ pub(super) fn row_banding(context: &Context, size: f64, to: &mut Instrument) -> 
     let mut rng = context.unit_stream();
     let rows = context.near(24.0, 8.0).round();
     let offsets: Vec<f64> = (0..64).map(|_| rng.sample(StandardNormal)).collect();
-    let of = |scale: f64| RowBanding { scale, offsets: offsets.clone(), rows };
-    let scale = 1e-6 * size / context.rms_mm(&of(1e-6), usual());
-    to.add(Box::new(of(scale)));
+    let banding = |scale: f64| RowBanding { scale, offsets: offsets.clone(), rows };
+    let scale = 1e-6 * size / context.rms_mm(&banding(1e-6), usual());
+    to.add(Box::new(banding(scale)));
     Ok(parameters([("scale_per_mm", scale), ("rows_px", rows)]))
 }
 
@@ -93,8 +93,8 @@ impl DepthEffect for EdgeStep {
         Stage::Output
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        if at.pixel[0] < self.column { with_depth_added(rho, self.step) } else { rho }
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        if reading.pixel[0] < self.column { with_depth_added(rho, self.step) } else { rho }
     }
 }
 
@@ -116,8 +116,8 @@ impl DepthEffect for MultipathCorner {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let distance = (at.pixel[0] - self.corner[0]).hypot(at.pixel[1] - self.corner[1]);
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let distance = (reading.pixel[0] - self.corner[0]).hypot(reading.pixel[1] - self.corner[1]);
         let z = 1.0 / rho;
         with_depth_added(rho, self.size * z / 800.0 * (-distance / self.reach).exp())
     }
@@ -145,9 +145,9 @@ impl DepthEffect for TiltedFrames {
         Stage::Output
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let [a, b, c] = self.planes[at.conditions.frame % self.planes.len()];
-        rho + self.scale * (a + b * at.ray[0] + c * at.ray[1])
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let [a, b, c] = self.planes[reading.conditions.frame % self.planes.len()];
+        rho + self.scale * (a + b * reading.ray[0] + c * reading.ray[1])
     }
 }
 
@@ -183,9 +183,9 @@ impl DepthEffect for LensGlare {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
         let z = 1.0 / rho;
-        let r2 = at.ray[0] * at.ray[0] + at.ray[1] * at.ray[1];
+        let r2 = reading.ray[0] * reading.ray[0] + reading.ray[1] * reading.ray[1];
         // The share of glare grows as the surface's own light falls with the squared depth.
         let share = self.strength * (z / 1000.0).powi(2) * (-r2 / 0.08).exp();
         with_depth_added(rho, share * (self.ambient - z))
@@ -194,8 +194,8 @@ impl DepthEffect for LensGlare {
 
 pub(super) fn lens_glare(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let ambient = context.near(450.0, 80.0);
-    let of = |strength: f64| LensGlare { strength, ambient };
-    let strength = 1e-3 * size / context.rms_mm(&of(1e-3), usual());
-    to.add(Box::new(of(strength)));
+    let glare = |strength: f64| LensGlare { strength, ambient };
+    let strength = 1e-3 * size / context.rms_mm(&glare(1e-3), usual());
+    to.add(Box::new(glare(strength)));
     Ok(parameters([("strength", strength), ("ambient_mm", ambient)]))
 }

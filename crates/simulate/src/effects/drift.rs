@@ -38,8 +38,8 @@ impl DepthEffect for Drift {
         Stage::Output
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        rho + self.clock.read(&at.conditions) * (self.scale * rho + self.offset)
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        rho + self.clock.read(&reading.conditions) * (self.scale * rho + self.offset)
     }
 }
 
@@ -48,9 +48,9 @@ impl DepthEffect for Drift {
 fn install(context: &Context, size: f64, clock: Clock, full: Conditions, to: &mut Instrument) -> [f64; 2] {
     // At 1 m the scale contributes a third to two thirds of the effect, the offset the rest.
     let share = context.near(0.5, 0.17);
-    let of = |amount: f64| Drift { scale: amount * share, offset: amount * (1.0 - share) / 1000.0, clock };
-    let amount = 1e-4 * size / context.rms_mm(&of(1e-4), full);
-    let drift = of(amount);
+    let drift_of = |amount: f64| Drift { scale: amount * share, offset: amount * (1.0 - share) / 1000.0, clock };
+    let amount = 1e-4 * size / context.rms_mm(&drift_of(1e-4), full);
+    let drift = drift_of(amount);
     let truth = [drift.scale, drift.offset];
     to.add(Box::new(drift));
     truth

@@ -41,7 +41,7 @@ impl Effect {
         Ok(Self { name: name.to_owned(), size: info.default_size, place: None })
     }
 
-    /// The same depth effect in another place and form, with the same size at 1 m.
+    /// The depth effect in another place and form, with the same size at 1 m.
     ///
     /// # Errors
     /// [`SimulateError::NoPlace`] for an effect that does not act on depth.
@@ -62,8 +62,8 @@ impl Effect {
     pub fn parse(text: &str) -> Result<Option<Self>, SimulateError> {
         let Some((effect, place)) = text.split_once('@') else { return Self::parse_size(text) };
         let bad = || SimulateError::NoPlace { text: text.to_owned() };
-        let (of, on) = place.split_once('@').ok_or_else(bad)?;
-        let named = Place::ALL.into_iter().find(|p| of.strip_prefix("of=") == Some(p.name()));
+        let (state, on) = place.split_once('@').ok_or_else(bad)?;
+        let named = Place::ALL.into_iter().find(|p| state.strip_prefix("of=") == Some(p.name()));
         let form = Form::ALL.into_iter().find(|f| on.strip_prefix("on=") == Some(f.name()));
         let (place, form) = named.zip(form).ok_or_else(bad)?;
         Self::parse_size(effect)?.map(|effect| effect.placed(place, form)).transpose()

@@ -34,7 +34,7 @@ pub struct GivenEffect {
     pub name: String,
     /// The state that it depends on.
     pub place: Place,
-    /// What its value is added to.
+    /// The quantity that its value is added to.
     pub form: Form,
     /// Its value.
     pub function: Function,
@@ -54,8 +54,8 @@ impl DepthEffect for GivenEffect {
         }
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let Reading { pixel, ray, cosine, amplitude, conditions } = *at;
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let Reading { pixel, ray, cosine, amplitude, conditions } = *reading;
         let (time_s, temperature_c) = (conditions.time_s, conditions.temperature_c);
         let depth_mm = 1.0 / rho;
         let value = (self.function)(&Observation { pixel, ray, depth_mm, cosine, amplitude, time_s, temperature_c });

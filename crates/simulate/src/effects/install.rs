@@ -71,8 +71,8 @@ pub(crate) fn install(
                 let mut alone = Instrument::new(camera, board);
                 let parameters = (info.install)(&context, effect.size, &mut alone)?;
                 for moved in alone.into_effects() {
-                    let own = own_form(info.name, moved.stage());
-                    instrument.add(Box::new(Placed { effect: moved, own, place, form }));
+                    let own_form = own_form(info.name, moved.stage());
+                    instrument.add(Box::new(Placed { effect: moved, own: own_form, place, form }));
                 }
                 parameters
             }

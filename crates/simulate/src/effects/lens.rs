@@ -11,12 +11,12 @@ use crate::optics::Optics;
 /// Decentred elements: Δx = s1 r² + s2 r⁴, Δy = s3 r² + s4 r⁴.
 pub(super) fn thin_prism(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let form = [context.near(1.0, 0.5), context.near(-0.4, 0.4), context.near(-0.6, 0.5), context.near(0.5, 0.4)];
-    let of = |scale: f64| {
+    let prism = |scale: f64| {
         let mut optics = Optics::new(context.camera);
         optics.prism = form.map(|s| s * scale);
         optics
     };
-    let scale = scaled(context, "thin_prism", size, 1e-4, of)?;
+    let scale = scaled(context, "thin_prism", size, 1e-4, prism)?;
     to.optics.prism = form.map(|s| s * scale);
     let [s1, s2, s3, s4] = to.optics.prism;
     Ok(parameters([("s1", s1), ("s2", s2), ("s3", s3), ("s4", s4)]))
@@ -26,12 +26,12 @@ pub(super) fn thin_prism(context: &Context, size: f64, to: &mut Instrument) -> R
 pub(super) fn tilted_sensor(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let angle = context.near(40.0, 180.0).to_radians();
     let tilt = |scale: f64| [scale * angle.cos(), scale * angle.sin()];
-    let of = |scale: f64| {
+    let tilted = |scale: f64| {
         let mut optics = Optics::new(context.camera);
         optics.set_tilt(tilt(scale));
         optics
     };
-    let scale = scaled(context, "tilted_sensor", size, 1e-3, of)?;
+    let scale = scaled(context, "tilted_sensor", size, 1e-3, tilted)?;
     let [x, y] = tilt(scale);
     to.optics.set_tilt([x, y]);
     Ok(parameters([("tau_x_rad", x), ("tau_y_rad", y)]))
@@ -59,22 +59,22 @@ pub(super) fn rational_distortion(
 ) -> Result<Parameters, SimulateError> {
     let form = [context.near(-1.0, 0.1), context.near(1.0, 0.2), context.near(1.0, 0.2)];
     let base = Optics::new(context.camera);
-    let of = |scale: f64| rational(context, &base, form.map(|k| k * scale));
+    let scaled_lens = |scale: f64| rational(context, &base, form.map(|k| k * scale));
     let wanted = size.abs();
     // The remainder grows with the scale until the denominator approaches zero.
     let (mut low, mut high) = (0.0, 0.05);
-    while context.rms_px(&base, &of(high)) < wanted {
+    while context.rms_px(&base, &scaled_lens(high)) < wanted {
         (low, high) = (high, high * 1.1);
-        if !usable(context, &base, &of(high)) {
+        if !usable(context, &base, &scaled_lens(high)) {
             let reason = "the lens would fold inside the image";
             return Err(SimulateError::EffectTooLarge { name: "rational_distortion", size, unit: "px", reason });
         }
     }
     for _ in 0..40 {
         let middle = (low + high) / 2.0;
-        if context.rms_px(&base, &of(middle)) < wanted { low = middle } else { high = middle }
+        if context.rms_px(&base, &scaled_lens(middle)) < wanted { low = middle } else { high = middle }
     }
-    let lens = of(high);
+    let lens = scaled_lens(high);
     to.optics.radial = lens.radial;
     to.optics.denominator = lens.denominator;
     let ([k1, k2, k3], [k4, k5, k6]) = (lens.radial, lens.denominator);
@@ -123,7 +123,7 @@ fn scaled(
     name: &'static str,
     size: f64,
     start: f64,
-    of: impl Fn(f64) -> Optics,
+    optics: impl Fn(f64) -> Optics,
 ) -> Result<f64, SimulateError> {
     if size == 0.0 {
         return Ok(0.0);
@@ -131,7 +131,7 @@ fn scaled(
     let base = Optics::new(context.camera);
     let mut scale = start * size.signum();
     for _ in 0..8 {
-        let rms = context.rms_px(&base, &of(scale));
+        let rms = context.rms_px(&base, &optics(scale));
         if !(rms.is_finite() && rms > 0.0 && scale.abs() < 1.0) {
             return Err(SimulateError::EffectTooLarge { name, size, unit: "px", reason: "the image would fold" });
         }

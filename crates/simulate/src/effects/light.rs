@@ -13,8 +13,8 @@ impl DepthEffect for Incidence {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        with_depth_added(rho, self.0 * (1.0 / at.cosine.max(0.1) - 1.0))
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        with_depth_added(rho, self.0 * (1.0 / reading.cosine.max(0.1) - 1.0))
     }
 }
 
@@ -38,8 +38,8 @@ impl DepthEffect for Reflectivity {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        with_depth_added(rho, -self.coefficient * (at.amplitude.max(DARKEST) / self.reference).ln())
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        with_depth_added(rho, -self.coefficient * (reading.amplitude.max(DARKEST) / self.reference).ln())
     }
 }
 

@@ -82,14 +82,14 @@ struct Function {
 }
 
 impl Function {
-    fn covariate(&self, covariate: Covariate, at: &Reading, rho: f64) -> f64 {
+    fn covariate(&self, covariate: Covariate, reading: &Reading, rho: f64) -> f64 {
         match covariate {
-            Covariate::Column => 2.0 * at.pixel[0] / self.size[0] - 1.0,
-            Covariate::Row => 2.0 * at.pixel[1] / self.size[1] - 1.0,
-            Covariate::Radius => at.ray[0].hypot(at.ray[1]) / 0.35 - 1.0,
+            Covariate::Column => 2.0 * reading.pixel[0] / self.size[0] - 1.0,
+            Covariate::Row => 2.0 * reading.pixel[1] / self.size[1] - 1.0,
+            Covariate::Radius => reading.ray[0].hypot(reading.ray[1]) / 0.35 - 1.0,
             Covariate::Depth => (1.0 / rho - 800.0) / 400.0,
-            Covariate::Amplitude => at.amplitude.max(0.01).ln() + 1.2,
-            Covariate::Incidence => 4.0 * (1.0 / at.cosine.max(0.2) - 1.0) - 1.0,
+            Covariate::Amplitude => reading.amplitude.max(0.01).ln() + 1.2,
+            Covariate::Incidence => 4.0 * (1.0 / reading.cosine.max(0.2) - 1.0) - 1.0,
         }
     }
 }
@@ -99,8 +99,8 @@ impl DepthEffect for Function {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let value: f64 = self.factors.iter().map(|(c, shape)| shape.at(self.covariate(*c, at, rho))).product();
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let value: f64 = self.factors.iter().map(|(c, shape)| shape.at(self.covariate(*c, reading, rho))).product();
         with_depth_added(rho, self.scale * value)
     }
 }
@@ -136,16 +136,16 @@ pub(super) fn nature(context: &Context, size: f64, to: &mut Instrument) -> Resul
     let place = Place::ALL[rng.random_range(0..Place::ALL.len())];
     let form = Form::ALL[rng.random_range(0..Form::ALL.len())];
     let image = [context.camera.width as f64, context.camera.height as f64];
-    let of = |scale: f64| Placed {
+    let placed = |scale: f64| Placed {
         effect: Box::new(Function { scale, size: image, factors: factors.clone() }),
         own: Form::Depth,
         place,
         form,
     };
     // The reference volume has one amplitude and no tilt: functions of them have the size that they have where they are 1.
-    let rms = context.rms_mm(&of(1.0), usual());
+    let rms = context.rms_mm(&placed(1.0), usual());
     let scale = if rms > 0.1 { size / rms } else { size };
-    to.add(Box::new(of(scale)));
+    to.add(Box::new(placed(scale)));
     let mut truth = parameters([("scale_mm", scale)]);
     for (covariate, shape) in &factors {
         truth.insert(format!("{covariate:?} {shape:?}"), 1.0);

@@ -14,7 +14,7 @@ pub enum Place {
     Measured,
 }
 
-/// What a depth effect is added to.
+/// The quantity that a depth effect is added to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Form {
@@ -79,8 +79,8 @@ impl DepthEffect for Placed {
         }
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        let added = 1.0 / self.effect.distort(at, rho) - 1.0 / rho;
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        let added = 1.0 / self.effect.distort(reading, rho) - 1.0 / rho;
         with_depth_added(rho, added * (1e-3 / rho).powi(self.form.power() - self.own.power()))
     }
 }

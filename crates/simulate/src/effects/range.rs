@@ -15,8 +15,8 @@ impl DepthEffect for RangeOffset {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        with_depth_added(rho, self.0 / at.range_over_depth())
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        with_depth_added(rho, self.0 / reading.range_over_depth())
     }
 }
 
@@ -41,9 +41,9 @@ impl DepthEffect for Curved {
 
 pub(super) fn quadratic_depth(context: &Context, size: f64, to: &mut Instrument) -> Result<Parameters, SimulateError> {
     let form = [context.near(-0.6, 0.4), 1.0];
-    let of = |scale: f64| Curved(form.map(|q| q * scale));
-    let scale = size / context.rms_mm(&of(1.0), usual());
-    to.add(Box::new(of(scale)));
+    let curved = |scale: f64| Curved(form.map(|q| q * scale));
+    let scale = size / context.rms_mm(&curved(1.0), usual());
+    to.add(Box::new(curved(scale)));
     Ok(parameters([("q2_mm_per_m2", form[0] * scale), ("q3_mm_per_m3", form[1] * scale)]))
 }
 
@@ -96,8 +96,8 @@ impl DepthEffect for RadialRange {
         Stage::Signal
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
-        rho / (1.0 + self.0 * (at.range_over_depth() - 1.0))
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
+        rho / (1.0 + self.0 * (reading.range_over_depth() - 1.0))
     }
 }
 

@@ -90,8 +90,8 @@ fn sizes_at_a_point() {
     close(error(&incidence, 700.0, [0.0, 0.0], 0.5f64.sqrt(), 0.5), SIZE, 1e-9, "incidence_bias");
 
     let reflectivity = with("reflectivity_bias", SIZE, 0);
-    let at = |amplitude| error(&reflectivity, 700.0, [0.0, 0.0], 1.0, amplitude);
-    close(at(0.04) - at(0.4), SIZE, 1e-9, "dark reads too far");
+    let error_at = |amplitude| error(&reflectivity, 700.0, [0.0, 0.0], 1.0, amplitude);
+    close(error_at(0.04) - error_at(0.4), SIZE, 1e-9, "dark reads too far");
 
     let cyclic = with("cyclic_depth", SIZE, 0);
     let wave = |z: f64| error(&cyclic, z, [0.0, 0.0], 1.0, 0.5);

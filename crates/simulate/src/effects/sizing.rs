@@ -46,12 +46,12 @@ impl<'a> Context<'a> {
     pub fn rms_mm(&self, effect: &dyn DepthEffect, conditions: Conditions) -> f64 {
         let mut sum = 0.0;
         let mut count = 0.0;
-        for at in self.reference_rays(conditions) {
+        for reading in self.reference_rays(conditions) {
             for step in 0..17 {
                 let z = 400.0 + 50.0 * f64::from(step);
                 // Trapezoidal weights.
                 let weight = if step == 0 || step == 16 { 0.5 } else { 1.0 };
-                sum += weight * (1.0 / effect.distort(&at, 1.0 / z) - z).powi(2);
+                sum += weight * (1.0 / effect.distort(&reading, 1.0 / z) - z).powi(2);
                 count += weight;
             }
         }

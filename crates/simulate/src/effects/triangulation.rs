@@ -21,10 +21,10 @@ impl DepthEffect for ProjectorDistortion {
         Stage::Disparity
     }
 
-    fn distort(&self, at: &Reading, rho: f64) -> f64 {
+    fn distort(&self, reading: &Reading, rho: f64) -> f64 {
         let [p, q, k] = self.form;
         // The surface as the projector sees it, from a baseline away.
-        let (x, y) = (at.ray[0] - self.baseline * rho, at.ray[1]);
+        let (x, y) = (reading.ray[0] - self.baseline * rho, reading.ray[1]);
         let moved = p * (3.0 * x * x + y * y) + q * x * y + k * x * (x * x + y * y);
         rho + self.scale * moved / self.baseline
     }
@@ -37,9 +37,9 @@ pub(super) fn projector_distortion(
 ) -> Result<Parameters, SimulateError> {
     let form = [context.near(1.0, 0.4), context.near(1.2, 0.8), context.near(0.5, 0.4)];
     let baseline = context.camera.baseline_mm;
-    let of = |scale: f64| ProjectorDistortion { scale, form, baseline };
-    let scale = 1e-6 * size / context.rms_mm(&of(1e-6), usual());
-    to.add(Box::new(of(scale)));
+    let distortion = |scale: f64| ProjectorDistortion { scale, form, baseline };
+    let scale = 1e-6 * size / context.rms_mm(&distortion(1e-6), usual());
+    to.add(Box::new(distortion(scale)));
     let [p, q, k] = form.map(|f| f * scale);
     Ok(parameters([("p", p), ("q", q), ("k", k), ("baseline_mm", baseline)]))
 }
@@ -66,9 +66,9 @@ pub(super) fn disparity_ripple(context: &Context, size: f64, to: &mut Instrument
     let period = context.near(4.0, 1.0);
     let phase = context.near(0.7, std::f64::consts::PI);
     let disparity_scale = context.camera.disparity_scale();
-    let of = |amplitude: f64| Ripple { amplitude, period, phase, disparity_scale };
-    let amplitude = 1e-7 * size / context.rms_mm(&of(1e-7), usual());
-    to.add(Box::new(of(amplitude)));
+    let ripple = |amplitude: f64| Ripple { amplitude, period, phase, disparity_scale };
+    let amplitude = 1e-7 * size / context.rms_mm(&ripple(1e-7), usual());
+    to.add(Box::new(ripple(amplitude)));
     Ok(parameters([
         ("amplitude_per_mm", amplitude),
         ("period_px", period),

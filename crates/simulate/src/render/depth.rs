@@ -117,7 +117,8 @@ pub(super) fn render(renderer: &Renderer<'_>, shot: &Shot, amplitude: &[f32]) ->
     out
 }
 
-/// Measurement of the depth pixel (column, row), whose range is measured `range_error` mm too long; `None` when its ray meets nothing.
+/// Measurement of the depth pixel (column, row), whose range is measured `range_error` mm too long; `None` when its ray meets
+/// nothing.
 fn measure(
     look: &Look<'_, '_>,
     shot: &Shot,
@@ -167,9 +168,9 @@ fn signal_at(amplitude: &[f32], width: usize, [u, v]: [f64; 2]) -> f64 {
     let (column, row) = (u as usize, v as usize);
     let (right, below) = ((column + 1).min(width - 1), (row + 1).min(height - 1));
     let (a, b) = (u - column as f64, v - row as f64);
-    let at = |row: usize, column: usize| f64::from(amplitude[row * width + column]);
-    let top = at(row, column) * (1.0 - a) + at(row, right) * a;
-    let bottom = at(below, column) * (1.0 - a) + at(below, right) * a;
+    let value = |row: usize, column: usize| f64::from(amplitude[row * width + column]);
+    let top = value(row, column) * (1.0 - a) + value(row, right) * a;
+    let bottom = value(below, column) * (1.0 - a) + value(below, right) * a;
     (top * (1.0 - b) + bottom * b).min(1.0)
 }
 

@@ -56,14 +56,14 @@ impl<'a, 'b> Look<'a, 'b> {
             return self.placed.cut(ray).map(|cut| (ray, cut));
         }
         let mut rho = 1.0 / self.placed.pose.translation[2];
-        let mut found = None;
+        let mut nearest = None;
         for _ in 0..6 {
             let ray = rays.at(optics.in_focus(pixel, rho))?;
             let cut = self.placed.cut(ray)?;
             rho = 1.0 / cut.z;
-            found = Some((ray, cut));
+            nearest = Some((ray, cut));
         }
-        found
+        nearest
     }
 
     /// The ray of a pixel of the image that shows the background.
@@ -132,8 +132,8 @@ impl<'a, 'b> Look<'a, 'b> {
         if self.has_edge(pixel, near_board) {
             let side = self.spread.step;
             let sample = |&([du, dv], weight): &([f64; 2], f64)| {
-                let at = [pixel[0] + du, pixel[1] + dv];
-                weight * if near_board { self.sample(at, side) } else { self.sample_behind(at) }
+                let shifted = [pixel[0] + du, pixel[1] + dv];
+                weight * if near_board { self.sample(shifted, side) } else { self.sample_behind(shifted) }
             };
             return self.spread.samples.iter().map(sample).sum();
         }

@@ -1,8 +1,8 @@
 //! Errors of depth by light that the lens spreads: sums over a whole frame.
 //!
-//! A time-of-flight camera measures a phasor at every pixel, of the pixel's amplitude A and of the phase 4π f r/c of its range r, and
-//! smooths it over 3×3 pixels. What it measures, M, contains the pixel's own light and a share of the light S around it: the own light is
-//! M − share · S, and the error of phase that of M against it.
+//! A time-of-flight camera measures a phasor at every pixel, of the pixel's amplitude A and of the phase 4π f r/c of its range r,
+//! and smooths it over 3×3 pixels. What it measures, M, contains the pixel's own light and a share of the light S around it: the
+//! own light is M − share · S, and the error of phase that of M against it.
 
 use std::f64::consts::PI;
 
@@ -46,25 +46,27 @@ impl Frame<'_> {
     /// The error of range at every pixel, mm, with light of these modulation frequencies; 0 for one that is not used.
     pub fn range_errors(&self, scattering: &Scattering, modulation_mhz: &[f64]) -> Vec<f64> {
         let pixels = || (0..self.amplitude.len()).map(|i| [i % self.width, i / self.width]);
-        let near: Vec<f64> =
-            pixels().map(|at| self.mean(self.amplitude, at, 3, |d2| (-d2 / (2.0 * NEAR_PX * NEAR_PX)).exp())).collect();
+        let near: Vec<f64> = pixels()
+            .map(|pixel| self.mean(self.amplitude, pixel, 3, |d2| (-d2 / (2.0 * NEAR_PX * NEAR_PX)).exp()))
+            .collect();
         let frequencies: Vec<f64> = modulation_mhz.iter().filter(|f| **f > 0.0).map(|f| 1e6 * f).collect();
         let scenes: Vec<Scene> = frequencies.iter().map(|f| self.scene(*f)).collect();
         let total: f64 = frequencies.iter().sum();
-        let error = |(i, at): (usize, [usize; 2])| {
-            let own = self.mean(self.amplitude, at, 1, |_| 1.0);
+        let error = |(i, pixel): (usize, [usize; 2])| {
+            let local = self.mean(self.amplitude, pixel, 1, |_| 1.0);
             let mut phases = 0.0;
             for (scene, f) in scenes.iter().zip(&frequencies) {
                 let phase = 4.0 * PI * f * self.range_mm[i] / C;
-                let spread = scene.at(at);
-                let own_light = [own * phase.cos(), own * phase.sin()];
-                let rest = [own_light[0] - scattering.share * spread[0], own_light[1] - scattering.share * spread[1]];
-                let turn = phase - rest[1].atan2(rest[0]);
+                let spread = scene.at(pixel);
+                let own_light = [local * phase.cos(), local * phase.sin()];
+                let unscattered =
+                    [own_light[0] - scattering.share * spread[0], own_light[1] - scattering.share * spread[1]];
+                let turn = phase - unscattered[1].atan2(unscattered[0]);
                 phases += turn - (turn / (2.0 * PI)).round() * 2.0 * PI;
             }
-            let delay = scattering.delay_rad * self.mean(&near, at, 1, |_| 1.0) / own;
+            let delay = scattering.delay_rad * self.mean(&near, pixel, 1, |_| 1.0) / local;
             let error = C / (4.0 * PI) * (phases / total + delay / DELAY_AT);
-            if own > 0.0 && error.is_finite() { error } else { 0.0 }
+            if local > 0.0 && error.is_finite() { error } else { 0.0 }
         };
         pixels().enumerate().map(error).collect()
     }
@@ -111,9 +113,9 @@ impl Scene {
     /// Bilinear between the middles of tiles.
     fn at(&self, [u, v]: [usize; 2]) -> [f64; 2] {
         let middle = 0.5 * (TILE as f64 - 1.0);
-        let place = |at: usize, count: usize| {
-            let at = ((at as f64 - middle) / TILE as f64).clamp(0.0, (count - 1) as f64);
-            (at as usize, (at as usize + 1).min(count - 1), at.fract())
+        let place = |position: usize, count: usize| {
+            let position_in_tiles = ((position as f64 - middle) / TILE as f64).clamp(0.0, (count - 1) as f64);
+            (position_in_tiles as usize, (position_in_tiles as usize + 1).min(count - 1), position_in_tiles.fract())
         };
         let ((u0, u1, a), (v0, v1, b)) = (place(u, self.columns), place(v, self.rows));
         let get = |u: usize, v: usize, part: usize| self.spread[v * self.columns + u][part];

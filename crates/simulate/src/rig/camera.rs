@@ -9,7 +9,7 @@ use crate::light::Exposure;
 use crate::noise::Noise;
 use crate::pose::Pose;
 
-/// What a camera of a rig delivers.
+/// Images and depth of a rig's camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Streams {
@@ -38,7 +38,7 @@ impl Streams {
 pub struct RigCamera {
     /// Its name, a folder of the dataset.
     pub name: String,
-    /// What it delivers.
+    /// Its images and depth.
     pub streams: Streams,
     /// The camera.
     pub camera: CameraTruth,
@@ -76,21 +76,21 @@ impl RigCamera {
         }
     }
 
-    /// The same camera with one more effect.
+    /// Adds an effect.
     #[must_use]
     pub fn effect(mut self, effect: Effect) -> Self {
         self.effects.push(effect);
         self
     }
 
-    /// The same camera that exposes later, s.
+    /// Makes the camera expose later, s.
     #[must_use]
     pub fn time_offset(mut self, time_offset_s: f64) -> Self {
         self.time_offset_s = time_offset_s;
         self
     }
 
-    /// The same camera whose place drifts.
+    /// Makes the camera's extrinsics drift.
     #[must_use]
     pub fn drift(mut self, drift: Drift) -> Self {
         self.drift = Some(drift);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::conditions::{Conditions, REFERENCE_TEMPERATURE_C};
 use crate::pose::Pose;
 
-/// What moves a camera on its rig.
+/// A camera's motion on its rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "with", rename_all = "kebab-case")]
 pub enum Drift {
@@ -28,11 +28,13 @@ pub enum Drift {
 
 impl Drift {
     /// The place of a camera, whose own is `camera_from_rig`, under these conditions.
-    pub(super) fn apply(&self, camera_from_rig: &Pose, at: &Conditions) -> Pose {
+    pub(super) fn apply(&self, camera_from_rig: &Pose, conditions: &Conditions) -> Pose {
         let (share, rotation_rad, translation_mm) = match *self {
-            Self::Time { rotation_rad, translation_mm } => (at.time_s / at.session_s, rotation_rad, translation_mm),
+            Self::Time { rotation_rad, translation_mm } => {
+                (conditions.time_s / conditions.session_s, rotation_rad, translation_mm)
+            }
             Self::Temperature { rotation_rad, translation_mm } => {
-                (at.temperature_c - REFERENCE_TEMPERATURE_C, rotation_rad, translation_mm)
+                (conditions.temperature_c - REFERENCE_TEMPERATURE_C, rotation_rad, translation_mm)
             }
         };
         let turn = Rotation3::new(Vector3::from(rotation_rad) * share);

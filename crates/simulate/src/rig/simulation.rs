@@ -104,8 +104,8 @@ impl RigSimulation {
         };
         let simulation = |(number, camera): (usize, &RigCamera)| {
             let place = |frame: usize| {
-                let own = if number == 0 { Pose::identity() } else { camera.camera_from_rig };
-                camera.drift.map_or(own, |drift| drift.apply(&own, &conditions[frame]))
+                let camera_from_rig = if number == 0 { Pose::identity() } else { camera.camera_from_rig };
+                camera.drift.map_or(camera_from_rig, |drift| drift.apply(&camera_from_rig, &conditions[frame]))
             };
             let seen = |frame: usize| match &self.waved {
                 Some(waved) => waved.pose(&self.board, conditions[frame].time_s + camera.time_offset_s),

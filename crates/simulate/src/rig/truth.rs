@@ -20,7 +20,7 @@ pub struct RigTruth {
 pub struct RigCameraTruth {
     /// Its name.
     pub name: String,
-    /// What it delivers.
+    /// Its images and depth.
     pub streams: Streams,
     /// Its place: maps the rig's frame to its own, mm; without drift.
     pub camera_from_rig: Pose,
@@ -38,6 +38,6 @@ pub struct RigCameraTruth {
 pub struct RigPoints {
     /// The truth.
     pub truth: RigTruth,
-    /// What each camera observes.
+    /// The observations of each camera.
     pub cameras: Vec<PointObservations>,
 }

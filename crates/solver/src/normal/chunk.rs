@@ -238,7 +238,7 @@ impl Chunk {
 
     /// x_eᵀ H_ee x_e + 2 x_eᵀ H_ec x_c, where `x` is x_e of the chunk's eliminated variables and `kept` is x_c of all
     /// kept ones.
-    pub fn quadratic_form(&self, x: &[f64], kept: &[f64]) -> f64 {
+    pub fn quadratic_form(&self, x: &[f64], x_kept: &[f64]) -> f64 {
         let mut sum = 0.0;
         for e in &self.plan.eliminations {
             let d = e.d as usize;
@@ -248,7 +248,7 @@ impl Chunk {
                 let mut product = [0.0];
                 let row = &self.hec[e.ec + i * strip.stride as usize..];
                 // Rarely called, hence without vector instructions.
-                multiply_strip(pulp::Scalar, strip, row, 1, kept, &mut product);
+                multiply_strip(pulp::Scalar, strip, row, 1, x_kept, &mut product);
                 let row = &self.hee[e.ee + i * d..][..=i];
                 let lower: f64 = row[..i].iter().zip(x).map(|(h, x)| h * x).sum();
                 sum += x[i] * (2.0 * (lower + product[0]) + row[i] * x[i]);

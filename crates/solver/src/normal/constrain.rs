@@ -4,7 +4,7 @@ use crate::normal::chunk::Chunk;
 
 /// Constrains components in a chunk's H_ee, H_ec and g_e. True marks a constrained component: `eliminated` is over the
 /// chunk's eliminated variables, `kept` over all kept variables.
-pub(crate) fn constrain_chunk(chunk: &mut Chunk, eliminated: &[bool], kept: &[bool]) {
+pub(crate) fn constrain_chunk(chunk: &mut Chunk, eliminated: &[bool], kept_flags: &[bool]) {
     let Chunk { plan, hee, hec, ge, .. } = chunk;
     for e in &plan.eliminations {
         let d = e.d as usize;
@@ -18,7 +18,7 @@ pub(crate) fn constrain_chunk(chunk: &mut Chunk, eliminated: &[bool], kept: &[bo
             ge[e.e + i] = 0.0;
         }
         for v in &strip.variables {
-            for c in (0..v.d as usize).filter(|c| kept[v.kept as usize + c]) {
+            for c in (0..v.d as usize).filter(|c| kept_flags[v.kept as usize + c]) {
                 (0..d).for_each(|i| rows[i * stride + v.column as usize + c] = 0.0);
             }
         }

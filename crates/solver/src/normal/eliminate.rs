@@ -356,18 +356,18 @@ pub(crate) fn multiply_strip<S: Simd>(simd: S, strip: &Strip, hec: &[f64], d: us
     for (row, t) in hec[..d * stride].chunks_exact(stride).zip(target) {
         // Vector lanes are summed separately over all variables, and across lanes at the end.
         let mut sums = simd.splat_f64s(0.0);
-        let mut rest = 0.0;
+        let mut tail = 0.0;
         for v in &strip.variables {
-            let (column, dv, kept) = (v.column as usize, v.d as usize, v.kept as usize);
+            let (column, dv, offset) = (v.column as usize, v.d as usize, v.kept as usize);
             let (h, h_rest) = S::as_simd_f64s(&row[column..column + dv]);
-            let (x, x_rest) = S::as_simd_f64s(&x[kept..kept + dv]);
+            let (x, x_rest) = S::as_simd_f64s(&x[offset..offset + dv]);
             for (h, x) in h.iter().zip(x) {
                 sums = simd.mul_add_e_f64s(*h, *x, sums);
             }
             for (h, x) in h_rest.iter().zip(x_rest) {
-                rest += h * x;
+                tail += h * x;
             }
         }
-        *t += simd.reduce_sum_f64s(sums) + rest;
+        *t += simd.reduce_sum_f64s(sums) + tail;
     }
 }

@@ -72,9 +72,9 @@ pub(crate) fn solve_lower(l: &[f64], n: usize, x: &mut [f64], width: usize) {
 pub(crate) fn solve_lower_transposed(l: &[f64], n: usize, x: &mut [f64]) {
     for i in (0..n).rev() {
         x[i] /= l[i * n + i];
-        let (above, rest) = x.split_at_mut(i);
+        let (above, from_i) = x.split_at_mut(i);
         for (k, x) in above.iter_mut().enumerate() {
-            *x -= l[i * n + k] * rest[0];
+            *x -= l[i * n + k] * from_i[0];
         }
     }
 }

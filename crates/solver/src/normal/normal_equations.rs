@@ -1,15 +1,15 @@
 //! The normal equations H δ = −g of a linearised problem, H = Jᵀ W J, g = Jᵀ W r, and their solution.
 
-use faer::{Mat, Side};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::normal::chunk::Chunk;
-use crate::normal::conjugate_gradients::{ConjugateGradients, multiply_chunk};
+use crate::normal::conjugate_gradients::multiply_chunk;
 use crate::normal::constrain::constrain_chunk;
-use crate::normal::qr::{Qr, multiply_rows};
+use crate::normal::linear::{Linear, Planned};
+use crate::normal::qr::multiply_rows;
 use crate::normal::reduced_blocks::ReducedBlocks;
-use crate::normal::reduced_system::{PARALLEL_SIZE, ReducedSystem};
+use crate::normal::reduced_system::PARALLEL_SIZE;
 use crate::plan::bounds::Bounds;
 use crate::plan::choice::choose;
 use crate::plan::chunk_builder::ChunkBuilder;
@@ -29,21 +29,12 @@ use crate::problem::values::Values;
 const MIN_DAMPING: f64 = 1e-15;
 const MIN_DAMPING_ROWS: f64 = 1e-30;
 
-/// The solver of the reduced system.
-enum Linear {
-    /// Cholesky factorisation, dense or sparse.
-    Direct(ReducedSystem),
-    Iterative(ConjugateGradients),
-    /// QR factorisation of the Jacobian; nothing is eliminated.
-    Orthogonal(Box<Qr>),
-}
-
 /// A problem's normal equations. Memory is allocated once: linearising and solving do not allocate.
 pub(crate) struct NormalEquations {
     pub layout: Layout,
     pub chunks: Vec<Chunk>,
     pub blocks: ReducedBlocks,
-    linear: Linear,
+    pub(super) linear: Linear,
     /// The block sparsity pattern that the choice of the linear solver analysed.
     graph: Option<BlockGraph>,
     used: LinearSolverUsed,
@@ -58,7 +49,7 @@ pub(crate) struct NormalEquations {
     parallel: bool,
     pub bounds: Bounds,
     /// Whether each component of the step is constrained to zero; empty as long as none can be.
-    constrained: Vec<bool>,
+    pub(super) constrained: Vec<bool>,
     /// Whether a solution constrained more components than the active set of the linearisation.
     extended_active_set: bool,
 }
@@ -80,7 +71,7 @@ impl NormalEquations {
     ) -> Result<Self, StructureError> {
         let mut layout = Layout::new(graph, values)?;
         let analysed = previous.as_ref().and_then(|p| Some((p.graph.as_ref()?, p.used.estimates.as_slice())));
-        let choice = choose(graph, values, &layout, wanted, analysed)?;
+        let mut choice = choose(graph, values, &layout, wanted, analysed)?;
         layout.partition(&choice.eliminated);
         let form = match choice.solver {
             LinearSolver::ConjugateGradients(_) => Form::Implicit,
@@ -92,42 +83,8 @@ impl NormalEquations {
         let plans: Vec<ChunkPlan> =
             if parallel { divided.par_iter().map(plan).collect() } else { divided.iter().map(plan).collect() };
         let chunks: Vec<Chunk> = plans.into_iter().map(Chunk::new).collect();
-        let mut blocks = ReducedBlocks::new(&layout, &chunks);
-        let n = layout.kept_dim;
-        let mut analyses = usize::from(choice.analysed);
-        let linear = match (choice.solver, previous.map(|p| (p.linear, p.blocks))) {
-            (LinearSolver::ConjugateGradients(p), _) => {
-                Linear::Iterative(ConjugateGradients::new(n, &blocks, &chunks, p))
-            }
-            (LinearSolver::SparseQr, previous) if n > 0 => {
-                let previous = previous.and_then(|(linear, _)| match linear {
-                    Linear::Orthogonal(qr) => Some(*qr),
-                    _ => None,
-                });
-                let (qr, same_pattern) = Qr::new(n, &chunks, previous)?;
-                analyses = usize::from(!same_pattern);
-                Linear::Orthogonal(Box::new(qr))
-            }
-            (LinearSolver::SparseCholesky | LinearSolver::SparseSchur, previous) if n > 0 => {
-                let padded = match previous {
-                    Some((Linear::Direct(reduced @ ReducedSystem::Sparse(_)), other)) => {
-                        blocks.with_structure_of(&other, &layout, &chunks).map(|padded| (reduced, padded))
-                    }
-                    _ => None,
-                };
-                Linear::Direct(match padded {
-                    Some((reduced, padded)) => {
-                        blocks = padded;
-                        reduced
-                    }
-                    None => {
-                        analyses = 1;
-                        ReducedSystem::sparse(n, &blocks, choice.ordering)?
-                    }
-                })
-            }
-            _ => Linear::Direct(ReducedSystem::dense(n)),
-        };
+        let previous = previous.map(|p| (p.linear, p.blocks));
+        let Planned { linear, blocks, analyses } = Linear::plan(&mut choice, &layout, &chunks, previous)?;
         let dim = layout.dim();
         let bounds = Bounds::new(graph, values, &layout)?;
         let constrained = vec![false; if bounds.is_empty() { 0 } else { dim }];
@@ -138,14 +95,10 @@ impl NormalEquations {
             eliminated_variables: layout.eliminated.len(),
             eliminated_dim: layout.eliminated_dim,
             reduced_variables: layout.kept.len(),
-            reduced_dim: n,
+            reduced_dim: layout.kept_dim,
             iterative: matches!(linear, Linear::Iterative(_)),
-            sparse: matches!(linear, Linear::Direct(ReducedSystem::Sparse(_)) | Linear::Orthogonal(_)),
-            factor_entries: match &linear {
-                Linear::Direct(reduced) => reduced.factor_len(),
-                Linear::Iterative(_) => 0,
-                Linear::Orthogonal(qr) => qr.factor_len(),
-            },
+            sparse: linear.is_sparse(),
+            factor_entries: linear.factor_len(),
             symbolic_analyses: analyses,
             chunks: chunks.len(),
         };
@@ -237,12 +190,12 @@ impl NormalEquations {
 
     /// Applies `constrained` to H and g.
     fn constrain(&mut self) {
-        let (eliminated, kept) = self.constrained.split_at(self.layout.eliminated_dim);
+        let (eliminated, of_kept) = self.constrained.split_at(self.layout.eliminated_dim);
         for chunk in &mut self.chunks {
             let range = chunk.plan.offset..chunk.plan.offset + chunk.plan.dim;
-            constrain_chunk(chunk, &eliminated[range], kept);
+            constrain_chunk(chunk, &eliminated[range], of_kept);
         }
-        self.blocks.constrain(kept);
+        self.blocks.constrain(of_kept);
         for (g, _) in self.gradient.iter_mut().zip(&self.constrained).filter(|(_, constrained)| **constrained) {
             *g = 0.0;
         }
@@ -302,9 +255,9 @@ impl NormalEquations {
         if matches!(self.linear, Linear::Orthogonal(_)) {
             return multiply_rows(&self.chunks, x).iter().map(|y| y * y).sum();
         }
-        let (eliminated, kept) = x.split_at(self.layout.eliminated_dim);
-        let own = |chunk: &Chunk| chunk.quadratic_form(&eliminated[chunk.plan.offset..][..chunk.plan.dim], kept);
-        self.chunks.iter().map(own).sum::<f64>() + self.blocks.quadratic_form(kept)
+        let (eliminated, x_kept) = x.split_at(self.layout.eliminated_dim);
+        let in_chunk = |chunk: &Chunk| chunk.quadratic_form(&eliminated[chunk.plan.offset..][..chunk.plan.dim], x_kept);
+        self.chunks.iter().map(in_chunk).sum::<f64>() + self.blocks.quadratic_form(x_kept)
     }
 
     /// Writes the solution of (H + μ D²) δ = −g, where `d2` is the diagonal of D²; false if the matrix is not positive
@@ -318,29 +271,29 @@ impl NormalEquations {
             return false;
         }
         let split = self.layout.eliminated_dim;
-        let (eliminated, kept) = step.split_at_mut(split);
-        for (s, g) in kept.iter_mut().zip(&self.gradient[split..]) {
+        let (eliminated, kept_step) = step.split_at_mut(split);
+        for (s, g) in kept_step.iter_mut().zip(&self.gradient[split..]) {
             *s = -g;
         }
         for chunk in &self.chunks {
             for local in &chunk.plan.locals {
-                let target = &mut kept[local.kept as usize..][..local.d as usize];
+                let target = &mut kept_step[local.kept as usize..][..local.d as usize];
                 target.iter_mut().zip(&chunk.sc[local.local as usize..]).for_each(|(t, s)| *t += s);
             }
         }
         let parallel = self.parallel;
         let solved = match &mut self.linear {
-            Linear::Iterative(conjugate) => conjugate.solve(kept, &mut self.chunks, &self.blocks, |chunks, x| {
+            Linear::Iterative(conjugate) => conjugate.solve(kept_step, &mut self.chunks, &self.blocks, |chunks, x| {
                 for_each(chunks, parallel, |chunk| multiply_chunk(chunk, x));
             }),
-            Linear::Direct(reduced) => reduced.solve(kept),
+            Linear::Direct(reduced) => reduced.solve(kept_step),
             Linear::Orthogonal(_) => false,
         };
         if !solved {
             return false;
         }
-        let kept = &*kept;
-        for_each(&mut self.chunks, self.parallel, |chunk| chunk.back_substitute(kept));
+        let kept_step = &*kept_step;
+        for_each(&mut self.chunks, self.parallel, |chunk| chunk.back_substitute(kept_step));
         for chunk in &self.chunks {
             eliminated[chunk.plan.offset..][..chunk.plan.dim].copy_from_slice(&chunk.step);
         }
@@ -354,7 +307,7 @@ impl NormalEquations {
     }
 
     /// Eliminates, and factorises the reduced system of H + μ D² or its preconditioner.
-    fn eliminate(&mut self, mu: f64, d2: &[f64]) -> bool {
+    pub(super) fn eliminate(&mut self, mu: f64, d2: &[f64]) -> bool {
         for_each(&mut self.chunks, self.parallel, |chunk| chunk.eliminate(mu, d2));
         if self.chunks.iter().any(|c| !c.definite) {
             return false;
@@ -371,86 +324,11 @@ impl NormalEquations {
         }
     }
 
-    /// Factorises H + μ D² for [`solve_many`](Self::solve_many); false if it is not positive definite.
-    #[must_use]
-    pub fn factorize(&mut self, mu: f64, d2: &[f64]) -> bool {
-        self.eliminate(mu, d2)
-    }
-
-    /// Solves in place for several right-hand sides, one after the other in `rhs`, with the last factorisation. Nothing
-    /// may be eliminated.
-    pub fn solve_many(&mut self, rhs: &mut [f64]) {
-        if let Linear::Direct(reduced) = &mut self.linear {
-            reduced.solve_many(rhs);
-        }
-    }
-
-    /// Inverse iteration of several vectors, one after the other in `vectors`: x ← (H + μ D²)⁻¹ D² x; false if one is not
-    /// finite. Nothing may be eliminated, and [`factorize`](Self::factorize) must have been called with the same μ and
-    /// D².
-    #[must_use]
-    pub fn inverse_iteration(&mut self, mu: f64, d2: &[f64], vectors: &mut [f64]) -> bool {
-        if let Linear::Orthogonal(qr) = &mut self.linear {
-            return vectors.chunks_exact_mut(d2.len()).all(|x| qr.inverse_iteration(&self.chunks, mu, d2, x));
-        }
-        for x in vectors.chunks_exact_mut(d2.len()) {
-            x.iter_mut().zip(d2).for_each(|(x, d2)| *x *= d2);
-        }
-        self.solve_many(vectors);
-        vectors.iter().all(|x| x.is_finite())
-    }
-
-    /// The Rayleigh–Ritz method on the columns of V: the eigenvalues of Vᵀ H V, ascending, and its eigenvectors as
-    /// columns. `None` if they are not found. Nothing may be eliminated.
-    pub fn ritz(&self, vectors: &[DVector<f64>]) -> Option<(Vec<f64>, DMatrix<f64>)> {
-        let k = vectors.len();
-        if matches!(self.linear, Linear::Orthogonal(_)) {
-            // As squares of the singular values of J V, small eigenvalues do not suffer from rounding errors of large ones.
-            let products: Vec<Vec<f64>> = vectors.iter().map(|v| multiply_rows(&self.chunks, v.as_slice())).collect();
-            let rows = products.first().map_or(0, Vec::len).max(k);
-            let image = Mat::from_fn(rows, k, |i, j| products[j].get(i).copied().unwrap_or(0.0));
-            let svd = image.thin_svd().ok()?;
-            let values = (0..k).rev().map(|i| svd.S()[i] * svd.S()[i]).collect();
-            return Some((values, DMatrix::from_fn(k, k, |i, j| svd.V()[(i, k - 1 - j)])));
-        }
-        let multiply = |v: &DVector<f64>| {
-            let mut product = DVector::zeros(v.len());
-            self.blocks.multiply(v.as_slice(), product.as_mut_slice());
-            product
-        };
-        let products: Vec<DVector<f64>> = vectors.iter().map(multiply).collect();
-        let eigen = Mat::from_fn(k, k, |i, j| vectors[i].dot(&products[j])).self_adjoint_eigen(Side::Lower).ok()?;
-        let values = (0..k).map(|i| eigen.S()[i].max(0.0)).collect();
-        Some((values, DMatrix::from_fn(k, k, |i, j| eigen.U()[(i, j)])))
-    }
-
     /// Constrains these components of the step to zero.
     pub fn constrain_components(&mut self, components: &[usize]) {
         self.constrained.resize(self.layout.dim(), false);
         components.iter().for_each(|i| self.constrained[*i] = true);
         self.constrain();
-    }
-
-    /// The component with the smallest pivot, relative to D², of the last factorisation of H + μ D², and that relative
-    /// pivot. `None` with conjugate gradients and QR, which have no pivots.
-    pub fn weakest(&self, d2: &[f64]) -> Option<(usize, f64)> {
-        let Linear::Direct(reduced) = &self.linear else { return None };
-        let mut weakest: Option<(usize, f64)> = None;
-        let mut compare = |i: usize, pivot: f64| {
-            let relative = pivot / d2[i];
-            let constrained = self.constrained.get(i).copied().unwrap_or(false);
-            if !constrained && relative.is_finite() && weakest.is_none_or(|w| relative < w.1) {
-                weakest = Some((i, relative));
-            }
-        };
-        for chunk in &self.chunks {
-            for e in &chunk.plan.eliminations {
-                let d = e.d as usize;
-                (0..d).for_each(|i| compare(chunk.plan.offset + e.e + i, chunk.lee[e.ee + i * d + i].powi(2)));
-            }
-        }
-        reduced.for_each_pivot(|i, pivot| compare(self.layout.eliminated_dim + i, pivot));
-        weakest
     }
 
     /// H_cc of the last linearisation as a full matrix, kept_dim × kept_dim.

@@ -174,8 +174,8 @@ pub(crate) fn multiply_rows(chunks: &[Chunk], x: &[f64]) -> Vec<f64> {
                 let mut sum = 0.0;
                 for v in &scatter.kept {
                     let (first, d) = (v.column as usize, v.d as usize);
-                    let kept = chunk.plan.kept_of_local(v.local);
-                    sum += row[first..first + d].iter().zip(&x[kept..kept + d]).map(|(j, x)| j * x).sum::<f64>();
+                    let offset = chunk.plan.kept_of_local(v.local);
+                    sum += row[first..first + d].iter().zip(&x[offset..offset + d]).map(|(j, x)| j * x).sum::<f64>();
                 }
                 product.push(sum);
             }

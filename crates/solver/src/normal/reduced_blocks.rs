@@ -55,12 +55,12 @@ impl ReducedBlocks {
     /// blocks.
     pub fn with_structure_of(&self, other: &Self, layout: &Layout, chunks: &[Chunk]) -> Option<Self> {
         let key = |b: &Block| (b.column, b.row, b.row_d, b.column_d);
-        let mut rest = other.blocks.iter().map(key);
+        let mut theirs = other.blocks.iter().map(key);
         let same_variables = self.diagonal_blocks().eq(other.diagonal_blocks());
         if !same_variables || other.blocks.len() > 2 * self.blocks.len() {
             return None;
         }
-        if !self.blocks.iter().all(|b| rest.any(|r| r == key(b))) {
+        if !self.blocks.iter().all(|b| theirs.any(|r| r == key(b))) {
             return None;
         }
         Some(Self::with_links(layout, chunks, &other.links()))
@@ -85,8 +85,8 @@ impl ReducedBlocks {
             parts
                 .extend(c.plan.scc_blocks.iter().map(|b| (b.column, b.row, SCHUR, Source { chunk, offset: b.offset })));
         }
-        let kept = 0..layout.kept.len() as u32;
-        let places = kept.map(|rank| (rank, rank)).chain(links.iter().copied());
+        let diagonal = 0..layout.kept.len() as u32;
+        let places = diagonal.map(|rank| (rank, rank)).chain(links.iter().copied());
         parts.extend(places.map(|(column, row)| (column, row, PLACE, Source { chunk: 0, offset: 0 })));
         parts.sort_unstable_by_key(|(column, row, kind, s)| (*column, *row, *kind, s.chunk));
         let mut result = Self::default();
@@ -113,8 +113,8 @@ impl ReducedBlocks {
                 schur: start + hessian..start + hessian + schur,
             });
             // Blocks of the Schur complement alone are zero in H_cc and are not stored.
-            let own = if hessian > 0 { size } else { 0 };
-            result.values.resize(result.values.len() + own, 0.0);
+            let added = if hessian > 0 { size } else { 0 };
+            result.values.resize(result.values.len() + added, 0.0);
         }
         result.scratch = vec![0.0; largest];
         result

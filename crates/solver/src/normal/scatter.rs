@@ -186,14 +186,14 @@ fn add_eliminated<S: Simd>(simd: S, scatter: &Scatter, gram: &[f64], gradient: &
         ge[i] += gradient[first + i];
     }
     for (variable, column) in scatter.kept.iter().zip(strip_columns) {
-        let (own, dv, column) = (variable.column as usize, variable.d as usize, *column as usize);
+        let (source, dv, column) = (variable.column as usize, variable.d as usize, *column as usize);
         for i in 0..d {
             let target = &mut hec[i * stride + column..][..dv];
-            if own < first {
-                add(simd, target, &gram[(first + i) * m + own..]);
+            if source < first {
+                add(simd, target, &gram[(first + i) * m + source..]);
             } else {
                 for (a, t) in target.iter_mut().enumerate() {
-                    *t += gram[(own + a) * m + first + i];
+                    *t += gram[(source + a) * m + first + i];
                 }
             }
         }

@@ -85,9 +85,9 @@ pub(crate) fn choose(
             looked_at = Some(other.clone());
             return Ok(estimate.cost);
         }
-        let found = graph.analyse()?;
-        let cost = elimination + SPARSE * found.flops;
-        (looked_at, ordering) = (Some(graph), Some(found));
+        let analysis = graph.analyse()?;
+        let cost = elimination + SPARSE * analysis.flops;
+        (looked_at, ordering) = (Some(graph), Some(analysis));
         Ok::<f64, StructureError>(cost)
     };
     if !must_eliminate {
@@ -95,10 +95,10 @@ pub(crate) fn choose(
     }
     if let Some(set) = &set {
         let elimination = ELIMINATION * set.elimination_flops;
-        let kept = set.kept_dim;
-        estimate(LinearSolver::DenseSchur, elimination + dense_cost(kept));
+        let reduced_dim = set.kept_dim;
+        estimate(LinearSolver::DenseSchur, elimination + dense_cost(reduced_dim));
         // A reduced system of little work compared to the elimination needs no analysis of its sparsity.
-        if kept > DENSE_SIZE && dense_flops(kept) > 0.1 * elimination {
+        if reduced_dim > DENSE_SIZE && dense_flops(reduced_dim) > 0.1 * elimination {
             if let Some(links) = reduced_graph(layout, &groups_of, &set.members) {
                 estimate(LinearSolver::SparseSchur, analyse(links, LinearSolver::SparseSchur, elimination)?);
             }
@@ -126,8 +126,8 @@ fn dense_cost(n: usize) -> f64 {
 
 /// Expected number of conjugate-gradient iterations for a reduced system of `kept` variables: it grows with the diameter of
 /// their graph.
-fn iterations(kept: usize) -> f64 {
-    20.0 + 10.0 * (kept as f64).sqrt()
+fn iterations(n: usize) -> f64 {
+    20.0 + 10.0 * (n as f64).sqrt()
 }
 
 /// The block sparsity pattern of the whole H.
@@ -150,8 +150,8 @@ fn reduced_graph(layout: &Layout, groups_of: &GroupsByVariable, eliminated: &[u3
     }
     let mut links = Vec::new();
     for group in &layout.groups {
-        let kept = layout.slots(group).iter().map(|s| rank[s.active as usize]).filter(|r| *r != u32::MAX);
-        clique(kept, &mut links);
+        let ranks = layout.slots(group).iter().map(|s| rank[s.active as usize]).filter(|r| *r != u32::MAX);
+        clique(ranks, &mut links);
     }
     // Many eliminated variables have the same neighbours: their links are added once.
     let mut seen: HashSet<Vec<u32>> = HashSet::new();

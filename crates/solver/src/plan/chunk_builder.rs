@@ -98,8 +98,8 @@ impl<'a> ChunkBuilder<'a> {
         }
         key.sort_unstable();
         key.dedup();
-        let found = self.strips.get(key.as_slice()).copied();
-        let index = found.unwrap_or_else(|| self.new_strip(&key));
+        let known = self.strips.get(key.as_slice()).copied();
+        let index = known.unwrap_or_else(|| self.new_strip(&key));
         self.key = key;
         index
     }
@@ -110,9 +110,9 @@ impl<'a> ChunkBuilder<'a> {
         let mut width = 0;
         for (k, rank) in ranks.iter().enumerate() {
             let active = &self.layout.active[self.layout.kept[*rank as usize] as usize];
-            let kept = (active.offset - self.layout.eliminated_dim) as u32;
+            let offset = (active.offset - self.layout.eliminated_dim) as u32;
             let d = active.free;
-            variables.push(StripVariable { column: width, d, local: self.local(*rank), kept });
+            variables.push(StripVariable { column: width, d, local: self.local(*rank), kept: offset });
             width += d;
             let formed = if self.plan.form == Form::Implicit { &[] } else { &ranks[..=k] };
             for other in formed {
@@ -138,8 +138,8 @@ impl<'a> ChunkBuilder<'a> {
         }
         let active = &self.layout.active[self.layout.kept[rank as usize] as usize];
         let local = self.plan.local_dim as u32;
-        let kept = (active.offset - self.layout.eliminated_dim) as u32;
-        self.plan.locals.push(LocalVariable { kept, local, d: active.free });
+        let offset = (active.offset - self.layout.eliminated_dim) as u32;
+        self.plan.locals.push(LocalVariable { kept: offset, local, d: active.free });
         self.plan.local_dim += active.free as usize;
         self.local_of.insert(rank, local);
         local
@@ -236,7 +236,7 @@ impl<'a> ChunkBuilder<'a> {
         let info = &self.layout.groups[group as usize];
         let mut keep = Vec::new();
         let mut eliminated = None;
-        let mut kept = Vec::new();
+        let mut variables = Vec::new();
         let mut ranks = Vec::new();
         for slot in self.layout.slots(info) {
             let active = &self.layout.active[slot.active as usize];
@@ -248,19 +248,19 @@ impl<'a> ChunkBuilder<'a> {
             if active.eliminated {
                 eliminated = Some((column, active.free));
             } else {
-                kept.push(ScatterVariable { column, d: active.free, local: self.local(active.rank) });
+                variables.push(ScatterVariable { column, d: active.free, local: self.local(active.rank) });
                 ranks.push(active.rank);
             }
         }
-        let mut pairs = Vec::with_capacity(kept.len() * (kept.len() + 1) / 2);
-        for k in 0..kept.len() {
+        let mut pairs = Vec::with_capacity(variables.len() * (variables.len() + 1) / 2);
+        for k in 0..variables.len() {
             for l in 0..=k {
                 let (r, c) = if ranks[k] >= ranks[l] { (k, l) } else { (l, k) };
                 pairs.push(ScatterPair {
-                    row: kept[r].column,
-                    row_d: kept[r].d,
-                    column: kept[c].column,
-                    column_d: kept[c].d,
+                    row: variables[r].column,
+                    row_d: variables[r].d,
+                    column: variables[c].column,
+                    column_d: variables[c].d,
                     block: self.hessian_block(ranks[r], ranks[c]),
                 });
             }
@@ -283,6 +283,6 @@ impl<'a> ChunkBuilder<'a> {
             rows.collect()
         });
         let keep = (m < info.columns).then(|| keep.into_boxed_slice());
-        Scatter { columns: info.columns, keep, m, eliminated, kept, pairs, lanes, block }
+        Scatter { columns: info.columns, keep, m, eliminated, kept: variables, pairs, lanes, block }
     }
 }

@@ -185,7 +185,7 @@ pub(crate) enum Form {
 impl ChunkPlan {
     /// The offset in the vector over all kept variables of a variable at an offset in the chunk's vector.
     pub fn kept_of_local(&self, local: u32) -> usize {
-        let found = self.locals.binary_search_by_key(&local, |l| l.local);
-        found.map_or(0, |i| self.locals[i].kept as usize)
+        let index = self.locals.binary_search_by_key(&local, |l| l.local);
+        index.map_or(0, |i| self.locals[i].kept as usize)
     }
 }

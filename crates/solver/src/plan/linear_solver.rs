@@ -16,10 +16,10 @@ pub enum LinearSolver {
     /// Elimination of variables that share no factor by a Schur complement; dense Cholesky factorisation of the reduced
     /// system.
     DenseSchur,
-    /// The same elimination; sparse Cholesky factorisation of the reduced system.
+    /// Elimination as for [`DenseSchur`](Self::DenseSchur); sparse Cholesky factorisation of the reduced system.
     SparseSchur,
-    /// The same elimination, without forming the Schur complement; the reduced system is solved by conjugate gradients to a
-    /// relative residual of 1e-10. For problems whose reduced system is too large to factorise.
+    /// Elimination as for [`DenseSchur`](Self::DenseSchur), without forming the Schur complement; the reduced system is solved by
+    /// conjugate gradients to a relative residual of 1e-10. For problems whose reduced system is too large to factorise.
     ConjugateGradients(Preconditioner),
     /// Sparse QR factorisation of the Jacobian. Unlike normal equations it does not square the condition number, at several
     /// times their cost. For ill-conditioned problems; never chosen automatically, because the choice is by cost alone.

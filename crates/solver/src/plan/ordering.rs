@@ -42,10 +42,10 @@ impl BlockGraph {
 
     /// Whether this graph has the same variables as another one, all links of it, and at most twice as many.
     pub fn covers(&self, other: &Self) -> bool {
-        let mut rest = self.links.iter();
+        let mut ours = self.links.iter();
         self.dims == other.dims
             && self.links.len() <= 2 * other.links.len().max(8)
-            && other.links.iter().all(|link| rest.any(|l| l == link))
+            && other.links.iter().all(|link| ours.any(|l| l == link))
     }
 
     /// Orders the variables and counts the operations of a factorisation.

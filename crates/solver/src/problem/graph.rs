@@ -185,16 +185,16 @@ impl Graph {
         let Some(batch) = self.batch(batch) else { return Ok(Vec::new()) };
         let rows: usize = (0..batch.group_count()).map(|g| batch.row_count(g)).sum();
         let mut residuals = vec![0.0; rows];
-        let mut rest = residuals.as_mut_slice();
+        let mut unassigned = residuals.as_mut_slice();
         let mut groups = Vec::with_capacity(batch.group_count());
         for group in 0..batch.group_count() {
-            let (own, tail) = rest.split_at_mut(batch.row_count(group));
-            groups.push(own);
-            rest = tail;
+            let (rows, tail) = unassigned.split_at_mut(batch.row_count(group));
+            groups.push(rows);
+            unassigned = tail;
         }
-        let evaluate = |(group, own): (usize, &mut [f64])| {
+        let evaluate = |(group, rows): (usize, &mut [f64])| {
             let failed = |source| EvaluationFailure { batch: batch.name().to_owned(), group, source };
-            batch.evaluate(group, values, own, None).map_err(failed)
+            batch.evaluate(group, values, rows, None).map_err(failed)
         };
         let groups_of_a_task = (ROWS_OF_A_TASK * groups.len()).div_ceil(rows.max(1)).max(1);
         groups.into_par_iter().enumerate().with_min_len(groups_of_a_task).try_for_each(evaluate)?;

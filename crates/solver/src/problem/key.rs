@@ -40,7 +40,7 @@ impl<V> Key<V> {
         self.place
     }
 
-    /// The same variable without its type.
+    /// The variable without its type.
     pub fn id(self) -> VariableId {
         self.id
     }

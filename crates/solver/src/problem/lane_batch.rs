@@ -115,8 +115,8 @@ impl<B: LaneBatch<M, E>, const M: usize, const E: usize> WithSimd for Evaluation
         let Self { batch, shared, group, blocks, jacobian } = self;
         if jacobian {
             for (index, block) in blocks.chunks_exact_mut(M + E).enumerate() {
-                let Some((residuals, rest)) = block.split_first_chunk_mut() else { continue };
-                let Some(entries) = rest.first_chunk_mut() else { continue };
+                let Some((residuals, after)) = block.split_first_chunk_mut() else { continue };
+                let Some(entries) = after.first_chunk_mut() else { continue };
                 batch.linearize(group, &shared, index, residuals, entries);
             }
         } else {

@@ -20,7 +20,7 @@ pub struct Prior<V> {
 }
 
 impl<V: Variable> Prior<V> {
-    /// The same standard deviation for all tangent components.
+    /// A prior with one standard deviation for all tangent components.
     ///
     /// # Errors
     /// If the standard deviation is not positive.

@@ -215,9 +215,9 @@ impl Values {
         if !Arc::ptr_eq(&self.places, &other.places) || self.columns.len() != other.columns.len() {
             return false;
         }
-        self.columns.iter_mut().zip(&other.columns).all(|(own, other)| {
+        self.columns.iter_mut().zip(&other.columns).all(|(column, other)| {
             let other: &dyn Any = other.as_ref();
-            Arc::get_mut(own).is_some_and(|own| own.overwrite(other))
+            Arc::get_mut(column).is_some_and(|column| column.overwrite(other))
         })
     }
 

@@ -15,9 +15,9 @@ pub struct EfficientScores {
     pub score: DVector<f64>,
     /// V = G⊥ᵀG⊥: the information.
     pub information: DMatrix<f64>,
-    /// Σ uᵢuᵢᵀ over the clusters' parts of U, each candidate's about what its own estimate explains of them, uᵢ = Uᵢ − Vᵢ V⁻¹ U: what V
-    /// is where residuals are independent (White 1982). About their mean they would scatter by the effect itself, whose part Vᵢ V⁻¹ U
-    /// differs from cluster to cluster.
+    /// Σ uᵢuᵢᵀ over the clusters' parts of U, each candidate's about what its own estimate explains of them, uᵢ = Uᵢ − Vᵢ V⁻¹ U:
+    /// what V is where residuals are independent (White 1982). About their mean they would scatter by the effect itself, whose
+    /// part Vᵢ V⁻¹ U differs from cluster to cluster.
     pub scatter: DMatrix<f64>,
     /// −(JᵀJ)⁺ JᵀG: the change of the shared variables per unit of a candidate's parameter, one row per shared column.
     pub response: DMatrix<f64>,
@@ -31,22 +31,22 @@ impl Linearization {
 
     /// Scores and information of candidates together.
     pub fn efficient_scores(&self, candidates: &[usize]) -> EfficientScores {
-        let own: Vec<usize> = self.columns(candidates).split_off(self.shared);
+        let columns: Vec<usize> = self.columns(candidates).split_off(self.shared);
         let h = &self.total.hessian;
         let shared = h.view((0, 0), (self.shared, self.shared)).into_owned();
-        let cross = DMatrix::from_fn(self.shared, own.len(), |i, k| h[(i, own[k])]);
+        let cross = DMatrix::from_fn(self.shared, columns.len(), |i, k| h[(i, columns[k])]);
         let response = -(pseudo_inverse(&shared, NEGLIGIBLE) * &cross);
-        let alone = DMatrix::from_fn(own.len(), own.len(), |i, k| h[(own[i], own[k])]);
+        let alone = DMatrix::from_fn(columns.len(), columns.len(), |i, k| h[(columns[i], columns[k])]);
         let information = alone + cross.tr_mul(&response);
         let efficient = |gradient: &DVector<f64>| {
-            let own = DVector::from_fn(own.len(), |i, _| gradient[own[i]]);
-            -(own + response.tr_mul(&gradient.rows(0, self.shared).into_owned()))
+            let direct = DVector::from_fn(columns.len(), |i, _| gradient[columns[i]]);
+            -(direct + response.tr_mul(&gradient.rows(0, self.shared).into_owned()))
         };
         let score = efficient(&self.total.gradient);
         let steps = self.steps(candidates, &score, &information, &response);
-        let mut scatter = DMatrix::zeros(own.len(), own.len());
+        let mut scatter = DMatrix::zeros(columns.len(), columns.len());
         for cluster in &*self.clusters {
-            let mut left = DVector::zeros(own.len());
+            let mut left = DVector::zeros(columns.len());
             for (first, step) in &steps {
                 let count = step.own;
                 let moved = efficient(&(&cluster.gradient + &cluster.hessian * &step.all));
@@ -74,10 +74,10 @@ impl Linearization {
                 let (place, count) = (first, columns.count);
                 first += count;
                 let of_own = information.view((place, place), (count, count)).into_owned();
-                let own = pseudo_inverse(&of_own, NEGLIGIBLE) * score.rows(place, count);
+                let step = pseudo_inverse(&of_own, NEGLIGIBLE) * score.rows(place, count);
                 let mut all = DVector::zeros(self.total.gradient.len());
-                all.rows_mut(0, self.shared).copy_from(&(response.columns(place, count) * &own));
-                all.rows_mut(columns.first, count).copy_from(&own);
+                all.rows_mut(0, self.shared).copy_from(&(response.columns(place, count) * &step));
+                all.rows_mut(columns.first, count).copy_from(&step);
                 (place, Step { own: count, all })
             })
             .collect()

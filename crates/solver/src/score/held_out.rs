@@ -56,17 +56,17 @@ impl Linearization {
     /// Adds the candidates' smoothness priors to their diagonal blocks of `hessian`, scaled by `strength` relative to the
     /// data's information. Rows and columns of `hessian` are those of [`columns`](Self::columns).
     pub(super) fn add_priors(&self, candidates: &[usize], strength: f64, hessian: &mut DMatrix<f64>) {
-        let mut at = self.shared;
+        let mut first = self.shared;
         for c in candidates {
             let columns = &self.candidates[*c];
             if let Some(prior) = &columns.smoothness {
                 let data: f64 =
                     (0..columns.count).map(|i| self.total.hessian[(columns.first + i, columns.first + i)]).sum();
                 let scale = strength * data / prior.trace().max(f64::MIN_POSITIVE);
-                let mut block = hessian.view_mut((at, at), (columns.count, columns.count));
+                let mut block = hessian.view_mut((first, first), (columns.count, columns.count));
                 block += prior * scale;
             }
-            at += columns.count;
+            first += columns.count;
         }
     }
 

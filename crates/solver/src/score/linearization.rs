@@ -206,8 +206,8 @@ impl Linearization {
 
     /// The columns of the shared variables followed by those of the candidates.
     pub(super) fn columns(&self, candidates: &[usize]) -> Vec<usize> {
-        let own = |c: &usize| self.candidates[*c].first..self.candidates[*c].first + self.candidates[*c].count;
-        (0..self.shared).chain(candidates.iter().flat_map(own)).collect()
+        let range = |c: &usize| self.candidates[*c].first..self.candidates[*c].first + self.candidates[*c].count;
+        (0..self.shared).chain(candidates.iter().flat_map(range)).collect()
     }
 }
 
@@ -259,8 +259,8 @@ fn collect_candidates(
         if let Some(matrix) = &candidate.smoothness
             && matrix.shape() != (count, count)
         {
-            let (candidate, found) = (candidate.name.clone(), matrix.nrows());
-            return Err(ScoreError::Smoothness { candidate, found, expected: count });
+            let (candidate, rows) = (candidate.name.clone(), matrix.nrows());
+            return Err(ScoreError::Smoothness { candidate, found: rows, expected: count });
         }
         let smoothness = candidate.smoothness.clone();
         columns.push(Columns { name: candidate.name.clone(), first, count, smoothness });
@@ -283,7 +283,7 @@ fn assign_roles(
     let (mut shared, mut local) = (0, vec![0; clusters]);
     let mut roles: Roles = HashMap::new();
     for id in ids {
-        let own = (0..values.dim(id)).map(|component| match (is_fixed(graph, id, component), homes[&id]) {
+        let components = (0..values.dim(id)).map(|component| match (is_fixed(graph, id, component), homes[&id]) {
             (true, _) => Role::None,
             (false, Home::One(cluster)) => {
                 local[cluster] += 1;
@@ -294,11 +294,11 @@ fn assign_roles(
                 Role::Reduced(shared - 1)
             }
         });
-        roles.insert(id, own.collect());
+        roles.insert(id, components.collect());
     }
     for ((id, component), column) in owner {
-        if let Some(own) = roles.get_mut(id) {
-            own[*component] = Role::Reduced(shared + column);
+        if let Some(components) = roles.get_mut(id) {
+            components[*component] = Role::Reduced(shared + column);
         }
     }
     (roles, shared)
@@ -307,9 +307,9 @@ fn assign_roles(
 /// Number of local components of every cluster; the last entry, of the groups that belong to no cluster, is 0.
 fn locals_of(roles: &Roles, homes: &HashMap<VariableId, Home>, clusters: usize) -> Vec<usize> {
     let mut locals = vec![0; clusters + 1];
-    for (id, own) in roles {
+    for (id, components) in roles {
         if let Some(Home::One(cluster)) = homes.get(id) {
-            locals[*cluster] += own.iter().filter(|r| matches!(r, Role::Local(_))).count();
+            locals[*cluster] += components.iter().filter(|r| matches!(r, Role::Local(_))).count();
         }
     }
     locals
@@ -361,12 +361,12 @@ fn accumulate(
         kernels::gram_lower(&compact, rows, n, &mut product);
         kernels::gram_vector(&compact, &r, n, &mut by_residual);
         let place: Vec<usize> = used.iter().filter_map(|c| target[*c]).collect();
-        for (a, at) in place.iter().enumerate() {
-            gradient[*at] += by_residual[a];
+        for (a, row) in place.iter().enumerate() {
+            gradient[*row] += by_residual[a];
             for (b, to) in place[..=a].iter().enumerate() {
-                hessian[(*at, *to)] += product[a * n + b];
+                hessian[(*row, *to)] += product[a * n + b];
                 if a != b {
-                    hessian[(*to, *at)] += product[a * n + b];
+                    hessian[(*to, *row)] += product[a * n + b];
                 }
             }
         }
@@ -390,8 +390,8 @@ fn eliminate(hessian: &DMatrix<f64>, gradient: &DVector<f64>, local: usize) -> C
     let reduced = hessian.nrows() - local;
     let alone = hessian.diagonal().rows(local, reduced).into_owned();
     let cross = hessian.view((0, local), (local, reduced)).into_owned();
-    let own = hessian.view((0, 0), (local, local)).into_owned();
-    let inverse = pseudo_inverse(&own, NEGLIGIBLE);
+    let eliminated = hessian.view((0, 0), (local, local)).into_owned();
+    let inverse = pseudo_inverse(&eliminated, NEGLIGIBLE);
     let carried = &inverse * &cross;
     let hessian = hessian.view((local, local), (reduced, reduced)) - cross.tr_mul(&carried);
     let gradient = gradient.rows(local, reduced) - carried.tr_mul(&gradient.rows(0, local).into_owned());

@@ -30,8 +30,8 @@ fn regular_cholesky(scaled: DMatrix<f64>, negligible: f64) -> Option<Cholesky<f6
     pivots.iter().all(|p| p * p > 1e3 * negligible).then_some(cholesky)
 }
 
-/// The same with another scale: `alone`, the curvatures of the components before projection or elimination. Also returns the
-/// rank.
+/// [`pseudo_inverse`] relative to another scale: `alone`, the curvatures of the components before projection or elimination. Also
+/// returns the rank.
 pub(super) fn pseudo_inverse_scaled(
     matrix: &DMatrix<f64>,
     alone: &DVector<f64>,
@@ -63,7 +63,8 @@ pub(super) fn pseudo_inverse_scaled(
 mod tests {
     use super::*;
 
-    /// A regular matrix, one of rank 2, and one with a component of no curvature, whose columns differ by ten orders of magnitude.
+    /// A regular matrix, one of rank 2, and one with a component of no curvature, whose columns differ by ten orders of
+    /// magnitude.
     fn matrices() -> [(DMatrix<f64>, usize); 3] {
         let j = DMatrix::from_row_slice(4, 3, &[1.0, 0.2, -0.3, 0.4, 2.0, 0.1, -0.7, 0.3, 1.5, 0.2, 0.2, 0.9]);
         let gram = |j: &DMatrix<f64>| j.tr_mul(j);

@@ -45,27 +45,27 @@ impl Linearization {
     pub(super) fn project(&self, candidate: usize, others: &[usize]) -> Projected {
         let nuisance = self.columns(others);
         let c = &self.candidates[candidate];
-        let own: Vec<usize> = (c.first..c.first + c.count).collect();
+        let tested: Vec<usize> = (c.first..c.first + c.count).collect();
         let h = &self.total.hessian;
         let pick = |rows: &[usize], columns: &[usize]| {
             DMatrix::from_fn(rows.len(), columns.len(), |i, k| h[(rows[i], columns[k])])
         };
         let inverse = pseudo_inverse(&pick(&nuisance, &nuisance), NEGLIGIBLE);
-        let projection = pick(&own, &nuisance) * inverse;
-        let information = pick(&own, &own) - &projection * pick(&nuisance, &own);
+        let projection = pick(&tested, &nuisance) * inverse;
+        let information = pick(&tested, &tested) - &projection * pick(&nuisance, &tested);
         let by_cluster: Vec<DVector<f64>> = self
             .clusters
             .iter()
             .map(|cluster| {
                 let g = &cluster.gradient;
                 let shared = DVector::from_fn(nuisance.len(), |i, _| g[nuisance[i]]);
-                DVector::from_fn(own.len(), |i, _| g[own[i]]) - &projection * shared
+                DVector::from_fn(tested.len(), |i, _| g[tested[i]]) - &projection * shared
             })
             .collect();
         let g = &self.total.gradient;
         let shared = DVector::from_fn(nuisance.len(), |i, _| g[nuisance[i]]);
-        let score = DVector::from_fn(own.len(), |i, _| g[own[i]]) - &projection * shared;
-        let alone = DVector::from_fn(own.len(), |i, _| self.total.alone[own[i]]);
+        let score = DVector::from_fn(tested.len(), |i, _| g[tested[i]]) - &projection * shared;
+        let alone = DVector::from_fn(tested.len(), |i, _| self.total.alone[tested[i]]);
         Projected { score, information: (&information + information.transpose()) * 0.5, alone, by_cluster }
     }
 
@@ -106,8 +106,8 @@ impl Linearization {
         self.project(candidate, &[]).information
     }
 
-    /// The factors by which effects, each the values of all parameters of a candidate, must be scaled for the test at level `alpha`
-    /// to detect them with probability `power`.
+    /// The factors by which effects, each the values of all parameters of a candidate, must be scaled for the test at level
+    /// `alpha` to detect them with probability `power`.
     pub fn detectable_factors(&self, candidate: usize, effects: &[DVector<f64>], alpha: f64, power: f64) -> Vec<f64> {
         let p = self.project(candidate, &[]);
         let (_, rank) = pseudo_inverse_scaled(&p.information, &p.alone, NEGLIGIBLE);
@@ -122,8 +122,8 @@ impl Linearization {
         let alone = self.project(candidate, &[]).information;
         let adjusted = self.project(candidate, &[other]).information;
         let whole = parameters.dot(&(&alone * parameters));
-        let rest = parameters.dot(&(&adjusted * parameters));
-        if whole > 0.0 { (1.0 - rest / whole).clamp(0.0, 1.0).sqrt() } else { 1.0 }
+        let remaining = parameters.dot(&(&adjusted * parameters));
+        if whole > 0.0 { (1.0 - remaining / whole).clamp(0.0, 1.0).sqrt() } else { 1.0 }
     }
 
     /// Noncentrality of an effect, the values `parameters` of a candidate, adjusted for the model and the candidates in

@@ -47,8 +47,8 @@ mod tests {
         }
         let text = serde_json::to_string(&Exact(numbers.clone())).unwrap();
         let back: Exact = serde_json::from_str(&text).unwrap();
-        let of = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-        assert_eq!(of(&back.0), of(&numbers));
+        let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&back.0), bits(&numbers));
         assert!(serde_json::from_str::<Exact>("\"1.0 x\"").is_err());
     }
 }

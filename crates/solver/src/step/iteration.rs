@@ -79,22 +79,10 @@ impl LevenbergMarquardt {
             self.linearize(values).ok()?;
             self.first_prediction = first_prediction;
         }
-        let found = self.find_step(values);
+        let step = self.find_step(values);
         self.seconds.linear_solve += start.elapsed().as_secs_f64();
-        let mut record = Iteration {
-            cost: self.cost,
-            trial_cost: f64::INFINITY,
-            predicted: f64::NAN,
-            gradient: self.gradient,
-            step: f64::NAN,
-            damping: if self.options.method == Method::LevenbergMarquardt {
-                self.control.mu
-            } else {
-                self.control.radius
-            },
-            accepted: false,
-        };
-        let Some((mut predicted, length)) = found else {
+        let mut record = self.untried();
+        let Some((mut predicted, length)) = step else {
             self.trace.push(record);
             self.control.increase_damping();
             self.stop_if_stalled();
@@ -152,6 +140,23 @@ impl LevenbergMarquardt {
         self.control.step_rejected(length);
         self.stop_if_stalled();
         None
+    }
+
+    /// The record of an iteration whose step is not known yet.
+    fn untried(&self) -> Iteration {
+        Iteration {
+            cost: self.cost,
+            trial_cost: f64::INFINITY,
+            predicted: f64::NAN,
+            gradient: self.gradient,
+            step: f64::NAN,
+            damping: if self.options.method == Method::LevenbergMarquardt {
+                self.control.mu
+            } else {
+                self.control.radius
+            },
+            accepted: false,
+        }
     }
 
     fn stop_if_stalled(&mut self) {

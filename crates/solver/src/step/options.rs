@@ -75,8 +75,8 @@ pub struct Options {
     pub gradient_tolerance: f64,
     /// Converged when a step decreases the cost by at most this, relative to the cost. Default 1e-9.
     pub cost_tolerance: f64,
-    /// Converged when a step decreases the cost by at most this. With whitened residuals a decrease of ½ is a move by one standard
-    /// deviation, of which statistics need a small part only. Default 0.
+    /// Converged when a step decreases the cost by at most this. With whitened residuals a decrease of ½ is a move by one
+    /// standard deviation, of which statistics need a small part only. Default 0.
     pub decrease_tolerance: f64,
     /// Converged when no component of a step changes the residuals by more than this, relative to their norm:
     /// max |δ_j| √H_jj ≤ tolerance · √(2 · cost). It does not depend on the units of the variables. Default 1e-9.

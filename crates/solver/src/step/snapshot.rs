@@ -64,9 +64,9 @@ impl ResumeCheck {
         if (rows, unknowns) == (self.rows, stored) {
             return Ok(());
         }
-        let of = self.rows;
+        let residuals = self.rows;
         Err(self.foreign(format!(
-            "it has {of} residuals and {stored} unknowns, this problem has {rows} residuals and {unknowns} unknowns"
+            "it has {residuals} residuals and {stored} unknowns, this problem has {rows} residuals and {unknowns} unknowns"
         )))
     }
 

@@ -5,8 +5,8 @@ use nalgebra::DVector;
 /// Orthonormalises linearly independent vectors in place.
 pub(crate) fn orthonormalize(vectors: &mut [DVector<f64>]) {
     for k in 0..vectors.len() {
-        let (done, rest) = vectors.split_at_mut(k);
-        let v = &mut rest[0];
+        let (done, from_k) = vectors.split_at_mut(k);
+        let v = &mut from_k[0];
         v.normalize_mut();
         for _ in 0..2 {
             for b in done.iter() {
@@ -22,8 +22,8 @@ pub(crate) fn orthonormalize(vectors: &mut [DVector<f64>]) {
 pub(crate) fn orthonormalize_in_metric(vectors: &mut [DVector<f64>], d2: &[f64]) {
     let dot = |a: &DVector<f64>, b: &DVector<f64>| -> f64 { (0..d2.len()).map(|i| a[i] * d2[i] * b[i]).sum() };
     for k in 0..vectors.len() {
-        let (done, rest) = vectors.split_at_mut(k);
-        let v = &mut rest[0];
+        let (done, from_k) = vectors.split_at_mut(k);
+        let v = &mut from_k[0];
         for _ in 0..2 {
             let norm = dot(v, v).sqrt();
             *v /= norm;

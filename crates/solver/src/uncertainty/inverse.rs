@@ -100,8 +100,8 @@ impl Inverse {
             let active = &layout.active[*a as usize];
             for i in 0..active.free as usize {
                 let mut sum = 0.0;
-                for (kept, column, d) in e.columns.iter().copied() {
-                    sum += (0..d).map(|k| e.t[(i, column + k)] * x[layout.eliminated_dim + kept + k]).sum::<f64>();
+                for (first, column, d) in e.columns.iter().copied() {
+                    sum += (0..d).map(|k| e.t[(i, column + k)] * x[layout.eliminated_dim + first + k]).sum::<f64>();
                 }
                 x[active.offset + i] = sum;
             }
@@ -111,24 +111,24 @@ impl Inverse {
     /// G x.
     fn apply(&self, layout: &Layout, x: &DVector<f64>) -> DVector<f64> {
         let split = layout.eliminated_dim;
-        let mut kept = x.rows(split, layout.kept_dim).into_owned();
+        let mut x_kept = x.rows(split, layout.kept_dim).into_owned();
         for (e, a) in self.eliminated.iter().zip(&layout.eliminated) {
             let active = &layout.active[*a as usize];
             let part = e.t.tr_mul(&x.rows(active.offset, active.free as usize));
             for (first, column, d) in e.columns.iter().copied() {
-                (0..d).for_each(|k| kept[first + k] += part[column + k]);
+                (0..d).for_each(|k| x_kept[first + k] += part[column + k]);
             }
         }
-        let kept = &self.s * kept;
+        let y_kept = &self.s * x_kept;
         let mut y = DVector::zeros(layout.dim());
-        y.rows_mut(split, layout.kept_dim).copy_from(&kept);
+        y.rows_mut(split, layout.kept_dim).copy_from(&y_kept);
         self.extend_by_elimination(layout, &mut y);
         for (e, a) in self.eliminated.iter().zip(&layout.eliminated) {
             let active = &layout.active[*a as usize];
             let d = active.free as usize;
-            let own = &e.p * x.rows(active.offset, d);
+            let of_itself = &e.p * x.rows(active.offset, d);
             let mut target = y.rows_mut(active.offset, d);
-            target += own;
+            target += of_itself;
         }
         y
     }
@@ -154,7 +154,7 @@ impl Inverse {
     /// The rows of S⁺ that [`map_left`](Self::map_left) needs for variable `a`, times T_bᵀ or the unit columns of `b`.
     fn map_right(&self, layout: &Layout, a: &Active, b: &Active) -> DMatrix<f64> {
         let rows: Vec<(usize, usize)> = if a.eliminated {
-            self.eliminated[a.rank as usize].columns.iter().map(|(kept, _, d)| (*kept, *d)).collect()
+            self.eliminated[a.rank as usize].columns.iter().map(|(first, _, d)| (*first, *d)).collect()
         } else {
             vec![(a.offset - layout.eliminated_dim, a.free as usize)]
         };
@@ -165,8 +165,8 @@ impl Inverse {
             let mut target = result.rows_mut(top, d);
             if b.eliminated {
                 let e = &self.eliminated[b.rank as usize];
-                for (kept, column, dc) in e.columns.iter().copied() {
-                    target += self.s.view((row, kept), (d, dc)) * e.t.columns(column, dc).transpose();
+                for (first, column, dc) in e.columns.iter().copied() {
+                    target += self.s.view((row, first), (d, dc)) * e.t.columns(column, dc).transpose();
                 }
             } else {
                 let offset = b.offset - layout.eliminated_dim;

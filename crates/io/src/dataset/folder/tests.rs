@@ -265,11 +265,11 @@ fn no_table_and_no_list_leads_out_of_the_folder() {
 #[test]
 fn absolute_paths_into_the_folder_and_parents_within_it_are_read() {
     let folder = make("[frames]\nmetadata = \"a/../frames.csv\"\n", &["ir/1.png"]);
-    let own = folder.path().join("ir/1.png");
-    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", own.display()))
+    let absolute = folder.path().join("ir/1.png");
+    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", absolute.display()))
         .unwrap();
     let dataset = Dataset::open(folder.path()).unwrap();
-    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&own)) && dataset.frames.len() == 2);
+    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&absolute)) && dataset.frames.len() == 2);
 }
 
 /// A link in the folder is its owner's; a parent behind a link is taken out before the link could give it another meaning.

@@ -56,14 +56,14 @@ fn colour_becomes_luma() {
 #[test]
 fn only_16_bit_grey_is_depth() {
     use png::{BitDepth::*, ColorType::*};
-    for (color, depth, data, found) in [
+    for (color, depth, data, expected) in [
         (Grayscale, Eight, vec![1], "8-bit grey PNG"),
         (Rgb, Eight, vec![1; 3], "8-bit RGB PNG"),
         (Rgb, Sixteen, vec![1; 6], "16-bit RGB PNG"),
         (Indexed, Eight, vec![1], "8-bit palette PNG"),
     ] {
         let message = decode_depth_frame(name(), &png_bytes(color, depth, [1, 1], &data)).unwrap_err().to_string();
-        assert!(message.contains("set/0001.png") && message.contains(found), "{message}");
+        assert!(message.contains("set/0001.png") && message.contains(expected), "{message}");
         assert!(message.contains("16-bit grey PNG"), "{message}");
     }
     assert!(decode_depth_frame(name(), b"\xff\xd8\xff").unwrap_err().to_string().contains("JPEG"));

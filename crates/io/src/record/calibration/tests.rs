@@ -159,15 +159,15 @@ fn sizes_that_would_fill_the_memory_are_refused() {
     assert!(fault_of(|c| c.target.columns = usize::MAX).contains("`target.columns` is 18446744073709551615"));
     let several = |c: &mut Calibration| {
         let board = depthcal_model::Target { rows: 1001, ..c.target.clone() };
-        let own = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
-        c.target = depthcal_model::Target::several(vec![own]);
+        let part = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
+        c.target = depthcal_model::Target::several(vec![part]);
     };
     assert!(fault_of(several).contains("`target.boards[0].board.rows` is 1001"));
     let nested = |c: &mut Calibration| {
         let inner = depthcal_model::NumberedBoard { name: "b".into(), first_tag: 0, board: c.target.clone() };
         let board = depthcal_model::Target::several(vec![inner]);
-        let own = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
-        c.target = depthcal_model::Target::several(vec![own]);
+        let part = depthcal_model::NumberedBoard { name: "a".into(), first_tag: 0, board };
+        c.target = depthcal_model::Target::several(vec![part]);
     };
     let message = fault_of(nested);
     assert!(message.contains("is several boards again"), "{message}");

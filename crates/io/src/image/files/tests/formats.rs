@@ -88,15 +88,15 @@ fn types_of_numpy() {
     let le = |values: &[i64], size: usize| -> Vec<u8> {
         values.iter().flat_map(|v| v.to_le_bytes()[..size].to_vec()).collect()
     };
-    let of = |kind: &str, size: usize, values: &[i64]| depth_of(&npy(kind, false, "1, 3", &le(values, size)));
-    assert_eq!(of("<u2", 2, &[0, 7, 65535]), Ok(DepthValues::Steps(vec![0, 7, 65535])));
+    let read = |kind: &str, size: usize, values: &[i64]| depth_of(&npy(kind, false, "1, 3", &le(values, size)));
+    assert_eq!(read("<u2", 2, &[0, 7, 65535]), Ok(DepthValues::Steps(vec![0, 7, 65535])));
     // Negative and largest values are no measurement.
-    assert_eq!(of("<i2", 2, &[-5, 7, 32767]), Ok(DepthValues::Steps(vec![0, 7, 0])));
-    assert_eq!(of("<i4", 4, &[-5, 7, i64::from(i32::MAX)]), Ok(DepthValues::Steps(vec![0, 7, 0])));
-    assert_eq!(of("<u4", 4, &[0, 65535, 100_000]), Ok(DepthValues::Float(vec![0.0, 65535.0, 100_000.0])));
-    assert_eq!(of("<i8", 8, &[-1, 7, i64::MAX]), Ok(DepthValues::Steps(vec![0, 7, 0])));
-    assert!(of("|u1", 1, &[1, 2, 3]).unwrap_err().contains("8-bit grey NPY"));
-    assert!(of("|b1", 1, &[1, 1, 0]).unwrap_err().contains("type |b1"));
+    assert_eq!(read("<i2", 2, &[-5, 7, 32767]), Ok(DepthValues::Steps(vec![0, 7, 0])));
+    assert_eq!(read("<i4", 4, &[-5, 7, i64::from(i32::MAX)]), Ok(DepthValues::Steps(vec![0, 7, 0])));
+    assert_eq!(read("<u4", 4, &[0, 65535, 100_000]), Ok(DepthValues::Float(vec![0.0, 65535.0, 100_000.0])));
+    assert_eq!(read("<i8", 8, &[-1, 7, i64::MAX]), Ok(DepthValues::Steps(vec![0, 7, 0])));
+    assert!(read("|u1", 1, &[1, 2, 3]).unwrap_err().contains("8-bit grey NPY"));
+    assert!(read("|b1", 1, &[1, 1, 0]).unwrap_err().contains("type |b1"));
     let floats: Vec<u8> = [0.5_f64, 2.0, f64::NAN].iter().flat_map(|v| v.to_le_bytes()).collect();
     let DepthValues::Float(values) = depth_of(&npy("<f8", false, "1, 3", &floats)).unwrap() else { panic!() };
     assert!(values[0] == 0.5 && values[2].is_nan());
@@ -160,19 +160,20 @@ fn headers_that_claim_too_much() {
     let mut tiff = written(&steps(), "a.tif").unwrap();
     // ImageWidth and ImageLength, tags 256 and 257, as LONG: the first entries of the directory.
     for tag in [256_u16, 257] {
-        let at = (0..tiff.len() - 12)
+        let entry = (0..tiff.len() - 12)
             .find(|i| tiff[*i..i + 2] == tag.to_le_bytes() && tiff[i + 3] == 0 && tiff[i + 4] == 1)
             .unwrap();
-        tiff[at + 2..at + 4].copy_from_slice(&4_u16.to_le_bytes());
-        tiff[at + 8..at + 12].copy_from_slice(&16_000_u32.to_le_bytes());
+        tiff[entry + 2..entry + 4].copy_from_slice(&4_u16.to_le_bytes());
+        tiff[entry + 8..entry + 12].copy_from_slice(&16_000_u32.to_le_bytes());
     }
     assert!(decode_depth_frame(name(), &tiff).unwrap_err().to_string().contains("too short"));
 
     let mut exr = written(&float(), "a.exr").unwrap();
     for window in ["dataWindow", "displayWindow"] {
-        let at = exr.windows(window.len()).position(|w| w == window.as_bytes()).unwrap() + window.len() + 1 + 6 + 4;
-        exr[at + 8..at + 12].copy_from_slice(&15_999_i32.to_le_bytes());
-        exr[at + 12..at + 16].copy_from_slice(&15_999_i32.to_le_bytes());
+        let box_start =
+            exr.windows(window.len()).position(|w| w == window.as_bytes()).unwrap() + window.len() + 1 + 6 + 4;
+        exr[box_start + 8..box_start + 12].copy_from_slice(&15_999_i32.to_le_bytes());
+        exr[box_start + 12..box_start + 16].copy_from_slice(&15_999_i32.to_le_bytes());
     }
     let message = decode_depth_frame(name(), &exr).unwrap_err().to_string();
     assert!(message.contains("too short") || message.contains("damaged"), "{message}");
