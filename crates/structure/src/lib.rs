@@ -1,4 +1,4 @@
-//! A check of the workspace's structure, run by `tests/structure.rs` of the root package.
+//! A check of the workspace's structure, run by `tests/workspace.rs`.
 //!
 //! Files of a crate must form a directed acyclic graph, so must its top-level modules ("folders"), and crates may depend only
 //! on crates below them in a declared order. Only code that is compiled into the library counts: items under `#[cfg(test)]`,

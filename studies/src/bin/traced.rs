@@ -1,6 +1,6 @@
 //! A rendered rig with an effect that is not declared, and its diagnosis.
 //!
-//!     cargo run --release -p depthcal-rig --features simulate,detect --example traced -- FOLDER infrared,depth SEED depth:cyclic_depth=4
+//!     cargo run --release -p depthcal-studies --bin traced -- FOLDER infrared,depth SEED depth:cyclic_depth=4
 //!
 //! Renders into FOLDER unless it is there, and prints what every camera lacks.
 

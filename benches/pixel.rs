@@ -1,6 +1,6 @@
 //! Times the per-pixel paths and prints one line of JSON for each: case, mode, w, h, threads, ms.
 //!
-//!     cargo run --release --example pixel -- [SECONDS PER CASE] [WIDTH] [CASE]
+//!     cargo run --release -p depthcal-benches --bin pixel -- [SECONDS PER CASE] [WIDTH] [CASE]
 //!
 //! `hot` works on one frame again and again; `cold` on a ring of frames of more than 256 MB, so that every frame comes from
 //! memory. The camera is the thesis' camera 1, scaled to the size. `copy` and `triad` beside them are the machine's own: a
@@ -9,9 +9,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use depthcal::correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
-use depthcal::io::DepthImage;
-use depthcal::model::{Camera, Register};
+use depthcal_correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
+use depthcal_io::DepthImage;
+use depthcal_model::{Camera, Register};
 use rayon::prelude::*;
 
 const SIZES: [(usize, usize); 3] = [(640, 480), (1280, 720), (1920, 1080)];

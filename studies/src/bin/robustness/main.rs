@@ -1,6 +1,6 @@
 //! How far captures may be spoiled: frames that do not belong, gross outliers, holes, wrong start values, wrong declarations.
 //!
-//! `cargo run --release --example robustness -- [--seeds N] [--frames N] [--cases a,b]`
+//! `cargo run --release -p depthcal-studies --bin robustness -- [--seeds N] [--frames N] [--cases a,b]`
 //!
 //! Every capture is rendered, spoiled, written as a dataset, detected, calibrated and diagnosed as by the command line. A fit is *right* where
 //! all free parameters together are within three standard deviations of the truth (χ² at 0.27 %). A *warning* is an error instead of a

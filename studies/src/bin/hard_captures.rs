@@ -2,7 +2,7 @@
 //! random ones, ones on a line or ones close together, and depth pixels lie: 1 % at the end of the sensor's range, 2 % at a background 1.5 m behind
 //! the board.
 //!
-//! `cargo run --release -p depthcal-calibration --features simulate --example hard_captures -- --captures 200`
+//! `cargo run --release -p depthcal-studies --bin hard_captures -- --captures 200`
 //!
 //! `--lens brown-conrady:full` fits all terms of the lens, `--rows 2` leaves out the captures with lying depth, and with
 //! `--folds 5` the frames that are left have to be fitted in five parts as well.

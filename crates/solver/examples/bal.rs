@@ -1,6 +1,6 @@
 //! Bundle adjustment in the large: cameras and points from image observations.
 //!
-//! `cargo run --release --example bal -- FILE --threads N` reads a problem of <https://grail.cs.washington.edu/projects/bal/>,
+//! `cargo run --release -p depthcal-solver --example bal -- FILE --threads N` reads a problem of <https://grail.cs.washington.edu/projects/bal/>,
 //! plain or compressed by bzip2, and prints one line of JSON.
 
 #[path = "support/bal.rs"]
@@ -11,9 +11,8 @@ mod words;
 
 use std::error::Error;
 
-use depthcal::solver::{AutoDiffVariable, Batch, Borrowed, Factor, Graph, Noise, Over, Pose, Scalar, Values, Variable};
+use depthcal_solver::{AutoDiffVariable, Batch, Factor, Graph, Noise, Over, Pose, Scalar, Values, Variable};
 use nalgebra::{Isometry3, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
-use num_dual::{Derivative, DualSVec64};
 use problem::BalProblem;
 
 /// Pose, focal length in px, and radial distortion k1, k2.
@@ -70,37 +69,6 @@ impl Factor<2> for Observation {
     fn residual<T: Scalar>(&self, ((pose, intrinsics), point): Over<Self::Variables, T>) -> SVector<T, 2> {
         let [u, v] = project(pose.transform(&point).into(), intrinsics.into());
         SVector::<T, 2>::new(u - self.pixel.x, v - self.pixel.y)
-    }
-
-    /// The projection is differentiated by dual numbers, the rigid motion by ∂x/∂ω = −R [X]×, ∂x/∂t = I, ∂x/∂X = R. `jacobian` is
-    /// row-major 2 × 12: pose, intrinsics, point.
-    #[inline(always)]
-    fn linearize(&self, (camera, point): &Borrowed<'_, Self::Variables>, jacobian: &mut [f64]) -> SVector<f64, 2> {
-        let r = camera.pose.rotation.to_rotation_matrix().into_inner();
-        let x: [f64; 3] = (r * *point + camera.pose.translation.vector).into();
-        let seed = |value: f64, i: usize| {
-            let mut eps = SVector::<f64, 3>::zeros();
-            eps[i] = 1.0;
-            DualSVec64::<3>::new(value, Derivative::some(eps))
-        };
-        let constant = DualSVec64::<3>::from;
-        let c: [f64; 3] = camera.intrinsics.into();
-        let by_x = project([seed(x[0], 0), seed(x[1], 1), seed(x[2], 2)], c.map(constant));
-        let by_c = project(x.map(constant), [seed(c[0], 0), seed(c[1], 1), seed(c[2], 2)]);
-        let x_w = r * (-*point).cross_matrix();
-        let Some((jacobian, _)) = jacobian.split_first_chunk_mut::<24>() else { return SVector::zeros() };
-        for row in 0..2 {
-            let u_x = by_x[row].eps.unwrap_generic(nalgebra::Const::<3>, nalgebra::Const::<1>);
-            let u_c = by_c[row].eps.unwrap_generic(nalgebra::Const::<3>, nalgebra::Const::<1>);
-            let target = &mut jacobian[12 * row..12 * row + 12];
-            for k in 0..3 {
-                target[k] = u_x.dot(&x_w.column(k));
-                target[3 + k] = u_x[k];
-                target[6 + k] = u_c[k];
-                target[9 + k] = u_x.dot(&r.column(k));
-            }
-        }
-        SVector::<f64, 2>::new(by_x[0].re - self.pixel.x, by_x[1].re - self.pixel.y)
     }
 }
 

@@ -1,14 +1,14 @@
 //! Recall, accuracy and time (of one core) of the built-in detector and of OpenCV on rendered boards and on measured captures, as a Markdown table.
 //!
-//!     cargo run --release -p depthcal-detect --features opencv --example detectors [FRAMES]
+//!     cargo run --release -p depthcal-studies --features opencv --bin detectors [FRAMES]
 //!
 //! FRAMES is the number of rendered frames per row, 40 by default. Measured captures are looked for in `DEPTHCAL_DATA`. Without the feature
 //! `opencv` there are no columns of OpenCV.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../../../crates/detect/tests/common/mod.rs"]
 mod common;
 #[cfg(feature = "opencv")]
-#[path = "../tests/common/opencv_circles.rs"]
+#[path = "../../../crates/detect/tests/common/opencv_circles.rs"]
 mod opencv_circles;
 
 use common::{Camera, Pose, Scene, Style, Texture};

@@ -1,7 +1,7 @@
 //! Calibration from corners alone, timed: from the markers of an `observations.json` to camera, poses and covariance, with start
 //! values that are found here.
 //!
-//! `cargo run --release -p depthcal-calibration --example image_corners -- FILE --threads 2 --repeats 5 [--lens brown-conrady:full]`
+//! `cargo run --release -p depthcal-benches --bin image_corners -- FILE --threads 2 --repeats 5 [--lens brown-conrady:full]`
 //!
 //! Prints one line of JSON: `walls` (seconds of every repetition), `wall` (their median), `cpus` (processor time of all threads,
 //! where the system tells, otherwise 0), `rms` (root mean square distance, px),

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use depthcal::solver::{Graph, Options, Solution, Values, minimize};
+use depthcal_solver::{Graph, Options, Solution, Values, minimize};
 
 /// Solves the problem that `read` makes of the file on the command line and prints one line of JSON.
 ///

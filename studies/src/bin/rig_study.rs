@@ -1,11 +1,11 @@
 //! Rigs by points, over many seeds, against their truth.
 //!
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- colour [SEEDS]
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- depth [SEEDS]
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- clouds [SEEDS] [CAMERAS] [FRAMES]
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- offset [SEEDS]
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- open [SEEDS]
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_study -- cost [FRAMES]
+//!     cargo run --release -p depthcal-studies --bin rig_study -- colour [SEEDS]
+//!     cargo run --release -p depthcal-studies --bin rig_study -- depth [SEEDS]
+//!     cargo run --release -p depthcal-studies --bin rig_study -- clouds [SEEDS] [CAMERAS] [FRAMES]
+//!     cargo run --release -p depthcal-studies --bin rig_study -- offset [SEEDS]
+//!     cargo run --release -p depthcal-studies --bin rig_study -- open [SEEDS]
+//!     cargo run --release -p depthcal-studies --bin rig_study -- cost [FRAMES]
 //!
 //! `colour`: infrared, depth and colour; `depth`: infrared with depth, and a second depth camera whose image cannot be had. How
 //! often parameters come back within three standard deviations, the normalised squared error, and transfer errors against those

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::error::Error;
 
-use depthcal::solver::{Batch, Factor, Graph, Over, Pose, Scalar, Values};
+use depthcal_solver::{Batch, Factor, Graph, Over, Pose, Scalar, Values};
 use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
 
 use crate::g2o::{G2oGraph, Se2Edge, Se3Edge};

@@ -2,7 +2,7 @@
 //! they can just show, clean ones, ones with effects that the catalogue does not have, and two effects at once; one table
 //! each.
 //!
-//! `cargo run --release --example power_study -- --seeds 10 --level points`
+//! `cargo run --release -p depthcal-studies --bin power_study -- --seeds 10 --level points`
 //!
 //! | option | |
 //! |---|---|

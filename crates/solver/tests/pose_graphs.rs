@@ -5,7 +5,7 @@
 
 use crate::g2o::G2oGraph;
 use crate::{pose_factors, synthetic};
-use depthcal::solver::{Covariance, CovarianceOptions, LinearSolver, Options, Solution, minimize};
+use depthcal_solver::{Covariance, CovarianceOptions, LinearSolver, Options, Solution, minimize};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Rotation3, Vector3};
 
 fn read(text: &str) -> G2oGraph {

@@ -1,6 +1,6 @@
 //! What a fleet of simulated units tells: a shared effect that no unit shows alone, how many frames a prior saves, and outliers.
 //!
-//! `cargo run --release --example fleet_study -- [shared] [prior] [outliers] [--repeats N]`; without words, all three.
+//! `cargo run --release -p depthcal-studies --bin fleet_study -- [shared] [prior] [outliers] [--repeats N]`; without words, all three.
 //!
 //! Units are cameras whose pinhole, lens and depth distortion scatter about those of a published camera. Captures are simulated
 //! as points: markers and depths with noise, without images. The simulator shares no code with the pieces that are fitted.

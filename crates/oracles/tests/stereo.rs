@@ -1,5 +1,4 @@
 //! The image part of a rig against OpenCV's stereoCalibrate: the same observations, the same optimum.
-#![cfg(feature = "detect")]
 
 use depthcal_rig::adjust::RigAdjustment;
 use depthcal_rig::simulated::rig_capture;
@@ -24,7 +23,7 @@ fn observed() -> RigCapture {
             let name = frame.name.clone();
             frame.markers.retain(|m| both.contains(&(name.clone(), m.index)));
             frame.markers.iter_mut().for_each(|m| m.pixel = m.pixel.map(|c| f64::from(c as f32)));
-            frame.raw.depth = depthcal::calibration::observe::MeasuredDepth::None;
+            frame.raw.depth = depthcal_calibration::observe::MeasuredDepth::None;
         }
         camera.capture.frames.retain(|frame| frame.markers.len() >= 20);
     }

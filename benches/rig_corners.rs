@@ -1,7 +1,7 @@
 //! The image part of a rig of two cameras, for comparison with other programs (`benches/rig_peers.py`).
 //!
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_corners -- simulate FRAMES FILE
-//!     cargo run --release -p depthcal-rig --features simulate --example rig_corners -- fit FILE [--threads N] [--repeats N]
+//!     cargo run --release -p depthcal-benches --bin rig_corners -- simulate FRAMES FILE
+//!     cargo run --release -p depthcal-benches --bin rig_corners -- fit FILE [--threads N] [--repeats N]
 //!
 //! `simulate` writes the corners of a chessboard as an infrared and a colour camera see it, those that both see, in single precision.
 //! `fit` prints one line of JSON: `walls` and `cpus`, s, from corners to covariance; `alone`, s, of which the cameras alone take; and of plain

@@ -61,7 +61,7 @@ mod bal_problems {
     /// workspace.
     #[test]
     fn a_problem_of_the_benchmark() {
-        let Some(path) = crate::support::measured::measured("bal/problem-16-22106-pre.txt.bz2") else { return };
+        let Some(path) = crate::measured::measured("bal/problem-16-22106-pre.txt.bz2") else { return };
         let problem = BalProblem::read(path).unwrap();
         assert_eq!((problem.cameras.len(), problem.points.len(), problem.observations.len()), (16, 22106, 83718));
         assert!(problem.cameras.iter().all(|camera| (100.0..10_000.0).contains(&camera[6])), "focal lengths in px");
