@@ -39,4 +39,4 @@ python: ## build the wheel of the Python package and run its tests in a fresh en
 	@./scripts/python-tests.sh
 
 bench: setup ## run the benchmarks
-	$(CARGO) bench --workspace
+	$(CARGO) bench -p depthcal-benches

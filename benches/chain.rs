@@ -3,10 +3,10 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal::calibration::simulated;
-use depthcal::model::chain::{DepthQuery, POSE, Workspace};
-use depthcal::model::{Block, Camera, Context, Register};
+use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal_calibration::simulated;
+use depthcal_model::chain::{DepthQuery, POSE, Workspace};
+use depthcal_model::{Block, Camera, Context, Register};
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 use nalgebra::Isometry3;
 

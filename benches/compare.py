@@ -47,7 +47,7 @@ def run(command, threads):
 def main():
     options = arguments()
     peers = os.path.abspath(options.peers)
-    ours = os.path.abspath(options.ours) if options.ours else os.path.dirname(build("--example", "board", "--example", "bal"))
+    ours = os.path.abspath(options.ours) if options.ours else os.path.dirname(build("-p", "depthcal-solver", "--example", "board", "--example", "bal"))
     threads = [int(t) for t in options.threads.split(",")]
     jobs = []
     for size in options.sizes.split(","):

@@ -5,9 +5,9 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use depthcal::correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
-use depthcal::io::DepthImage;
-use depthcal::model::{Camera, Register};
+use depthcal_correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
+use depthcal_io::DepthImage;
+use depthcal_model::{Camera, Register};
 use rayon::ThreadPool;
 
 const SIZES: [(usize, usize); 3] = [(640, 480), (1280, 720), (1920, 1080)];

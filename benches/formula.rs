@@ -5,17 +5,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use depthcal::correction::{Corrector, FrameContext};
-use depthcal::formula::FormulaFile;
-use depthcal::io::{DepthImage, GrayImage};
-use depthcal::model::{AnyPiece, Block, Camera, Context, Options, Register, erase};
+use depthcal_correction::{Corrector, FrameContext};
+use depthcal_formula::FormulaFile;
+use depthcal_io::{DepthImage, GrayImage};
+use depthcal_model::{AnyPiece, Block, Camera, Context, Options, Register, erase};
 
 /// The modules that a piece of depthcal's own finds in its crate.
 mod hook {
-    pub use depthcal::model::hook::*;
+    pub use depthcal_model::hook::*;
 }
 mod piece {
-    pub use depthcal::model::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar};
+    pub use depthcal_model::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar};
 }
 
 #[rustfmt::skip]
@@ -35,7 +35,7 @@ type Pair = (&'static str, [Arc<dyn AnyPiece>; 2], Vec<f64>);
 /// The effects as formulas and in Rust. The first has a table per pixel; the second depends on place and amplitude together and
 /// is inverted pixel by pixel.
 fn effects() -> Vec<Pair> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/formula/tests/emitted/all.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/formula/tests/emitted/all.toml");
     let file = FormulaFile::read(&path).unwrap();
     let none = Options::new();
     let formula = |name: &str| file.effects().iter().find(|e| e.name() == name).unwrap().piece(&none);

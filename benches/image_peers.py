@@ -233,7 +233,7 @@ def arguments():
 
 def programs(options):
     """Name and command of every program that is there; FILE, THREADS and REPEATS are replaced."""
-    ours = [options.ours or build("-p", "depthcal-calibration", "--example", "image_corners"), "FILE", "--threads", "THREADS", "--repeats", "REPEATS"]
+    ours = [options.ours or build("-p", "depthcal-benches", "--bin", "image_corners"), "FILE", "--threads", "THREADS", "--repeats", "REPEATS"]
     yield "ours", [*ours, "--lens", "brown-conrady:full"]
     yield "ours, chooses", ours
     peers = [

@@ -7,9 +7,9 @@
 use std::hint::black_box;
 use std::process::{Command, ExitCode};
 
-use depthcal::correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
-use depthcal::io::DepthImage;
-use depthcal::model::{Camera, Register};
+use depthcal_correction::{Corrector, FrameContext, PointsMut, Rays, Remap};
+use depthcal_io::DepthImage;
+use depthcal_model::{Camera, Register};
 
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;

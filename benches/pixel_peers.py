@@ -4,7 +4,7 @@
   pixel_peers.py OURS PEER... [--rounds 5] [--width 640]
 
 OURS and PEER are command lines that print one JSON object a line with case, mode, w, h, threads, ms, as
-`target/release/examples/pixel 0.1 640` does. Rows are matched by the pairs below. On a busy machine the least of many short
+`target/release/pixel 0.1 640` does. Rows are matched by the pairs below. On a busy machine the least of many short
 repeats says more than the median; times printed are the least.
 """
 import argparse, collections, json, shlex, statistics, subprocess

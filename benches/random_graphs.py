@@ -84,7 +84,7 @@ def main():
     parser.add_argument("--graphs", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    ours = peers.build("--example", "bal")
+    ours = peers.build("-p", "depthcal-solver", "--example", "bal")
     rng = random.Random(arguments.seed)
     lower = higher = equal = 0
     worst = (0.0, "")

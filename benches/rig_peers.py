@@ -206,7 +206,7 @@ def difference(ours, theirs):
 
 def main():
     options = arguments()
-    ours = options.ours or build("-p", "depthcal-rig", "--features", "simulate", "--example", "rig_corners")
+    ours = options.ours or build("-p", "depthcal-benches", "--bin", "rig_corners")
     peers = []
     for name, python, module, peer, more in [
         ("OpenCV", options.opencv_python, "cv2", "opencv", []),

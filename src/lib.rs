@@ -48,7 +48,17 @@
 //! | `report` (feature `cli`) | self-contained HTML pages |
 //! | `cli` (feature `cli`) | the command line, also for programs with pieces of their own |
 //!
-//! Features, both on by default: `cli` (the command line and its reports) and `detect` (boards in images, by OpenCV).
+//! # Features
+//!
+//! All but the last are on by default.
+//!
+//! | feature | what it adds |
+//! |---|---|
+//! | `cli` | the command line and its reports; with it `detect` |
+//! | `detect` | boards in images, found by code of this workspace; without it, [`load`] has only corners that are given or cached |
+//! | `import` | `depthcal import`: recordings (ROS bags, MCAP, Matroska) as datasets |
+//! | `opencv` | chessboards and tags by OpenCV as well, which has to be installed; with it `detect` |
+//! | `rerun` | `--rrd`: recordings for the rerun viewer, some 230 more crates |
 
 pub use depthcal_calibration as calibration;
 #[cfg(feature = "cli")]
@@ -71,3 +81,10 @@ pub use depthcal_calibration::load::{LoadError, LoadOptions, Loaded, load};
 pub use depthcal_calibration::observe::Capture;
 pub use depthcal_correction::{Corrector, FrameContext};
 pub use depthcal_model::{Camera, Register};
+
+/// Documents whose Rust is compiled as tests.
+#[cfg(all(doctest, feature = "cli"))]
+mod documents {
+    #[doc = include_str!("../docs/adding-a-depth-model.md")]
+    struct AddingADepthModel;
+}

@@ -1,16 +1,16 @@
 //! Every file of the fuzzers' corpus (`fuzz/corpus/TARGET/`), read as the fuzz target reads it: broken input is an error, never a
 //! panic.
 
-#[path = "../examples/support/bal.rs"]
+#[path = "../crates/solver/examples/support/bal.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]
 mod bal;
-#[path = "../examples/support/g2o.rs"]
+#[path = "../crates/solver/examples/support/g2o.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]
 mod g2o;
 #[path = "../fuzz/src/targets/mod.rs"]
 #[allow(dead_code, reason = "targets are called from their list")]
 mod targets;
-#[path = "../examples/support/words.rs"]
+#[path = "../crates/solver/examples/support/words.rs"]
 #[allow(dead_code, reason = "the targets use part of it")]
 mod words;
 

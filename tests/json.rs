@@ -43,7 +43,6 @@ fn calibrate_evaluate_diagnose_and_compare() {
 
     // What was written follows the schemas.
     for (file, name) in [
-        ("captures/dataset.toml", "dataset"),
         ("result/observations.json", "observations"),
         ("result/calibration.json", "calibration"),
         ("result/evaluation.json", "evaluation"),

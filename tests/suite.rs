@@ -4,7 +4,6 @@
 mod apply_runs;
 mod apply_streams;
 mod bad_input;
-mod benchmark_formats;
 mod circle_diameter;
 mod commands;
 mod compare;
@@ -23,10 +22,8 @@ mod json;
 mod measured;
 mod other_formats;
 mod own_model;
-mod pose_graphs;
 mod rendered;
 mod repeatable;
-mod rig_stereo;
 mod rig_traced;
 mod rigs;
 mod start_values;
@@ -35,15 +32,3 @@ mod support;
 mod thresholds_documented;
 mod uncertainty;
 mod unwritable;
-
-// What the examples share, and tests here read with.
-#[path = "../examples/support/bal.rs"]
-mod bal;
-#[path = "../examples/support/g2o.rs"]
-mod g2o;
-#[path = "../examples/support/pose_factors.rs"]
-mod pose_factors;
-#[path = "../examples/support/synthetic.rs"]
-mod synthetic;
-#[path = "../examples/support/words.rs"]
-mod words;

@@ -1,10 +1,10 @@
 //! Functions that give a fuzzer's bytes to the readers of depthcal, one each. The programs in `fuzz_targets/` call one of them
 //! each; `tests/broken_input.rs` compiles the same functions and calls them with every file of `corpus/`.
 
-#[path = "../../examples/support/bal.rs"]
+#[path = "../../crates/solver/examples/support/bal.rs"]
 pub mod bal;
-#[path = "../../examples/support/g2o.rs"]
+#[path = "../../crates/solver/examples/support/g2o.rs"]
 pub mod g2o;
 pub mod targets;
-#[path = "../../examples/support/words.rs"]
+#[path = "../../crates/solver/examples/support/words.rs"]
 pub mod words;

@@ -6,7 +6,7 @@
 //! - variables: [`Variable`]: vectors, rotations, poses, directions, and your own types; [`Values`] stores them under typed
 //!   [`Key`]s
 //! - residuals: [`Factor`]: one generic function, with automatic derivatives; [`Batch`]: factors of one type, with [`Noise`] and
-//!   [`Loss`]; [`Prior`]; [`LaneBatch`]: residuals evaluated eight at a time; [`FactorBatch`]: full control, with hand-written
+//!   [`Loss`]; [`Prior`]; [`FactorBatch`]: full control, with hand-written
 //!   Jacobians
 //! - problem: [`Graph`]: batches, fixed and bounded variables, variables to eliminate
 //! - solution: [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`]
@@ -140,13 +140,11 @@ pub use plan::linear_solver::{LinearSolver, LinearSolverUsed, Preconditioner, Wo
 pub use problem::autodiff::{AutoDiffVariable, Scalar};
 pub use problem::batch::Batch;
 pub use problem::error::{EvaluationError, EvaluationFailure, StructureError};
-pub use problem::factor::{Borrowed, Factor, Over, VariableTuple};
+pub use problem::factor::{Factor, Over, VariableTuple};
 pub use problem::factor_batch::FactorBatch;
 pub use problem::graph::{BatchId, Graph};
 pub use problem::jacobian_check::{JacobianError, check_jacobians};
 pub use problem::key::{Key, VariableId};
-pub use problem::lane::{LANES, Lane, LaneAccess};
-pub use problem::lane_batch::{LaneBatch, Lanes};
 pub use problem::loss::Loss;
 pub use problem::noise::{Noise, NoiseError};
 pub use problem::prior::Prior;
@@ -166,3 +164,8 @@ pub use step::solution::Solution;
 pub use uncertainty::covariance::{Covariance, CovarianceOptions};
 pub use uncertainty::error::CovarianceError;
 pub use uncertainty::null_direction::{NullComponent, NullDirection};
+
+/// The snippet of the README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -7,10 +7,10 @@ use std::alloc::System;
 use argmin::core::{Error, Executor, KV, Problem, Solver, State};
 use common::{Bundle, bundle};
 use depthcal_solver::{
-    Damping, EvaluationError, Graph, Key, LANES, Lane, LaneBatch, Lanes, LinearSolver, Loss, Method, Options,
-    Preconditioner, Prior, SolverState, Values, VariableId, minimize,
+    Batch, Damping, Factor, Graph, LinearSolver, Loss, Method, Options, Over, Preconditioner, Prior, Scalar,
+    SolverState, Values, minimize,
 };
-use nalgebra::{Vector1, Vector2};
+use nalgebra::{SVector, Vector1, Vector2};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
 #[global_allocator]
@@ -38,69 +38,33 @@ fn allocations(graph: &Graph, values: &Values, linear_solver: LinearSolver, meth
     count.allocations + count.reallocations
 }
 
-/// Many curves y = a x + b + c x², with 20 points each: a per curve, b and c in common.
-struct Lines {
-    slopes: Vec<Key<Vector2<f64>>>,
-    common: Key<Vector1<f64>>,
-    ids: Vec<[VariableId; 2]>,
+/// A point of a curve y = a x + b + c x².
+struct Point {
+    x: f64,
+    y: f64,
 }
 
-impl LaneBatch<1, 3> for Lines {
-    const PATTERN: [&'static [u32]; 1] = [&[0, 1, 2]];
-    type Shared = [f64; 3];
+impl Factor<1> for Point {
+    type Variables = (Vector2<f64>, Vector1<f64>);
 
-    fn name(&self) -> &str {
-        "lines"
-    }
-
-    fn group_count(&self) -> usize {
-        self.slopes.len()
-    }
-
-    fn variables(&self, group: usize) -> &[VariableId] {
-        &self.ids[group]
-    }
-
-    fn residual_count(&self, _: usize) -> usize {
-        20
-    }
-
-    fn share(&self, group: usize, values: &Values) -> Result<[f64; 3], EvaluationError> {
-        let line = values.get(self.slopes[group]);
-        Ok([line[0], line[1], values.get(self.common)[0]])
-    }
-
-    #[inline(always)]
-    fn residuals(&self, group: usize, shared: &[f64; 3], block: usize, residuals: &mut [Lane; 1]) {
-        self.linearize(group, shared, block, residuals, &mut [[0.0; LANES]; 3]);
-    }
-
-    #[inline(always)]
-    fn linearize(
-        &self,
-        group: usize,
-        &[a, b, c]: &[f64; 3],
-        block: usize,
-        residuals: &mut [Lane; 1],
-        jacobian: &mut [Lane; 3],
-    ) {
-        for l in 0..LANES {
-            let x = 0.1 * (block * LANES + l) as f64;
-            residuals[0][l] = a * x + b + c * x * x - (1.0 + 0.1 * group as f64) * x.sin();
-            jacobian[0][l] = x;
-            jacobian[1][l] = 1.0;
-            jacobian[2][l] = x * x;
-        }
+    fn residual<T: Scalar>(&self, (line, common): Over<Self::Variables, T>) -> SVector<T, 1> {
+        SVector::<T, 1>::new(line[0] * self.x + line[1] + common[0] * (self.x * self.x) - self.y)
     }
 }
 
+/// Many curves with 20 points each: a and b per curve, c in common.
 fn lines(count: usize) -> (Graph, Values) {
     let mut values = Values::new();
     let common = values.insert(Vector1::new(0.0));
-    let slopes: Vec<_> = (0..count).map(|_| values.insert(Vector2::new(5.0, 5.0))).collect();
-    let ids = slopes.iter().map(|s| [s.id(), common.id()]).collect();
+    let mut batch = Batch::new("lines");
+    for curve in 0..count {
+        let line = values.insert(Vector2::new(5.0, 5.0));
+        for x in (0..20).map(|i| 0.1 * f64::from(i)) {
+            batch.push(Point { x, y: (1.0 + 0.1 * curve as f64) * x.sin() }, (line, common));
+        }
+    }
     let mut graph = Graph::new();
-    graph.add_batch(Lanes::new(Lines { slopes, common, ids }));
+    graph.add_batch(batch);
     (graph, values)
 }
 

@@ -1,10 +1,9 @@
-//! Residuals evaluated in lanes give the same results as the same residuals evaluated one by one.
+//! Groups of many factors, which are evaluated together, give the same results as the same factors in groups of one.
 
 use depthcal_solver::{
-    Batch, EvaluationError, Factor, Graph, Key, LANES, Lane, LaneBatch, Lanes, Loss, Options, Over, Scalar, Values,
-    VariableId, check_jacobians, minimize,
+    Batch, Factor, Graph, Key, Loss, Noise, Options, Over, Scalar, Values, check_jacobians, minimize,
 };
-use nalgebra::{SVector, Vector1, Vector2};
+use nalgebra::{Matrix2, SVector, Vector1, Vector2};
 
 /// A growing curve a exp(b x) = y and a line c x = z with the slope of its group.
 #[derive(Clone, Copy)]
@@ -22,121 +21,79 @@ impl Factor<2> for Observed {
     }
 }
 
-struct Curves {
-    groups: Vec<(Key<Vector1<f64>>, Vec<Observed>)>,
-    shared: Key<Vector2<f64>>,
-    ids: Vec<[VariableId; 2]>,
-    loss: Loss,
-}
-
-impl LaneBatch<2, 3> for Curves {
-    const PATTERN: [&'static [u32]; 2] = [&[1, 2], &[0]];
-    type Shared = [f64; 3];
-
-    fn name(&self) -> &str {
-        "curves"
-    }
-
-    fn group_count(&self) -> usize {
-        self.groups.len()
-    }
-
-    fn variables(&self, group: usize) -> &[VariableId] {
-        &self.ids[group]
-    }
-
-    fn residual_count(&self, group: usize) -> usize {
-        self.groups[group].1.len()
-    }
-
-    fn loss(&self) -> Loss {
-        self.loss.clone()
-    }
-
-    fn share(&self, group: usize, values: &Values) -> Result<[f64; 3], EvaluationError> {
-        let p = values.get(self.shared);
-        Ok([values.get(self.groups[group].0)[0], p[0], p[1]])
-    }
-
-    #[inline(always)]
-    fn residuals(&self, group: usize, shared: &[f64; 3], block: usize, residuals: &mut [Lane; 2]) {
-        self.linearize(group, shared, block, residuals, &mut [[0.0; LANES]; 3]);
-    }
-
-    #[inline(always)]
-    fn linearize(
-        &self,
-        group: usize,
-        &[c, a, b]: &[f64; 3],
-        block: usize,
-        residuals: &mut [Lane; 2],
-        jacobian: &mut [Lane; 3],
-    ) {
-        for l in 0..LANES {
-            // Lanes beyond the last residual must be ignored.
-            let beyond = Observed { x: 3.0, y: 5.0, z: f64::NAN };
-            let o = *self.groups[group].1.get(block * LANES + l).unwrap_or(&beyond);
-            let e = (b * o.x).exp();
-            residuals[0][l] = a * e - o.y;
-            residuals[1][l] = c * o.x - o.z;
-            jacobian[0][l] = e;
-            jacobian[1][l] = a * o.x * e;
-            jacobian[2][l] = o.x;
-        }
-    }
-}
-
 struct Problem {
-    lanes: Graph,
-    factors: Graph,
+    /// Each group's factors one after the other.
+    together: Graph,
+    /// The same factors, no two of a group in a row.
+    single: Graph,
     values: Values,
     slopes: Vec<Key<Vector1<f64>>>,
     shared: Key<Vector2<f64>>,
 }
 
-fn problem(loss: &Loss) -> Problem {
+/// Groups of 2 to 149 factors: less than one block, whole blocks, and more.
+fn problem(loss: &Loss, noise: &Noise<2>) -> Problem {
     let mut values = Values::new();
     let shared = values.insert(Vector2::new(1.0, 0.2));
-    let mut batch = Batch::new("curves").with_loss(loss.clone());
-    let mut groups = Vec::new();
-    let mut ids = Vec::new();
-    for group in 0..60_usize {
-        let slope = values.insert(Vector1::new(0.0));
-        // The number of residuals modulo the number of lanes takes all values.
-        let observed: Vec<Observed> = (0..5 + group % 19)
-            .map(|i| {
-                let x = 0.1 * (i + 1) as f64;
-                let wrong = if i % 7 == 3 { 3.0 } else { 0.01 * ((i * 7 + group) % 5) as f64 };
-                Observed { x, y: 1.5 * (0.5 * x).exp() + wrong, z: 0.1 * group as f64 * x - wrong }
-            })
-            .collect();
-        observed.iter().for_each(|o| batch.push(*o, (slope, shared)));
-        ids.push([slope.id(), shared.id()]);
-        groups.push((slope, observed));
+    let slopes: Vec<_> = (0..50).map(|_| values.insert(Vector1::new(0.0))).collect();
+    let groups: Vec<Vec<Observed>> = (0..50_usize)
+        .map(|group| {
+            let observed = (0..2 + 3 * group).map(|i| {
+                let x = 0.02 * i as f64;
+                let wave = 0.05 * (7.0 * x + group as f64).sin();
+                Observed { x, y: 1.5 * (0.4 * x).exp() + wave, z: (0.1 * group as f64) * x - wave }
+            });
+            observed.collect()
+        })
+        .collect();
+    let batch = || Batch::new("curves").with_loss(loss.clone()).with_noise(noise.clone());
+    let (mut together, mut single) = (batch(), batch());
+    for (slope, observed) in slopes.iter().zip(&groups) {
+        observed.iter().for_each(|o| together.push(*o, (*slope, shared)));
     }
-    let slopes = groups.iter().map(|g| g.0).collect();
-    let mut lanes = Graph::new();
-    lanes.add_batch(Lanes::new(Curves { groups, shared, ids, loss: loss.clone() }));
-    let mut factors = Graph::new();
-    factors.add_batch(batch);
-    Problem { lanes, factors, values, slopes, shared }
+    // The groups take turns; when the last is left alone, each of its factors is a batch of its own.
+    let mut rest = Vec::new();
+    for i in 0..149 {
+        let with: Vec<usize> = (0..50).filter(|g| i < groups[*g].len()).collect();
+        match with[..] {
+            [group] => rest.push((groups[group][i], slopes[group])),
+            _ => with.iter().for_each(|group| single.push(groups[*group][i], (slopes[*group], shared))),
+        }
+    }
+    let mut graphs = [Graph::new(), Graph::new()];
+    graphs[0].add_batch(together);
+    graphs[1].add_batch(single);
+    for (observed, slope) in rest {
+        let mut batch = batch();
+        batch.push(observed, (slope, shared));
+        graphs[1].add_batch(batch);
+    }
+    let [together, single] = graphs;
+    Problem { together, single, values, slopes, shared }
+}
+
+fn noises() -> [Noise<2>; 3] {
+    let correlated = Matrix2::new(0.04, 0.01, 0.01, 0.09);
+    [Noise::unit(), Noise::diagonal([0.1, 0.3]).unwrap(), Noise::covariance(correlated).unwrap()]
 }
 
 #[test]
-fn lanes_and_factors_have_the_same_minimum() {
-    for loss in [Loss::Trivial, Loss::Huber { delta: 0.1 }] {
+fn the_minimum_is_that_of_single_factors() {
+    for (loss, noise) in [Loss::Trivial, Loss::Huber { delta: 0.1 }]
+        .into_iter()
+        .flat_map(|l| noises().into_iter().map(move |noise| (l.clone(), noise)))
+    {
         for fixed in 0..3 {
-            let Problem { mut lanes, mut factors, values, slopes, shared } = problem(&loss);
-            for graph in [&mut lanes, &mut factors] {
+            let Problem { mut together, mut single, values, slopes, shared } = problem(&loss, &noise);
+            for graph in [&mut together, &mut single] {
                 match fixed {
                     0 => {}
                     1 => graph.fix_partly(shared, &[true, false]),
                     _ => slopes.iter().take(20).for_each(|s| graph.fix(*s)),
                 }
             }
-            let options = Options::default();
-            let a = minimize(&lanes, values.clone(), &options).unwrap();
-            let b = minimize(&factors, values, &options).unwrap();
+            let a = minimize(&together, values.clone(), &Options::default()).unwrap();
+            let b = minimize(&single, values, &Options::default()).unwrap();
             assert!(a.report.converged && b.report.converged);
             // Sums in another order differ by rounding, and so do the iterates.
             for (a, b) in a.report.trace.iter().zip(&b.report.trace) {
@@ -151,26 +108,18 @@ fn lanes_and_factors_have_the_same_minimum() {
 }
 
 #[test]
-fn lanes_can_be_evaluated_one_by_one() {
-    let Problem { lanes, factors, values, .. } = problem(&Loss::Trivial);
-    let error = check_jacobians(&lanes, &values, 1e-5).unwrap();
+fn their_jacobian_is_that_of_differences() {
+    let Problem { together, values, .. } = problem(&Loss::Trivial, &noises()[2]);
+    let error = check_jacobians(&together, &values, 1e-5).unwrap();
     // Central differences are good to about 1e-9.
     assert!(error.iter().all(|e| e.error < 1e-7), "{error:?}");
-    let residuals = |graph: &Graph| {
-        let ids: Vec<_> = graph.batches().map(|(id, b)| (id, b.row_count(7))).collect();
-        ids.into_iter().map(|(id, _)| graph.residuals(id, &values).unwrap()).collect::<Vec<_>>()
-    };
-    for (a, b) in residuals(&lanes).concat().iter().zip(residuals(&factors).concat()) {
-        assert!((a - b).abs() < 1e-12);
-    }
-    assert!(lanes.batches().all(|(_, b)| b.lanes().is_some()));
 }
 
 #[test]
-fn lanes_give_the_same_bits_for_any_number_of_threads() {
-    let Problem { lanes, values, .. } = problem(&Loss::Huber { delta: 0.1 });
+fn they_give_the_same_bits_for_any_number_of_threads() {
+    let Problem { together, values, .. } = problem(&Loss::Huber { delta: 0.1 }, &noises()[1]);
     let solve = |threads| {
-        let solution = minimize(&lanes, values.clone(), &Options { threads, ..Options::default() }).unwrap();
+        let solution = minimize(&together, values.clone(), &Options { threads, ..Options::default() }).unwrap();
         (solution.report.cost.to_bits(), format!("{:?}", solution.values))
     };
     let one = solve(1);
@@ -179,41 +128,55 @@ fn lanes_give_the_same_bits_for_any_number_of_threads() {
     }
 }
 
+/// What a residual does not depend on at some places only is not left out at the others.
 #[test]
-fn a_pattern_that_does_not_fit_is_refused() {
-    struct Odd(Curves);
-    impl LaneBatch<2, 3> for Odd {
-        const PATTERN: [&'static [u32]; 2] = [&[1, 3], &[0]];
-        type Shared = [f64; 3];
-        fn name(&self) -> &str {
-            "odd"
-        }
-        fn group_count(&self) -> usize {
-            1
-        }
-        fn variables(&self, group: usize) -> &[VariableId] {
-            &self.0.ids[group]
-        }
-        fn residual_count(&self, group: usize) -> usize {
-            self.0.residual_count(group)
-        }
-        fn share(&self, group: usize, values: &Values) -> Result<[f64; 3], EvaluationError> {
-            self.0.share(group, values)
-        }
-        fn residuals(&self, group: usize, shared: &[f64; 3], block: usize, residuals: &mut [Lane; 2]) {
-            self.0.residuals(group, shared, block, residuals);
-        }
-        fn linearize(&self, g: usize, shared: &[f64; 3], block: usize, r: &mut [Lane; 2], j: &mut [Lane; 3]) {
-            self.0.linearize(g, shared, block, r, j);
+fn a_column_that_is_zero_for_some_factors_counts_for_the_others() {
+    /// The slope matters beyond x = 1 only.
+    struct Hinge(f64, f64);
+    impl Factor<1> for Hinge {
+        type Variables = (Vector2<f64>,);
+        fn residual<T: Scalar>(&self, (p,): Over<Self::Variables, T>) -> SVector<T, 1> {
+            let level = p[0] - self.1;
+            SVector::<T, 1>::new(if self.0 > 1.0 { level + p[1] * (self.0 - 1.0) } else { level })
         }
     }
     let mut values = Values::new();
-    let shared = values.insert(Vector2::new(1.0, 0.2));
-    let slope = values.insert(Vector1::new(0.0));
-    let groups = vec![(slope, vec![Observed { x: 1.0, y: 1.0, z: 1.0 }])];
-    let ids = vec![[slope.id(), shared.id()]];
+    let key = values.insert(Vector2::zeros());
+    let mut batch = Batch::new("hinge");
+    for i in 0..100 {
+        let x = 0.02 * f64::from(i);
+        batch.push(Hinge(x, 2.0 + 3.0 * (x - 1.0).max(0.0)), (key,));
+    }
     let mut graph = Graph::new();
-    graph.add_batch(Lanes::new(Odd(Curves { groups, shared, ids, loss: Loss::Trivial })));
-    let message = minimize(&graph, values, &Options::default()).unwrap_err().to_string();
-    assert!(message.contains("odd") && message.contains("3 columns"), "{message}");
+    graph.add_batch(batch);
+    let solution = minimize(&graph, values, &Options::default()).unwrap();
+    assert!((solution.values.get(key) - Vector2::new(2.0, 3.0)).norm() < 1e-9);
+}
+
+/// More components than loops over them are written out for, alone and together.
+#[test]
+fn a_variable_of_many_components_has_all_its_columns() {
+    struct Sum(usize);
+    impl Factor<2> for Sum {
+        type Variables = (SVector<f64, 15>, Vector1<f64>);
+        fn residual<T: Scalar>(&self, (many, one): Over<Self::Variables, T>) -> SVector<T, 2> {
+            let mut sum = one[0];
+            for i in 0..15 {
+                sum += many[i] * many[(i + self.0) % 15] * (1.0 + i as f64);
+            }
+            SVector::<T, 2>::new(sum, many[self.0 % 15] * 2.0)
+        }
+    }
+    for count in [3, 40] {
+        let mut values = Values::new();
+        let many = values.insert(SVector::<f64, 15>::from_fn(|i, _| 0.1 * i as f64 - 0.5));
+        let one = values.insert(Vector1::new(0.3));
+        let mut batch = Batch::new("sums");
+        (0..count).for_each(|i| batch.push(Sum(i), (many, one)));
+        let mut graph = Graph::new();
+        graph.add_batch(batch);
+        let error = check_jacobians(&graph, &values, 1e-5).unwrap();
+        assert!(error.iter().all(|e| e.error < 1e-7), "{error:?}");
+        assert!(minimize(&graph, values, &Options::default()).unwrap().report.cost < 1e-12);
+    }
 }

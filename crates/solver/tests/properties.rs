@@ -2,8 +2,8 @@
 
 use crate::common::{Between, Distance, Projection, normal, normal3, rng};
 use depthcal_solver::{
-    AutoDiffVariable, Batch, Factor, FactorBatch, Graph, Loss, Noise, NoiseError, Over, Scalar, Values, Variable,
-    check_jacobians,
+    AutoDiffVariable, Batch, EvaluationError, FactorBatch, Graph, Key, Loss, Noise, NoiseError, Values, Variable,
+    VariableId, check_jacobians,
 };
 use nalgebra::{
     DVector, Isometry3, Matrix2, SMatrix, SVector, Translation3, Unit, UnitQuaternion, Vector1, Vector2, Vector3,
@@ -238,22 +238,40 @@ fn noise_models_whiten_and_refuse_nonsense() {
 
 #[test]
 fn a_jacobian_by_hand_is_used_and_a_wrong_one_is_found() {
-    struct ByHand(f64);
-    impl Factor<1> for ByHand {
-        type Variables = (Vector2<f64>,);
-        fn residual<T: Scalar>(&self, (x,): Over<Self::Variables, T>) -> SVector<T, 1> {
-            SVector::<T, 1>::new(x[0] * x[1])
+    struct ByHand(f64, Key<Vector2<f64>>, [VariableId; 1]);
+    impl FactorBatch for ByHand {
+        fn name(&self) -> &str {
+            "by hand"
         }
-        fn linearize(&self, (x,): &(&Vector2<f64>,), jacobian: &mut [f64]) -> SVector<f64, 1> {
-            jacobian.copy_from_slice(&[x.y, x.x + self.0]);
-            SVector::<f64, 1>::new(x.x * x.y)
+        fn group_count(&self) -> usize {
+            1
+        }
+        fn variables(&self, _: usize) -> &[VariableId] {
+            &self.2
+        }
+        fn row_count(&self, _: usize) -> usize {
+            1
+        }
+        fn evaluate(
+            &self,
+            _: usize,
+            values: &Values,
+            residuals: &mut [f64],
+            jacobian: Option<&mut [f64]>,
+        ) -> Result<(), EvaluationError> {
+            let x = values.get(self.1);
+            residuals[0] = x.x * x.y;
+            if let Some(jacobian) = jacobian {
+                jacobian.copy_from_slice(&[x.y, x.x + self.0]);
+            }
+            Ok(())
         }
     }
     let mut values = Values::new();
     let x = values.insert(Vector2::new(2.0, 3.0));
     for (wrong, expected) in [(0.0, 0.0), (0.5, 0.5 / 3.0)] {
         let mut graph = Graph::new();
-        let batch = graph.add(ByHand(wrong), (x,));
+        let batch = graph.add_batch(ByHand(wrong, x, [x.id()]));
         let error = check_jacobians(&graph, &values, 1e-5).unwrap().remove(0);
         assert_eq!(error.batch, batch);
         assert!((error.error - expected).abs() < 1e-9, "{error:?}");

@@ -1,5 +1,6 @@
 //! The tests of the crate, one module per subject: `cargo test -p depthcal-solver --test suite bounds` runs those of one module.
 
+mod benchmark_formats;
 mod bounds;
 mod checkpoint;
 mod choice;
@@ -8,9 +9,24 @@ mod covariance;
 mod ill_conditioned;
 mod lanes;
 mod linear_solvers;
+mod pose_graphs;
 mod properties;
 mod score;
 mod score_dense;
 mod sessions;
 mod solve;
 mod threads;
+
+// What the examples share, and tests here read with.
+#[path = "../examples/support/bal.rs"]
+mod bal;
+#[path = "../examples/support/g2o.rs"]
+mod g2o;
+#[path = "../../../tests/support/measured.rs"]
+mod measured;
+#[path = "../examples/support/pose_factors.rs"]
+mod pose_factors;
+#[path = "../examples/support/synthetic.rs"]
+mod synthetic;
+#[path = "../examples/support/words.rs"]
+mod words;

@@ -1,4 +1,4 @@
-//! Checks of the workspace's structure and of the form of its sources, run by `tests/structure.rs` of the root package.
+//! Checks of the workspace's structure and of the form of its sources, run by `tests/workspace.rs`.
 //!
 //! # Dependencies
 //!

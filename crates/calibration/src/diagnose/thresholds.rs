@@ -1,6 +1,6 @@
 //! Thresholds of the diagnosis' rules.
 
-/// Thresholds of every rule of a diagnosis. The defaults were set on simulated captures (`examples/power_study`).
+/// Thresholds of every rule of a diagnosis. The defaults were set on simulated captures (`studies/src/bin/power_study`).
 ///
 /// *Gain* is the fall of the cost ½ Σ r² of held-out frames; *candidates* are the effects that the model lacks and the free
 /// functions that compete with them.

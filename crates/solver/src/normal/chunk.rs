@@ -3,12 +3,12 @@
 use pulp::Arch;
 
 use crate::normal::eliminate::{BackSubstitute, Eliminate, multiply_strip};
-use crate::normal::lane_products::LaneProducts;
+use crate::normal::lane_products::{LaneColumn, LaneProducts};
 use crate::normal::scatter::{Add, EliminatedBlocks, PADDING, Rows};
 use crate::plan::chunk_plan::{ChunkPlan, Elimination, Form, GroupPlan};
 use crate::plan::layout::{BatchInfo, NONE};
 use crate::problem::error::{EvaluationError, EvaluationFailure};
-use crate::problem::lane::{LANES, Lane, LaneAccess};
+use crate::problem::lane::{LANES, Lane, used_lanes};
 use crate::problem::loss::Loss;
 use crate::problem::values::Values;
 
@@ -47,6 +47,8 @@ pub(crate) struct Chunk {
 #[derive(Debug, Default)]
 struct Scratch {
     lanes: Vec<Lane>,
+    /// Columns of a row of residuals in lanes that are not zero.
+    present: Vec<LaneColumn>,
     residuals: Vec<f64>,
     jacobian: Vec<f64>,
     gram: Vec<f64>,
@@ -72,6 +74,7 @@ impl Chunk {
             rows: zeros(plan.rows_len),
             scratch: Scratch {
                 lanes: vec![[0.0; LANES]; plan.max_lanes],
+                present: Vec::with_capacity(plan.max_columns + 1),
                 residuals: zeros(plan.max_rows),
                 jacobian: zeros(plan.max_jacobian + PADDING),
                 gram: zeros(plan.max_columns * plan.max_columns + PADDING),
@@ -92,10 +95,11 @@ impl Chunk {
         for group in &self.plan.groups {
             let Some(info) = &batches[group.batch as usize] else { continue };
             let (index, dim) = (group.group as usize, info.residual_dim);
-            let cost = if let Some(lanes) = info.batch.lanes().filter(|_| self.plan.form != Form::Rows) {
+            let cost = if let Some(lanes) = info.batch.lanes(index).filter(|_| self.plan.form != Form::Rows) {
                 let count = group.rows as usize / dim;
                 let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * dim];
-                evaluate_lanes(lanes, index, values, blocks, count, false)
+                lanes
+                    .evaluate_lanes(index, values, blocks, false)
                     .map(|()| weigh_lanes(&info.loss, dim, blocks, dim, count))
             } else {
                 let r = &mut self.scratch.residuals[..group.rows as usize];
@@ -147,15 +151,16 @@ impl Chunk {
         let (rows, columns, m) = (group.rows as usize, scatter.columns as usize, scatter.m as usize);
         let (index, dim) = (group.group as usize, info.residual_dim);
         let (gram, gradient) = (&mut self.scratch.gram, &mut self.scratch.gradient);
-        let lanes = info.batch.lanes().filter(|_| self.plan.form != Form::Rows);
+        let lanes = info.batch.lanes(index).filter(|_| self.plan.form != Form::Rows);
         let mut plain = false;
-        let cost = if let (Some(lanes), Some(lane_rows)) = (lanes, &scatter.lanes) {
-            let (count, size) = (rows / dim, scatter.block as usize);
+        let cost = if let (Some(lanes), Some(size)) = (lanes, scatter.block) {
+            let (count, size) = (rows / dim, size as usize);
             let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * size];
-            evaluate_lanes(lanes, index, values, blocks, count, true)?;
+            lanes.evaluate_lanes(index, values, blocks, true)?;
             let weighted = (!info.loss.is_trivial()).then(|| weigh_lanes(&info.loss, dim, blocks, size, count));
             let (gram, gradient) = (&mut gram[..m * m], &mut gradient[..m]);
-            let products = LaneProducts { blocks, size, rows: lane_rows, m, gram, gradient };
+            let (keep, present) = (scatter.keep.as_deref(), &mut self.scratch.present);
+            let products = LaneProducts { blocks, count, dim, columns, keep, m, present, gram, gradient };
             let squares = Arch::new().dispatch(products);
             weighted.unwrap_or(squares)
         } else {
@@ -293,39 +298,22 @@ fn weigh(loss: &Loss, dim: usize, residuals: &mut [f64], mut jacobian: Option<(&
     cost
 }
 
-/// Evaluates a group of `count` residuals in lanes, and sets the lanes beyond its last residual to zero.
-fn evaluate_lanes(
-    lanes: &dyn LaneAccess,
-    group: usize,
-    values: &Values,
-    blocks: &mut [Lane],
-    count: usize,
-    jacobian: bool,
-) -> Result<(), EvaluationError> {
-    lanes.evaluate_lanes(group, values, blocks, jacobian)?;
-    let used = count % LANES;
-    if used > 0 {
-        let first = blocks.len() - blocks.len() / count.div_ceil(LANES);
-        blocks[first..].iter_mut().for_each(|lane| lane[used..].fill(0.0));
-    }
-    Ok(())
-}
-
-/// Multiplies blocks by √ρ′ and returns the cost of a group of `count` residuals in lanes. A block has `size` lanes, of
-/// which the first `dim` are the rows of the residual.
+/// Multiplies blocks by √ρ′ and returns the cost of a group of `count` residuals in lanes. A block has `size` lanes, of which the first
+/// `dim` are the rows of the residual.
 fn weigh_lanes(loss: &Loss, dim: usize, blocks: &mut [Lane], size: usize, count: usize) -> f64 {
     let mut cost = 0.0;
     for (block, first) in blocks.chunks_exact_mut(size).zip((0..count).step_by(LANES)) {
+        let used = used_lanes(count, first);
         let mut squares = [0.0; LANES];
         for lane in &block[..dim] {
-            squares.iter_mut().zip(lane).for_each(|(s, r)| *s += r * r);
+            squares[..used].iter_mut().zip(lane).for_each(|(s, r)| *s += r * r);
         }
         if loss.is_trivial() {
-            cost += 0.5 * squares.iter().sum::<f64>();
+            cost += 0.5 * squares[..used].iter().sum::<f64>();
             continue;
         }
         let mut weights = [1.0; LANES];
-        for (s, w) in squares.iter().zip(&mut weights).take(count - first) {
+        for (s, w) in squares.iter().zip(&mut weights).take(used) {
             if !s.is_finite() {
                 return f64::NAN;
             }
@@ -334,7 +322,7 @@ fn weigh_lanes(loss: &Loss, dim: usize, blocks: &mut [Lane], size: usize, count:
             *w = first.sqrt();
         }
         for lane in block {
-            lane.iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
+            lane[..used].iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
         }
     }
     cost

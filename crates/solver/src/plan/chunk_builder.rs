@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 
 use crate::plan::chunk_plan::{
-    ChunkPlan, Elimination, Form, GroupPlan, LaneColumn, LocalBlock, LocalVariable, QUAD, Scatter, ScatterPair,
-    ScatterVariable, Strip, StripVariable,
+    ChunkPlan, Elimination, Form, GroupPlan, LocalBlock, LocalVariable, QUAD, Scatter, ScatterPair, ScatterVariable,
+    Strip, StripVariable,
 };
 use crate::plan::division::ChunkMembers;
 use crate::plan::layout::{Layout, NONE};
@@ -172,7 +172,8 @@ impl<'a> ChunkBuilder<'a> {
         let mut key = std::mem::take(&mut self.key);
         key.clear();
         key.push(info.columns);
-        let in_lanes = self.layout.batches[info.batch as usize].as_ref().is_some_and(|b| b.batch.lanes().is_some());
+        let batch = self.layout.batches[info.batch as usize].as_ref();
+        let in_lanes = batch.is_some_and(|b| b.batch.lanes(info.group as usize).is_some());
         key.push(if in_lanes { info.batch } else { NONE });
         for slot in self.layout.slots(info) {
             let active = &self.layout.active[slot.active as usize];
@@ -210,9 +211,9 @@ impl<'a> ChunkBuilder<'a> {
         let (rows, columns) = (info.rows as usize, info.columns as usize);
         let scattered = &self.plan.scatters[scatter as usize];
         let m = scattered.m as usize;
-        if let Some(lanes) = scattered.lanes.as_ref().filter(|_| self.plan.form != Form::Rows) {
-            let blocks = (rows / lanes.len()).div_ceil(LANES);
-            self.plan.max_lanes = self.plan.max_lanes.max(blocks * scattered.block as usize);
+        if let Some(block) = scattered.block.filter(|_| self.plan.form != Form::Rows) {
+            let count = rows * (columns + 1) / block as usize;
+            self.plan.max_lanes = self.plan.max_lanes.max(count.div_ceil(LANES) * block as usize);
         } else {
             self.plan.max_rows = self.plan.max_rows.max(rows);
             self.plan.max_jacobian = self.plan.max_jacobian.max(rows * columns);
@@ -267,22 +268,9 @@ impl<'a> ChunkBuilder<'a> {
         }
         let m = keep.len() as u32;
         let batch = self.layout.batches[info.batch as usize].as_ref();
-        let pattern = batch.and_then(|b| b.batch.lanes()).map(|l| l.pattern());
-        let mut block = pattern.map_or(0, <[_]>::len) as u32;
-        let lanes = pattern.map(|pattern| {
-            let rows = pattern.iter().enumerate().map(|(row, columns)| {
-                let entries = columns.iter().zip(block..);
-                block += columns.len() as u32;
-                // Both lists ascend, and so do the free columns.
-                let free = entries.filter_map(|(c, entry)| {
-                    let column = keep.iter().position(|k| k == c)? as u32;
-                    Some(LaneColumn { entry, column })
-                });
-                free.chain([LaneColumn { entry: row as u32, column: NONE }]).collect()
-            });
-            rows.collect()
-        });
+        let in_lanes = batch.filter(|b| b.batch.lanes(info.group as usize).is_some());
+        let block = in_lanes.map(|b| b.residual_dim as u32 * (info.columns + 1));
         let keep = (m < info.columns).then(|| keep.into_boxed_slice());
-        Scatter { columns: info.columns, keep, m, eliminated, kept: variables, pairs, lanes, block }
+        Scatter { columns: info.columns, keep, m, eliminated, kept: variables, pairs, block }
     }
 }

@@ -76,15 +76,6 @@ pub(crate) struct ScatterPair {
     pub block: u32,
 }
 
-/// An entry of a row of a residual in lanes: a free column of its Jacobian, or the residual itself.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LaneColumn {
-    /// Index of its lane in the block.
-    pub entry: u32,
-    /// Free column; `NONE` for the residual.
-    pub column: u32,
-}
-
 /// The blocks to which the entries of a group's JᵀJ are added. Groups with the same destinations have one in common.
 #[derive(Clone, Debug)]
 pub(crate) struct Scatter {
@@ -98,10 +89,8 @@ pub(crate) struct Scatter {
     pub eliminated: Option<(u32, u32)>,
     pub kept: Vec<ScatterVariable>,
     pub pairs: Vec<ScatterPair>,
-    /// For groups in lanes: for each row of a residual its free columns, then the residual itself.
-    pub lanes: Option<Box<[Box<[LaneColumn]>]>>,
-    /// Number of lanes in a block: rows of the residual and entries of its Jacobian.
-    pub block: u32,
+    /// For groups in lanes the number of lanes in a block: rows of the residual and entries of its Jacobian.
+    pub block: Option<u32>,
 }
 
 /// A group of residuals in the chunk.

@@ -241,13 +241,6 @@ fn check_batch(graph: &Graph, values: &Values, info: &BatchInfo, used: &mut [boo
             }
             used[id.index()] = true;
         }
-        if let Some(lanes) = info.batch.lanes() {
-            let columns = variables.iter().map(|id| values.dim(*id)).sum();
-            let fits = lanes.pattern().iter().flat_map(|c| c.last()).all(|c| (*c as usize) < columns);
-            if !fits || lanes.pattern().len() != residual_dim {
-                return Err(StructureError::Pattern { batch: name(), group, columns });
-            }
-        }
     }
     Ok(())
 }

@@ -24,13 +24,30 @@ pub trait AutoDiffVariable: Variable {
     fn retract_over<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> Self::Over<T>;
 }
 
+/// The numbers as an array, if there are N.
+#[inline(always)]
+fn exactly<T: Copy, const N: usize>(numbers: &[T]) -> Option<[T; N]> {
+    numbers.first_chunk().copied()
+}
+
 impl<const N: usize> AutoDiffVariable for SVector<f64, N> {
     const DIM: usize = N;
     type Over<T: Scalar> = SVector<T, N>;
 
     #[inline(always)]
     fn retract_over<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> SVector<T, N> {
-        SVector::from_fn(|i, _| delta(i) + self[i])
+        let component = |i: usize| delta(i) + self[i];
+        // An array that is filled in a loop would stay in memory, and with it what has no derivative.
+        let few: Option<[T; N]> = match N {
+            1 => exactly(&[component(0)]),
+            2 => exactly(&[component(0), component(1)]),
+            3 => exactly(&[component(0), component(1), component(2)]),
+            4 => exactly(&[component(0), component(1), component(2), component(3)]),
+            5 => exactly(&[component(0), component(1), component(2), component(3), component(4)]),
+            6 => exactly(&[component(0), component(1), component(2), component(3), component(4), component(5)]),
+            _ => None,
+        };
+        SVector::from(few.unwrap_or_else(|| std::array::from_fn(component)))
     }
 }
 
@@ -41,6 +58,7 @@ impl AutoDiffVariable for Unit<Vector3<f64>> {
     #[inline(always)]
     fn retract_over<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> Vector3<T> {
         let [b0, b1] = tangent_basis(self);
-        Vector3::from_fn(|i, _| delta(0) * b0[i] + delta(1) * b1[i] + self[i])
+        let component = |i: usize| delta(0) * b0[i] + delta(1) * b1[i] + self[i];
+        Vector3::new(component(0), component(1), component(2))
     }
 }

@@ -2,20 +2,25 @@
 
 use std::fmt;
 
+use nalgebra::SVector;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::problem::error::EvaluationError;
 use crate::problem::factor::{Borrowed, Factor, VariableTuple, value};
 use crate::problem::factor_batch::FactorBatch;
 use crate::problem::key::VariableId;
+use crate::problem::lane::{FEWEST, LANES, Lane, LaneAccess};
 use crate::problem::loss::Loss;
 use crate::problem::noise::Noise;
+use crate::problem::unrolled::unrolled;
 use crate::problem::values::Values;
 
 /// Factors of one type with one noise model and one loss.
 ///
 /// Consecutive factors with the same keys form a group, which the solver evaluates in one call and accumulates as one matrix
-/// product. Add factors with the same keys one after the other.
+/// product. Add factors with the same keys one after the other. Groups of 16 or more factors are evaluated together, which becomes
+/// vector instructions where [`residual`](Factor::residual) is `#[inline(always)]`, does not branch on data and calls nothing that is
+/// not inlined.
 pub struct Batch<F: Factor<M>, const M: usize> {
     name: String,
     factors: Vec<F>,
@@ -86,6 +91,15 @@ impl<F: Factor<M>, const M: usize> Batch<F, M> {
         self.factors.is_empty()
     }
 
+    fn variables_of<'a>(
+        &self,
+        group: usize,
+        values: &'a Values,
+    ) -> Result<Borrowed<'a, F::Variables>, EvaluationError> {
+        F::Variables::borrow(&self.groups[group].keys, values)
+            .ok_or(EvaluationError::new("a variable of the group is not among these values"))
+    }
+
     fn start(&self, group: usize) -> usize {
         group.checked_sub(1).map_or(0, |before| self.groups[before].end)
     }
@@ -124,11 +138,105 @@ impl<F: Factor<M>, const M: usize> FactorBatch for Batch<F, M> {
         jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError> {
         let factors = &self.factors[self.start(group)..self.groups[group].end];
-        let variables = F::Variables::borrow(&self.groups[group].keys, values)
-            .ok_or(EvaluationError::new("a variable of the group is not among these values"))?;
+        let variables = self.variables_of(group, values)?;
         let noise = &self.noise;
         Arch::new().dispatch(Evaluation { factors, variables, noise, residuals, jacobian });
         Ok(())
+    }
+
+    fn lanes(&self, group: usize) -> Option<&dyn LaneAccess> {
+        (self.row_count(group) >= FEWEST * M).then_some(self)
+    }
+}
+
+impl<F: Factor<M>, const M: usize> LaneAccess for Batch<F, M> {
+    fn evaluate_lanes(
+        &self,
+        group: usize,
+        values: &Values,
+        blocks: &mut [Lane],
+        jacobian: bool,
+    ) -> Result<(), EvaluationError> {
+        let factors = &self.factors[self.start(group)..self.groups[group].end];
+        let variables = self.variables_of(group, values)?;
+        Arch::new().dispatch(LaneEvaluation { factors, variables, noise: &self.noise, blocks, jacobian });
+        Ok(())
+    }
+}
+
+/// The evaluation of one group, up to [`LANES`] factors at a time.
+struct LaneEvaluation<'a, F: Factor<M>, const M: usize> {
+    factors: &'a [F],
+    variables: Borrowed<'a, F::Variables>,
+    noise: &'a Noise<M>,
+    blocks: &'a mut [Lane],
+    jacobian: bool,
+}
+
+impl<F: Factor<M>, const M: usize> WithSimd for LaneEvaluation<'_, F, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { factors, variables, noise, blocks, jacobian } = self;
+        // Copies, so that the compiler knows that what is written does not change them.
+        let copies = F::Variables::copies(&variables);
+        let variables = copies.references();
+        if jacobian {
+            let blocks = blocks.chunks_exact_mut(M + M * F::Variables::DIM);
+            for (chunk, block) in factors.chunks(LANES).zip(blocks) {
+                clear_last(block, chunk.len());
+                let (residuals, entries) = block.split_at_mut(M);
+                linearize_block(chunk, &variables, residuals, entries);
+                noise.whiten_lanes(residuals, chunk.len());
+                noise.whiten_lanes(entries, chunk.len());
+            }
+        } else {
+            for (chunk, block) in factors.chunks(LANES).zip(blocks.chunks_exact_mut(M)) {
+                clear_last(block, chunk.len());
+                evaluate_block(chunk, &variables, block);
+                noise.whiten_lanes(block, chunk.len());
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn evaluate_block<F: Factor<M>, const M: usize>(
+    factors: &[F],
+    variables: &Borrowed<'_, F::Variables>,
+    residuals: &mut [Lane],
+) {
+    for l in 0..factors.len().min(LANES) {
+        let r = value(&factors[l], variables);
+        unrolled!(m < M => {
+            residuals[m][l] = r[m];
+        });
+    }
+}
+
+#[inline(always)]
+fn linearize_block<F: Factor<M>, const M: usize>(
+    factors: &[F],
+    variables: &Borrowed<'_, F::Variables>,
+    residuals: &mut [Lane],
+    entries: &mut [Lane],
+) {
+    for l in 0..factors.len().min(LANES) {
+        let r = F::Variables::differentiate(&factors[l], variables, entries, l);
+        unrolled!(m < M => {
+            residuals[m][l] = r[m];
+        });
+    }
+}
+
+/// Sets the last eight numbers to zero of which some are `used`.
+#[inline(always)]
+fn clear_last(block: &mut [Lane], used: usize) {
+    for lane in block {
+        if let Some(last) = lane[used / 8 * 8..].first_chunk_mut::<8>() {
+            *last = [0.0; 8];
+        }
     }
 }
 
@@ -157,7 +265,8 @@ impl<F: Factor<M>, const M: usize> WithSimd for Evaluation<'_, F, M> {
             Some(jacobian) => {
                 let dim = F::Variables::DIM;
                 for ((factor, r), j) in rows.zip(jacobian.chunks_exact_mut(M * dim)) {
-                    r.copy_from_slice(noise.whiten(factor.linearize(&variables, j)).as_slice());
+                    let e = F::Variables::differentiate(factor, &variables, j.as_chunks_mut::<1>().0, 0);
+                    r.copy_from_slice(noise.whiten(SVector::from(e)).as_slice());
                     noise.whiten_rows(j, dim);
                 }
             }

@@ -76,19 +76,6 @@ pub enum StructureError {
         /// Rows per residual.
         residual_dim: usize,
     },
-    /// The sparsity pattern of a [`LaneBatch`](crate::LaneBatch) names a column that a group does not have, or has another
-    /// number of rows than a residual.
-    #[error(
-        "the sparsity pattern of factors \"{batch}\" does not fit group {group}, whose Jacobian has {columns} columns"
-    )]
-    Pattern {
-        /// Name of the batch.
-        batch: String,
-        /// Group within the batch.
-        group: usize,
-        /// Columns of the group's Jacobian.
-        columns: usize,
-    },
     /// A mask of fixed components has the wrong length.
     #[error("{variable} has {dim} components, but its mask of fixed components has {mask} entries")]
     MaskLength {

@@ -7,12 +7,13 @@ use num_dual::{Derivative, DualSVec64};
 
 use crate::problem::autodiff::{AutoDiffVariable, Scalar};
 use crate::problem::key::{Key, VariableId};
+use crate::problem::unrolled::{UNROLLED, unrolled};
 use crate::problem::values::Values;
 
 /// A residual of static dimension M over a tuple of one to six variables.
 ///
 /// A factor is one generic function, [`residual`](Self::residual); its Jacobian follows by forward differentiation with dual
-/// numbers, four directions at a time. Do not branch on derivatives in it, and note that √0 has none. With
+/// numbers, one direction at a time. Do not branch on derivatives in it, and note that √0 has none. With
 /// `#[inline(always)]` it is compiled for the vector instructions of the machine that it runs on.
 ///
 /// ```
@@ -68,16 +69,6 @@ pub trait Factor<const M: usize>: Send + Sync + 'static {
 
     /// The residual, predicted − observed or the reverse, before whitening by the batch's noise model.
     fn residual<T: Scalar>(&self, variables: Over<Self::Variables, T>) -> SVector<T, M>;
-
-    /// Returns the residual and writes its Jacobian with respect to the tangent vectors of the variables at 0: `jacobian` is
-    /// row-major, M × [`DIM`](VariableTuple::DIM), with the variables' columns in the order of the tuple.
-    ///
-    /// The default differentiates [`residual`](Self::residual). Override it where hand-written derivatives are faster, and
-    /// check them with [`check_jacobians`](crate::check_jacobians).
-    #[inline(always)]
-    fn linearize(&self, variables: &Borrowed<'_, Self::Variables>, jacobian: &mut [f64]) -> SVector<f64, M> {
-        differentiate(self, variables, jacobian)
-    }
 }
 
 /// The variables `V` of a factor with components of the scalar type `T`.
@@ -87,7 +78,7 @@ pub type Over<V, T> = <V as VariableTuple>::Over<T>;
 pub type Borrowed<'a, V> = <V as VariableTuple>::Borrowed<'a>;
 
 /// A tuple of one to six variables of static dimension.
-pub trait VariableTuple: 'static {
+pub trait VariableTuple: Sized + 'static {
     /// A typed key for each variable.
     type Keys: Copy + PartialEq + Send + Sync + Debug + 'static;
     /// A reference to each variable.
@@ -98,14 +89,31 @@ pub trait VariableTuple: 'static {
     const DIM: usize;
     /// Number of variables.
     const COUNT: usize;
+    /// First column of each variable.
+    #[doc(hidden)]
+    const OFFSETS: [usize; 6];
 
     /// Appends the ids of the variables.
     fn ids(keys: &Self::Keys, ids: &mut Vec<VariableId>);
     /// References to the variables' values; `None` unless all keys belong to `values`.
     fn borrow<'a>(keys: &Self::Keys, values: &'a Values) -> Option<Self::Borrowed<'a>>;
+    /// Copies of the variables.
+    #[doc(hidden)]
+    fn copies(variables: &Self::Borrowed<'_>) -> Self;
+    /// References to the variables of this tuple.
+    #[doc(hidden)]
+    fn references(&self) -> Self::Borrowed<'_>;
     /// The variables retracted by the stacked tangent vector δ, to first order; `delta(i)` is δᵢ for i in
     /// 0..[`DIM`](Self::DIM).
     fn retract_over<T: Scalar>(variables: &Self::Borrowed<'_>, delta: impl Fn(usize) -> T) -> Self::Over<T>;
+    /// The residual of a factor. Writes its Jacobian, row-major M × [`DIM`](Self::DIM), into one lane of `entries`.
+    #[doc(hidden)]
+    fn differentiate<F: Factor<M, Variables = Self> + ?Sized, const M: usize, const L: usize>(
+        factor: &F,
+        variables: &Self::Borrowed<'_>,
+        entries: &mut [[f64; L]],
+        lane: usize,
+    ) -> [f64; M];
 }
 
 macro_rules! variable_tuple {
@@ -116,6 +124,16 @@ macro_rules! variable_tuple {
             type Over<T: Scalar> = ($($variable::Over<T>,)+);
             const DIM: usize = 0 $(+ $variable::DIM)+;
             const COUNT: usize = $count;
+            const OFFSETS: [usize; 6] = {
+                let dims: [usize; $count] = [$($variable::DIM),+];
+                let mut offsets = [0; 6];
+                let mut i = 1;
+                while i < $count {
+                    offsets[i] = offsets[i - 1] + dims[i - 1];
+                    i += 1;
+                }
+                offsets
+            };
 
             fn ids(keys: &Self::Keys, ids: &mut Vec<VariableId>) {
                 ids.extend([$(keys.$index.id()),+]);
@@ -127,14 +145,44 @@ macro_rules! variable_tuple {
             }
 
             #[inline(always)]
+            fn copies(variables: &Self::Borrowed<'_>) -> Self {
+                ($(variables.$index.clone(),)+)
+            }
+
+            #[inline(always)]
+            fn references(&self) -> Self::Borrowed<'_> {
+                ($(&self.$index,)+)
+            }
+
+            #[inline(always)]
             fn retract_over<T: Scalar>(variables: &Self::Borrowed<'_>, delta: impl Fn(usize) -> T) -> Self::Over<T> {
-                let mut next = 0;
-                ($({
-                    let offset = next;
-                    next += $variable::DIM;
-                    let _ = next;
-                    variables.$index.retract_over(|i| delta(offset + i))
-                },)+)
+                ($(variables.$index.retract_over(|i| delta(const { Self::OFFSETS[$index] } + i)),)+)
+            }
+
+            #[inline(always)]
+            fn differentiate<Fa: Factor<M, Variables = Self> + ?Sized, const M: usize, const L: usize>(
+                factor: &Fa,
+                variables: &Self::Borrowed<'_>,
+                entries: &mut [[f64; L]],
+                lane: usize,
+            ) -> [f64; M] {
+                let parts = ($(columns(factor, variables, const { Self::OFFSETS[$index] }, $variable::DIM),)+);
+                // Written when all are known: the compiler cannot tell that writing does not change the factor.
+                $(
+                    let offset = const { Self::OFFSETS[$index] };
+                    unrolled!(k < $variable::DIM.min(UNROLLED) => {
+                        unrolled!(m < M => {
+                            entries[m * Self::DIM + offset + k][lane] = parts.$index.columns[k][m];
+                        });
+                    });
+                    for column in offset + UNROLLED..offset + $variable::DIM {
+                        let dual = direction(factor, variables, column);
+                        for m in 0..M {
+                            entries[m * Self::DIM + column][lane] = derivative(&dual[m]);
+                        }
+                    }
+                )+
+                parts.0.residual
             }
         }
     };
@@ -156,42 +204,48 @@ pub(crate) fn value<F: Factor<M> + ?Sized, const M: usize>(
     factor.residual(<F::Variables as VariableTuple>::retract_over(variables, |_| 0.0))
 }
 
-/// Derivatives per dual number. Four of them fit into vector registers; wider dual numbers are many times slower.
-const WIDTH: usize = 4;
-
-/// Returns the residual and writes its Jacobian, row-major M × DIM.
-#[inline(always)]
-fn differentiate<F: Factor<M> + ?Sized, const M: usize>(
-    factor: &F,
-    variables: &Borrowed<'_, F::Variables>,
-    jacobian: &mut [f64],
-) -> SVector<f64, M> {
-    let dim = <F::Variables as VariableTuple>::DIM;
-    let mut residual = SVector::zeros();
-    for first in (0..dim).step_by(WIDTH) {
-        let dual = <F::Variables as VariableTuple>::retract_over(variables, |i| seed(i.wrapping_sub(first)));
-        let dual: SVector<DualSVec64<WIDTH>, M> = factor.residual(dual);
-        let used = WIDTH.min(dim - first);
-        for m in 0..M {
-            residual[m] = dual[m].re;
-            let row = &mut jacobian[m * dim + first..][..used];
-            match &dual[m].eps.0 {
-                Some(eps) => row.copy_from_slice(&eps.as_slice()[..used]),
-                None => row.fill(0.0),
-            }
-        }
-    }
-    residual
+/// The first columns of a Jacobian for a variable, and the residual.
+struct Columns<const M: usize> {
+    residual: [f64; M],
+    columns: [[f64; M]; UNROLLED],
 }
 
-/// The dual number 0 with derivative 1 in direction `i`, or with no derivative if `i` is not below `WIDTH`.
+/// The columns of a variable that begins at column `offset` and has `dim` columns, up to the first [`UNROLLED`] of them.
 #[inline(always)]
-fn seed(i: usize) -> DualSVec64<WIDTH> {
-    if i < WIDTH {
-        let mut eps = SVector::<f64, WIDTH>::zeros();
-        eps[i] = 1.0;
-        DualSVec64::new(0.0, Derivative::some(eps))
-    } else {
-        DualSVec64::from(0.0)
-    }
+fn columns<F: Factor<M> + ?Sized, const M: usize>(
+    factor: &F,
+    variables: &Borrowed<'_, F::Variables>,
+    offset: usize,
+    dim: usize,
+) -> Columns<M> {
+    let mut part = Columns { residual: [0.0; M], columns: [[0.0; M]; UNROLLED] };
+    unrolled!(k < dim.min(UNROLLED) => {
+        let dual = direction(factor, variables, offset + k);
+        unrolled!(m < M => {
+            part.residual[m] = dual[m].re;
+            part.columns[k][m] = derivative(&dual[m]);
+        });
+    });
+    part
+}
+
+/// The residual with its derivative in the direction of one column.
+///
+/// Dual numbers that do not depend on the direction carry no derivative, so that what does not is computed once for all columns, as a real
+/// number. Wider dual numbers would do more, not less.
+#[inline(always)]
+fn direction<F: Factor<M> + ?Sized, const M: usize>(
+    factor: &F,
+    variables: &Borrowed<'_, F::Variables>,
+    column: usize,
+) -> SVector<DualSVec64<1>, M> {
+    factor.residual(<F::Variables as VariableTuple>::retract_over(variables, |i| {
+        let eps = if i == column { Derivative::some(SVector::from([1.0])) } else { Derivative::none() };
+        DualSVec64::new(0.0, eps)
+    }))
+}
+
+#[inline(always)]
+fn derivative(dual: &DualSVec64<1>) -> f64 {
+    dual.eps.0.map_or(0.0, |eps| eps[0])
 }

@@ -51,8 +51,10 @@ pub trait FactorBatch: Send + Sync {
         jacobian: Option<&mut [f64]>,
     ) -> Result<(), EvaluationError>;
 
-    /// Access to evaluation in lanes, if the batch supports it: see [`Lanes`](crate::Lanes).
-    fn lanes(&self) -> Option<&dyn LaneAccess> {
+    /// Access to evaluation of a group in lanes, if the batch supports it.
+    #[doc(hidden)]
+    fn lanes(&self, group: usize) -> Option<&dyn LaneAccess> {
+        let _ = group;
         None
     }
 }

@@ -59,16 +59,12 @@ impl FactorBatch for GroupSubset {
         self.whole.evaluate(self.groups[group], values, residuals, jacobian)
     }
 
-    fn lanes(&self) -> Option<&dyn LaneAccess> {
-        self.whole.lanes().is_some().then_some(self)
+    fn lanes(&self, group: usize) -> Option<&dyn LaneAccess> {
+        self.whole.lanes(self.groups[group]).is_some().then_some(self)
     }
 }
 
 impl LaneAccess for GroupSubset {
-    fn pattern(&self) -> &[&'static [u32]] {
-        self.whole.lanes().map_or(&[], LaneAccess::pattern)
-    }
-
     fn evaluate_lanes(
         &self,
         group: usize,
@@ -76,8 +72,9 @@ impl LaneAccess for GroupSubset {
         blocks: &mut [Lane],
         jacobian: bool,
     ) -> Result<(), EvaluationError> {
-        match self.whole.lanes() {
-            Some(lanes) => lanes.evaluate_lanes(self.groups[group], values, blocks, jacobian),
+        let group = self.groups[group];
+        match self.whole.lanes(group) {
+            Some(lanes) => lanes.evaluate_lanes(group, values, blocks, jacobian),
             None => Err(EvaluationError::new("the batch does not support evaluation in lanes")),
         }
     }

@@ -3,6 +3,8 @@
 use nalgebra::{Cholesky, SMatrix, SVector};
 use thiserror::Error;
 
+use crate::problem::lane::Lane;
+
 /// The parameters given do not define a noise model.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -109,6 +111,32 @@ impl<const M: usize> Noise<M> {
                     let whitened = a * SVector::<f64, M>::from_fn(|r, _| jacobian[r * columns + c]);
                     for r in 0..M {
                         jacobian[r * columns + c] = whitened[r];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whitens M rows of residuals or of their Jacobians in place, of which the first lanes are `used`; `rows` is row-major.
+    #[inline(always)]
+    pub(crate) fn whiten_lanes(&self, rows: &mut [Lane], used: usize) {
+        let columns = rows.len() / M.max(1);
+        match &self.0 {
+            Whitening::Unit => {}
+            Whitening::Diagonal(w) => {
+                for (row, w) in rows.chunks_exact_mut(columns.max(1)).zip(w.iter()) {
+                    for lane in row {
+                        lane[..used].iter_mut().for_each(|x| *x *= w);
+                    }
+                }
+            }
+            Whitening::Full(a) => {
+                for c in 0..columns {
+                    for l in 0..used {
+                        let whitened = a * SVector::<f64, M>::from_fn(|r, _| rows[r * columns + c][l]);
+                        for r in 0..M {
+                            rows[r * columns + c][l] = whitened[r];
+                        }
                     }
                 }
             }

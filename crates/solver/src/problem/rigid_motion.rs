@@ -22,16 +22,18 @@ impl<T: Scalar> Rotation<T> {
     /// R x.
     #[inline(always)]
     pub fn rotate(&self, x: &Vector3<T>) -> Vector3<T> {
-        let t = cross(&self.v, x).map(|c| c * 2.0);
+        let t = cross(&self.v, x);
+        let t = Vector3::new(t[0] * 2.0, t[1] * 2.0, t[2] * 2.0);
         let u = cross(&self.v, &t);
-        Vector3::from_fn(|i, _| x[i] + self.w * t[i] + u[i])
+        let w = self.w;
+        Vector3::new(x[0] + w * t[0] + u[0], x[1] + w * t[1] + u[1], x[2] + w * t[2] + u[2])
     }
 
     /// R⁻¹.
     #[inline(always)]
     #[must_use]
     pub fn inverse(&self) -> Self {
-        Self { w: self.w, v: self.v.map(|c| -c) }
+        Self { w: self.w, v: Vector3::new(-self.v[0], -self.v[1], -self.v[2]) }
     }
 
     /// R₁ R₂.
@@ -40,7 +42,8 @@ impl<T: Scalar> Rotation<T> {
     pub fn compose(&self, other: &Self) -> Self {
         let w = self.w * other.w - dot(&self.v, &other.v);
         let c = cross(&self.v, &other.v);
-        Self { w, v: Vector3::from_fn(|i, _| other.v[i] * self.w + self.v[i] * other.w + c[i]) }
+        let component = |i: usize| other.v[i] * self.w + self.v[i] * other.w + c[i];
+        Self { w, v: Vector3::new(component(0), component(1), component(2)) }
     }
 
     /// The rotation vector, in radians, of angle at most π: the inverse of Exp.
@@ -82,18 +85,21 @@ impl<T: Scalar> Pose<T> {
     /// R x + t.
     #[inline(always)]
     pub fn transform(&self, x: &Vector3<T>) -> Vector3<T> {
-        let r = self.rotation.rotate(x);
-        Vector3::from_fn(|i, _| r[i] + self.translation[i])
+        let (r, t) = (self.rotation.rotate(x), &self.translation);
+        Vector3::new(r[0] + t[0], r[1] + t[1], r[2] + t[2])
     }
 
     /// x ↦ R⁻¹ (x − t).
+    #[inline(always)]
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.inverse();
-        Self { rotation, translation: rotation.rotate(&self.translation).map(|c| -c) }
+        let t = rotation.rotate(&self.translation);
+        Self { rotation, translation: Vector3::new(-t[0], -t[1], -t[2]) }
     }
 
     /// x ↦ R₁ (R₂ x + t₂) + t₁.
+    #[inline(always)]
     #[must_use]
     pub fn compose(&self, other: &Self) -> Self {
         Self { rotation: self.rotation.compose(&other.rotation), translation: self.transform(&other.translation) }
@@ -114,9 +120,9 @@ fn dot<T: Scalar>(a: &Vector3<T>, b: &Vector3<T>) -> T {
 ///
 /// The exponential itself cannot be used: it contains √(ω·ω), whose derivative does not exist at ω = 0.
 #[inline(always)]
-fn retract_rotation<T: Scalar>(q: &UnitQuaternion<f64>, omega: Vector3<T>) -> Rotation<T> {
+fn retract_rotation<T: Scalar>(q: &UnitQuaternion<f64>, omega: [T; 3]) -> Rotation<T> {
     let (w, v) = (q.w, q.imag());
-    let half = omega.map(|c| c * 0.5);
+    let half = [omega[0] * 0.5, omega[1] * 0.5, omega[2] * 0.5];
     Rotation {
         w: -(half[0] * v[0] + half[1] * v[1] + half[2] * v[2]) + w,
         v: Vector3::new(
@@ -133,7 +139,7 @@ impl AutoDiffVariable for UnitQuaternion<f64> {
 
     #[inline(always)]
     fn retract_over<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> Rotation<T> {
-        retract_rotation(self, Vector3::from_fn(|i, _| delta(i)))
+        retract_rotation(self, [delta(0), delta(1), delta(2)])
     }
 }
 
@@ -143,9 +149,10 @@ impl AutoDiffVariable for Isometry3<f64> {
 
     #[inline(always)]
     fn retract_over<T: Scalar>(&self, delta: impl Fn(usize) -> T) -> Pose<T> {
+        let t = &self.translation.vector;
         Pose {
-            rotation: retract_rotation(&self.rotation, Vector3::from_fn(|i, _| delta(i))),
-            translation: Vector3::from_fn(|i, _| delta(i + 3) + self.translation.vector[i]),
+            rotation: retract_rotation(&self.rotation, [delta(0), delta(1), delta(2)]),
+            translation: Vector3::new(delta(3) + t[0], delta(4) + t[1], delta(5) + t[2]),
         }
     }
 }

@@ -1,0 +1,45 @@
+//! A rendered rig with an effect that is not declared, and its diagnosis.
+//!
+//!     cargo run --release -p depthcal-studies --bin traced -- FOLDER infrared,depth SEED depth:cyclic_depth=4
+//!
+//! Renders into FOLDER unless it is there, and prints what every camera lacks.
+
+use std::error::Error;
+use std::path::Path;
+
+use depthcal_calibration::diagnose::rig::{RigDiagnoseOptions, diagnose_rig};
+use depthcal_calibration::load::LoadOptions;
+use depthcal_calibration::load::load_rig;
+use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, names, seed, effect] = &words[..] else {
+        return Err("say FOLDER, CAMERA,…, SEED and CAMERA:EFFECT=SIZE".into());
+    };
+    let (of, effect) = effect.split_once(':').ok_or("the effect is CAMERA:EFFECT=SIZE")?;
+    let (effect, size_mm) = effect.split_once('=').ok_or("the effect is CAMERA:EFFECT=SIZE")?;
+    let mut cameras = Vec::new();
+    for name in names.split(',') {
+        let camera = RigCamera::usual(name, 1)?.ok_or("a camera without a usual form")?;
+        cameras.push(match name == of {
+            true => camera.effect(Effect::new(effect, size_mm.parse()?)?),
+            false => camera,
+        });
+    }
+    if !Path::new(folder).exists() {
+        RigSimulation::new(cameras, Kind::General(1), seed.parse()?).frames(20).write_dataset(folder)?;
+    }
+    let rig = load_rig(Path::new(folder), &LoadOptions { cache: None, ..LoadOptions::default() })?;
+    let found =
+        diagnose_rig(&rig.capture, None, &RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() })?;
+    println!("verdict: {:?}", found.verdict);
+    for camera in &found.cameras {
+        let effects: Vec<String> = camera.effects.iter().map(ToString::to_string).collect();
+        println!("{}: {} ({:?})", camera.name, effects.join(", "), camera.verdict());
+        for shown in &camera.in_rig {
+            println!("  {} in the joint adjustment: {:?}", shown.spec, shown.left_out);
+        }
+    }
+    Ok(())
+}
