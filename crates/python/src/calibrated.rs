@@ -7,12 +7,14 @@ use depthcal_calibration::calibration_record::camera_from_record;
 use depthcal_io::{Calibration as Record, CameraFormat, ExportCamera};
 use depthcal_model::{Camera, Register};
 use nalgebra::Vector3;
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
+use crate::arrays::numbers;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{json, register_with};
+use crate::running::run;
 
 /// A calibrated camera.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -43,12 +45,12 @@ impl Calibration {
 }
 
 /// Rows (n, k) of an array.
-fn rows<const K: usize>(what: &str, array: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<[f64; K]>> {
-    let array = array.as_array();
-    if array.shape()[1] != K {
-        return Err(input(format!("{what} have the shape {:?}: give an array (n, {K})", array.shape())).into());
+fn rows<const K: usize>(what: &str, given: &Bound<'_, PyAny>) -> Result<Vec<[f64; K]>, Failure> {
+    let values = numbers(what, given)?;
+    match values.shape() {
+        [_, columns] if *columns == K => Ok(values.slice()?.as_chunks::<K>().0.to_vec()),
+        shape => Err(input(format!("{what} have the shape {shape:?}: give an array (n, {K})"))),
     }
-    Ok(array.rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect())
 }
 
 #[pymethods]
@@ -103,7 +105,7 @@ impl Calibration {
     /// The text of a camera file of another program, and warnings of what it cannot hold.
     fn export(&self, py: Python<'_>, format: &str) -> PyResult<(String, Vec<String>)> {
         let format: CameraFormat = format.parse().map_err(input)?;
-        let export = py.detach(|| ExportCamera::new(&self.camera, &self.record).export(format)).map_err(input)?;
+        let export = run(py, None, |_| ExportCamera::new(&self.camera, &self.record).export(format).map_err(input))?;
         Ok((export.text, export.warnings.iter().map(ToString::to_string).collect()))
     }
 
@@ -120,8 +122,8 @@ impl Calibration {
     }
 
     /// Pixels (n, 2) of points (n, 3) in mm; NaN where a point has none.
-    fn project<'py>(&self, py: Python<'py>, points: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let points = rows::<3>("points", &points)?;
+    fn project<'py>(&self, py: Python<'py>, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = rows::<3>("points", points)?;
         let camera = &self.camera;
         let pixels: Vec<f64> = py.detach(|| {
             let pixel = |p: &[f64; 3]| camera.project(&Vector3::from(*p)).unwrap_or([f64::NAN; 2]);
@@ -134,10 +136,10 @@ impl Calibration {
     fn rays<'py>(
         &self,
         py: Python<'py>,
-        pixels: PyReadonlyArray2<'py, f64>,
+        pixels: &Bound<'py, PyAny>,
         depth_mm: f64,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let pixels = rows::<2>("pixels", &pixels)?;
+        let pixels = rows::<2>("pixels", pixels)?;
         let camera = &self.camera;
         let rays: Vec<f64> = py.detach(|| {
             let ray = |p: &[f64; 2]| camera.ray(*p, 1.0 / depth_mm).unwrap_or([f64::NAN; 2]);

@@ -1,108 +1,91 @@
 //! Correction of numpy arrays.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };
-use numpy::{
-    PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
-};
+use numpy::Element;
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
-use rayon::ThreadPool;
+use pyo3::types::{PyFloat, PyInt};
 
+use crate::arrays::{Receiver, Values, numbers};
 use crate::calibrated::Calibration;
-use crate::failure::{Failure, InputError, input};
+use crate::failure::{Failure, input};
+use crate::images::{Depth, Gray};
 use crate::running::run;
+use crate::threads::{FrameThreads, SHARED};
+use crate::units;
 
 /// Corrects the depth images of a calibrated camera.
 ///
 /// Built once (``Corrector(calibration, threads=None)``), then used for every frame; may be used from several threads at a time. Arrays
-/// are read and written in place, without copies and without the GIL.
+/// in C order are read and written in place, without copies and without the GIL.
 #[pyclass(frozen, module = "depthcal")]
 #[derive(Debug)]
 pub(crate) struct Corrector {
     native: Arc<Native>,
-    /// Threads of its own; those of the process where there are none.
-    pool: Option<ThreadPool>,
+    /// Threads of its own; those that frames share where there are none.
+    threads: Option<FrameThreads>,
 }
 
-/// Depth of a call: steps or millimetres.
-#[derive(Clone, Copy)]
-enum Depth<'a, 'py> {
-    Steps(&'a Bound<'py, PyArrayDyn<u16>>),
-    Millimetres(&'a Bound<'py, PyArrayDyn<f32>>),
-}
-
-impl Depth<'_, '_> {
-    fn shape(&self) -> &[usize] {
-        match self {
-            Self::Steps(depth) => depth.shape(),
-            Self::Millimetres(depth) => depth.shape(),
-        }
-    }
-}
-
-fn depth_of<'a, 'py>(depth: &'a Bound<'py, PyAny>) -> PyResult<Depth<'a, 'py>> {
-    if let Ok(depth) = depth.cast::<PyArrayDyn<u16>>() {
-        return Ok(Depth::Steps(depth));
-    }
-    if let Ok(depth) = depth.cast::<PyArrayDyn<f32>>() {
-        return Ok(Depth::Millimetres(depth));
-    }
-    let found = match depth.cast::<PyUntypedArray>() {
-        Ok(array) => array.dtype().to_string(),
-        Err(_) => depth.get_type().to_string(),
-    };
-    Err(InputError::new_err(format!(
-        "depth is {found}: give an array of uint16 (steps of unit_mm) or float32 (millimetres)"
-    )))
-}
-
-/// Arguments of a call besides depth, as they are given.
+/// Arguments of a call besides `out`, as they are given.
 struct Given<'a, 'py> {
+    depth: &'a Bound<'py, PyAny>,
+    unit_mm: f64,
     amplitude: Option<&'a Bound<'py, PyAny>>,
-    time_s: Option<PerFrame>,
-    temperature_c: Option<PerFrame>,
+    time_s: Option<&'a Bound<'py, PyAny>>,
+    temperature_c: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// A call: depth of the calibrated size, and what comes with its frames. Arrays stay borrowed while it lives.
+/// What comes with the depth of a call, checked. Arrays stay borrowed while it lives.
 struct Call<'a, 'py> {
-    depth: Depth<'a, 'py>,
+    given: Given<'a, 'py>,
     count: usize,
     times: Vec<f64>,
     temperatures: Vec<f64>,
-    amplitude: Option<PyReadonlyArrayDyn<'py, u16>>,
+    amplitude: Option<Gray<'py>>,
 }
 
-impl Call<'_, '_> {
+impl<'py> Call<'_, 'py> {
     /// What the frames share, and what each has of its own, without the GIL.
     fn frames(&self) -> Result<Frames<'_>, Failure> {
-        let amplitudes = self.amplitude.as_ref().map(|amplitude| slice("amplitude", amplitude)).transpose()?;
-        Ok(Frames { times: &self.times, temperatures: &self.temperatures, amplitudes })
+        // Values of 8 bits are copied: tables of the correction have an entry per value of 16 bits.
+        let amplitudes = match &self.amplitude {
+            None => None,
+            Some(Gray::Wide(wide)) => Some(Cow::Borrowed(wide.slice()?)),
+            Some(narrow) => Some(Cow::Owned(narrow.widened()?)),
+        };
+        let unit_mm = self.given.unit_mm;
+        Ok(Frames { unit_mm, times: &self.times, temperatures: &self.temperatures, amplitudes })
+    }
+
+    /// Refuses inputs besides depth that lie in the memory of `out`.
+    fn check_apart<T: Element>(&self, out: &Receiver<'py, T>) -> Result<(), Failure> {
+        self.given.amplitude.map_or(Ok(()), |amplitude| out.check_apart("amplitude", amplitude))
     }
 }
 
 /// What the frames of a call share, and what each has of its own.
 struct Frames<'a> {
+    unit_mm: f64,
     times: &'a [f64],
     temperatures: &'a [f64],
-    amplitudes: Option<&'a [u16]>,
+    amplitudes: Option<Cow<'a, [u16]>>,
 }
 
 impl Frames<'_> {
     fn context(&self, corrector: &Native, index: usize) -> FrameContext<'_> {
         let (width, height) = (corrector.width(), corrector.height());
         let pixels = width * height;
-        let of = |values: &[f64]| values.get(index).or(values.first()).copied();
+        let of_frame = |values: &[f64]| values.get(index).or(values.first()).copied();
         FrameContext {
-            time_s: of(self.times).unwrap_or(0.0),
-            temperature_c: of(self.temperatures).unwrap_or(f64::NAN),
-            amplitude: self.amplitudes.map(|all| AmplitudeImage {
+            time_s: of_frame(self.times).unwrap_or(0.0),
+            temperature_c: of_frame(self.temperatures).unwrap_or(f64::NAN),
+            amplitude: self.amplitudes.as_ref().map(|all| AmplitudeImage {
                 width,
                 height,
                 data: &all[index * pixels..][..pixels],
@@ -111,200 +94,94 @@ impl Frames<'_> {
     }
 }
 
-/// An array's values where they lie one after the other.
-fn slice<'a, T: numpy::Element>(what: &str, array: &'a PyReadonlyArrayDyn<'_, T>) -> Result<&'a [T], Failure> {
-    array.as_slice().map_err(|_| not_contiguous(what))
-}
-
-fn slice_mut<'a, T: numpy::Element>(
-    what: &str,
-    array: &'a mut PyReadwriteArrayDyn<'_, T>,
-) -> Result<&'a mut [T], Failure> {
-    array.as_slice_mut().map_err(|_| not_contiguous(what))
-}
-
-fn not_contiguous(what: &str) -> Failure {
-    input(format!("{what} is not contiguous in memory: pass numpy.ascontiguousarray({what})"))
-}
-
-fn read<'py, T: numpy::Element>(depth: &Bound<'py, PyArrayDyn<T>>) -> Result<PyReadonlyArrayDyn<'py, T>, Failure> {
-    depth.try_readonly().map_err(|e| borrowed("depth", e))
-}
-
-fn write<'py, T: numpy::Element>(out: &Bound<'py, PyArrayDyn<T>>) -> Result<PyReadwriteArrayDyn<'py, T>, Failure> {
-    out.try_readwrite().map_err(|e| borrowed("out", e))
-}
-
-fn borrowed(what: &str, error: impl std::fmt::Display) -> Failure {
-    input(format!(
-        "{what}: {error}; depth and out must not overlap, but they may be the same array, and out must be writeable"
-    ))
-}
-
-/// The function `numpy.empty`.
-fn empty<'py>(py: Python<'py>, shape: &[usize], dtype: &Bound<'py, PyArrayDescr>) -> PyResult<Bound<'py, PyAny>> {
-    static EMPTY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
-    let function = EMPTY.get_or_try_init(py, || py.import("numpy")?.getattr("empty").map(Bound::unbind))?;
-    function.bind(py).call1((shape.to_vec(), dtype))
-}
-
-/// The array that receives a result: `out` where it is given, which must have the shape and type of the result, else a new one. `why` says
-/// what the type follows from.
-fn target<'py, T: numpy::Element>(
-    py: Python<'py>,
-    out: Option<Bound<'py, PyAny>>,
-    shape: &[usize],
-    why: &str,
-) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    let Some(out) = out else { return Ok(empty(py, shape, &T::get_dtype(py))?.cast_into()?) };
-    let out = out
-        .cast_into::<PyArrayDyn<T>>()
-        .map_err(|_| InputError::new_err(format!("out is no array of {}: {why}", T::get_dtype(py))))?;
-    if out.shape() != shape {
-        let found = out.shape();
-        return Err(input(format!(
-            "out has the shape {found:?}, the result {shape:?}: give an array of the same shape"
-        ))
-        .into());
-    }
-    Ok(out)
+/// A frame: its depth, `None` where that is in the memory for results, its unit in mm, and what comes with it.
+struct Frame<'a, T> {
+    depth: Option<&'a [T]>,
+    unit_mm: f64,
+    context: FrameContext<'a>,
 }
 
 /// One number, or one per frame.
-#[derive(FromPyObject)]
-enum PerFrame {
-    One(f64),
-    Each(Vec<f64>),
-}
-
-fn per_frame(what: &str, value: Option<PerFrame>, frames: usize) -> Result<Vec<f64>, Failure> {
-    match value {
-        None => Ok(Vec::new()),
-        Some(PerFrame::One(value)) => Ok(vec![value]),
-        Some(PerFrame::Each(values)) if values.len() == frames => Ok(values),
-        Some(PerFrame::Each(values)) => Err(input(format!(
-            "{what} has {} values for {frames} frames: give one number, or one per frame",
-            values.len()
-        ))),
+fn per_frame(what: &str, given: Option<&Bound<'_, PyAny>>, frames: usize) -> Result<Vec<f64>, Failure> {
+    let Some(given) = given else { return Ok(Vec::new()) };
+    if given.cast_exact::<PyFloat>().is_ok() || given.cast_exact::<PyInt>().is_ok() {
+        return Ok(vec![given.extract()?]);
     }
+    let values = numbers(what, given)?;
+    let is_right = match values.shape() {
+        [] => true,
+        [count] => *count == frames,
+        _ => false,
+    };
+    if !is_right {
+        let shape = values.shape();
+        return Err(input(format!(
+            "{what} has the shape {shape:?} for {frames} frames: give one number, or one per frame"
+        )));
+    }
+    Ok(values.slice()?.to_vec())
 }
 
 impl Corrector {
     /// Number of frames of an array (height, width) or (frames, height, width).
-    fn frames(&self, what: &str, shape: &[usize], components: usize) -> Result<usize, Failure> {
+    fn frames(&self, what: &str, shape: &[usize]) -> Result<usize, Failure> {
         let (height, width) = (self.native.height(), self.native.width());
-        let own: &[usize] = if components == 1 { &[height, width] } else { &[height, width, components] };
-        match shape.strip_suffix(own) {
+        match shape.strip_suffix(&[height, width]) {
             Some([]) => Ok(1),
             Some([frames]) => Ok(*frames),
-            _ => {
-                let last = if components == 1 { String::new() } else { format!(", {components}") };
-                Err(input(format!(
-                    "{what} has the shape {shape:?}, but the calibration is for ({height}, {width}{last}): use images of the calibrated \
-                     resolution, one or several (frames, {height}, {width}{last})"
-                )))
-            }
+            _ => Err(input(format!(
+                "{what} has the shape {shape:?}, but the calibration is for ({height}, {width}): use images of the calibrated \
+                 resolution, one or several (frames, {height}, {width})"
+            ))),
         }
     }
 
-    /// Checks the arguments of a call.
-    fn call<'a, 'py>(&self, depth: &'a Bound<'py, PyAny>, given: Given<'_, 'py>) -> PyResult<Call<'a, 'py>> {
-        let depth = depth_of(depth)?;
-        let count = self.frames("depth", depth.shape(), 1)?;
-        let amplitude = amplitude_of(given.amplitude)?;
+    /// Checks the arguments of a call; returns its depth apart from all else.
+    fn call<'a, 'py>(&self, given: Given<'a, 'py>) -> Result<(Depth<'py>, Call<'a, 'py>), Failure> {
+        let depth = Depth::new("depth", given.depth)?;
+        let count = self.frames("depth", depth.shape())?;
+        depth.check_unit("depth", given.unit_mm)?;
+        let amplitude = given.amplitude.map(|amplitude| Gray::new("amplitude", amplitude)).transpose()?;
         if let Some(amplitude) = &amplitude {
-            let frames = self.frames("amplitude", amplitude.shape(), 1)?;
+            let frames = self.frames("amplitude", amplitude.shape())?;
             if frames != count {
-                return Err(input(format!("amplitude has {frames} frames, depth has {count}")).into());
+                return Err(input(format!("amplitude has {frames} frames, depth has {count}")));
             }
         }
         let times = per_frame("time_s", given.time_s, count)?;
         let temperatures = per_frame("temperature_c", given.temperature_c, count)?;
-        Ok(Call { depth, count, times, temperatures, amplitude })
+        Ok((depth, Call { given, count, times, temperatures, amplitude }))
     }
 
-    /// Takes the frames one by one without the GIL.
-    fn each(
+    /// Takes the frames one by one, without the GIL, from `depth` (that in `out` where it is not given) to `out`, which has
+    /// `components` numbers for each pixel.
+    fn each<'py, T: Element + Sync, O: Element + Send>(
         &self,
-        py: Python<'_>,
-        frames: usize,
-        mut work: impl FnMut(usize) -> Result<CorrectionSummary, CorrectorError> + Send,
+        py: Python<'py>,
+        call: &Call<'_, 'py>,
+        depth: Option<Values<'py, T>>,
+        (out, components): (&Receiver<'py, O>, usize),
+        mut correct: impl FnMut(&Native, Frame<'_, T>, &mut [O]) -> Result<CorrectionSummary, CorrectorError> + Send,
     ) -> Result<CorrectionSummary, Failure> {
-        let mut all = move || {
+        call.check_apart(out)?;
+        let native = &*self.native;
+        let pixels = native.width() * native.height();
+        let depth = depth.as_ref().map(Values::slice).transpose()?;
+        let mut written = out.written()?;
+        let out = written.slice()?;
+        let (frames, count) = (call.frames()?, call.count);
+        let all = || {
             let mut sum = CorrectionSummary::default();
-            for index in 0..frames {
-                sum += work(index)?;
+            for index in 0..count {
+                let depth = depth.map(|depth| &depth[index * pixels..][..pixels]);
+                let frame = Frame { depth, unit_mm: frames.unit_mm, context: frames.context(native, index) };
+                sum += correct(native, frame, &mut out[index * components * pixels..][..components * pixels])?;
             }
             Ok(sum)
         };
-        let result: Result<_, CorrectorError> = py.detach(|| match &self.pool {
-            Some(pool) => pool.install(all),
-            None => all(),
-        });
-        result.map_err(input)
+        let corrected: Result<_, CorrectorError> = self.threads.as_ref().unwrap_or(&SHARED).run(py, all)?;
+        corrected.map_err(input)
     }
-
-    /// Depth into depth of the same type.
-    fn same<T: numpy::Element + Send + Sync>(
-        &self,
-        depth: &Bound<'_, PyArrayDyn<T>>,
-        out: &Bound<'_, PyArrayDyn<T>>,
-        call: &Call<'_, '_>,
-        correct: impl Fn(&Native, Option<&[T]>, &FrameContext<'_>, &mut [T]) -> Result<CorrectionSummary, CorrectorError>
-        + Send
-        + Sync,
-    ) -> Result<CorrectionSummary, Failure> {
-        let native = &*self.native;
-        let pixels = native.width() * native.height();
-        let source = if depth.is(out) { None } else { Some(read(depth)?) };
-        let source = source.as_ref().map(|source| slice("depth", source)).transpose()?;
-        let mut out = write(out)?;
-        let out = slice_mut("out", &mut out)?;
-        let frames = call.frames()?;
-        self.each(depth.py(), call.count, |index| {
-            let part = index * pixels..(index + 1) * pixels;
-            let context = frames.context(native, index);
-            correct(native, source.map(|source| &source[part.clone()]), &context, &mut out[part])
-        })
-    }
-
-    /// Depth into another array, of `components` numbers for each pixel.
-    fn to_other<T: numpy::Element + Send + Sync>(
-        &self,
-        depth: &Bound<'_, PyArrayDyn<T>>,
-        out: &Bound<'_, PyArrayDyn<f32>>,
-        components: usize,
-        call: &Call<'_, '_>,
-        mut correct: impl FnMut(&Native, &[T], &FrameContext<'_>, &mut [f32]) -> Result<CorrectionSummary, CorrectorError>
-        + Send,
-    ) -> Result<CorrectionSummary, Failure> {
-        let native = &*self.native;
-        let pixels = native.width() * native.height();
-        let source = read(depth)?;
-        let source = slice("depth", &source)?;
-        let mut out = write(out)?;
-        let out = slice_mut("out", &mut out)?;
-        let frames = call.frames()?;
-        self.each(depth.py(), call.count, |index| {
-            let context = frames.context(native, index);
-            let out = &mut out[components * index * pixels..][..components * pixels];
-            correct(native, &source[index * pixels..][..pixels], &context, out)
-        })
-    }
-}
-
-/// Infrared amplitudes as an array of uint16.
-fn amplitude_of<'py>(amplitude: Option<&Bound<'py, PyAny>>) -> PyResult<Option<PyReadonlyArrayDyn<'py, u16>>> {
-    let Some(amplitude) = amplitude else { return Ok(None) };
-    if let Ok(array) = amplitude.cast::<PyArrayDyn<u16>>() {
-        return Ok(Some(array.try_readonly().map_err(|e| borrowed("amplitude", e))?));
-    }
-    // Values of 8 bits are copied: tables of the correction have an entry per value of 16 bits.
-    if amplitude.cast::<PyArrayDyn<u8>>().is_ok() {
-        let wide = amplitude.call_method1(intern!(amplitude.py(), "astype"), ("uint16",))?;
-        return Ok(Some(wide.cast::<PyArrayDyn<u16>>()?.try_readonly().map_err(|e| borrowed("amplitude", e))?));
-    }
-    Err(InputError::new_err("amplitude must be an array of uint16 or uint8, on the pixel grid of depth"))
 }
 
 /// Counts of pixels: corrected, saturated, invalid, not correctable.
@@ -327,13 +204,11 @@ impl Corrector {
             )
         })?;
         let camera = native.get().camera.clone();
-        let pool = match threads {
-            None => None,
-            Some(0) => return Err(input("threads is 0; give at least 1").into()),
-            Some(threads) => Some(rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(input)?),
-        };
+        if threads == Some(0) {
+            return Err(input("threads is 0; give at least 1").into());
+        }
         let native = run(py, None, move |_| Native::new(&camera).map_err(input))?;
-        Ok(Self { native: Arc::new(native), pool })
+        Ok(Self { native: Arc::new(native), threads: threads.map(|number| FrameThreads::new(Some(number))) })
     }
 
     /// Width of its images, px.
@@ -362,12 +237,14 @@ impl Corrector {
         all.into_iter().filter(|(needed, _)| *needed).map(|(_, name)| name).collect()
     }
 
-    /// Corrected depth, of the shape and type of ``depth``: (height, width), or (frames, height, width).
+    /// Corrected depth, of the shape, type and unit of ``depth``: (height, width), or (frames, height, width).
     ///
-    /// uint16 is in steps of ``unit_mm`` millimetres, 0 and 65535 where nothing was measured; float32 is in millimetres, 0, NaN and infinity
-    /// where nothing was. What cannot be corrected is 0. ``amplitude`` is the infrared image, of the shape of ``depth``; ``time_s`` (since the
-    /// start of the recording) and ``temperature_c`` are numbers, or one per frame. ``out`` receives the result; it may be ``depth`` itself.
-    /// Arrays must be contiguous. Raises InputError.
+    /// ``depth`` is in units of ``unit_mm`` millimetres, and so is the result: uint16 in whole steps, 0 and 65535 where nothing
+    /// was measured, or float32, 0, NaN and infinity where nothing was; metres have ``unit_mm=1000``. What cannot be corrected
+    /// is 0. ``amplitude`` is the infrared image, uint8 or uint16, of the shape of ``depth``; ``time_s`` (since the start of the
+    /// recording) and ``temperature_c`` are numbers, or one per frame. Arrays may have any strides and byte order; those in C
+    /// order are not copied. ``out`` receives the result: an array in C order of the type of the result, which may be ``depth``
+    /// itself but must not overlap it otherwise. Raises InputError.
     #[pyo3(signature = (depth, unit_mm=1.0, *, amplitude=None, time_s=None, temperature_c=None, out=None))]
     #[expect(clippy::too_many_arguments, reason = "named in Python")]
     fn correct<'py>(
@@ -376,9 +253,9 @@ impl Corrector {
         depth: &Bound<'py, PyAny>,
         unit_mm: f64,
         amplitude: Option<&Bound<'py, PyAny>>,
-        time_s: Option<PerFrame>,
-        temperature_c: Option<PerFrame>,
-        out: Option<Bound<'py, PyAny>>,
+        time_s: Option<&Bound<'py, PyAny>>,
+        temperature_c: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         Ok(self.correct_counting(py, depth, unit_mm, amplitude, time_s, temperature_c, out)?.0)
     }
@@ -392,26 +269,27 @@ impl Corrector {
         depth: &Bound<'py, PyAny>,
         unit_mm: f64,
         amplitude: Option<&Bound<'py, PyAny>>,
-        time_s: Option<PerFrame>,
-        temperature_c: Option<PerFrame>,
-        out: Option<Bound<'py, PyAny>>,
+        time_s: Option<&Bound<'py, PyAny>>,
+        temperature_c: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyAny>, Counts)> {
-        let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
-        let (shape, why) = (call.depth.shape(), "corrected depth has the type of depth");
-        let (out, summary) = match call.depth {
-            Depth::Steps(depth) => {
-                let out = target::<u16>(py, out, shape, why)?;
-                let summary = self.same(depth, &out, &call, |native, source, context, out| match source {
-                    Some(source) => native.correct_u16_buffer(source, unit_mm, context, out),
-                    None => native.correct_u16_buffer_in_place(out, unit_mm, context),
+        let (values, call) = self.call(Given { depth, unit_mm, amplitude, time_s, temperature_c })?;
+        let why = "corrected depth has the type of depth";
+        let (out, summary) = match values {
+            Depth::Steps(steps) => {
+                let out = Receiver::<u16>::new(py, out, steps.shape(), why)?;
+                let source = out.source("depth", depth, steps)?;
+                let summary = self.each(py, &call, source, (&out, 1), |native, frame, out| match frame.depth {
+                    Some(steps) => native.correct_u16_buffer(steps, frame.unit_mm, &frame.context, out),
+                    None => native.correct_u16_buffer_in_place(out, frame.unit_mm, &frame.context),
                 })?;
                 (out.into_any(), summary)
             }
-            Depth::Millimetres(depth) => {
-                let out = target::<f32>(py, out, shape, why)?;
-                let summary = self.same(depth, &out, &call, |native, source, context, out| match source {
-                    Some(source) => native.correct_f32(source, context, out),
-                    None => native.correct_f32_in_place(out, context),
+            Depth::Float(float) => {
+                let out = Receiver::<f32>::new(py, out, float.shape(), why)?;
+                let source = out.source("depth", depth, float)?;
+                let summary = self.each(py, &call, source, (&out, 1), |native, frame, out| {
+                    units::correct(native, frame.depth, frame.unit_mm, &frame.context, out)
                 })?;
                 (out.into_any(), summary)
             }
@@ -419,7 +297,7 @@ impl Corrector {
         Ok((out, counts(summary)))
     }
 
-    /// As ``correct``, in millimetres that are not rounded to steps: float32 of the shape of ``depth``.
+    /// As ``correct``, in millimetres whatever the unit of ``depth``, not rounded to steps: float32 of the shape of ``depth``.
     #[pyo3(signature = (depth, unit_mm=1.0, *, amplitude=None, time_s=None, temperature_c=None, out=None))]
     #[expect(clippy::too_many_arguments, reason = "named in Python")]
     fn correct_to_mm<'py>(
@@ -428,24 +306,32 @@ impl Corrector {
         depth: &Bound<'py, PyAny>,
         unit_mm: f64,
         amplitude: Option<&Bound<'py, PyAny>>,
-        time_s: Option<PerFrame>,
-        temperature_c: Option<PerFrame>,
-        out: Option<Bound<'py, PyAny>>,
+        time_s: Option<&Bound<'py, PyAny>>,
+        temperature_c: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        if matches!(depth_of(depth)?, Depth::Millimetres(_)) {
-            return self.correct(py, depth, unit_mm, amplitude, time_s, temperature_c, out);
-        }
-        let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
-        let out = target::<f32>(py, out, call.depth.shape(), "it receives millimetres")?;
-        if let Depth::Steps(depth) = call.depth {
-            self.to_other(depth, &out, 1, &call, |native, source, context, out| {
-                native.correct_u16_buffer_to_f32(source, unit_mm, context, out)
-            })?;
+        let (values, call) = self.call(Given { depth, unit_mm, amplitude, time_s, temperature_c })?;
+        let out = Receiver::<f32>::new(py, out, values.shape(), "it receives millimetres")?;
+        match values {
+            Depth::Steps(steps) => {
+                out.check_apart("depth", depth)?;
+                self.each(py, &call, Some(steps), (&out, 1), |native, frame, out| {
+                    let steps = frame.depth.unwrap_or_default();
+                    native.correct_u16_buffer_to_f32(steps, frame.unit_mm, &frame.context, out)
+                })?;
+            }
+            Depth::Float(float) => {
+                let source = out.source("depth", depth, float)?;
+                self.each(py, &call, source, (&out, 1), |native, frame, out| {
+                    units::correct_to_mm(native, frame.depth, frame.unit_mm, &frame.context, out)
+                })?;
+            }
         }
         Ok(out.into_any())
     }
 
-    /// Corrected points in the camera frame, mm: float32 of shape (…, height, width, 3), NaN where there is no corrected depth.
+    /// Corrected points in the camera frame, in millimetres whatever the unit of ``depth``: float32 of shape (…, height, width,
+    /// 3), NaN where there is no corrected depth.
     #[pyo3(signature = (depth, unit_mm=1.0, *, amplitude=None, time_s=None, temperature_c=None, out=None))]
     #[expect(clippy::too_many_arguments, reason = "named in Python")]
     fn points<'py>(
@@ -454,23 +340,26 @@ impl Corrector {
         depth: &Bound<'py, PyAny>,
         unit_mm: f64,
         amplitude: Option<&Bound<'py, PyAny>>,
-        time_s: Option<PerFrame>,
-        temperature_c: Option<PerFrame>,
-        out: Option<Bound<'py, PyAny>>,
+        time_s: Option<&Bound<'py, PyAny>>,
+        temperature_c: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let call = self.call(depth, Given { amplitude, time_s, temperature_c })?;
-        let shape: Vec<usize> = call.depth.shape().iter().copied().chain([3]).collect();
-        let out = target::<f32>(py, out, &shape, "points are in millimetres")?;
-        match call.depth {
-            Depth::Steps(depth) => {
-                self.to_other(depth, &out, 3, &call, |native, source, context, out| {
-                    native.correct_u16_buffer_to_points(source, unit_mm, context, PointsMut::Interleaved(out))
+        let (values, call) = self.call(Given { depth, unit_mm, amplitude, time_s, temperature_c })?;
+        let shape: Vec<usize> = values.shape().iter().copied().chain([3]).collect();
+        let out = Receiver::<f32>::new(py, out, &shape, "points are in millimetres")?;
+        out.check_apart("depth", depth)?;
+        match values {
+            Depth::Steps(steps) => {
+                self.each(py, &call, Some(steps), (&out, 3), |native, frame, out| {
+                    let (steps, out) = (frame.depth.unwrap_or_default(), PointsMut::Interleaved(out));
+                    native.correct_u16_buffer_to_points(steps, frame.unit_mm, &frame.context, out)
                 })?;
             }
-            Depth::Millimetres(depth) => {
+            Depth::Float(float) => {
                 let mut corrected = vec![0.0; self.native.width() * self.native.height()];
-                self.to_other(depth, &out, 3, &call, |native, source, context, out| {
-                    let summary = native.correct_f32(source, context, &mut corrected)?;
+                self.each(py, &call, Some(float), (&out, 3), |native, frame, out| {
+                    let (depth, unit_mm) = (frame.depth, frame.unit_mm);
+                    let summary = units::correct_to_mm(native, depth, unit_mm, &frame.context, &mut corrected)?;
                     native.points_f32_into(&corrected, PointsMut::Interleaved(out))?;
                     Ok(summary)
                 })?;

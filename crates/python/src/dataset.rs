@@ -1,6 +1,6 @@
 //! Datasets: folders, or arrays in memory.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_calibration::load::{
@@ -8,13 +8,14 @@ use depthcal_calibration::load::{
     load_with_markers,
 };
 use depthcal_calibration::observe::RawFrame;
-use depthcal_io::{CameraHint, DepthValues, FrameMetadata, IntrinsicNumbers};
+use depthcal_io::{CameraHint, DepthFrame, DepthValues, FrameMetadata, IntrinsicNumbers};
 use depthcal_model::{Register, Target};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::failure::{Failure, input};
-use crate::markers::{MarkerArrays, depth_of, gray_of, markers_of};
+use crate::images::{depth_frame, gray_image};
+use crate::markers::{MarkerArrays, markers_of};
 use crate::request::json;
 use crate::running::run;
 
@@ -90,8 +91,8 @@ pub(crate) fn from_memory(
     }
     let frames = frames.into_iter().map(|(name, image, depth, markers, timestamp_s, temperature_c)| {
         Ok(FrameInMemory {
-            image: image.map(|image| gray_of(&name, &image)).transpose()?,
-            depth: depth.map(|depth| depth_of(&name, &depth)).transpose()?,
+            image: image.map(|image| gray_image(&format!("frame '{name}': the image"), &image)).transpose()?,
+            depth: depth.map(|depth| depth_of(&name, &depth, unit_mm)).transpose()?,
             markers: markers_of(&name, &markers)?,
             metadata: FrameMetadata { timestamp_s, temperature_c, ..FrameMetadata::default() },
             name,
@@ -108,8 +109,15 @@ pub(crate) fn from_memory(
         intrinsics.map(|(fx, fy, cx, cy, skew, distortion)| IntrinsicNumbers { fx, fy, cx, cy, skew, distortion });
     let camera = (numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, intrinsics: None, lens, fixed });
     let given = DatasetInMemory { name, target, size, depth_unit_mm: unit_mm, camera, frames };
-    let loaded = py.detach(|| load_from_memory(given)).map_err(input)?;
+    let loaded = run(py, None, move |_| load_from_memory(given).map_err(input))?;
     Ok(Dataset { loaded: Arc::new(loaded) })
+}
+
+/// The depth of a frame, in a unit that its type of values can have.
+fn depth_of(frame: &str, given: &Bound<'_, PyAny>, unit_mm: Option<f64>) -> Result<DepthFrame, Failure> {
+    let depth = depth_frame(&format!("frame '{frame}': the depth image"), given)?;
+    unit_mm.map_or(Ok(()), |unit_mm| depth.check_unit(Path::new(frame), unit_mm)).map_err(input)?;
+    Ok(depth)
 }
 
 /// The board of a JSON text.

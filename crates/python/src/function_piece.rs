@@ -11,10 +11,11 @@ use std::time::Instant;
 use depthcal_formula::FormulaCovariate;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AddsTo, AnyPiece, Context, Covariate, On, Options, Parameter};
-use numpy::{IntoPyArray, PyReadonlyArray1};
+use numpy::IntoPyArray;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
+use crate::arrays::numbers;
 use crate::failure::input;
 use crate::running::raise;
 
@@ -124,11 +125,7 @@ impl FunctionContent {
         let arrays = PyList::new(py, columns.into_iter().map(|column| column.into_pyarray(py)))?;
         let theta = PyTuple::new(py, theta)?;
         let result = self.function.bind(py).call1((theta, arrays))?;
-        let values: PyReadonlyArray1<'_, f64> = result.extract().map_err(|_| {
-            let found = result.get_type();
-            input(format!("effect '{}': the function gave {found} instead of an array of float64", self.name))
-        })?;
-        let values = values.as_array().to_vec();
+        let values = numbers(&format!("effect '{}': the function's result", self.name), &result)?.slice()?.to_vec();
         if values.len() != count {
             let found = values.len();
             return Err(

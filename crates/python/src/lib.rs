@@ -1,20 +1,23 @@
 //! The Python package of depthcal: the native module `depthcal._depthcal`.
 //!
-//! Everything here is a thin layer: arguments become options of the library, long calls run without the GIL in a thread of their own
-//! (`running`), results are objects that keep the library's results and give its records as JSON. Tables, figures and documentation for
-//! users are in the package's Python files.
+//! Everything here is a thin layer: arguments become options of the library, long calls run without the GIL in threads of their
+//! own (`running`), results are objects that keep the library's results and give its records as JSON. Tables, figures and
+//! documentation for users are in the package's Python files.
 //!
 //! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work;
 //! - `rig`, `rig_diagnosed`, `fleet`: several cameras on one body, many of one type;
 //! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
-//! - `request`, `failure`, `running`: what all steps share.
+//! - `arrays`, `images`, `markers`, `units`: numpy arrays as the library takes them;
+//! - `request`, `failure`, `running`, `threads`: what all steps share.
 //!
-//! Invariants: the GIL is released in every call that may reach the chain, because a piece may call Python from any thread; no panic
-//! reaches Python but as an exception.
+//! Invariants: the GIL is released in every call that may reach the chain, because a piece may call Python from any thread;
+//! nothing runs in rayon's global pool, which a forked process does not have (`threads`); arrays are read and written through
+//! `arrays` alone; no panic reaches Python but as an exception.
 // The macros of PyO3 expand to `unsafe` code for Python's C interface; this crate has none of its own.
 #![allow(unsafe_code)]
 
+mod arrays;
 mod calibrated;
 mod compared;
 mod corrector;
@@ -26,6 +29,7 @@ mod failure;
 mod fitted;
 mod fleet;
 mod function_piece;
+mod images;
 mod markers;
 mod registration;
 mod request;
@@ -33,6 +37,8 @@ mod rig;
 mod rig_diagnosed;
 mod running;
 mod simulated;
+mod threads;
+mod units;
 mod written;
 
 use pyo3::prelude::*;
@@ -72,6 +78,7 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(fleet::fleet, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate_points, module)?)?;
-    module.add_function(wrap_pyfunction!(running::set_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(threads::set_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(arrays::real_numbers, module)?)?;
     Ok(())
 }

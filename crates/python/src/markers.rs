@@ -1,74 +1,48 @@
-//! Markers and images from numpy arrays.
+//! Markers from arrays.
 
 use depthcal_calibration::observe::MarkerObservation;
-use depthcal_io::{DepthFrame, DepthValues, GrayImage};
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
+use crate::arrays::{numbers, whole_numbers};
 use crate::failure::{Failure, input};
 
-/// Markers of a frame: numbers (n), positions in px (n, 2), standard deviations in px (n) or none.
-pub(crate) type MarkerArrays<'py> =
-    (PyReadonlyArray1<'py, i64>, PyReadonlyArray2<'py, f64>, Option<PyReadonlyArray1<'py, f64>>);
+/// Markers of a frame: numbers (n) or none where all markers of the board were found, positions in px (n, 2), standard
+/// deviations in px (n) or none. None where the board was not found.
+pub(crate) type MarkerArrays<'py> = Option<(Option<Bound<'py, PyAny>>, Bound<'py, PyAny>, Option<Bound<'py, PyAny>>)>;
 
-/// Markers from arrays.
-pub(crate) fn markers_of(
-    frame: &str,
-    (indices, pixels, stds): &MarkerArrays<'_>,
-) -> Result<Vec<MarkerObservation>, Failure> {
-    let (indices, positions) = (indices.as_array(), pixels.as_array());
-    let n = indices.len();
-    if positions.shape() != [n, 2] || stds.as_ref().is_some_and(|s| s.as_array().len() != n) {
-        let shape = positions.shape();
-        return Err(Failure::Input(format!(
-            "frame '{frame}': {n} numbers of markers, but positions of the shape {shape:?}: give one row (u, v) per marker"
+/// Markers from arrays. Arrays may have further axes of length 1, as OpenCV's have.
+pub(crate) fn markers_of(frame: &str, given: &MarkerArrays<'_>) -> Result<Vec<MarkerObservation>, Failure> {
+    let Some((indices, pixels, stds)) = given else { return Ok(Vec::new()) };
+    let pixels = numbers(&format!("frame '{frame}': markers"), pixels)?;
+    let (positions, odd) = pixels.slice()?.as_chunks::<2>();
+    let (shape, n) = (pixels.shape(), positions.len());
+    if n == 0 && odd.is_empty() {
+        return Ok(Vec::new());
+    }
+    if shape.last() != Some(&2) || shape.len() < 2 {
+        return Err(input(format!(
+            "frame '{frame}': markers have the shape {shape:?}: give (u, v) in px, an array (n, 2) or (n, 1, 2)"
         )));
     }
-    let of = |i: usize| {
-        let index = usize::try_from(indices[i])
-            .map_err(|_| input(format!("frame '{frame}': marker {} does not exist: numbers begin at 0", indices[i])))?;
-        let std_px = stds.as_ref().map_or(1.0, |s| s.as_array()[i]);
-        Ok(MarkerObservation { index, pixel: [positions[[i, 0]], positions[[i, 1]]], std_px })
+    let indices = match indices {
+        Some(indices) => whole_numbers(&format!("frame '{frame}': numbers of markers"), indices)?,
+        None => (0..n as i64).collect(),
     };
-    (0..n).map(of).collect()
-}
-
-/// Width and height of an image array.
-fn size_of(frame: &str, what: &str, shape: &[usize]) -> Result<(usize, usize), Failure> {
-    match shape {
-        [height, width] if *height > 0 && *width > 0 => Ok((*width, *height)),
-        other => Err(Failure::Input(format!(
-            "frame '{frame}': {what} has the shape {other:?}: give an array (height, width) of one channel"
-        ))),
+    let stds = stds.as_ref().map(|stds| numbers(&format!("frame '{frame}': standard deviations"), stds)).transpose()?;
+    let stds = stds.as_ref().map(|stds| stds.slice()).transpose()?;
+    if indices.len() != n {
+        let given = indices.len();
+        return Err(input(format!(
+            "frame '{frame}': {given} numbers of markers, but positions of the shape {shape:?}: give one row (u, v) per marker"
+        )));
     }
-}
-
-/// A grey image from an array of uint8 or uint16.
-pub(crate) fn gray_of(frame: &str, array: &Bound<'_, PyAny>) -> Result<GrayImage, Failure> {
-    if let Ok(array) = array.cast::<PyArrayDyn<u8>>() {
-        let (width, height) = size_of(frame, "the image", array.shape())?;
-        let data = array.readonly().as_array().iter().map(|v| u16::from(*v)).collect();
-        return Ok(GrayImage { width, height, data, bits: 8 });
+    if let Some(given) = stds.map(<[f64]>::len).filter(|given| *given != n) {
+        return Err(input(format!("frame '{frame}': {given} standard deviations of {n} markers: give one per marker")));
     }
-    if let Ok(array) = array.cast::<PyArrayDyn<u16>>() {
-        let (width, height) = size_of(frame, "the image", array.shape())?;
-        let data = array.readonly().as_array().iter().copied().collect();
-        return Ok(GrayImage { width, height, data, bits: 16 });
-    }
-    Err(Failure::Input(format!("frame '{frame}': the image must be an array of uint8 or uint16")))
-}
-
-/// A depth image from an array of uint16 (steps) or float32 (units).
-pub(crate) fn depth_of(frame: &str, array: &Bound<'_, PyAny>) -> Result<DepthFrame, Failure> {
-    if let Ok(array) = array.cast::<PyArrayDyn<u16>>() {
-        let (width, height) = size_of(frame, "the depth image", array.shape())?;
-        let values = DepthValues::Steps(array.readonly().as_array().iter().copied().collect());
-        return Ok(DepthFrame { width, height, values });
-    }
-    if let Ok(array) = array.cast::<PyArrayDyn<f32>>() {
-        let (width, height) = size_of(frame, "the depth image", array.shape())?;
-        let values = DepthValues::Float(array.readonly().as_array().iter().copied().collect());
-        return Ok(DepthFrame { width, height, values });
-    }
-    Err(Failure::Input(format!("frame '{frame}': the depth image must be an array of uint16 steps or float32")))
+    let marker = |(i, (index, pixel)): (usize, (&i64, &[f64; 2]))| {
+        let index = usize::try_from(*index)
+            .map_err(|_| input(format!("frame '{frame}': marker {index} does not exist: numbers begin at 0")))?;
+        Ok(MarkerObservation { index, pixel: *pixel, std_px: stds.map_or(1.0, |stds| stds[i]) })
+    };
+    indices.iter().zip(positions).enumerate().map(marker).collect()
 }

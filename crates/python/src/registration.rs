@@ -6,13 +6,16 @@ use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{
     AmplitudeImage, Corrector, FrameContext, PointsMut, RegisteredDepth, colours_of, depth_into,
 };
-use depthcal_io::RgbImage;
-use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use depthcal_io::{DepthValues, RgbImage};
+use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::prelude::*;
 
+use crate::arrays::{array_of, exactly, type_name};
 use crate::calibrated::Calibration;
 use crate::failure::{Failure, input};
+use crate::images::{Depth, Gray};
 use crate::running::run;
+use crate::units;
 
 /// Takes the corrected depth of one camera of a rig into the image of another, and the colours of that image onto the pixels of depth.
 #[pyclass(frozen, module = "depthcal._depthcal")]
@@ -23,20 +26,12 @@ pub(crate) struct Registration {
     corrector: Corrector,
 }
 
-/// Depth of a frame: steps of so many mm, or mm.
-enum Depth {
-    Steps(Vec<u16>, f64),
-    Millimetres(Vec<f32>),
-}
-
-/// The values of an array of this type and shape, row by row; `None` where its type is another.
-fn values<T: Element + Copy>(what: &str, array: &Bound<'_, PyAny>, shape: &[usize]) -> Result<Option<Vec<T>>, Failure> {
-    let Ok(array) = array.cast::<PyArrayDyn<T>>() else { return Ok(None) };
-    if array.shape() != shape {
-        return Err(input(format!("{what} has the shape {:?}, but the calibration is for {shape:?}", array.shape())));
+/// Refuses an array that does not have the shape that a calibration asks for.
+fn check_shape(what: &str, given: &[usize], shape: &[usize]) -> Result<(), Failure> {
+    if given == shape {
+        return Ok(());
     }
-    let array: PyReadonlyArrayDyn<'_, T> = array.try_readonly().map_err(|e| input(format!("{what}: {e}")))?;
-    Ok(Some(array.as_array().iter().copied().collect()))
+    Err(input(format!("{what} has the shape {given:?}, but the calibration is for {shape:?}")))
 }
 
 /// Depth in steps of a unit, rounded; 0 where there is none or where it does not fit.
@@ -50,39 +45,42 @@ fn steps(depth_mm: &[f32], unit_mm: f64) -> Vec<u16> {
 
 impl Registration {
     /// The corrected points of a frame, mm in the camera's frame; NaN where there is no depth.
-    fn points(&self, depth: Depth, context: &FrameContext<'_>) -> Result<Vec<[f32; 3]>, Failure> {
+    fn points(&self, depth: DepthValues, unit_mm: f64, context: &FrameContext<'_>) -> Result<Vec<[f32; 3]>, Failure> {
         let mut points = vec![[f32::NAN; 3]; self.corrector.width() * self.corrector.height()];
         let out = PointsMut::Interleaved(points.as_flattened_mut());
         match depth {
-            Depth::Steps(steps, unit_mm) => {
+            DepthValues::Steps(steps) => {
                 self.corrector.correct_u16_buffer_to_points(&steps, unit_mm, context, out).map_err(input)?;
             }
-            Depth::Millimetres(mut mm) => {
-                self.corrector.correct_f32_in_place(&mut mm, context).map_err(input)?;
-                self.corrector.points_f32_into(&mm, out).map_err(input)?;
+            DepthValues::Float(mut depth) => {
+                units::correct_to_mm(&self.corrector, None, unit_mm, context, &mut depth).map_err(input)?;
+                self.corrector.points_f32_into(&depth, out).map_err(input)?;
             }
         }
         Ok(points)
     }
 
-    fn depth_of(&self, depth: &Bound<'_, PyAny>, unit_mm: f64) -> Result<Depth, Failure> {
-        let shape = [self.corrector.height(), self.corrector.width()];
-        if let Some(steps) = values::<u16>("depth", depth, &shape)? {
-            return Ok(Depth::Steps(steps, unit_mm));
-        }
-        let mm = values::<f32>("depth", depth, &shape)?;
-        mm.map(Depth::Millimetres)
-            .ok_or_else(|| input("depth must be an array of uint16 (steps of unit_mm) or float32 (millimetres)"))
+    fn depth_of(&self, given: &Bound<'_, PyAny>, unit_mm: f64) -> Result<DepthValues, Failure> {
+        let depth = Depth::new("depth", given)?;
+        check_shape("depth", depth.shape(), &[self.corrector.height(), self.corrector.width()])?;
+        depth.check_unit("depth", unit_mm)?;
+        depth.to_values()
     }
 
-    fn amplitude_of(&self, amplitude: &Bound<'_, PyAny>) -> Result<Vec<u16>, Failure> {
-        let shape = [self.corrector.height(), self.corrector.width()];
-        if let Some(amplitude) = values::<u16>("amplitude", amplitude, &shape)? {
-            return Ok(amplitude);
-        }
-        let narrow = values::<u8>("amplitude", amplitude, &shape)?;
-        let narrow = narrow.ok_or_else(|| input("amplitude must be an array of uint16 or uint8"))?;
-        Ok(narrow.into_iter().map(u16::from).collect())
+    fn amplitude_of(&self, given: &Bound<'_, PyAny>) -> Result<Vec<u16>, Failure> {
+        let amplitude = Gray::new("amplitude", given)?;
+        check_shape("amplitude", amplitude.shape(), &[self.corrector.height(), self.corrector.width()])?;
+        amplitude.widened()
+    }
+
+    /// The image of the target.
+    fn image_of(&self, given: &Bound<'_, PyAny>) -> Result<RgbImage, Failure> {
+        let (width, height) = (self.target.camera.width, self.target.camera.height);
+        let Some(image) = exactly::<u8>("image", array_of("image", given)?)? else {
+            return Err(input(format!("image is {}: give an array (height, width, 3) of uint8", type_name(given))));
+        };
+        check_shape("image", image.shape(), &[height, width, 3])?;
+        Ok(RgbImage { width, height, data: image.slice()?.as_chunks::<3>().0.to_vec() })
     }
 }
 
@@ -104,7 +102,8 @@ impl Registration {
         Ok(Self { source, target, corrector })
     }
 
-    /// Depth of a frame in the target's image, of the type of ``depth``, and colours of depth's pixels where an image is given.
+    /// Depth of a frame in the target's image, of the type and unit of ``depth``, and colours of depth's pixels where an image
+    /// is given.
     #[pyo3(signature = (depth, unit_mm, image, amplitude, time_s, temperature_c, timestamp_s))]
     #[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
     fn register<'py>(
@@ -121,16 +120,9 @@ impl Registration {
         let (width, height) = (self.corrector.width(), self.corrector.height());
         let (across, down) = (self.target.camera.width, self.target.camera.height);
         let depth = self.depth_of(depth, unit_mm)?;
-        let in_steps = matches!(depth, Depth::Steps(..));
+        let in_steps = matches!(depth, DepthValues::Steps(_));
         let amplitude = amplitude.map(|array| self.amplitude_of(&array)).transpose()?;
-        let image = match &image {
-            None => None,
-            Some(array) => {
-                let data = values::<u8>("image", array, &[down, across, 3])?
-                    .ok_or_else(|| input("image must be an array (height, width, 3) of uint8"))?;
-                Some(RgbImage { width: across, height: down, data: data.as_chunks::<3>().0.to_vec() })
-            }
-        };
+        let image = image.map(|array| self.image_of(&array)).transpose()?;
         let (registered, colours): (RegisteredDepth, Option<Vec<u8>>) = run(py, None, move |_| {
             let context = FrameContext {
                 time_s: time_s.unwrap_or(0.0),
@@ -141,7 +133,7 @@ impl Registration {
                 time_s: timestamp_s.or(time_s).unwrap_or(f64::NAN),
                 temperature_c: temperature_c.unwrap_or(f64::NAN),
             };
-            let points = self.points(depth, &context)?;
+            let points = self.points(depth, unit_mm, &context)?;
             let target_from_source = self.target.at(&taken).from(&self.source.at(&taken));
             let registered = depth_into(&points, width, &self.target.camera, &target_from_source);
             let colours = image.map(|image| {
@@ -154,7 +146,8 @@ impl Registration {
         let in_target = if in_steps {
             steps(&registered.depth_mm, unit_mm).into_pyarray(py).reshape([down, across])?.into_any()
         } else {
-            registered.depth_mm.into_pyarray(py).reshape([down, across])?.into_any()
+            let depth: Vec<f32> = registered.depth_mm.iter().map(|z| units::in_units(*z, unit_mm)).collect();
+            depth.into_pyarray(py).reshape([down, across])?.into_any()
         };
         let on_depth = match colours {
             Some(colours) => Some(colours.into_pyarray(py).reshape([height, width, 3])?.into_any()),

@@ -1,4 +1,4 @@
-//! Long calls: without the GIL, in a thread of their own, while the calling thread shows progress and listens for Ctrl-C.
+//! Long calls: without the GIL, in threads of their own, while the calling thread shows progress and listens for Ctrl-C.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -12,9 +12,8 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 
 use crate::failure::{Error, Failure, input};
+use crate::threads::in_threads_of_its_own;
 
-/// Memory of the thread that works, bytes: as much as a main thread usually has.
-const STACK: usize = 16 << 20;
 /// How often the calling thread looks for signals.
 const LISTENING: Duration = Duration::from_millis(50);
 
@@ -95,9 +94,9 @@ impl Drop for ReportedJob {
     }
 }
 
-/// Runs `work` without the GIL in a thread of its own. Progress goes to `show`, called with (event, number of the job, text, steps) in the
-/// calling thread. Ctrl-C ends the work at its next stage and raises KeyboardInterrupt; an exception of `show` or of Python code that
-/// the work calls ends it as well.
+/// Runs `work` without the GIL in threads of its own. Progress goes to `show`, called with (event, number of the job, text,
+/// steps) in the calling thread. Ctrl-C ends the work at its next stage and raises KeyboardInterrupt; an exception of `show` or
+/// of Python code that the work calls ends it as well.
 pub(crate) fn run<T: Send>(
     py: Python<'_>,
     show: Option<&Py<PyAny>>,
@@ -109,13 +108,13 @@ pub(crate) fn run<T: Send>(
     let reporter = Reporter { sender: sender.clone(), interrupted: interrupted.clone(), jobs: AtomicUsize::new(0) };
     let mut raised = None;
     let outcome = std::thread::scope(|scope| {
-        let worker =
-            std::thread::Builder::new().name("depthcal".to_owned()).stack_size(STACK).spawn_scoped(scope, move || {
-                let handle = ProgressHandle::new(reporter);
-                let outcome = catch_unwind(AssertUnwindSafe(|| work(&handle)));
-                let _ = sender.send(Event::Done);
-                outcome
-            });
+        let worker = std::thread::Builder::new().name("depthcal".to_owned()).spawn_scoped(scope, move || {
+            let handle = ProgressHandle::new(reporter);
+            let all = || in_threads_of_its_own(|| work(&handle)).flatten();
+            let outcome = catch_unwind(AssertUnwindSafe(all));
+            let _ = sender.send(Event::Done);
+            outcome
+        });
         let worker = match worker {
             Ok(worker) => worker,
             Err(error) => return Ok(Err(input(format!("no thread can be started: {error}")))),
@@ -180,16 +179,4 @@ fn exception_of(payload: Box<dyn Any + Send>) -> PyErr {
     let words = payload.downcast_ref::<&str>().map(|s| (*s).to_owned());
     let words = words.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
     Error::new_err(format!("depthcal failed where it must not: {words}; please report this as a bug"))
-}
-
-/// Sets the number of threads of all further calls. Works once, before the first call that uses several threads.
-#[pyfunction]
-pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
-    if threads == 0 {
-        return Err(input("threads is 0; give at least 1").into());
-    }
-    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    Ok(built.map_err(|_| {
-        input("the threads are running already: call set_threads before anything else, or set RAYON_NUM_THREADS")
-    })?)
 }

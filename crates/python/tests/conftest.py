@@ -3,6 +3,7 @@
 numpy and pytest are enough; tests that need more (pandas, matplotlib, OpenCV, Ray…) are skipped where it is not installed.
 """
 
+import json
 import os
 import subprocess
 from pathlib import Path
@@ -94,4 +95,41 @@ def wave(shape=(480, 640)):
     depth = (1200 + 300 * np.sin(u / 90) + 200 * np.cos(v / 60)).astype(np.uint16)
     depth[::17, ::13] = 0
     depth[5, 7] = 65535
+    return depth
+
+
+#: Height and width of the images of :func:`small` and :func:`rig_record`.
+SMALL = (48, 64)
+
+
+def parsed(record, **changes):
+    """A calibration of a changed record."""
+    native = depthcal._depthcal.Calibration.parse(json.dumps({**record, **changes}), [])
+    return depthcal.Calibration(native)
+
+
+@pytest.fixture(scope="session")
+def small(points):
+    """A calibration of small images, with errors of depth of some mm."""
+    record = depthcal.calibrate(points).calibration.record
+    return parsed(record, camera={**record["camera"], "width": SMALL[1], "height": SMALL[0]})
+
+
+@pytest.fixture(scope="session")
+def small_rig(small):
+    """A calibration of two such cameras, 20 mm apart."""
+    record = small.record
+    camera = {**record["camera"], "noise": record["noise"], "depth_unit_mm": 1.0, "frames_used": 1}
+
+    def placed(name, translation):
+        return {"name": name, "camera_from_rig": {"rotation": [1, 0, 0, 0], "translation_mm": translation}, **camera}
+
+    return parsed(record, cameras=[placed("infrared", [0, 0, 0]), placed("colour", [20, 0, 0])])
+
+
+def small_wave(seed=0):
+    """A small depth image, uint16 mm, with pixels that were not measured."""
+    random = np.random.default_rng(seed)
+    depth = random.integers(400, 4000, SMALL, dtype=np.uint16)
+    depth[::7, ::5] = 0
     return depth

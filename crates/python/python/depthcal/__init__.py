@@ -1,8 +1,12 @@
 """Calibration of depth cameras.
 
-The measurement: a camera frame as OpenCV has it (x right, y down, z forward), lengths in millimetres, pixels with centres at integers.
-Depth is the z coordinate, not the range; inverse depth is 1/z. Depth images are arrays (height, width): uint16 in steps of ``unit_mm``
-millimetres, 0 and 65535 where nothing was measured, or float32 in millimetres.
+The measurement: a camera frame as OpenCV has it (x right, y down, z forward), lengths in millimetres, pixels with centres at
+integers. Depth is the z coordinate, not the range; inverse depth is 1/z. Depth images are arrays (height, width) in units of
+``unit_mm`` millimetres: uint16 in whole steps, 0 and 65535 where nothing was measured, or float32, 0, NaN and infinity where
+nothing was (metres: ``unit_mm=1000``).
+
+Arrays may have any strides and byte order, as slices, transposed arrays and those of MATLAB have. Types are not guessed: an
+array of another type than is asked for, or with a mask, is an error.
 
 >>> import depthcal
 >>> dataset = depthcal.load("captures/")                        # or depthcal.Dataset.from_arrays(...)

@@ -97,7 +97,7 @@ class Calibration:
 
     @property
     def unit_mm(self) -> float | None:
-        """Millimetres per step of the depth images that it was fitted to."""
+        """Millimetres per unit of the depth images that it was fitted to."""
         return self.record.get("depth_unit_mm")
 
     @property
@@ -158,12 +158,13 @@ class Calibration:
             return pandas.DataFrame(values / np.outer(std, std), index=covariance.index, columns=covariance.columns)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of points (n, 3) in mm in the camera frame; NaN where a point has none."""
-        return self._native.project(np.ascontiguousarray(points, dtype=np.float64))
+        """Pixels (n, 2) of points (n, 3) in mm in the camera frame; NaN where a point has none. Raises :class:`InputError`."""
+        return self._native.project(points)
 
     def rays(self, pixels: np.ndarray, depth_mm: float = 1000.0) -> np.ndarray:
-        """Directions (X/Z, Y/Z), (n, 2), of pixels (n, 2); NaN where a pixel has none. The depth matters only to lenses that breathe."""
-        return self._native.rays(np.ascontiguousarray(pixels, dtype=np.float64), depth_mm)
+        """Directions (X/Z, Y/Z), (n, 2), of pixels (n, 2); NaN where a pixel has none. The depth matters only to lenses that
+        breathe. Raises :class:`InputError`."""
+        return self._native.rays(pixels, depth_mm)
 
     def export(self, format: str, path: str | os.PathLike[str] | None = None) -> str:
         """The camera in the format of another program: ``opencv``, ``ros``, ``kalibr``, ``mrcal`` or ``colmap``; also written to ``path``.

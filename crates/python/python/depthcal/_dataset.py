@@ -85,10 +85,12 @@ class Frame:
     """One capture in memory."""
 
     corners: Corners
-    """Markers that were found: an array (n, 2) or, as OpenCV has it, (n, 1, 2), of (u, v) in px, all markers of the board in its order; or
-    (ids, array) where only some were found; or (ids, array, standard deviations in px). None where the board was not found."""
+    """Markers that were found: an array (n, 2) or, as OpenCV has it, (n, 1, 2), of (u, v) in px, all markers of the board in its
+    order; or (ids, array) where only some were found; or (ids, array, standard deviations in px). Real numbers of any type, ids
+    whole ones. None where the board was not found."""
     depth: Optional[np.ndarray] = None
-    """Depth image (height, width): uint16 steps or float32, both in units of the dataset's ``unit_mm``."""
+    """Depth image (height, width) in units of the dataset's ``unit_mm`` millimetres: uint16 in whole steps, 0 and 65535 where
+    nothing was measured, or float32, 0, NaN and infinity where nothing was."""
     image: Optional[np.ndarray] = None
     """Infrared or grey image (height, width) on the same pixel grid: uint8 or uint16. Effects of the amplitude need it."""
     name: Optional[str] = None
@@ -120,29 +122,15 @@ class DroppedFrame:
     reason: str
 
 
-def _arrays(frame: str, corners: Corners) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Numbers (n), positions (n, 2) and standard deviations (n) of markers."""
-    stds = None
-    if corners is None:
-        return np.empty(0, np.int64), np.empty((0, 2)), None
-    if isinstance(corners, tuple):
-        ids = np.ascontiguousarray(np.asarray(corners[0]).reshape(-1), dtype=np.int64)
-        positions = corners[1]
-        if len(corners) > 2:
-            stds = np.ascontiguousarray(np.asarray(corners[2]).reshape(-1), dtype=np.float64)
-    else:
-        positions, ids = corners, None
-    positions = np.asarray(positions, dtype=np.float64)
-    if positions.size == 0:
-        return np.empty(0, np.int64), np.empty((0, 2)), None
-    if positions.shape[-1] != 2:
+def _arrays(frame: str, corners: Corners) -> _depthcal.Markers:
+    """Numbers, positions and standard deviations of markers, as they are given."""
+    if not isinstance(corners, tuple):
+        return None if corners is None else (None, corners, None)
+    if len(corners) not in (2, 3):
         raise InputError(
-            f"frame '{frame}': markers have the shape {positions.shape}: give (u, v) in px, an array (n, 2) or (n, 1, 2)"
+            f"frame '{frame}': corners have {len(corners)} parts: give (ids, array) or (ids, array, deviations)"
         )
-    positions = np.ascontiguousarray(positions.reshape(-1, 2))
-    if ids is None:
-        ids = np.arange(len(positions), dtype=np.int64)
-    return ids, positions, stds
+    return corners[0], corners[1], corners[2] if len(corners) > 2 else None
 
 
 class Dataset:
@@ -171,11 +159,12 @@ class Dataset:
         >>> frames.append(depthcal.Frame(corners if found else None, depth, gray))
         >>> dataset = depthcal.Dataset.from_arrays(depthcal.Board.chessboard(9, 6, 25.0), frames, unit_mm=1.0)
 
-        ``unit_mm`` is the millimetres per step of depth (or per unit of float32 depth: 1000 for metres); it is required where there is
-        depth, never guessed. ``size`` is (width, height) where there is no image. ``intrinsics`` are fx, fy, cx, cy (px) or a matrix
-        (3, 3) to start from, or to keep where ``fixed``; ``distortion`` as OpenCV has it.
-        Markers may lie the other way round in other frames (OpenCV's chessboards do); effects of the board's shape then find nothing.
-        Raises :class:`InputError` with the frame, what is wrong and the remedy.
+        ``unit_mm`` is the millimetres per unit of depth: per step of uint16, per unit of float32 (1000 for metres); it is
+        required where there is depth, never guessed. Arrays may have any strides and byte order. ``size`` is (width, height)
+        where there is no image. ``intrinsics`` are fx, fy, cx, cy (px) or a matrix (3, 3) to start from, or to keep where
+        ``fixed``; ``distortion`` as OpenCV has it. Markers may lie the other way round in other frames (OpenCV's chessboards
+        do); effects of the board's shape then find nothing. Raises :class:`InputError` with the frame, what is wrong and the
+        remedy.
         """
         listed = []
         for number, frame in enumerate(frames):
@@ -184,17 +173,21 @@ class Dataset:
                 (own, frame.image, frame.depth, _arrays(own, frame.corners), frame.timestamp_s, frame.temperature_c)
             )
             for array in (frame.image, frame.depth):
-                if size is None and array is not None and np.ndim(array) == 2:
-                    size = (int(array.shape[1]), int(array.shape[0]))
+                shape = getattr(array, "shape", ())
+                if size is None and len(shape) == 2:
+                    size = (int(shape[1]), int(shape[0]))
         if size is None:
             raise InputError("the size of the images is unknown: give size=(width, height), an image or a depth image")
         given = None
         if intrinsics is not None:
-            k = np.asarray(intrinsics, dtype=np.float64)
+            k = _depthcal.real_numbers("intrinsics", intrinsics)
             numbers = [k[0, 0], k[1, 1], k[0, 2], k[1, 2], k[0, 1]] if k.shape == (3, 3) else [*k.reshape(-1), 0.0][:5]
             if len(numbers) < 5:
                 raise InputError("intrinsics: give fx, fy, cx, cy in px, or a matrix (3, 3)")
-            given = (*(float(n) for n in numbers), [float(d) for d in np.asarray(distortion).reshape(-1)])
+            given = (
+                *(float(n) for n in numbers),
+                _depthcal.real_numbers("distortion", distortion).reshape(-1).tolist(),
+            )
         return cls(_depthcal.from_memory(name, board._json(), size, unit_mm, given, lens, fixed, listed))
 
     @property
@@ -209,7 +202,7 @@ class Dataset:
 
     @property
     def unit_mm(self) -> float | None:
-        """Millimetres per step of its depth images; None without depth."""
+        """Millimetres per unit of its depth images; None without depth."""
         return self._native.unit_mm
 
     @property
@@ -246,7 +239,7 @@ class Dataset:
         return self._native.image(frame)
 
     def depth(self, frame: str) -> np.ndarray | None:
-        """A frame's depth image (height, width), in units of ``unit_mm``."""
+        """A frame's depth image (height, width), in units of ``unit_mm`` millimetres: uint16 or float32, as it was given."""
         return self._native.depth(frame)
 
     def write_observations(self, path: str | os.PathLike[str]) -> None:

@@ -11,10 +11,11 @@ has_detection: bool
 """Whether this package was built with detection of boards in images."""
 
 Show = Optional[Callable[[str, int, str, int | None], None]]
-Markers = tuple[npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.float64] | None]
+Markers = Optional[tuple[Any, Any, Any]]
+"""Numbers or None, positions (n, 2) in px, standard deviations in px or None."""
 Depth = Union[npt.NDArray[np.uint16], npt.NDArray[np.float32]]
 Amplitude = Union[npt.NDArray[np.uint16], npt.NDArray[np.uint8], None]
-PerFrame = Union[float, Sequence[float], npt.NDArray[np.float64], None]
+PerFrame = Union[float, Sequence[float], npt.NDArray[Any], None]
 Counts = tuple[int, int, int, int]
 
 class Error(Exception):
@@ -27,19 +28,23 @@ class UntrustedFitError(Error):
     """The fit cannot be trusted: exit code 2 of the command line."""
 
 def set_threads(threads: int) -> None:
-    """Sets the number of threads of all further calls. Works once, before anything else; RAYON_NUM_THREADS does the same."""
+    """Sets the number of threads of all further calls, which RAYON_NUM_THREADS sets otherwise; all cores without either."""
+
+def real_numbers(what: str, given: Any) -> npt.NDArray[np.float64]:
+    """Real numbers of any type as an array of float64 in C order; :class:`InputError` names ``what`` where they are none."""
 
 class Corrector:
     """Corrects the depth images of a calibrated camera.
 
-    Built once, then used for every frame; may be used from several threads at a time. Arrays are read and written in place, without
-    copies and without the GIL.
+    Built once, then used for every frame; may be used from several threads at a time, and in forked processes. Arrays in C order
+    are read and written in place, without copies and without the GIL.
     """
 
     def __init__(self, calibration: Any, threads: int | None = None) -> None:
         """Prepares the correction for a :class:`Calibration`: rays of all pixels, and tables of its depth pieces.
 
-        ``threads`` gives it a pool of its own; otherwise it uses the threads of the process. Raises :class:`InputError`.
+        ``threads`` gives it so many threads of its own; otherwise it uses those that all correctors share. Raises
+        :class:`InputError`.
         """
 
     @property
@@ -80,13 +85,15 @@ class Corrector:
         temperature_c: PerFrame = None,
         out: npt.NDArray[np.float32] | None = None,
     ) -> npt.NDArray[np.float32]:
-        """Corrected depth, of the shape and type of ``depth``: (height, width), or (frames, height, width).
+        """Corrected depth, of the shape, type and unit of ``depth``: (height, width), or (frames, height, width).
 
-        uint16 is in steps of ``unit_mm`` millimetres, 0 and 65535 where nothing was measured; float32 is in millimetres, 0, NaN and
-        infinity where nothing was. What cannot be corrected is 0. ``amplitude`` is the infrared image, of the shape of ``depth``;
-        ``time_s`` (since the start of the recording) and ``temperature_c`` are numbers, or one per frame. ``out`` receives the result;
-        it may be ``depth`` itself. Arrays must be contiguous.
-        Raises :class:`InputError`; ``out`` is then unchanged, or holds the frames before the one at fault.
+        ``depth`` is in units of ``unit_mm`` millimetres, and so is the result: uint16 in whole steps, 0 and 65535 where nothing
+        was measured, or float32, 0, NaN and infinity where nothing was; metres have ``unit_mm=1000``. What cannot be corrected
+        is 0. ``amplitude`` is the infrared image, uint8 or uint16, of the shape of ``depth``; ``time_s`` (since the start of the
+        recording) and ``temperature_c`` are numbers, or one per frame. Arrays may have any strides and byte order; those in C
+        order are not copied. ``out`` receives the result: an array in C order of the type of the result, which may be ``depth``
+        itself but must not overlap it otherwise. Raises :class:`InputError`; ``out`` is then unchanged, or holds the frames
+        before the one at fault.
         """
 
     def correct_counting(
@@ -111,7 +118,8 @@ class Corrector:
         temperature_c: PerFrame = None,
         out: npt.NDArray[np.float32] | None = None,
     ) -> npt.NDArray[np.float32]:
-        """As :meth:`correct`, in millimetres that are not rounded to steps: float32 of the shape of ``depth``."""
+        """As :meth:`correct`, in millimetres whatever the unit of ``depth``, not rounded to steps: float32 of the shape of
+        ``depth``."""
 
     def points(
         self,
@@ -123,9 +131,10 @@ class Corrector:
         temperature_c: PerFrame = None,
         out: npt.NDArray[np.float32] | None = None,
     ) -> npt.NDArray[np.float32]:
-        """Corrected points in the camera frame, mm: float32 of shape (…, height, width, 3), NaN where there is no corrected depth.
+        """Corrected points in the camera frame, in millimetres whatever the unit of ``depth``: float32 of shape (…, height,
+        width, 3), NaN where there is no corrected depth.
 
-        ``depth`` is as measured, as :meth:`correct` takes it.
+        ``depth`` is as measured, in units of ``unit_mm`` millimetres, as :meth:`correct` takes it.
         """
 
 class Effect:
@@ -181,8 +190,8 @@ class Calibration:
     def cameras(self) -> list[str]: ...
     def camera(self, name: str) -> Calibration: ...
     def export(self, format: str) -> tuple[str, list[str]]: ...
-    def project(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
-    def rays(self, pixels: npt.NDArray[np.float64], depth_mm: float) -> npt.NDArray[np.float64]: ...
+    def project(self, points: npt.ArrayLike) -> npt.NDArray[np.float64]: ...
+    def rays(self, pixels: npt.ArrayLike, depth_mm: float) -> npt.NDArray[np.float64]: ...
 
 class Fit:
     def calibration(self) -> Calibration: ...

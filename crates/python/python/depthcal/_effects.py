@@ -221,7 +221,7 @@ def effect(
 
         def call(theta: Sequence[float], columns: Sequence[np.ndarray]) -> np.ndarray:
             values = function(**dict(zip(covariates, columns)), **dict(zip(names, theta)))
-            values = np.asarray(values, dtype=np.float64)
+            values = _depthcal.real_numbers(f"effect '{own}': the function's result", values)
             shape = columns[0].shape
             if values.shape != shape:
                 values = np.broadcast_to(values, shape)

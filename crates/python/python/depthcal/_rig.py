@@ -239,7 +239,8 @@ class Registered:
     """A frame of depth in another camera's image."""
 
     depth: np.ndarray
-    """Corrected depth (height, width) of the other camera's image, of the type of the depth that was given; 0 where there is none."""
+    """Corrected depth (height, width) of the other camera's image, of the type and unit of the given depth; 0 where there is
+    none."""
     colours: np.ndarray | None
     """Colours (height, width, 3) of the pixels of depth, uint8; black where there is none, or where another surface hides the point."""
     holes: int
@@ -271,7 +272,8 @@ class Registration:
         temperature_c: float | None = None,
         timestamp_s: float | None = None,
     ) -> Registered:
-        """Registers a frame. ``depth`` (height, width) is as measured, as :meth:`Corrector.correct` takes it; ``image`` the target's image
-        (height, width, 3), RGB, uint8. ``time_s`` is since the start of the recording, for effects; ``timestamp_s`` as in the dataset, for a
-        place that changes with time. Raises :class:`InputError`."""
+        """Registers a frame. ``depth`` (height, width) is as measured, uint16 or float32 in units of ``unit_mm`` millimetres, as
+        :meth:`Corrector.correct` takes it; so is the result. ``image`` is the target's image (height, width, 3), RGB, uint8.
+        ``time_s`` is since the start of the recording, for effects; ``timestamp_s`` as in the dataset, for a place that changes
+        with time. Raises :class:`InputError`."""
         return Registered(*self._native.register(depth, unit_mm, image, amplitude, time_s, temperature_c, timestamp_s))
