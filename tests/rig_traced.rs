@@ -2,9 +2,9 @@
 //! else.
 #![cfg(feature = "detect")]
 
+use depthcal::calibration::diagnose::rig::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
 use depthcal::calibration::load::LoadOptions;
-use depthcal::rig::diagnose::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
-use depthcal::rig::load::load_rig;
+use depthcal::calibration::load::load_rig;
 use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
 
 const FRAMES: usize = 20;
@@ -26,7 +26,7 @@ fn diagnosed(cameras: [&str; 2], afflicted: &str, (effect, size_mm): (&str, f64)
 
 /// Effects that were added, `CAMERA:EFFECT`.
 fn added(diagnosis: &RigDiagnosis) -> Vec<String> {
-    let names = |camera: &depthcal::rig::diagnose::CameraDiagnosis| {
+    let names = |camera: &depthcal::calibration::diagnose::rig::CameraDiagnosis| {
         camera.effects.iter().map(|effect| format!("{}:{}", camera.name, effect.name)).collect::<Vec<_>>()
     };
     diagnosis.cameras.iter().flat_map(names).collect()

@@ -2,8 +2,8 @@
 #![cfg(feature = "detect")]
 
 use crate::support::{Folder, fails, run_with_input, schemas, stderr, stdout, succeeds};
+use depthcal::calibration::rig_simulated::pose;
 use depthcal::io::{Calibration, Comparison, Evaluation, RigDiagnosisFile, Verdict, read_depth, read_json, read_rgb};
-use depthcal::rig::simulated::pose;
 use depthcal_simulate::RigTruth;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
