@@ -138,19 +138,20 @@ fn fit(capture: &RigCapture, repeats: usize) -> Result<Value, Box<dyn Error>> {
         let solved = Adjustment::of_state(&state, true)?.solve_within(1e-13)?;
         adjust.push(begin.elapsed().as_secs_f64());
         adjust_cpus.push(processor_s() - cpu);
-        let squares: f64 = solved.image_residuals.iter().flatten().map(|r| (r * WIDE_SIGMA_PX).powi(2)).sum();
-        let corners = solved.image_residuals.iter().map(|r| r.len() / 2).sum::<usize>();
-        let place = &solved.camera_from_rig[1];
+        let squares: f64 = solved.cameras.iter().flat_map(|c| &c.image_residuals).map(|r| (r * WIDE_SIGMA_PX).powi(2)).sum();
+        let corners = solved.cameras.iter().map(|c| c.image_residuals.len() / 2).sum::<usize>();
+        let place = &solved.cameras[1].camera_from_rig;
         let rotation = place.rotation.scaled_axis();
         let boards = solved.rig_from_board.iter().map(|pose| (pose.rotation.scaled_axis(), pose.translation.vector));
         let boards: Vec<[f64; 6]> = boards.map(|(r, t)| [r.x, r.y, r.z, t.x, t.y, t.z]).collect();
+        let theta: Vec<Vec<f64>> = solved.cameras.iter().map(|camera| camera.camera.theta()).collect();
         last = json!({
             "boards": boards,
             "rms": (squares / corners as f64).sqrt(),
             "frames": state.frames.len(),
             "iterations": solved.report.iterations,
-            "lens": solved.theta.iter().map(|t| t[..5].to_vec()).collect::<Vec<_>>(),
-            "pinhole": solved.theta.iter().map(|t| t[5..9].to_vec()).collect::<Vec<_>>(),
+            "lens": theta.iter().map(|t| t[..5].to_vec()).collect::<Vec<_>>(),
+            "pinhole": theta.iter().map(|t| t[5..9].to_vec()).collect::<Vec<_>>(),
             "rotation": [rotation.x, rotation.y, rotation.z],
             "translation_mm": [place.translation.x, place.translation.y, place.translation.z],
         });
