@@ -6,20 +6,20 @@ use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::compare::{CompareOptions, compare};
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::judge::evaluate::evaluate;
-use depthcal::calibration::load::{LoadOptions, Loaded, load};
+use depthcal::calibration::load::{LoadOptions, LoadedCamera, load};
 use depthcal::calibration::simulated::planted;
 use depthcal_simulate::Effect;
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
 /// The dataset of that name, or `None` where it is not present; the test is then reported as skipped.
-fn measured(name: &str) -> Option<Loaded> {
+fn measured(name: &str) -> Option<LoadedCamera> {
     let path = crate::support::measured::measured(&format!("{name}/dataset.toml"))?;
     let folder = path.parent().unwrap();
-    Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap())
+    Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap().into_only_camera().unwrap())
 }
 
 /// OpenCV's reprojection rms on the same markers with the same model (five lens parameters).
-fn opencv_rms(loaded: &Loaded) -> f64 {
+fn opencv_rms(loaded: &LoadedCamera) -> f64 {
     let (mut objects, mut images) = (Vector::<Vector<Point3f>>::new(), Vector::<Vector<Point2f>>::new());
     for frame in &loaded.capture.frames {
         let board = frame.markers.iter().map(|m| loaded.capture.target.point(m.index));

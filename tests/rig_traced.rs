@@ -1,9 +1,9 @@
 //! Rendered rigs with an effect of one camera that is not declared: the diagnosis names this camera and this effect, and nothing else.
 #![cfg(feature = "detect")]
 
-use depthcal::calibration::load::LoadOptions;
-use depthcal::rig::diagnose::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
-use depthcal::rig::load::load_rig;
+use depthcal::Register;
+use depthcal::calibration::diagnose::rig::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
+use depthcal::calibration::load::{LoadOptions, load};
 use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
 
 const FRAMES: usize = 20;
@@ -18,14 +18,14 @@ fn diagnosed(cameras: [&str; 2], of: &str, (effect, size_mm): (&str, f64), seed:
     let captures = folder.path().join("rig");
     let rig = RigSimulation::new(cameras.map(camera).to_vec(), Kind::General(1), seed).frames(FRAMES);
     rig.write_dataset(&captures).unwrap();
-    let rig = load_rig(&captures, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap();
+    let rig = load(&captures, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap();
     let options = RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() };
-    diagnose_rig(&rig.capture, None, &options).unwrap()
+    diagnose_rig(&rig.capture(&Register::builtin()).unwrap(), None, &options).unwrap()
 }
 
 /// Effects that were added, `CAMERA:EFFECT`.
 fn added(found: &RigDiagnosis) -> Vec<String> {
-    let of = |camera: &depthcal::rig::diagnose::CameraDiagnosis| {
+    let of = |camera: &depthcal::calibration::diagnose::rig::CameraDiagnosis| {
         camera.effects.iter().map(|effect| format!("{}:{}", camera.name, effect.name)).collect::<Vec<_>>()
     };
     found.cameras.iter().flat_map(of).collect()

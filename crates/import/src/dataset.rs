@@ -3,9 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{
-    CameraHint, DATASET_FILE, DatasetFile, DepthSection, FramesSection, IntrinsicNumbers, write_atomically,
-};
+use depthcal_io::{CameraHint, CameraSection, DATASET_FILE, DatasetFile, IntrinsicNumbers, write_atomically};
 use depthcal_model::Target;
 
 use crate::camera_info::CameraInfo;
@@ -93,15 +91,17 @@ pub(crate) fn describe(
     let placeholder = Target { pattern: depthcal_model::Pattern::Chessboard, columns: 2, rows: 2, spacing_mm: 1.0 };
     let description = DatasetFile {
         board: board.cloned().unwrap_or(placeholder),
-        frames: FramesSection {
+        metadata: Some("frames.csv".into()),
+        associations: None,
+        within_s: None,
+        cameras: vec![CameraSection {
             image: Some(format!("image/*.{image_extension}")),
             depth: chosen.depth.as_ref().map(|_| format!("depth/*.{depth_extension}")),
-            metadata: Some("frames.csv".into()),
-            ..FramesSection::default()
-        },
-        // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
-        depth: chosen.depth.as_ref().map(|_| DepthSection { unit_mm: if is_metres { 1000.0 } else { 1.0 } }),
-        camera,
+            // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
+            unit_mm: chosen.depth.as_ref().map(|_| if is_metres { 1000.0 } else { 1.0 }),
+            camera,
+            ..CameraSection::default()
+        }],
     };
     let invalid = |error: &dyn std::fmt::Display| ImportError::Message {
         path: recording.path.clone(),
