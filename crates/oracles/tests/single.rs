@@ -1,11 +1,11 @@
 //! The fit of images of one camera against OpenCV's calibrateCamera, on measured images of a chessboard (`DEPTHCAL_DATA`).
 
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_calibration::load::{LoadOptions, Loaded, load};
+use depthcal_calibration::load::{LoadOptions, LoadedCamera, load};
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
 /// OpenCV's reprojection rms on the same markers with the same model (five lens parameters).
-fn opencv_rms(loaded: &Loaded) -> f64 {
+fn opencv_rms(loaded: &LoadedCamera) -> f64 {
     let (mut objects, mut images) = (Vector::<Vector<Point3f>>::new(), Vector::<Vector<Point2f>>::new());
     for frame in &loaded.capture.frames {
         let board = frame.markers.iter().map(|m| loaded.capture.target.point(m.index));
