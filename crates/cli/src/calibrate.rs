@@ -180,11 +180,12 @@ impl Calibrate {
             frames_of(name, capture.frames.len(), &capture.dropped)
         });
         let used: Vec<Value> = used.collect();
+        let files: Vec<PathBuf> = [written.clone(), report].into_iter().chain(recording).collect();
         let mut value = json!({
             "frames": if cameras == 1 { used[0].clone() } else { json!(used) },
             "calibration": value_of(&Calibration::read(&written).map_err(input)?)?,
             "datasets": value_of(&fit.evaluation.datasets)?,
-            "written": [written, report].into_iter().chain(recording).collect::<Vec<_>>(),
+            "written": files,
         });
         if cameras > 1 {
             value["transfer"] = value_of(&fit.evaluation.transfer)?;

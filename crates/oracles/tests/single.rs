@@ -34,7 +34,7 @@ fn opencv_rms(loaded: &LoadedCamera) -> f64 {
 fn chessboard_is_found_and_fits_as_well_as_opencv() {
     let Some(path) = crate::measured::measured("chessboard/dataset.toml") else { return };
     let options = LoadOptions { cache: None, ..LoadOptions::default() };
-    let loaded = load(path.parent().unwrap(), &options).unwrap();
+    let loaded = load(path.parent().unwrap(), &options).unwrap().into_only_camera().unwrap();
     assert_eq!(loaded.capture.frames.len(), 13);
     let options = CalibrateOptions { model: "none".parse().unwrap(), ..CalibrateOptions::default() };
     let result = calibrate(&loaded.capture, &options).unwrap();

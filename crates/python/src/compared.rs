@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use depthcal_calibration::compare::tables::tables;
-use depthcal_calibration::load::Loaded;
 use depthcal_calibration::task::{CompareRequest, Compared, Made};
 use pyo3::prelude::*;
 
@@ -49,7 +48,7 @@ pub(crate) fn compare(
     let request = CompareRequest { model: request, models, folds, thesis, learning_fits: learning };
     let train = train.loaded.clone();
     train.only_camera().map_err(input)?;
-    let verify: Vec<Loaded> = verify.iter().map(|dataset| (*dataset.loaded).clone()).collect();
+    let verify: Vec<_> = verify.iter().map(|dataset| dataset.loaded.clone()).collect();
     run(py, progress.as_ref(), move |progress| {
         let mut compared = request.compare(&train, &verify, base_options(&register, progress))?;
         let compared = compared.pop().ok_or_else(|| input("there is no camera to compare models on"))?;

@@ -1,6 +1,7 @@
 //! Depth models compared on every camera of a dataset that has depth.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use depthcal_io::{Comparison, FileError};
 use depthcal_model::ModelSpec;
@@ -53,7 +54,7 @@ impl CompareRequest {
     pub fn compare(
         &self,
         train: &Loaded,
-        verify: &[Loaded],
+        verify: &[Arc<Loaded>],
         base: CalibrateOptions,
     ) -> Result<Vec<Compared>, TaskError> {
         if let [camera] = train.cameras.as_slice() {
@@ -70,7 +71,7 @@ impl CompareRequest {
         for camera in capture.cameras.iter().filter(|c| c.capture.has_depth()) {
             let Some((train, base)) = examined(camera, &fit, &options)? else { continue };
             // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
-            let of_camera = |v: &Loaded| {
+            let of_camera = |v: &Arc<Loaded>| {
                 let found = v.cameras.iter().find(|c| c.name() == camera.name);
                 found.filter(|_| camera.has_markers()).map(|c| c.capture.clone())
             };
