@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         [dataset, "--effects", list] => (dataset, list),
         _ => return Err("usage: planted DATASET [--effects NAME=SIZE,…]".into()),
     };
-    let mut capture = load(Path::new(dataset), &LoadOptions::default())?.capture;
+    let mut capture = load(Path::new(dataset), &LoadOptions::default())?.into_only_camera()?.capture;
     if capture.frames.iter().all(|f| f.time_s == 0.0) {
         capture.frames.iter_mut().enumerate().for_each(|(i, f)| f.time_s = 10.0 * i as f64);
     }

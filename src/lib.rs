@@ -77,7 +77,7 @@ pub use depthcal_calibration::calibration_record::{calibration_record, camera_fr
 pub use depthcal_calibration::compare::{CompareOptions, compare};
 pub use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 pub use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
-pub use depthcal_calibration::load::{LoadError, LoadOptions, Loaded, load};
+pub use depthcal_calibration::load::{LoadError, LoadOptions, Loaded, LoadedCamera, load};
 pub use depthcal_calibration::observe::Capture;
 pub use depthcal_correction::{Corrector, FrameContext};
 pub use depthcal_model::{Camera, Register};

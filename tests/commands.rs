@@ -267,7 +267,7 @@ fn simulated_datasets_are_valid_and_do_not_tell_the_effect() {
     let effects = ["--effect", "cyclic_depth=4", "--effect", "thin_prism"];
     simulate(&folder.arg("one"), &[&effects[..], &["--truth", &truth]].concat());
     assert_eq!(folder.names("one"), ["dataset.toml", "depth", "frames.csv", "image"]);
-    let dataset = Dataset::open(folder.path("one")).unwrap();
+    let dataset = Dataset::open(folder.path("one")).unwrap().into_only_camera().unwrap();
     assert_eq!(dataset.frames.len(), 2);
     assert!(dataset.frames.iter().all(|f| f.image.is_some() && f.metadata.temperature_c.is_some()));
     assert_eq!(dataset.camera, None);

@@ -35,7 +35,7 @@ fn rendered(camera: usize, kind: Kind, effects: &[Effect], frames: usize) -> Cap
         .write_dataset(folder.path().join(kind.to_string()))
         .unwrap();
     let options = LoadOptions { cache: None, ..LoadOptions::default() };
-    load(&folder.path().join(kind.to_string()), &options).unwrap().capture
+    load(&folder.path().join(kind.to_string()), &options).unwrap().into_only_camera().unwrap().capture
 }
 
 fn options(models: &[&str]) -> CompareOptions {

@@ -5,18 +5,18 @@
 
 use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
 use depthcal::calibration::judge::evaluate::evaluate;
-use depthcal::calibration::load::{LoadOptions, Loaded, load};
+use depthcal::calibration::load::{LoadOptions, LoadedCamera, load};
 use depthcal_simulate::{Board, CameraTruth, Kind, Pattern, Simulation};
 
 use crate::support::{Folder, succeeds};
 
-fn rendered(camera: CameraTruth, kind: Kind, seed: u64) -> Loaded {
+fn rendered(camera: CameraTruth, kind: Kind, seed: u64) -> LoadedCamera {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("capture");
     // The dots of the thesis' board would be three pixels wide in most frames.
     let board = Board::new(Pattern::AsymmetricCircles { circle_diameter_mm: 28.0 }, 4, 11, 42.0);
     Simulation::new(camera, kind, &[], seed).board(board).write_dataset(&path).unwrap();
-    load(&path, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap()
+    load(&path, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap().into_only_camera().unwrap()
 }
 
 #[test]

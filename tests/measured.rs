@@ -6,15 +6,15 @@ use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::compare::{CompareOptions, compare};
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::judge::evaluate::evaluate;
-use depthcal::calibration::load::{LoadOptions, Loaded, load};
+use depthcal::calibration::load::{LoadOptions, LoadedCamera, load};
 use depthcal::calibration::simulated::planted;
 use depthcal_simulate::Effect;
 
 /// The dataset of that name, or `None` where it is not present; the test is then reported as skipped.
-fn measured(name: &str) -> Option<Loaded> {
+fn measured(name: &str) -> Option<LoadedCamera> {
     let path = crate::support::measured::measured(&format!("{name}/dataset.toml"))?;
     let folder = path.parent().unwrap();
-    Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap())
+    Some(load(folder, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap().into_only_camera().unwrap())
 }
 
 /// A regularised map costs nothing where it is not needed: on frames that were left out none is more than 2 % worse than D.

@@ -35,7 +35,7 @@ fn boards_centres_focal_length_and_depth_of_rendered_captures() {
         let folder = tempfile::tempdir().unwrap();
         simulation.write_dataset(folder.path().join("capture")).unwrap();
         let options = LoadOptions { cache: None, ..LoadOptions::default() };
-        let loaded = load(&folder.path().join("capture"), &options).unwrap();
+        let loaded = load(&folder.path().join("capture"), &options).unwrap().into_only_camera().unwrap();
         let truth = simulation.observe_points(&exact).unwrap();
         for (i, frame) in truth.frames.iter().enumerate() {
             let detected = loaded.capture.frames.iter().find(|f| f.name == frame.name);

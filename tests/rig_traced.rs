@@ -2,9 +2,9 @@
 //! else.
 #![cfg(feature = "detect")]
 
+use depthcal::Register;
 use depthcal::calibration::diagnose::rig::{RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
-use depthcal::calibration::load::LoadOptions;
-use depthcal::calibration::load::load_rig;
+use depthcal::calibration::load::{LoadOptions, load};
 use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
 
 const FRAMES: usize = 20;
@@ -19,9 +19,9 @@ fn diagnosed(cameras: [&str; 2], afflicted: &str, (effect, size_mm): (&str, f64)
     let captures = folder.path().join("rig");
     let rig = RigSimulation::new(cameras.map(camera).to_vec(), Kind::General(1), seed).frames(FRAMES);
     rig.write_dataset(&captures).unwrap();
-    let rig = load_rig(&captures, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap();
+    let rig = load(&captures, &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap();
     let options = RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() };
-    diagnose_rig(&rig.capture, None, &options).unwrap()
+    diagnose_rig(&rig.capture(&Register::builtin()).unwrap(), None, &options).unwrap()
 }
 
 /// Effects that were added, `CAMERA:EFFECT`.

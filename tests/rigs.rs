@@ -3,7 +3,7 @@
 
 use crate::support::{Folder, fails, run_with_input, schemas, stderr, stdout, succeeds};
 use depthcal::calibration::rig_simulated::pose;
-use depthcal::io::{Calibration, Comparison, Evaluation, RigDiagnosisFile, Verdict, read_depth, read_json, read_rgb};
+use depthcal::io::{Calibration, Comparison, Diagnosis, Evaluation, Verdict, read_depth, read_json, read_rgb};
 use depthcal_simulate::RigTruth;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
@@ -80,11 +80,11 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
 fn extrinsics_are_near(truth: &RigTruth, folder: &Folder) {
     let calibration = Calibration::read(folder.path("result/calibration.json")).unwrap();
     assert_eq!(
-        calibration.cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(),
+        calibration.cameras().map(|c| c.name.as_str()).collect::<Vec<_>>(),
         ["infrared", "colour", "depth"]
     );
     for (number, (most_deg, most_mm)) in [(1, (0.05, 1.0)), (2, (1.0, 20.0))] {
-        let record = &calibration.cameras[number].camera_from_rig;
+        let record = &calibration.others[number - 1].camera_from_rig;
         let [w, x, y, z] = record.rotation;
         let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         let place = Isometry3::from_parts(Translation3::from(nalgebra::Vector3::from(record.translation_mm)), rotation);
@@ -125,11 +125,12 @@ fn diagnosis_finds_nothing(folder: &Folder, rig: &str) {
     assert!(words.contains("[depth]\nthe poses of the board are those of the other cameras"), "{words}");
     schemas::follows(folder.path("diagnosed/diagnosis.json"), "rig_diagnosis");
     schemas::follows(folder.path("diagnosed/depth/diagnosis.json"), "diagnosis");
-    let record = RigDiagnosisFile::read(folder.path("diagnosed/diagnosis.json")).unwrap();
+    let record = Diagnosis::read(folder.path("diagnosed/diagnosis.json")).unwrap();
     assert_eq!(record.cameras.iter().map(|c| c.camera.as_str()).collect::<Vec<_>>(), ["infrared", "depth"]);
-    assert_eq!(record.without_depth, ["colour"]);
+    let together = record.rig.as_ref().expect("findings of the rig");
+    assert_eq!(together.without_depth, ["colour"]);
     assert_eq!(record.verdict, Verdict::Adequate, "{words}");
-    assert!(record.extrinsics_drift.len() == 4 && record.extrinsics_drift.iter().all(|test| !test.added));
+    assert!(together.extrinsics_drift.len() == 4 && together.extrinsics_drift.iter().all(|test| !test.added));
 }
 
 /// Where both depth cameras show the board, their clouds meet, at every distance; and neither shows the wall behind through holes
@@ -152,7 +153,7 @@ fn clouds_of_two_depth_cameras_meet() {
     assert!(row.contains("colour") && row.contains("0005"), "{row}");
     let file = folder.arg("result/calibration.json");
     succeeds(["apply", &file, &rig, "--register", "colour", "--out", &out]);
-    let unit_mm = Calibration::read(&file).unwrap().cameras[0].depth_unit_mm.unwrap();
+    let unit_mm = Calibration::read(&file).unwrap().camera.depth_unit_mm.unwrap();
     let (mut board, mut through) = (0, 0);
     for frame in 0..12 {
         let read = |camera: &str| {

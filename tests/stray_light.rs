@@ -51,7 +51,11 @@ fn rendering() -> Rendering {
 fn capture(simulation: &Simulation) -> Capture {
     let folder = tempfile::tempdir().unwrap();
     simulation.write_dataset(folder.path().join("capture")).unwrap();
-    load(&folder.path().join("capture"), &LoadOptions { cache: None, ..LoadOptions::default() }).unwrap().capture
+    load(&folder.path().join("capture"), &LoadOptions { cache: None, ..LoadOptions::default() })
+        .unwrap()
+        .into_only_camera()
+        .unwrap()
+        .capture
 }
 
 fn fit(capture: &Capture, effects: &[&str]) -> Calibrated {

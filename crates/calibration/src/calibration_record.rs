@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{
-    Calibration, CameraRecord, CovarianceRecord, DiagnosisDeclaration, DroppedFrame, FileReference, FitRecord,
-    FrameRecord, NoiseRecord, ParameterRecord, PieceRecord, PriorUse, UsedPriorParameter,
+    Calibration, CameraRecord, CovarianceRecord, DiagnosisDeclaration, FileReference, FitRecord, FrameRecord,
+    NoiseRecord, ParameterRecord, PieceRecord, PriorUse, UsedPriorParameter,
 };
 use depthcal_model::{AnyPiece, Block, Camera, FormulaDefinition, Options, Placement, Register, RegisterError};
 use depthcal_statistics::chi_squared_tail;
@@ -63,9 +63,16 @@ pub fn calibration_record(
         }
     });
     Calibration {
-        camera: CameraRecord { width: camera.width, height: camera.height, pieces },
+        camera: CameraRecord {
+            noise: noise_record(result),
+            depth_unit_mm: result.capture.depth_unit_mm,
+            frames_used: result.capture.frames.len(),
+            reprojection_rms_px: Some(result.reprojection_rms_px),
+            depth_rms_mm: result.depth_rms_mm,
+            ..CameraRecord::unnamed([camera.width, camera.height], pieces)
+        },
+        others: Vec::new(),
         covariance,
-        noise: noise_record(result),
         fit: FitRecord {
             estimator: result.estimator.name().to_owned(),
             model: result.model.to_string(),
@@ -74,12 +81,7 @@ pub fn calibration_record(
             reprojection_rms_px: result.reprojection_rms_px,
             depth_rms_mm: result.depth_rms_mm,
             frames_used: result.capture.frames.len(),
-            frames_dropped: result
-                .capture
-                .dropped
-                .iter()
-                .map(|d| DroppedFrame { name: d.name.clone(), reason: d.reason.clone() })
-                .collect(),
+            frames_dropped: result.capture.dropped.clone(),
             declarations: declarations(result),
             termination: result.termination.clone(),
             cost: result.cost,
@@ -87,10 +89,8 @@ pub fn calibration_record(
         },
         frames: frame_records(result, fitted),
         dataset,
-        depth_unit_mm: result.capture.depth_unit_mm,
         target: result.capture.target.clone(),
         observations,
-        cameras: Vec::new(),
     }
 }
 

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use crate::calibration_record::{RecordError, camera_from_record, declarations, noise_record, piece_records};
 use depthcal_io::{
-    Calibration, CovarianceRecord, DriftRecord, DroppedFrame, FileReference, FitRecord, FrameRecord, PlaceRecord,
-    PlaceStdDev, RigCameraRecord, TimeOffsetRecord,
+    CAMERA, Calibration, CameraRecord, CovarianceRecord, DriftRecord, DroppedFrame, ExtrinsicsRecord, ExtrinsicsStdDev,
+    FileReference, FitRecord, FrameRecord, TimeOffsetRecord,
 };
-use depthcal_model::Register;
+use depthcal_model::{Camera, Register};
 use depthcal_statistics::rms;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
@@ -26,19 +26,17 @@ pub fn rig_record(result: &RigCalibrated, fitted: &EvaluatedRig, dataset: FileRe
         parameters: free.iter().map(|i| names[*i].0.clone()).collect(),
         matrix: free.iter().map(|i| free.iter().map(|j| result.covariance[(*i, *j)]).collect()).collect(),
     };
-    let cameras: Vec<RigCameraRecord> = result.cameras.iter().map(camera_record).collect();
+    let mut cameras = result.cameras.iter().map(camera_record);
     let dropped = |camera: &CameraFit| {
-        let named = |d: &crate::observe::DroppedFrame| DroppedFrame {
-            name: format!("{}/{}", camera.name, d.name),
-            reason: d.reason.clone(),
-        };
+        let named =
+            |d: &DroppedFrame| DroppedFrame { name: format!("{}/{}", camera.name, d.name), reason: d.reason.clone() };
         camera.calibrated.capture.dropped.iter().map(named).collect::<Vec<_>>()
     };
     let with_depth = result.cameras.iter().find(|c| c.calibrated.with_depth).unwrap_or(reference);
     Some(Calibration {
-        camera: cameras.first()?.camera(),
+        camera: cameras.next()?,
+        others: cameras.collect(),
         covariance: Some(covariance),
-        noise: noise_record(&reference.calibrated),
         fit: FitRecord {
             estimator: "joint".to_owned(),
             model: with_depth.calibrated.model.to_string(),
@@ -55,22 +53,20 @@ pub fn rig_record(result: &RigCalibrated, fitted: &EvaluatedRig, dataset: FileRe
         },
         frames: frame_records(result, fitted),
         dataset,
-        depth_unit_mm: reference.calibrated.capture.depth_unit_mm,
         target: reference.calibrated.capture.target.clone(),
         observations: None,
-        cameras,
     })
 }
 
-fn camera_record(camera: &CameraFit) -> RigCameraRecord {
+fn camera_record(camera: &CameraFit) -> CameraRecord {
     let fit = &camera.calibrated;
-    let std_dev = camera.place_std_dev.map(place_std_dev);
+    let std_dev = camera.place_std_dev.map(std_dev_record);
     let (rotation, translation_mm) = numbers(&camera.camera_from_rig);
-    RigCameraRecord {
+    CameraRecord {
         name: camera.name.clone(),
         width: fit.camera.width,
         height: fit.camera.height,
-        camera_from_rig: PlaceRecord { rotation, translation_mm, std_dev, drift: camera.drift.map(drift_record) },
+        camera_from_rig: ExtrinsicsRecord { rotation, translation_mm, std_dev, drift: camera.drift.map(drift_record) },
         pieces: piece_records(&fit.camera, &fit.std_devs()),
         noise: noise_record(fit),
         time_offset: camera
@@ -84,8 +80,8 @@ fn camera_record(camera: &CameraFit) -> RigCameraRecord {
     }
 }
 
-fn place_std_dev([rx, ry, rz, tx, ty, tz]: [f64; 6]) -> PlaceStdDev {
-    PlaceStdDev { rotation_rad: [rx, ry, rz], translation_mm: [tx, ty, tz] }
+fn std_dev_record([rx, ry, rz, tx, ty, tz]: [f64; 6]) -> ExtrinsicsStdDev {
+    ExtrinsicsStdDev { rotation_rad: [rx, ry, rz], translation_mm: [tx, ty, tz] }
 }
 
 /// The record of a place that changes, with the standard deviations of the change.
@@ -97,7 +93,7 @@ pub fn drift_record((drift, std_devs): (PlaceDrift, [f64; 6])) -> DriftRecord {
         range: drift.range,
         rotation_rad: [rx, ry, rz],
         translation_mm: [tx, ty, tz],
-        std_dev: Some(place_std_dev(std_devs)),
+        std_dev: Some(std_dev_record(std_devs)),
     }
 }
 
@@ -139,37 +135,33 @@ fn frame_records(result: &RigCalibrated, fitted: &EvaluatedRig) -> Vec<FrameReco
     result.frames.iter().map(record).collect()
 }
 
-/// The cameras of a calibration file with their places; of a file of one camera, that camera.
+/// The cameras of a calibration file with their extrinsics.
 ///
 /// # Errors
 ///
 /// [`RecordError`], where a piece is unknown or has other parameters than this register's.
 pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<Vec<PlacedCamera>, RecordError> {
-    if record.cameras.is_empty() {
-        let camera = camera_from_record(&record.camera, register)?;
-        return Ok(vec![PlacedCamera {
-            name: "camera".to_owned(),
-            camera,
-            camera_from_rig: Isometry3::identity(),
-            drift: None,
-        }]);
-    }
-    let placed = |camera: &RigCameraRecord| {
+    let placed = |camera: &CameraRecord| {
         let [w, x, y, z] = camera.camera_from_rig.rotation;
         let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         let translation = Translation3::from(Vector3::from(camera.camera_from_rig.translation_mm));
         Ok(PlacedCamera {
             name: camera.name.clone(),
-            camera: camera_from_record(&camera.camera(), register)?,
+            camera: camera_from_record(camera, register)?,
             camera_from_rig: Isometry3::from_parts(translation, rotation),
             drift: camera.camera_from_rig.drift.as_ref().map(drift_of),
         })
     };
-    record.cameras.iter().map(placed).collect()
+    record.cameras().map(placed).collect()
+}
+
+/// A camera without a name, as the only one of its rig.
+pub fn unnamed_camera(camera: Camera) -> PlacedCamera {
+    PlacedCamera { name: CAMERA.to_owned(), camera, camera_from_rig: Isometry3::identity(), drift: None }
 }
 
 impl RigCalibrated {
-    /// The cameras with their places.
+    /// The cameras with their extrinsics.
     pub fn placed(&self) -> Vec<PlacedCamera> {
         let placed = |camera: &CameraFit| PlacedCamera {
             name: camera.name.clone(),

@@ -53,7 +53,7 @@ fn pieces_survive_saving_and_loading() {
     for name in register.names() {
         let camera = camera(name, 1.0, &mut rng);
         let std_devs: Vec<Option<f64>> = camera.theta().iter().map(|_| None).collect();
-        let record = CameraRecord { width: 640, height: 480, pieces: piece_records(&camera, &std_devs) };
+        let record = CameraRecord::unnamed([640, 480], piece_records(&camera, &std_devs));
         let text = serde_json::to_string(&record).unwrap();
         let read: CameraRecord = serde_json::from_str(&text).unwrap();
         assert_eq!(read, record, "{name}");

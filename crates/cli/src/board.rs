@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use depthcal_io::{
-    BoardPage, DatasetFile, FramesSection, Paper, StagedResults, board_pdf, board_svg, write_atomically,
+    BoardPage, CameraSection, DatasetFile, Paper, StagedResults, board_pdf, board_svg, write_atomically,
 };
 use depthcal_model::{Pattern, Target};
 use serde_json::{Value, json};
@@ -137,9 +137,10 @@ fn section(target: &Target) -> Result<String, Failure> {
     // Written as a file would be, of which only this section stays.
     let file = DatasetFile {
         board: target.clone(),
-        frames: FramesSection { image: Some("*".into()), ..FramesSection::default() },
-        depth: None,
-        camera: None,
+        metadata: None,
+        associations: None,
+        within_s: None,
+        cameras: vec![CameraSection { image: Some("*".into()), ..CameraSection::default() }],
     };
     let text = file.to_toml().map_err(input)?;
     let end = text.find("\n[frames]").unwrap_or(text.len());

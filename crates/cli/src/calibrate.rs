@@ -1,32 +1,27 @@
 //! `calibrate`: fits a camera to a dataset.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use depthcal_io::{Calibration, LensComparison, Prior, RigDataset};
+use depthcal_io::{Calibration, LensComparison, Prior};
 use depthcal_model::Register;
 use serde_json::{Value, json};
 
-use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
+use super::common::{Output, Reading, camera_count, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::parameters::print_parameters;
 use super::recording::Recording;
-use super::results::Results;
-use super::rig::{self, RigCalibrate};
+use super::results::save;
+use super::rig_text::{print_rig, print_transfers};
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::adjust::camera_prior::CameraPrior;
 use depthcal_calibration::calibrate::Estimator;
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::judge::table::table;
-use depthcal_calibration::task::{
-    FitRequest, HoldOut, JudgedFit, LENSES, ModelRequest, OptionNames, prior_for, write_calibration,
-};
+use depthcal_calibration::task::{Fit, FitRequest, Fitted, HoldOut, LENSES, ModelRequest, OptionNames};
+use depthcal_report::fit_sentences;
 use depthcal_report::format::{number, quantity};
-use depthcal_report::{ReportDataset, ReportInput, Role, fit_sentences};
 
 fn parse_hold_out(text: &str) -> Result<HoldOut, String> {
     let (every, first) = text.split_once(':').unwrap_or((text, "1"));
@@ -49,7 +44,7 @@ enum EstimatorName {
 /// Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses.
 ///
 /// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json, scores.json (for fleets) and
-/// report.html. A dataset with sections [cameras.NAME] is a rig of several cameras, which are fitted together with their places.
+/// report.html. A dataset with sections [cameras.NAME] is a rig of several cameras, which are fitted together with their extrinsics.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal calibrate captures/ --out result/                       K, lens and projective D
@@ -107,8 +102,13 @@ pub(super) struct Calibrate {
 }
 
 impl Calibrate {
-    fn request(&self) -> FitRequest {
-        FitRequest {
+    fn request(&self) -> Result<FitRequest, Failure> {
+        let prior = self.prior.as_deref().map(|path| {
+            let prior = Prior::read(path).map_err(input)?;
+            Ok::<_, Failure>((path.display().to_string(), prior))
+        });
+        let prior = prior.transpose()?;
+        Ok(FitRequest {
             model: ModelRequest {
                 names: OptionNames::COMMAND_LINE,
                 model: self.model.clone(),
@@ -119,7 +119,8 @@ impl Calibrate {
             hold_out: self.hold_out,
             cross_validate: self.cross_validate.map(usize::from),
             parts: if self.blocks { Parts::Blocks } else { Parts::Interleaved },
-        }
+            prior,
+        })
     }
 
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
@@ -139,103 +140,86 @@ impl Calibrate {
         }
     }
 
-    /// The same for a dataset of several cameras.
-    fn run_rig(&self, session: &Session) -> Result<Value, Failure> {
-        self.recording.refuse_for_rig()?;
-        if self.cross_validate.is_some() {
-            let message = "--cross-validate is for one camera; of a rig, hold frames out with --hold-out N";
-            return Err(Failure::Input(message.to_owned()));
-        }
-        if self.prior.is_some() || !self.score.is_empty() {
-            return Err(Failure::Input("--prior and --score are for one camera: leave them out for a rig".to_owned()));
-        }
-        let asked = RigCalibrate {
-            dataset: &self.dataset,
-            model: session.model("--model", &self.model)?,
-            with: &self.with,
-            lens: self.lens.as_deref(),
-            estimator: self.estimator(),
-            hold_out: self.hold_out.map(|h| [h.every, h.first]),
-            reading: &self.reading,
-            output: &self.output,
-        };
-        rig::calibrate(&asked, session)
-    }
-
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        if RigDataset::is_rig(&self.dataset) {
-            return self.run_rig(session);
+        let cameras = camera_count(&self.dataset)?;
+        let request = self.request()?;
+        if cameras > 1 {
+            self.recording.refuse_for_rig()?;
+            if !self.score.is_empty() {
+                return Err(Failure::Input("--score is for one camera: leave it out for a rig".to_owned()));
+            }
         }
-        let request = self.request();
-        let mut options = request.options(session.calibrate_options())?;
+        request.check(cameras, &session.register)?;
         self.recording.check()?;
         self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
-        let size = [loaded.capture.width, loaded.capture.height];
-        options.prior = self.prior.as_deref().map(|path| read_prior(path, size)).transpose()?;
-        let prepared = request.prepare(&loaded, options)?;
-        if prepared.images_only {
-            say!("no depth images: only camera and lens are fitted");
+        if let Some((_, prior)) = request.prior.as_ref().filter(|(_, prior)| !prior.with.is_empty()) {
+            say!("the prior's units have these effects in their models: --with {}", prior.with.join(","));
         }
         let busy = Progress::busy("fitting");
-        let fit = prepared.fit()?;
+        let fit = request.fit(&loaded, session.calibrate_options())?;
         drop(busy);
-        let result = &fit.result;
-        if let Some(comparison) = &result.lens_comparison {
-            print_lenses(comparison);
+        print_fit(&fit);
+        for evaluated in &fit.on_fitted.cameras {
+            let is_camera = |name: &str| cameras == 1 || evaluated.name.ends_with(&format!("/{name}"));
+            let fitted = fit.fitted.cameras().into_iter().find(|(name, _)| is_camera(name));
+            print_not_evaluated(evaluated, fitted.map_or(&[], |(_, result)| &result.capture.dropped));
         }
-        print_parameters(result);
-        let story = fit_sentences(result);
-        story.iter().for_each(|sentence| say!("{sentence}"));
-        let judged = fit.judge()?;
-        let JudgedFit { fitted, held_out } = &judged;
-        print_not_evaluated(fitted, &result.capture.dropped);
-        if let Some((_, evaluated)) = held_out {
-            print_not_evaluated(evaluated, &loaded.capture.dropped);
+        if let (Some(held_out), [loaded]) = (&fit.held_out, loaded.cameras.as_slice()) {
+            held_out.evaluated.cameras.iter().for_each(|e| print_not_evaluated(e, &loaded.capture.dropped));
         }
-        let datasets = judged.records();
-        say!("\n{}", table(&datasets, Some(&result.capture.name)));
-        let evaluation = value_of(&datasets)?;
-        let results = Results::begin(&self.output.out)?;
-        let place = results.place();
-        place.write_into(|out| write_calibration(result, fitted, &loaded, datasets, &session.register, out))?;
-        let mut shown = vec![ReportDataset { evaluated: fitted, role: Role::Fitted }];
-        shown.extend(held_out.as_ref().map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
-        let report = ReportInput {
-            title: result.capture.name.clone(),
-            command_line: command_line(),
-            stages: session.progress.stage_times(),
-            calibrated: Some(result),
-            evaluations: &shown,
-            diagnosis: None,
-            story: &story,
-        };
-        let report = place.write_report(&report, session)?;
-        let written = place.shown("calibration.json");
-        // A recording is of one camera; cross-validation has one for every part.
-        let detected = result.capture.detected();
-        let mut recorded = vec![(&detected, fitted)];
-        recorded.extend(fit.held.as_ref().zip(held_out.as_ref().map(|(_, evaluated)| evaluated)));
-        let recording = self.recording.write(&result.camera, &recorded)?;
-        results.commit("calibration.json", session)?;
+        say!("\n{}", fit.table());
+        print_transfers(&fit.evaluation.transfer);
+        let out = &self.output.out;
+        let recording = save(&fit, &made(session), out, session, || self.record(&fit))?;
+        let [written, report] = ["calibration.json", "report.html"].map(|name| out.join(name));
         say!("written: {} and {}", written.display(), report.display());
-        Ok(json!({
-            "frames": frames_of(&result.capture.name, result.capture.frames.len(), &result.capture.dropped),
+        let used = fit.fitted.cameras().into_iter().map(|(name, result)| {
+            let capture = &result.capture;
+            let name = if cameras == 1 { &capture.name } else { name };
+            frames_of(name, capture.frames.len(), &capture.dropped)
+        });
+        let used: Vec<Value> = used.collect();
+        let files: Vec<PathBuf> = [written.clone(), report].into_iter().chain(recording).collect();
+        let mut value = json!({
+            "frames": if cameras == 1 { used[0].clone() } else { json!(used) },
             "calibration": value_of(&Calibration::read(&written).map_err(input)?)?,
-            "datasets": evaluation,
-            "written": std::iter::once(written).chain([report]).chain(recording).collect::<Vec<_>>(),
-        }))
+            "datasets": value_of(&fit.evaluation.datasets)?,
+            "written": files,
+        });
+        if cameras > 1 {
+            value["transfer"] = value_of(&fit.evaluation.transfer)?;
+        }
+        Ok(value)
+    }
+
+    /// Writes the recording of one camera; cross-validation has a camera for every part.
+    fn record(&self, fit: &Fit) -> Result<Option<PathBuf>, Failure> {
+        let (Fitted::Camera(result), [on_fitted]) = (&fit.fitted, fit.on_fitted.cameras.as_slice()) else {
+            return Ok(None);
+        };
+        let detected = result.capture.detected();
+        let mut recorded = vec![(&detected, on_fitted)];
+        let held = fit.held_out.as_ref().and_then(|held| held.capture.as_ref().zip(held.evaluated.cameras.first()));
+        recorded.extend(held);
+        self.recording.write(&result.camera, &recorded)
     }
 }
 
-/// The prior in a file, for images of this size.
-fn read_prior(path: &Path, size: [usize; 2]) -> Result<Arc<CameraPrior>, Failure> {
-    let prior = Prior::read(path).map_err(input)?;
-    let own = prior_for(&path.display().to_string(), &prior, size)?;
-    if !prior.with.is_empty() {
-        say!("the prior's units have these effects in their models: --with {}", prior.with.join(","));
+/// Prints the cameras of a fit with their parameters, and what a reader has to know before its numbers.
+fn print_fit(fit: &Fit) {
+    let result = match &fit.fitted {
+        Fitted::Camera(result) => result,
+        Fitted::Rig(rig) => return print_rig(rig),
+    };
+    if fit.images_only {
+        say!("no depth images: only camera and lens are fitted");
     }
-    Ok(Arc::new(own))
+    if let Some(comparison) = &result.lens_comparison {
+        print_lenses(comparison);
+    }
+    print_parameters(result);
+    fit_sentences(result).iter().for_each(|sentence| say!("{sentence}"));
 }
 
 /// The comparison of lenses, as a table.

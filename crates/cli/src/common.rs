@@ -1,16 +1,19 @@
 //! Options, files and failures that several commands share.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
-use depthcal_io::{Calibration, Dataset, Pairing};
+use depthcal_io::{Calibration, Dataset, DatasetCamera, Pairing};
 use depthcal_model::{Camera, Register};
 
 use crate::progress::Progress;
 use depthcal_calibration::calibration_record::camera_from_record;
 use depthcal_calibration::judge::evaluate::Evaluated;
-use depthcal_calibration::load::{LoadOptions, Loaded, default_cache, load};
-use depthcal_calibration::observe::DroppedFrame;
+use depthcal_calibration::load::{LoadOptions, Loaded, LoadedCamera, default_cache, load};
+use depthcal_calibration::observe::{DroppedFrame, PlacedCamera};
+use depthcal_calibration::rig_record::cameras_from_record;
+use depthcal_calibration::task::Made;
 use depthcal_report::format::count;
 use serde_json::{Value, json};
 
@@ -32,9 +35,9 @@ pub(super) fn print_not_evaluated(evaluated: &Evaluated, known: &[DroppedFrame])
 }
 
 /// Prints how images and depth were paired, where it is not by equal names.
-pub(super) fn print_pairing(dataset: &Dataset) {
-    if dataset.pairing != Pairing::Stem {
-        say!("  {}", dataset.pairing);
+pub(super) fn print_pairing(camera: &DatasetCamera) {
+    if camera.pairing != Pairing::Stem {
+        say!("  {}", camera.pairing);
     }
 }
 
@@ -82,44 +85,78 @@ impl Reading {
         }
     }
 
-    /// Reads a dataset and prints in how many frames the board was found.
-    pub(super) fn load(&self, path: &Path, session: &Session) -> Result<Loaded, Failure> {
+    /// Reads a dataset and prints in how many frames each camera found the board.
+    pub(super) fn load(&self, path: &Path, session: &Session) -> Result<Arc<Loaded>, Failure> {
         let busy = Progress::busy("reading");
         let loaded = load(path, &self.options(session)).map_err(input)?;
         drop(busy);
-        let strays = loaded.dataset.strays.len();
-        let (found, dropped) = (loaded.capture.frames.len(), loaded.capture.dropped.len() - strays);
-        let from = match &loaded.markers {
-            Some(file) => format!(" (markers from {})", file.path),
-            None if loaded.from_cache => " (cached)".to_owned(),
-            None => String::new(),
-        };
-        say!("{}: the board was found in {found} of {}{from}", loaded.dataset.name, count(found + dropped, "frame"));
-        print_pairing(&loaded.dataset);
-        for frame in &loaded.capture.dropped {
-            say!("  not used: {} ({})", frame.name, frame.reason);
+        match loaded.cameras.as_slice() {
+            [camera] => print_loaded(camera, &loaded.name, ""),
+            cameras => {
+                say!("{}: {}", loaded.name, count(cameras.len(), "camera"));
+                cameras.iter().for_each(|camera| print_loaded(camera, camera.name(), "  "));
+            }
         }
-        if let Some(layout) = loaded.charuco_layout {
-            say!("  the board has {layout}");
-        }
-        // A diameter that contradicts its declaration is a warning of the library.
-        if let Some(measured) = loaded.circle_diameter.filter(|m| m.declared_mm.is_none()) {
-            say!("  {measured}");
-        }
-        Ok(loaded)
+        Ok(Arc::new(loaded))
     }
 }
 
+/// Prints in how many frames a camera, which is called `name`, found the board; every line begins with `indent`.
+fn print_loaded(camera: &LoadedCamera, name: &str, indent: &str) {
+    let strays = camera.declared.strays.len();
+    let (found, dropped) = (camera.capture.frames.len(), camera.capture.dropped.len() - strays);
+    if camera.declared.has_images() || camera.has_markers() {
+        let from = match &camera.markers {
+            Some(file) => format!(" (markers from {})", file.path),
+            None if camera.from_cache => " (cached)".to_owned(),
+            None => String::new(),
+        };
+        say!("{indent}{name}: the board was found in {found} of {}{from}", count(found + dropped, "frame"));
+    } else {
+        say!("{indent}{name}: {} of depth without images", count(found, "frame"));
+    }
+    print_pairing(&camera.declared);
+    for frame in &camera.capture.dropped {
+        say!("{indent}  not used: {} ({})", frame.name, frame.reason);
+    }
+    if let Some(layout) = camera.charuco_layout {
+        say!("{indent}  the board has {layout}");
+    }
+    // A diameter that contradicts its declaration is a warning of the library.
+    if let Some(measured) = camera.circle_diameter.filter(|m| m.declared_mm.is_none()) {
+        say!("{indent}  {measured}");
+    }
+}
+
+/// Number of cameras that a dataset declares; its files are not read.
+pub(super) fn camera_count(path: &Path) -> Result<usize, Failure> {
+    Ok(Dataset::open(path).map_err(input)?.cameras.len())
+}
+
+/// How the results of a run are made, up to now.
+pub(super) fn made(session: &Session) -> Made {
+    Made { command_line: command_line(), stages: session.progress.stage_times() }
+}
+
 /// The command line, for the report.
-pub(super) fn command_line() -> String {
+fn command_line() -> String {
     let words = std::env::args().skip(1);
     std::iter::once("depthcal".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// Reads a calibration and its camera.
+/// Reads a calibration and its camera, of a rig the reference.
 pub(super) fn read_calibration(path: &Path, register: &Register) -> Result<(Calibration, Camera), Failure> {
     let calibration = Calibration::read(path).map_err(input)?;
     let camera = camera_from_record(&calibration.camera, register)
         .map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?;
     Ok((calibration, camera))
+}
+
+/// The cameras of the calibration that was read from a file.
+pub(super) fn read_cameras(
+    path: &Path,
+    calibration: &Calibration,
+    register: &Register,
+) -> Result<Vec<PlacedCamera>, Failure> {
+    cameras_from_record(calibration, register).map_err(|e| Failure::Input(format!("{}: {e}", path.display())))
 }

@@ -8,14 +8,13 @@ use depthcal_simulate::{CameraTruth, Effect, Kind, Simulation};
 
 use serde_json::Value;
 
-use super::common::Reading;
-use super::diagnosis_output::{Told, tell};
+use super::common::{Reading, made};
+use super::diagnosis_output::tell;
 use super::failure::{Failure, input};
-use super::results::Results;
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::diagnose::{DiagnoseOptions, diagnose};
+use depthcal_calibration::task::{DiagnoseRequest, Made, ModelRequest, OptionNames};
 
 /// The effect that the demo's camera has and the declared model lacks.
 const EFFECT: &str = "cyclic_depth";
@@ -47,21 +46,16 @@ impl Demo {
 
         let reading = Reading { refresh: false, no_cache: true, markers: None, image_memory: 1024 };
         let (loaded, judge) = (reading.load(&fitted, session)?, reading.load(&other, session)?);
-        let options = DiagnoseOptions { calibrate: session.calibrate_options(), ..DiagnoseOptions::default() };
-        let d = diagnose(&loaded.capture, Some(&judge.capture), &options)?;
-        let title = "Demo: a depth camera with an undeclared error".to_owned();
-        let told = Told {
-            title,
-            command_line: "depthcal demo".to_owned(),
-            model: "projective",
-            verified: true,
-            story: story(),
-        };
-        let fitted = session.evaluate(&d.last.camera, &d.last.capture);
-        let results = Results::begin(&self.out)?;
-        let (_, value) = tell(&d, &fitted, &loaded, told, session, &results.place())?;
-        results.commit("calibration.json", session)?;
-        Ok(value)
+        let names = OptionNames::COMMAND_LINE;
+        let model = ModelRequest { names, model: "projective".to_owned(), with: Vec::new(), lens: None };
+        let request = DiagnoseRequest { model, folds: 5, formulas: true };
+        let mut diagnosed = request.diagnose(&loaded, Some(&judge), session.calibrate_options())?;
+        for (_, camera) in &mut diagnosed.cameras {
+            camera.title = "Demo: a depth camera with an undeclared error".to_owned();
+            camera.story = story();
+        }
+        let made = Made { command_line: "depthcal demo".to_owned(), ..made(session) };
+        tell(&diagnosed, &made, &self.out, session, || Ok(None))
     }
 }
 

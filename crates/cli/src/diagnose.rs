@@ -3,21 +3,17 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use depthcal_io::RigDataset;
 use depthcal_model::Register;
+use serde_json::Value;
 
-use serde_json::{Value, json};
-
-use super::common::{Output, Reading, command_line};
-use super::diagnosis_output::{Told, tell};
+use super::common::{Output, Reading, camera_count, made};
+use super::diagnosis_output::tell;
 use super::failure::Failure;
 use super::formula_files;
 use super::recording::Recording;
-use super::results::Results;
-use super::rig::{self, RigDiagnose};
 use super::session::Session;
-use depthcal_calibration::diagnose::{DiagnoseError, DiagnoseOptions, diagnose};
-use depthcal_calibration::task::{LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::load::Loaded;
+use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, LENSES, ModelRequest, OptionNames};
 
 /// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
 /// them, fits again, and reports held-out errors before and after.
@@ -63,12 +59,6 @@ pub(super) struct Diagnose {
     pub(super) output: Output,
 }
 
-impl From<DiagnoseError> for Failure {
-    fn from(error: DiagnoseError) -> Self {
-        if error.is_untrusted_fit() { Failure::Untrusted(error.to_string()) } else { Failure::Input(error.to_string()) }
-    }
-}
-
 impl Diagnose {
     /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
@@ -77,63 +67,38 @@ impl Diagnose {
         Ok(())
     }
 
-    /// The same for a dataset of several cameras.
-    fn run_rig(&self, session: &Session) -> Result<Value, Failure> {
-        self.recording.refuse_for_rig()?;
-        let asked = RigDiagnose {
-            dataset: &self.dataset,
-            verify: self.verify.as_deref(),
-            model: (&self.model, session.model("--model", &self.model)?),
-            with: &self.with,
-            lens: self.lens.as_deref(),
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        let cameras = camera_count(&self.dataset)?;
+        let request = DiagnoseRequest {
+            model: ModelRequest {
+                names: OptionNames::COMMAND_LINE,
+                model: self.model.clone(),
+                with: self.with.clone(),
+                lens: self.lens.clone(),
+            },
             folds: usize::from(self.folds),
             formulas: !self.no_discovery,
-            reading: &self.reading,
-            output: &self.output,
         };
-        rig::diagnose(&asked, session)
-    }
-
-    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        if RigDataset::is_rig(&self.dataset) {
-            return self.run_rig(session);
+        if cameras > 1 {
+            self.recording.refuse_for_rig()?;
         }
-        let request = ModelRequest {
-            names: OptionNames::COMMAND_LINE,
-            model: self.model.clone(),
-            with: self.with.clone(),
-            lens: self.lens.clone(),
-        };
-        let options = request.options(session.calibrate_options())?;
+        request.check(cameras, &session.register)?;
         self.recording.check()?;
         self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
         let verify = self.verify.as_ref().map(|path| self.reading.load(path, session)).transpose()?;
-        let options = request.for_dataset(options, &loaded)?;
-        let folds = usize::from(self.folds);
-        let formulas = !self.no_discovery;
-        let options = DiagnoseOptions { calibrate: options, folds, formulas, ..DiagnoseOptions::default() };
-        let d = diagnose(&loaded.capture, verify.as_ref().map(|v| &v.capture), &options)?;
-        let told = Told {
-            title: loaded.capture.name.clone(),
-            command_line: command_line(),
-            model: &self.model,
-            verified: verify.is_some(),
-            story: Vec::new(),
-        };
-        let fitted = session.evaluate(&d.last.camera, &d.last.capture);
-        let results = Results::begin(&self.output.out)?;
-        let (_, mut result) = tell(&d, &fitted, &loaded, told, session, &results.place())?;
-        let detected = d.last.capture.detected();
-        let mut recorded = vec![(&detected, &fitted)];
-        // Held-out frames of the dataset itself were evaluated with several cameras.
-        recorded.extend(verify.as_ref().map(|v| (&v.capture, &*d.after.evaluated)));
-        if let (Some(path), Some(written)) =
-            (self.recording.write(&d.last.camera, &recorded)?, result["written"].as_array_mut())
-        {
-            written.push(json!(path));
-        }
-        results.commit("calibration.json", session)?;
-        Ok(result)
+        let diagnosed = request.diagnose(&loaded, verify.as_deref(), session.calibrate_options())?;
+        let record = || self.record(&diagnosed, verify.as_deref());
+        tell(&diagnosed, &made(session), &self.output.out, session, record)
+    }
+
+    /// Writes the recording of one camera; held-out frames of the dataset itself were evaluated with several cameras.
+    fn record(&self, diagnosed: &Diagnosed, verify: Option<&Loaded>) -> Result<Option<PathBuf>, Failure> {
+        let Some(camera) = diagnosed.only_camera() else { return Ok(None) };
+        let (last, after) = (&camera.diagnosis.last, &*camera.diagnosis.after.evaluated);
+        let detected = last.capture.detected();
+        let mut recorded = vec![(&detected, &camera.on_fitted)];
+        recorded.extend(verify.and_then(|v| v.cameras.first()).map(|v| (&v.capture, after)));
+        self.recording.write(&last.camera, &recorded)
     }
 }

@@ -1,82 +1,137 @@
-//! The files and words of a diagnosis of one camera.
+//! The words of a diagnosis.
 
-use depthcal_calibration::diagnose::Diagnosis;
-use depthcal_calibration::judge::evaluate::Evaluated;
-use depthcal_calibration::load::Loaded;
-use depthcal_calibration::task::{diagnosis_record, write_calibration};
-use depthcal_io::DiagnosisFile;
-use depthcal_report::format::count;
-use depthcal_report::{ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files};
+use std::path::{Path, PathBuf};
+
+use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::diagnose::rig::{EffectInRig, RigDiagnosis};
+use depthcal_calibration::judge::table::table;
+use depthcal_calibration::task::{Diagnosed, DiagnosedCamera, DiagnosedRig, Made};
+use depthcal_io::{Evaluation, GainInterval, RigFindings};
+use depthcal_report::diagnosis_text;
+use depthcal_report::format::{count, number};
 use serde_json::{Value, json};
 
 use super::common::{frames_of, value_of};
-use super::failure::{Failure, input};
-use super::results::Place;
+use super::failure::Failure;
+use super::results::save;
+use super::rig_text::{drift_range, print_rig, print_transfers};
 use super::session::Session;
 use super::voice::say;
 
-/// What the results contain besides the diagnosis itself.
-pub(super) struct Told<'a> {
-    pub(super) title: String,
-    pub(super) command_line: String,
-    /// The declared model.
-    pub(super) model: &'a str,
-    /// Whether the errors are those of another dataset.
-    pub(super) verified: bool,
-    /// Sentences that introduce the report.
-    pub(super) story: Vec<String>,
+/// Prints a diagnosis and has its files written into a folder: record, calibration of the last model, errors, report; `record` writes what
+/// lies elsewhere. Returns what `--json` prints.
+pub(super) fn tell(
+    diagnosed: &Diagnosed,
+    made: &Made,
+    out: &Path,
+    session: &Session,
+    record: impl FnOnce() -> Result<Option<PathBuf>, Failure>,
+) -> Result<Value, Failure> {
+    match diagnosed.only_camera() {
+        Some(camera) => print_camera(camera),
+        None => diagnosed.cameras.iter().for_each(|(name, camera)| print_camera_of_rig(name, camera)),
+    }
+    if let (Some(rig), Some(findings)) = (&diagnosed.rig, &diagnosed.record.rig) {
+        print_together(rig, findings);
+    }
+    let recording = save(diagnosed, made, out, session, record)?;
+    let mut written: Vec<PathBuf> = Vec::new();
+    for (name, camera) in &diagnosed.cameras {
+        match diagnosed.rig {
+            Some(_) => {
+                tell_files(camera, &out.join(name));
+                written.push(out.join(name));
+            }
+            None => written.extend(tell_files(camera, out)),
+        }
+    }
+    if diagnosed.rig.is_some() {
+        let files = ["diagnosis.json", "calibration.json", "report.html"].map(|name| out.join(name));
+        say!("written: {} and {}", files[0].display(), files[2].display());
+        written.extend(files);
+    }
+    written.extend(recording);
+    let used = |name: &str, result: &Calibrated| frames_of(name, result.capture.frames.len(), &result.capture.dropped);
+    let frames = match (&diagnosed.rig, diagnosed.only_camera()) {
+        (Some(rig), _) => {
+            json!(rig.found.last.cameras.iter().map(|c| used(&c.name, &c.calibrated)).collect::<Vec<_>>())
+        }
+        (None, Some(camera)) => {
+            let last = &camera.diagnosis.last;
+            let mut frames = used(&last.capture.name, last);
+            frames["left_out"] = value_of(&camera.record.bad_frames)?;
+            frames
+        }
+        (None, None) => json!([]),
+    };
+    Ok(json!({ "frames": frames, "diagnosis": value_of(&diagnosed.record)?, "written": written }))
 }
 
-/// Prints a diagnosis and has its files written: record, calibration of the last model, errors, report; returns the record, and what
-/// `--json` prints. `fitted` are the errors of the last model on the frames that it was fitted to.
-pub(super) fn tell(
-    d: &Diagnosis,
-    fitted: &Evaluated,
-    loaded: &Loaded,
-    told: Told<'_>,
-    session: &Session,
-    place: &Place<'_>,
-) -> Result<(DiagnosisFile, Value), Failure> {
-    let reference = loaded.reference.clone();
-    let (record, register) =
-        diagnosis_record(d, reference, told.model, &session.register, &session.progress).map_err(input)?;
-    let (used, all) = (d.last.capture.frames.len(), loaded.capture.frames.len());
-    say!("fitted to {used} of {}", count(all, "frame"));
-    say!("\n{}", diagnosis_text(&record));
-    let file = place.write("diagnosis.json", |path| record.write(path))?;
-    let mut held_out = d.after.evaluated.record();
-    held_out.name = format!("{} (held out)", held_out.name);
-    let datasets = vec![fitted.record(), held_out];
-    place.write_into(|out| write_calibration(&d.last, fitted, loaded, datasets, &register, out))?;
-    let calibration = place.shown("calibration.json");
-    let role = if told.verified { Role::Other } else { Role::HeldOut };
-    let shown = [
-        ReportDataset { evaluated: fitted, role: Role::Fitted },
-        ReportDataset { evaluated: &d.after.evaluated, role },
-    ];
-    let report = ReportInput {
-        title: told.title,
-        command_line: told.command_line,
-        stages: session.progress.stage_times(),
-        calibrated: Some(&d.last),
-        evaluations: &shown,
-        diagnosis: Some(ReportDiagnosis { record: &record, before: &d.before.evaluated, register: &register }),
-        story: &told.story,
-    };
-    let report = place.write_report(&report, session)?;
-    say!("written: {} and {}", file.display(), report.display());
-    let mut written = vec![file, calibration, report];
-    for formula in &d.formulas {
-        let folder = place.within("effects");
-        let name = formula.effect.name();
-        for (file, text) in effect_files(&formula.effect) {
-            written.push(folder.write_text(&file, &text)?);
-        }
-        say!("written: {} with .rs and .svg", folder.shown(&format!("{name}.toml")).display());
+/// Names the files of a camera's diagnosis in a folder, and returns their paths.
+fn tell_files(camera: &DiagnosedCamera, folder: &Path) -> Vec<PathBuf> {
+    let files = ["diagnosis.json", "calibration.json", "report.html"].map(|name| folder.join(name));
+    say!("written: {} and {}", files[0].display(), files[2].display());
+    let mut written = files.to_vec();
+    for formula in &camera.diagnosis.formulas {
+        let path = |extension: &str| folder.join("effects").join(format!("{}.{extension}", formula.effect.name()));
+        say!("written: {} with .rs and .svg", path("toml").display());
+        written.extend(["toml", "rs", "svg"].map(path));
     }
-    let capture = &d.last.capture;
-    let mut frames = frames_of(&capture.name, capture.frames.len(), &capture.dropped);
-    frames["left_out"] = value_of(&record.bad_frames)?;
-    let value = json!({ "frames": frames, "diagnosis": value_of(&record)?, "written": written });
-    Ok((record, value))
+    written
+}
+
+fn print_camera(camera: &DiagnosedCamera) {
+    let (used, all) = (camera.diagnosis.last.capture.frames.len(), camera.loaded_camera().capture.frames.len());
+    say!("fitted to {used} of {}", count(all, "frame"));
+    say!("\n{}", diagnosis_text(&camera.record));
+}
+
+fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
+    say!("\n[{name}]");
+    if camera.in_rig.as_ref().is_some_and(|in_rig| in_rig.poses_from_others) {
+        say!("the poses of the board are those of the other cameras");
+    }
+    print_camera(camera);
+    let Some(in_rig) = &camera.in_rig else { return };
+    for EffectInRig { spec, left_out } in &in_rig.before {
+        let GainInterval { value, low, high } = left_out.gain_percent;
+        say!(
+            "{spec} was missing and was added in the joint adjustment: the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to \
+             {high:.1}); the diagnosis above is given it"
+        );
+    }
+    for spec in &in_rig.not_adjusted {
+        say!("{spec} is not part of the joint adjustment of the rig");
+    }
+}
+
+/// What was found of the cameras of a rig together.
+fn print_together(rig: &DiagnosedRig, findings: &RigFindings) {
+    for name in &rig.found.without_depth {
+        say!("\n[{name}]\nno depth: not examined");
+    }
+    print_drifts(&rig.found);
+    say!("\nall cameras jointly, with what was added");
+    print_rig(&rig.found.last);
+    say!("\nheld-out frames, with the declared models");
+    print_errors(&findings.held_out.before);
+    say!("\nheld-out frames, with what was added");
+    print_errors(&findings.held_out.after);
+}
+
+fn print_drifts(found: &RigDiagnosis) {
+    for test in &found.drifts {
+        let (camera, over) = (&test.camera, drift_range(test.drift.over, test.drift.range));
+        let errors = test.left_out.map_or_else(String::new, |errors| {
+            let GainInterval { value, low, high } = errors.gain_percent;
+            format!(", the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to {high:.1})")
+        });
+        let added = if found.has_added(test) { "added" } else { "not added" };
+        say!("\nextrinsics_drift of {camera} over {over}: {added}; p = {}{errors}", number(test.p_value));
+    }
+}
+
+fn print_errors(evaluation: &Evaluation) {
+    say!("{}", table(&evaluation.datasets, None));
+    print_transfers(&evaluation.transfer);
 }

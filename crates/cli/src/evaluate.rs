@@ -1,27 +1,27 @@
 //! `evaluate`: errors of a calibration on datasets.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
-use depthcal_io::{Calibration, Evaluation, RigDataset};
-use depthcal_model::{Camera, Register};
-
+use depthcal_io::Calibration;
+use depthcal_model::Register;
 use serde_json::{Value, json};
 
-use super::common::{Output, Reading, command_line, frames_of, print_not_evaluated, value_of};
+use super::common::{Output, Reading, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::given_camera::GivenCamera;
 use super::recording::Recording;
-use super::results::Results;
-use super::rig::{self, RigEvaluate};
+use super::results::save;
+use super::rig_text::print_transfers;
 use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
-use depthcal_calibration::judge::table::table;
-use depthcal_calibration::task::{OptionNames, with_effects};
+use depthcal_calibration::load::Loaded;
+use depthcal_calibration::observe::PlacedCamera;
+use depthcal_calibration::task::{Evaluations, OptionNames, with_effects};
 use depthcal_report::format::count;
-use depthcal_report::{ReportDataset, ReportInput, Role};
 
 /// Measures a calibration's errors on datasets, before and after correction.
 ///
@@ -57,104 +57,85 @@ impl Evaluate {
         Ok(())
     }
 
-    /// The given camera with the effects of `--with`.
-    fn camera(&self, given: &GivenCamera, size: [usize; 2], session: &Session) -> Result<Camera, Failure> {
-        let camera = given.camera(size, &session.register)?;
-        Ok(with_effects(camera, OptionNames::COMMAND_LINE.with, &self.with, &session.register)?)
+    /// The given cameras with the effects of `--with`; a camera file of another program has images of `size`, px.
+    fn cameras(&self, given: &GivenCamera, size: [usize; 2], session: &Session) -> Result<Vec<PlacedCamera>, Failure> {
+        let mut cameras = given.cameras(size, &session.register)?;
+        if let ([camera], false) = (cameras.as_mut_slice(), self.with.is_empty()) {
+            let option = OptionNames::COMMAND_LINE.with;
+            camera.camera = with_effects(camera.camera.clone(), option, &self.with, &session.register)?;
+        } else if !self.with.is_empty() {
+            let message =
+                "--with is for one camera: calibrate the rig with the effect (calibrate --with CAMERA:EFFECT)";
+            return Err(Failure::Input(message.to_owned()));
+        }
+        Ok(cameras)
     }
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         self.recording.check()?;
         self.output.check()?;
-        let given = GivenCamera::read(&self.calibration, &session.register)?;
-        let name = self.calibration.display().to_string();
-        Calibration::check_no_other_in(&self.output.out, given.record(), &name).map_err(input)?;
-        if let GivenCamera::Calibration(record, _) = &given
-            && !record.cameras.is_empty()
-            && self.datasets.iter().all(RigDataset::is_rig)
-        {
+        let given = GivenCamera::read(&self.calibration)?;
+        let title = self.calibration.display().to_string();
+        Calibration::check_no_other_in(&self.output.out, given.record(), &title).map_err(input)?;
+        let cameras = given.size().map(|size| self.cameras(&given, size, session)).transpose()?.unwrap_or_default();
+        if cameras.len() > 1 {
             self.recording.refuse_for_rig()?;
-            if !self.with.is_empty() {
-                let message =
-                    "--with is for one camera: calibrate the rig with the effect (calibrate --with CAMERA:EFFECT)";
-                return Err(Failure::Input(message.to_owned()));
-            }
-            let asked = RigEvaluate {
-                calibration: &self.calibration,
-                record,
-                datasets: &self.datasets,
-                reading: &self.reading,
-                output: &self.output,
-            };
-            return rig::evaluate(&asked, session);
         }
-        let known = given.size().map(|size| self.camera(&given, size, session));
-        let mut known: Option<Camera> = known.transpose()?;
-        let (mut datasets, mut all) = (Vec::new(), Vec::new());
-        let (mut fitted, mut frames) = (None, Vec::new());
+        let calibration = given.record().cloned().map(Arc::new);
+        let mut evaluations = Evaluations { title, cameras, calibration, datasets: Vec::new() };
+        let (mut captures, mut frames) = (Vec::new(), Vec::new());
         for path in &self.datasets {
             let loaded = self.reading.load(path, session)?;
-            let size = (loaded.capture.width, loaded.capture.height);
-            // A camera file may have no size: that of the first images then holds for all.
-            let camera = match known.take() {
-                Some(camera) => camera,
-                None => self.camera(&given, [size.0, size.1], session)?,
-            };
-            let camera = &*known.insert(camera);
-            if size != (camera.width, camera.height) {
-                return Err(Failure::Input(format!(
-                    "{}: its images are {} × {} px, but the calibration is for {} × {} px",
-                    path.display(),
-                    size.0,
-                    size.1,
-                    camera.width,
-                    camera.height
-                )));
+            if let ([], Some(camera)) = (evaluations.cameras.as_slice(), loaded.cameras.first()) {
+                // A camera file may have no size: that of the first images then holds for all.
+                let size = [camera.capture.width, camera.capture.height];
+                evaluations.cameras = self.cameras(&given, size, session)?;
             }
-            let role = if given.fitted_digest() == Some(loaded.reference.digest.as_str()) {
-                fitted = Some(loaded.capture.name.clone());
-                Role::Fitted
-            } else {
-                Role::Other
-            };
             let busy = Progress::busy("measuring");
-            let evaluated = session.evaluate(camera, &loaded.capture);
+            let missing = evaluations.add(&loaded, path, &session.progress)?;
             drop(busy);
-            print_not_evaluated(&evaluated, &loaded.capture.dropped);
-            frames.push(frames_of(&evaluated.name, evaluated.frames.len(), &evaluated.dropped));
-            let uncorrectable: usize = evaluated.frames.iter().map(|f| f.uncorrectable).sum();
-            if uncorrectable > 0 {
-                say!("  {} cannot be corrected by this model and are excluded", count(uncorrectable, "depth pixel"));
+            for name in missing {
+                say!("  {name}: the dataset has no camera of this name");
             }
-            datasets.push(evaluated.record());
-            all.push((evaluated, role, loaded.capture));
+            let Some((evaluated, _)) = evaluations.datasets.last() else { continue };
+            for camera in &evaluated.cameras {
+                let known = if loaded.cameras.len() == 1 { loaded.cameras[0].capture.dropped.as_slice() } else { &[] };
+                print_not_evaluated(camera, known);
+                frames.push(frames_of(&camera.name, camera.frames.len(), &camera.dropped));
+                let uncorrectable: usize = camera.frames.iter().map(|f| f.uncorrectable).sum();
+                if uncorrectable > 0 {
+                    say!(
+                        "  {} cannot be corrected by this model and are excluded",
+                        count(uncorrectable, "depth pixel")
+                    );
+                }
+            }
+            captures.push(loaded);
         }
-        say!("\n{}", table(&datasets, fitted.as_deref()));
-        if fitted.is_some() {
+        say!("\n{}", evaluations.table());
+        if evaluations.fitted_name().is_some() {
             say!("* the dataset that the calibration was fitted to");
         }
-        let results = Results::begin(&self.output.out)?;
-        let place = results.place();
-        let values = value_of(&datasets)?;
-        let evaluation = Evaluation { datasets, ..Evaluation::default() };
-        let path = place.write("evaluation.json", |path| evaluation.write(path))?;
-        let shown: Vec<ReportDataset<'_>> =
-            all.iter().map(|(evaluated, role, _)| ReportDataset { evaluated, role: *role }).collect();
-        let report = ReportInput {
-            title: format!("Evaluation of {}", self.calibration.display()),
-            command_line: command_line(),
-            stages: session.progress.stage_times(),
-            calibrated: None,
-            evaluations: &shown,
-            diagnosis: None,
-            story: &[],
-        };
-        let report = place.write_report(&report, session)?;
-        let recorded: Vec<_> = all.iter().map(|(evaluated, _, capture)| (capture, evaluated)).collect();
-        let recording = known.as_ref().map(|camera| self.recording.write(camera, &recorded)).transpose()?.flatten();
-        results.commit("evaluation.json", session)?;
+        let record = evaluations.record();
+        print_transfers(&record.transfer);
+        let out = &self.output.out;
+        let recording = || self.record(&evaluations, &captures);
+        let recording = save(&evaluations, &made(session), out, session, recording)?;
+        let [path, report] = ["evaluation.json", "report.html"].map(|name| out.join(name));
         say!("written: {} and {}", path.display(), report.display());
         let written: Vec<_> = [path, report].into_iter().chain(recording).collect();
-        Ok(json!({ "frames": frames, "datasets": values, "written": written }))
+        let mut value = json!({ "frames": frames, "datasets": value_of(&record.datasets)?, "written": written });
+        if evaluations.cameras.len() > 1 {
+            value["transfer"] = value_of(&record.transfer)?;
+        }
+        Ok(value)
+    }
+
+    /// Writes the recording of one camera.
+    fn record(&self, evaluations: &Evaluations, captures: &[Arc<Loaded>]) -> Result<Option<PathBuf>, Failure> {
+        let [camera] = evaluations.cameras.as_slice() else { return Ok(None) };
+        let pairs = captures.iter().zip(&evaluations.datasets);
+        let recorded = pairs.filter_map(|(l, (e, _))| Some((&l.cameras.first()?.capture, e.cameras.first()?)));
+        self.recording.write(&camera.camera, &recorded.collect::<Vec<_>>())
     }
 }

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 use depthcal_fleet::{FleetError, FleetOptions, join, read_units};
-use depthcal_report::{fleet_text, render_fleet};
+use depthcal_report::{FleetResults, fleet_text};
 use serde_json::{Value, json};
 
-use super::common::{Output, command_line, value_of};
-use super::failure::{Failure, input};
-use super::results::Results;
+use super::common::{Output, made, value_of};
+use super::failure::Failure;
+use super::results::save;
 use super::session::Session;
 use super::voice::say;
 
@@ -55,16 +55,9 @@ impl Fleet {
         let joined = join(units, left_out, &FleetOptions { level: self.level })?;
         drop(stage);
         say!("{}", fleet_text(&joined.fleet));
-        let results = Results::begin(&self.output.out)?;
-        let place = results.place();
-        let file = place.write("fleet.json", |path| joined.fleet.write(path))?;
-        let prior = place.write("prior.json", |path| joined.prior.write(path))?;
-        let times = session.progress.stage_times();
-        let stage = session.progress.stage("report");
-        let html = render_fleet(&joined.fleet, &joined.prior, &command_line(), &times).map_err(input)?;
-        let report = place.write_text("report.html", &html)?;
-        drop(stage);
-        results.commit("fleet.json", session)?;
+        let results = FleetResults { fleet: &joined.fleet, prior: &joined.prior };
+        save(&results, &made(session), &self.output.out, session, || Ok(()))?;
+        let [file, prior, report] = ["fleet.json", "prior.json", "report.html"].map(|name| self.output.out.join(name));
         say!("written: {}, {} and {}", file.display(), prior.display(), report.display());
         Ok(json!({
             "fleet": value_of(&joined.fleet)?,

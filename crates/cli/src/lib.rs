@@ -12,7 +12,7 @@
 //! }
 //! ```
 //!
-//! One file per command, folders for `apply` and for the commands on rigs of several cameras. `arguments` has the list of commands, `common` the options and files that
+//! One file per command, a folder for `apply`. Every command takes datasets of one camera or of several. `arguments` has the list of commands, `common` the options and files that
 //! several share, `session` the register, the progress bars and the clock of one run. `voice` is the only module that writes to standard
 //! output or standard error, except for progress bars (`progress`) and log messages (`tracing`).
 
@@ -41,7 +41,7 @@ mod parameters;
 mod progress;
 mod recording;
 mod results;
-mod rig;
+mod rig_text;
 mod run;
 mod schema;
 mod session;

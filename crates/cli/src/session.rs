@@ -3,10 +3,8 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use depthcal_calibration::calibrate::CalibrateOptions;
-use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
-use depthcal_calibration::observe::{Capture, EvaluableFrame};
 use depthcal_calibration::progress::ProgressHandle;
-use depthcal_model::{Camera, ModelSpec, Register};
+use depthcal_model::{ModelSpec, Register};
 
 use super::failure::Failure;
 use crate::progress::Bars;
@@ -41,12 +39,6 @@ impl Session {
     /// The depth model that an option names.
     pub(crate) fn model(&self, option: &str, text: &str) -> Result<ModelSpec, Failure> {
         self.register.model_spec(text).map_err(|e| Failure::Input(format!("{option} {text}: {e}")))
-    }
-
-    /// Evaluates a camera on all frames of a capture, as a stage of the run.
-    pub(crate) fn evaluate<F: EvaluableFrame>(&self, camera: &Camera, capture: &Capture<F>) -> Evaluated {
-        let _stage = self.progress.stage("evaluation");
-        evaluate(camera, capture)
     }
 
     /// Default options of a fit with this session's pieces and progress.

@@ -3,9 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{
-    CameraHint, DATASET_FILE, DatasetFile, DepthSection, FramesSection, IntrinsicNumbers, write_atomically,
-};
+use depthcal_io::{CameraHint, CameraSection, DATASET_FILE, DatasetFile, IntrinsicNumbers, write_atomically};
 use depthcal_model::Target;
 
 use crate::camera_info::CameraInfo;
@@ -117,15 +115,17 @@ fn description(chosen: &Chosen, board: Target, [image_extension, depth_extension
     let is_metres = chosen.depth.as_ref().is_some_and(|depth| depth.is_metres);
     DatasetFile {
         board,
-        frames: FramesSection {
+        metadata: Some("frames.csv".into()),
+        associations: None,
+        within_s: None,
+        cameras: vec![CameraSection {
             image: Some(format!("image/*.{image_extension}")),
             depth: chosen.depth.as_ref().map(|_| format!("depth/*.{depth_extension}")),
-            metadata: Some("frames.csv".into()),
-            ..FramesSection::default()
-        },
-        // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
-        depth: chosen.depth.as_ref().map(|_| DepthSection { unit_mm: if is_metres { 1000.0 } else { 1.0 } }),
-        camera: chosen.info.as_ref().map(camera_hint),
+            // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
+            unit_mm: chosen.depth.as_ref().map(|_| if is_metres { 1000.0 } else { 1.0 }),
+            camera: chosen.info.as_ref().map(camera_hint),
+            ..CameraSection::default()
+        }],
     }
 }
 

@@ -42,7 +42,7 @@ fn check(out: &Path, result: &Imported, floating: bool) {
     let written = std::fs::read_to_string(out.join("dataset.toml")).unwrap();
     let board = "[board]\nkind = \"chessboard\"\ncolumns = 8\nrows = 5\nspacing_mm = 20.0\n";
     std::fs::write(out.join("dataset.toml"), format!("{board}{written}")).unwrap();
-    let dataset = Dataset::open(out).unwrap();
+    let dataset = Dataset::open(out).unwrap().into_only_camera().unwrap();
     assert_eq!((dataset.frames.len(), dataset.strays.len()), (result.frames, 0));
     assert_eq!((result.frames, result.of_images, result.without_depth), (FRAMES, FRAMES, 0), "{result:?}");
     let camera = dataset.camera.unwrap();

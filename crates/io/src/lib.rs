@@ -22,8 +22,8 @@ pub use camera_files::{
 };
 pub use corner_file::{CornerFileError, FileCorner, ImageCorners, read_corners};
 pub use dataset::{
-    CameraHint, CameraSection, DATASET_FILE, Dataset, DatasetError, DatasetFile, DepthSection, Frame, FrameMetadata,
-    FramesSection, IntrinsicNumbers, Pairing, RigDataset, RigFile, RigMember, Stray,
+    CAMERA, CameraHint, CameraSection, DATASET_FILE, Dataset, DatasetCamera, DatasetError, DatasetFile, Frame,
+    FrameMetadata, IntrinsicNumbers, Pairing, Stray,
 };
 pub use file::{
     Displaced, FileError, OF_CALIBRATION, StagedDataset, StagedResults, check_writable, digest_contents, digest_files,
@@ -37,20 +37,20 @@ pub use image::{
 pub use pcd::write_pcd;
 pub use ply::{Cloud, PlyFormat, write_ply};
 pub use record::{
-    BeforeAfter, Calibration, CameraRecord, ComparedLens, Comparison, CovarianceRecord, DatasetEvaluation,
-    DeclaredValue, DepthSample, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor,
-    DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision,
-    DiagnosisDeclaration, DiagnosisExchange, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause,
-    DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth,
-    DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisProposedFrame, DiagnosisPureError,
-    DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp,
-    DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, DriftOver, DriftRecord, DroppedFrame, Errors,
-    Evaluation, FileReference, FitRecord, Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier,
-    FleetOutlierPart, FleetParameter, FleetReplication, FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations,
-    FrameRecord, GainInterval, HeldOutErrors, Interval, LearningPoint, LeftOpen, LensComparison, MarkerObservation,
-    MeanStd, ModelComparison, ModelValue, NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord,
-    PlaceRecord, PlaceStdDev, Prior, PriorUse, RigCameraDiagnosis, RigCameraRecord, RigDiagnosisFile, RigDriftTest,
-    RigEffect, RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores, Separability, StabilityEstimate,
+    BeforeAfter, Calibration, CameraDiagnosis, CameraRecord, ComparedLens, Comparison, CovarianceRecord,
+    DatasetEvaluation, DeclaredValue, DepthSample, DiagnosedCamera, Diagnosis, DiagnosisAddOutcome, DiagnosisCandidate,
+    DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariate,
+    DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration, DiagnosisExchange, DiagnosisFormula,
+    DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver,
+    DiagnosisNoiseAtDepth, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisProposedFrame,
+    DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication,
+    DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, DriftOver,
+    DriftRecord, DroppedFrame, Errors, Evaluation, ExtrinsicsRecord, ExtrinsicsStdDev, FileReference, FitRecord, Fleet,
+    FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter, FleetReplication,
+    FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations, FrameRecord, GainInterval, HeldOutErrors, Interval,
+    LearningPoint, LeftOpen, LensComparison, MarkerObservation, MeanStd, ModelComparison, ModelValue, NoiseRecord,
+    Observations, Outliers, ParameterRecord, PieceRecord, Prior, PriorUse, RigDriftTest, RigEffect, RigFindings,
+    RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores, Separability, StabilityEstimate,
     StabilityRecord, TimeOffsetRecord, TransferAtDistance, TransferError, UsedPriorParameter, Verdict,
 };
 pub use schema::SchemaName;

@@ -7,8 +7,8 @@ use depthcal_model::Pattern;
 #[test]
 fn kinect2_has_51_pairs() {
     let Some(folder) = measured("kinect2") else { return };
-    let dataset = Dataset::open(folder).unwrap();
-    assert_eq!((dataset.name.as_str(), dataset.frames.len(), dataset.depth_unit_mm), ("kinect2", 51, Some(1.0)));
+    let dataset = Dataset::open(folder).unwrap().into_only_camera().unwrap();
+    assert_eq!((dataset.title.as_str(), dataset.frames.len(), dataset.depth_unit_mm), ("kinect2", 51, Some(1.0)));
     assert_eq!(dataset.target.pattern, Pattern::Chessboard);
     for frame in dataset.frames.iter().step_by(10) {
         let (image_path, depth_path) = (frame.image.as_ref().unwrap(), frame.depth.as_ref().unwrap());
@@ -27,7 +27,7 @@ fn kinect2_has_51_pairs() {
 #[test]
 fn chessboard_has_13_jpeg_images() {
     let Some(folder) = measured("chessboard") else { return };
-    let dataset = Dataset::open(folder).unwrap();
+    let dataset = Dataset::open(folder).unwrap().into_only_camera().unwrap();
     assert_eq!((dataset.frames.len(), dataset.depth_unit_mm), (13, None));
     for frame in &dataset.frames {
         let image = read_gray(frame.image.as_ref().unwrap()).unwrap();

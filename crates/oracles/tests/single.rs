@@ -1,11 +1,11 @@
 //! The fit of images of one camera against OpenCV's calibrateCamera, on measured images of a chessboard (`DEPTHCAL_DATA`).
 
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_calibration::load::{LoadOptions, Loaded, load};
+use depthcal_calibration::load::{LoadOptions, LoadedCamera, load};
 use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, Vector};
 
 /// OpenCV's reprojection rms on the same markers with the same model (five lens parameters).
-fn opencv_rms(loaded: &Loaded) -> f64 {
+fn opencv_rms(loaded: &LoadedCamera) -> f64 {
     let (mut objects, mut images) = (Vector::<Vector<Point3f>>::new(), Vector::<Vector<Point2f>>::new());
     for frame in &loaded.capture.frames {
         let board = frame.markers.iter().map(|m| loaded.capture.target.point(m.index));
@@ -34,7 +34,7 @@ fn opencv_rms(loaded: &Loaded) -> f64 {
 fn chessboard_is_found_and_fits_as_well_as_opencv() {
     let Some(path) = crate::measured::measured("chessboard/dataset.toml") else { return };
     let options = LoadOptions { cache: None, ..LoadOptions::default() };
-    let loaded = load(path.parent().unwrap(), &options).unwrap();
+    let loaded = load(path.parent().unwrap(), &options).unwrap().into_only_camera().unwrap();
     assert_eq!(loaded.capture.frames.len(), 13);
     let options = CalibrateOptions { model: "none".parse().unwrap(), ..CalibrateOptions::default() };
     let result = calibrate(&loaded.capture, &options).unwrap();

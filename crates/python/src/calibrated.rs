@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use depthcal_calibration::calibration_record::camera_from_record;
-use depthcal_io::{Calibration as Record, CameraFormat, ExportCamera};
+use depthcal_io::{Calibration as Record, CameraFormat, CameraRecord, ExportCamera, ExtrinsicsRecord};
 use depthcal_model::{Camera, Register};
 use nalgebra::Vector3;
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
@@ -75,20 +75,18 @@ impl Calibration {
 
     /// Names of the cameras of a rig, the reference first; none of one camera.
     fn cameras(&self) -> Vec<String> {
-        self.record.cameras.iter().map(|camera| camera.name.clone()).collect()
+        let cameras = self.record.cameras().filter(|_| !self.record.is_short());
+        cameras.map(|camera| camera.name.clone()).collect()
     }
 
     /// One camera of a rig as a calibration of its own, without what it has in common with the others: covariance, poses.
     fn camera(&self, name: &str) -> PyResult<Self> {
-        let found = self.record.cameras.iter().find(|camera| camera.name == name);
+        let found = self.record.cameras().find(|camera| camera.name == name && !self.record.is_short());
         let found = found.ok_or_else(|| self.no_camera(name))?;
-        let record = Record {
-            camera: found.camera(),
-            covariance: None,
-            frames: Vec::new(),
-            cameras: Vec::new(),
-            ..(*self.record).clone()
-        };
+        let (name, extrinsics) = (depthcal_io::CAMERA.to_owned(), ExtrinsicsRecord::REFERENCE);
+        let camera = CameraRecord { name, camera_from_rig: extrinsics, ..found.clone() };
+        let (covariance, frames, others) = (None, Vec::new(), Vec::new());
+        let record = Record { camera, covariance, frames, others, ..(*self.record).clone() };
         Ok(Self::of_record(record, self.register.clone())?)
     }
 

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_calibration::load::{
-    DatasetInMemory, FrameInMemory, GivenMarkers, LoadOptions, Loaded, default_cache, load_from_memory,
+    DatasetInMemory, FrameInMemory, GivenMarkers, LoadOptions, Loaded, LoadedCamera, default_cache, load_from_memory,
     load_with_markers,
 };
-use depthcal_calibration::observe::RawFrame;
+use depthcal_calibration::observe::{DetectedFrame, RawFrame};
 use depthcal_io::{CameraHint, DepthFrame, DepthValues, FrameMetadata, IntrinsicNumbers};
 use depthcal_model::{Register, Target};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
@@ -19,7 +19,7 @@ use crate::markers::{MarkerArrays, markers_of};
 use crate::request::json;
 use crate::running::run;
 
-/// A dataset with its markers.
+/// A dataset of one camera or of several with its markers.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 #[derive(Debug)]
 pub(crate) struct Dataset {
@@ -136,8 +136,19 @@ fn target_of(board: &str) -> Result<Target, Failure> {
 }
 
 impl Dataset {
-    fn frame(&self, name: &str) -> Result<&depthcal_calibration::observe::DetectedFrame, Failure> {
-        let frames = &self.loaded.capture.frames;
+    /// The camera of a dataset that has one.
+    fn only_camera(&self) -> Result<&LoadedCamera, Failure> {
+        match self.loaded.cameras.as_slice() {
+            [camera] => Ok(camera),
+            cameras => {
+                let names: Vec<&str> = cameras.iter().map(LoadedCamera::name).collect();
+                Err(input(format!("the dataset has several cameras, {}: take one by camera(NAME)", names.join(", "))))
+            }
+        }
+    }
+
+    fn frame(&self, name: &str) -> Result<&DetectedFrame, Failure> {
+        let frames = &self.only_camera()?.capture.frames;
         frames
             .iter()
             .find(|frame| frame.name == name)
@@ -149,51 +160,69 @@ impl Dataset {
 impl Dataset {
     #[getter]
     fn name(&self) -> &str {
-        &self.loaded.dataset.name
+        &self.loaded.name
+    }
+
+    /// Names of the cameras; the first is the reference.
+    fn cameras(&self) -> Vec<&str> {
+        self.loaded.cameras.iter().map(LoadedCamera::name).collect()
+    }
+
+    /// One camera as a dataset of its own.
+    fn camera(&self, name: &str) -> PyResult<Self> {
+        let found = self.loaded.cameras.iter().find(|camera| camera.name() == name);
+        let unknown = || input(format!("the dataset has no camera '{name}'; it has {}", self.cameras().join(", ")));
+        Ok(Self { loaded: Arc::new(Loaded::of_camera(found.ok_or_else(unknown)?.clone())) })
     }
 
     /// Path as it was given, or the name of a dataset in memory.
     #[getter]
     fn path(&self) -> &str {
-        &self.loaded.reference.path
+        self.loaded.cameras.first().map_or(&self.loaded.name, |camera| &camera.reference.path)
     }
 
     #[getter]
     fn digest(&self) -> &str {
-        &self.loaded.reference.digest
+        self.loaded.cameras.first().map_or("", |camera| &camera.reference.digest)
     }
 
     /// Width and height, px.
     #[getter]
-    fn size(&self) -> (usize, usize) {
-        (self.loaded.capture.width, self.loaded.capture.height)
+    fn size(&self) -> PyResult<(usize, usize)> {
+        let capture = &self.only_camera()?.capture;
+        Ok((capture.width, capture.height))
     }
 
     #[getter]
-    fn unit_mm(&self) -> Option<f64> {
-        self.loaded.capture.depth_unit_mm
+    fn unit_mm(&self) -> PyResult<Option<f64>> {
+        Ok(self.only_camera()?.capture.depth_unit_mm)
     }
 
     #[getter(from_cache)]
     fn is_from_cache(&self) -> bool {
-        self.loaded.from_cache
+        self.loaded.cameras.iter().filter(|camera| camera.has_markers()).all(|camera| camera.from_cache)
     }
 
     /// The board as JSON.
     #[getter]
     fn board(&self) -> PyResult<String> {
-        json(&self.loaded.capture.target)
+        json(&self.loaded.cameras.first().map(|camera| &camera.capture.target))
     }
 
-    /// (name, number of markers, whether it has depth, time in s, temperature in °C) of every frame with a board.
-    fn frames(&self) -> Vec<(String, usize, bool, f64, f64)> {
-        let frames = self.loaded.capture.frames.iter();
-        frames.map(|f| (f.name.clone(), f.markers.len(), f.has_depth(), f.time_s, f.temperature_c)).collect()
+    /// (name, number of markers, whether it has depth, time in s, temperature in °C, camera) of every frame that is used.
+    fn frames(&self) -> Vec<(String, usize, bool, f64, f64, &str)> {
+        let frames =
+            self.loaded.cameras.iter().flat_map(|camera| camera.capture.frames.iter().map(move |f| (camera, f)));
+        frames
+            .map(|(c, f)| (f.name.clone(), f.markers.len(), f.has_depth(), f.time_s, f.temperature_c, c.name()))
+            .collect()
     }
 
-    /// (name, reason) of every frame that is not used.
-    fn dropped(&self) -> Vec<(String, String)> {
-        self.loaded.capture.dropped.iter().map(|f| (f.name.clone(), f.reason.clone())).collect()
+    /// (name, reason, camera) of every frame that is not used.
+    fn dropped(&self) -> Vec<(String, String, &str)> {
+        let frames =
+            self.loaded.cameras.iter().flat_map(|camera| camera.capture.dropped.iter().map(move |f| (camera, f)));
+        frames.map(|(camera, f)| (f.name.clone(), f.reason.clone(), camera.name())).collect()
     }
 
     /// Numbers and positions of a frame's markers.
@@ -233,6 +262,6 @@ impl Dataset {
 
     /// Writes `observations.json`.
     fn write_observations(&self, path: PathBuf) -> PyResult<()> {
-        Ok(self.loaded.observations().write(path).map_err(input)?)
+        Ok(self.only_camera()?.observations().write(path).map_err(input)?)
     }
 }

@@ -1,20 +1,11 @@
-//! `diagnose`: what a model lacks.
+//! `diagnose`: what the models of a dataset's cameras lack.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use depthcal_calibration::calibration_record::calibration_record;
-use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis as Found, diagnose as search};
-use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
-use depthcal_calibration::load::Loaded;
-use depthcal_calibration::load::LoadedRig;
-use depthcal_calibration::stage_clock::StageTimes;
-use depthcal_calibration::task::{diagnosis_record, write_calibration};
-use depthcal_io::{DatasetEvaluation, DiagnosisFile, Evaluation};
-use depthcal_model::Register;
-use depthcal_report::{
-    ReportDataset, ReportDiagnosis, ReportInput, Role, diagnosis_text, effect_files, verdict_sentence,
-};
+use depthcal_calibration::judge::table::table;
+use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, DiagnosedCamera, Made, Results};
+use depthcal_report::{diagnosis_text, verdict_sentence};
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
@@ -23,39 +14,18 @@ use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{base_options, checked_folds, json, model_request, register_with};
 use crate::running::run;
-use crate::written::{html, save_together, write_report, write_text};
+use crate::written::{html, save};
 
-/// What was examined: a dataset, or a camera of a rig by its index.
-pub(crate) enum Examined {
-    Dataset(Arc<Loaded>),
-    OfRig(Arc<LoadedRig>, usize),
-}
-
-impl Examined {
-    fn loaded(&self) -> &Loaded {
-        match self {
-            Self::Dataset(loaded) => loaded,
-            Self::OfRig(rig, camera) => &rig.cameras[*camera],
-        }
-    }
-}
-
-/// A diagnosis.
+/// The diagnosis of a dataset, or of one of its cameras.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 pub(crate) struct Diagnosis {
-    pub(crate) found: Box<Found>,
-    pub(crate) fitted: Evaluated,
-    pub(crate) record: DiagnosisFile,
-    /// With the formulas that were found.
-    pub(crate) register: Register,
-    pub(crate) loaded: Examined,
-    pub(crate) title: String,
-    pub(crate) verified: bool,
-    pub(crate) stages: StageTimes,
-    pub(crate) call: String,
+    diagnosed: Arc<Diagnosed>,
+    /// The camera by its number; `None` for all.
+    camera: Option<usize>,
+    made: Made,
 }
 
-/// Finds what a model lacks.
+/// Finds what the models of a dataset's cameras lack.
 #[pyfunction]
 #[pyo3(signature = (dataset, verify, model, with, effects, lens, folds, discovery, call, progress))]
 #[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
@@ -74,69 +44,31 @@ pub(crate) fn diagnose(
 ) -> PyResult<Diagnosis> {
     let folds = checked_folds(folds)?;
     let mut register = register_with(&effects)?;
-    let request = model_request(model, with, lens, &mut register)?;
+    let request =
+        DiagnoseRequest { model: model_request(model, with, lens, &mut register)?, folds, formulas: discovery };
     let loaded = dataset.loaded.clone();
     let verify = verify.map(|dataset| dataset.loaded.clone());
     run(py, progress.as_ref(), move |progress| {
-        let calibrate = request.for_dataset(request.options(base_options(&register, progress))?, &loaded)?;
-        let options = DiagnoseOptions { calibrate, folds, formulas: discovery, ..DiagnoseOptions::default() };
-        let found = search(&loaded.capture, verify.as_ref().map(|verify| &verify.capture), &options)?;
-        let stage = progress.stage("evaluation");
-        let fitted = evaluate(&found.last.camera, &found.last.capture);
-        drop(stage);
-        let (record, register) =
-            diagnosis_record(&found, loaded.reference.clone(), &request.model, &register, progress).map_err(input)?;
-        let (verified, stages) = (verify.is_some(), progress.stage_times());
-        let (title, loaded) = (loaded.capture.name.clone(), Examined::Dataset(loaded));
-        Ok(Diagnosis { found: Box::new(found), fitted, record, register, loaded, title, verified, stages, call })
+        let diagnosed = request.diagnose(&loaded, verify.as_deref(), base_options(&register, progress))?;
+        let made = Made { command_line: call, stages: progress.stage_times() };
+        Ok(Diagnosis { diagnosed: Arc::new(diagnosed), camera: None, made })
     })
 }
 
 impl Diagnosis {
-    /// Errors of the last model, on fitted and on held-out frames.
-    fn datasets(&self) -> Vec<DatasetEvaluation> {
-        let mut held_out = self.found.after.evaluated.record();
-        held_out.name = format!("{} (held out)", held_out.name);
-        vec![self.fitted.record(), held_out]
-    }
-
-    fn report<T>(&self, make: impl FnOnce(&ReportInput<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
-        let found = &self.found;
-        let role = if self.verified { Role::Other } else { Role::HeldOut };
-        let shown = [
-            ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
-            ReportDataset { evaluated: &found.after.evaluated, role },
-        ];
-        let diagnosis =
-            ReportDiagnosis { record: &self.record, before: &found.before.evaluated, register: &self.register };
-        make(&ReportInput {
-            title: self.title.clone(),
-            command_line: self.call.clone(),
-            stages: self.stages.clone(),
-            calibrated: Some(&found.last),
-            evaluations: &shown,
-            diagnosis: Some(diagnosis),
-            story: &[],
-        })
-    }
-}
-
-impl Diagnosis {
-    /// Writes all files into a folder; returns their names.
-    pub(crate) fn write(&self, out: &Path) -> Result<Vec<PathBuf>, Failure> {
-        self.record.write(out.join("diagnosis.json")).map_err(input)?;
-        let (last, loaded) = (&self.found.last, self.loaded.loaded());
-        write_calibration(last, &self.fitted, loaded, self.datasets(), &self.register, out).map_err(input)?;
-        self.report(|report| write_report(report, out))?;
-        let mut written = ["diagnosis.json", "calibration.json", "report.html"].map(PathBuf::from).to_vec();
-        for formula in &self.found.formulas {
-            for (name, text) in effect_files(&formula.effect) {
-                let name = PathBuf::from("effects").join(name);
-                write_text(out.join(&name), &text)?;
-                written.push(name);
-            }
+    /// The camera, where this is of one.
+    fn only_camera(&self) -> Option<&DiagnosedCamera> {
+        match self.camera {
+            Some(number) => self.diagnosed.cameras.get(number).map(|(_, camera)| camera),
+            None => self.diagnosed.only_camera(),
         }
-        Ok(written)
+    }
+
+    fn results(&self) -> &dyn Results {
+        match self.only_camera() {
+            Some(camera) => camera,
+            None => &*self.diagnosed,
+        }
     }
 }
 
@@ -144,44 +76,87 @@ impl Diagnosis {
 impl Diagnosis {
     /// The record as JSON: `diagnosis.json`.
     fn json(&self) -> PyResult<String> {
-        json(&self.record)
+        match self.only_camera() {
+            Some(camera) => json(&camera.record),
+            None => json(&self.diagnosed.record),
+        }
+    }
+
+    /// Names of the cameras with depth.
+    fn cameras(&self) -> Vec<String> {
+        self.diagnosed.cameras.iter().map(|(name, _)| name.clone()).collect()
+    }
+
+    /// The diagnosis of one camera.
+    fn camera(&self, name: &str) -> PyResult<Self> {
+        let number = self.diagnosed.cameras.iter().position(|(own, _)| own == name);
+        let unknown = || input(format!("no camera '{name}' was examined; these were: {}", self.cameras().join(", ")));
+        let camera = Some(number.ok_or_else(unknown)?);
+        Ok(Self { diagnosed: self.diagnosed.clone(), camera, made: self.made.clone() })
     }
 
     /// The diagnosis in words.
     fn text(&self) -> String {
-        diagnosis_text(&self.record)
+        if let Some(camera) = self.only_camera() {
+            return diagnosis_text(&camera.record);
+        }
+        let sentence =
+            |(name, camera): &(String, DiagnosedCamera)| format!("[{name}] {}", verdict_sentence(&camera.record));
+        let mut lines: Vec<String> = self.diagnosed.cameras.iter().map(sentence).collect();
+        if let Some(rig) = &self.diagnosed.record.rig {
+            lines.push("held-out frames, with what was added:".to_owned());
+            lines.push(table(&rig.held_out.after.datasets, None));
+        }
+        lines.join("\n")
     }
 
-    /// Its verdict in a sentence.
+    /// The verdict in a sentence, of several cameras in one for each.
     fn sentence(&self) -> String {
-        verdict_sentence(&self.record)
+        match self.only_camera() {
+            Some(camera) => verdict_sentence(&camera.record),
+            None => {
+                let cameras = self.diagnosed.cameras.iter();
+                cameras
+                    .map(|(name, c)| format!("{name}: {}.", verdict_sentence(&c.record)))
+                    .collect::<Vec<_>>()
+                    .join(" ")
+            }
+        }
     }
 
-    /// The calibration of the last model.
-    fn calibration(&self) -> Calibration {
-        let last = &self.found.last;
-        let record = calibration_record(last, &self.fitted, self.loaded.loaded().reference.clone(), None);
-        Calibration::new(record, last.camera.clone(), self.register.clone())
+    /// The calibration of the last model, of a rig of all cameras.
+    fn calibration(&self) -> PyResult<Calibration> {
+        let lacking = || input("no camera was examined");
+        Ok(match (self.only_camera(), &self.diagnosed.rig) {
+            (Some(camera), _) => Calibration::of_record(camera.calibration(), camera.register.clone())?,
+            (None, Some(rig)) => Calibration::of_record(rig.calibration.clone(), rig.found.register.clone())?,
+            (None, None) => return Err(lacking().into()),
+        })
     }
 
     /// The formulas that were found, as effects.
     fn formulas(&self) -> Vec<Effect> {
-        self.found.formulas.iter().map(|formula| Effect::of_formula(formula.effect.clone())).collect()
+        let cameras =
+            self.only_camera().map_or_else(|| self.diagnosed.cameras.iter().map(|(_, c)| c).collect(), |c| vec![c]);
+        let formulas = cameras.into_iter().flat_map(|camera| &camera.diagnosis.formulas);
+        formulas.map(|formula| Effect::of_formula(formula.effect.clone())).collect()
     }
 
     /// Errors of the last model as JSON: `evaluation.json`.
     fn evaluation(&self) -> PyResult<String> {
-        json(&Evaluation { datasets: self.datasets(), ..Evaluation::default() })
+        match self.only_camera() {
+            Some(camera) => json(&camera.evaluation()),
+            None => json(&self.diagnosed.evaluation()),
+        }
     }
 
     /// The report as HTML.
     fn report_html(&self, py: Python<'_>) -> PyResult<String> {
-        run(py, None, |_| self.report(html))
+        run(py, None, |_| html(self.results(), &self.made))
     }
 
-    /// Writes `diagnosis.json`, `calibration.json`, `evaluation.json`, `observations.json`, `report.html` and the files of formulas that
-    /// were found into a folder; returns the paths.
+    /// Writes the files of the command line into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
-        run(py, None, |_| save_together(&out, "calibration.json", |out| self.write(out)))
+        run(py, None, |_| -> Result<_, Failure> { save(self.results(), &self.made, &out) })
     }
 }

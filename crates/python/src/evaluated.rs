@@ -1,32 +1,26 @@
 //! `evaluate`: errors of a calibration on datasets.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use depthcal_calibration::judge::evaluate::{Evaluated, evaluate as judge};
-use depthcal_calibration::judge::table::table;
-use depthcal_calibration::stage_clock::StageTimes;
-use depthcal_calibration::task::{OptionNames, with_effects};
-use depthcal_io::{Calibration as CalibrationRecord, DatasetEvaluation, Evaluation as Record};
-use depthcal_report::{ReportDataset, ReportInput, Role};
+use depthcal_calibration::rig_record::cameras_from_record;
+use depthcal_calibration::task::{Evaluations, Made, OptionNames, with_effects};
+use depthcal_io::Calibration as CalibrationRecord;
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
-use crate::failure::{Failure, input};
+use crate::failure::input;
 use crate::request::json;
 use crate::running::run;
-use crate::written::{html, save_together, write_report};
+use crate::written::{html, save};
 
 /// Errors of a calibration.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 #[derive(Debug)]
 pub(crate) struct Evaluation {
-    evaluated: Vec<(Evaluated, Role)>,
-    record: Arc<CalibrationRecord>,
-    title: String,
-    stages: StageTimes,
-    call: String,
+    evaluations: Evaluations,
+    made: Made,
 }
 
 /// Measures the errors of a calibration on datasets. `with` are files of formulas with values, which the camera is given in addition.
@@ -43,84 +37,54 @@ pub(crate) fn evaluate(
 ) -> PyResult<Evaluation> {
     let mut register = calibration.register.clone();
     let loaded: Vec<_> = datasets.iter().map(|dataset| Arc::clone(&dataset.loaded)).collect();
-    let (record, camera) = (calibration.record.clone(), calibration.camera.clone());
+    let record = calibration.record.clone();
     run(py, progress.as_ref(), move |progress| {
         let names = OptionNames::ARGUMENTS;
         let with = depthcal_formula::resolve(names.with, &with, &mut register).map_err(input)?;
-        let camera = with_effects((*camera).clone(), names.with, &with, &register)?;
-        let mut evaluated = Vec::new();
-        for loaded in loaded {
-            let capture = &loaded.capture;
-            let (found, size) = ((capture.width, capture.height), (camera.width, camera.height));
-            if found != size {
-                return Err(input(format!(
-                    "{}: its images are {} × {} px, but the calibration is for {} × {} px",
-                    capture.name, found.0, found.1, size.0, size.1
-                )));
-            }
-            let is_own = record.dataset.digest == loaded.reference.digest;
-            let _stage = progress.stage("evaluation");
-            evaluated.push((judge(&camera, capture), if is_own { Role::Fitted } else { Role::Other }));
+        let mut cameras = cameras_from_record(&record, &register).map_err(input)?;
+        if let ([camera], false) = (cameras.as_mut_slice(), with.is_empty()) {
+            camera.camera = with_effects(camera.camera.clone(), names.with, &with, &register)?;
+        } else if !with.is_empty() {
+            return Err(input("effects are for one camera: calibrate the rig with the effect CAMERA:EFFECT"));
         }
-        Ok(Evaluation { evaluated, record, title, stages: progress.stage_times(), call })
+        let mut evaluations = Evaluations { title, cameras, calibration: Some(record), datasets: Vec::new() };
+        for loaded in loaded {
+            evaluations.add(&loaded, Path::new(&loaded.name), progress)?;
+        }
+        Ok(Evaluation { evaluations, made: Made { command_line: call, stages: progress.stage_times() } })
     })
-}
-
-impl Evaluation {
-    fn records(&self) -> Vec<DatasetEvaluation> {
-        self.evaluated.iter().map(|(evaluated, _)| evaluated.record()).collect()
-    }
-
-    fn report<T>(&self, make: impl FnOnce(&ReportInput<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
-        let shown: Vec<_> =
-            self.evaluated.iter().map(|(evaluated, role)| ReportDataset { evaluated, role: *role }).collect();
-        make(&ReportInput {
-            title: format!("Evaluation of {}", self.title),
-            command_line: self.call.clone(),
-            stages: self.stages.clone(),
-            evaluations: &shown,
-            ..ReportInput::default()
-        })
-    }
 }
 
 #[pymethods]
 impl Evaluation {
     /// The record as JSON: `evaluation.json`.
     fn json(&self) -> PyResult<String> {
-        json(&Record { datasets: self.records(), ..Record::default() })
+        json(&self.evaluations.record())
     }
 
     /// The errors as a table of text.
     fn table(&self) -> String {
-        let fitted = self.evaluated.iter().find(|(_, role)| *role == Role::Fitted);
-        table(&self.records(), fitted.map(|(evaluated, _)| evaluated.name.as_str()))
+        self.evaluations.table()
     }
 
     /// (dataset, frame, reason) of every frame that could not be evaluated.
     fn dropped(&self) -> Vec<(String, String, String)> {
-        let of = |e: &Evaluated| {
-            let reasons = e.dropped.iter().map(|d| (e.name.clone(), d.name.clone(), d.reason.clone()));
-            reasons.collect::<Vec<_>>()
-        };
-        self.evaluated.iter().flat_map(|(evaluated, _)| of(evaluated)).collect()
+        let cameras = self.evaluations.datasets.iter().flat_map(|(rig, _)| &rig.cameras);
+        let frames = cameras.flat_map(|camera| camera.dropped.iter().map(move |frame| (camera, frame)));
+        frames.map(|(camera, f)| (camera.name.clone(), f.name.clone(), f.reason.clone())).collect()
     }
 
     /// The report as HTML.
     fn report_html(&self, py: Python<'_>) -> PyResult<String> {
-        run(py, None, |_| self.report(html))
+        run(py, None, |_| html(&self.evaluations, &self.made))
     }
 
     /// Writes `evaluation.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
         run(py, None, |_| {
-            CalibrationRecord::check_no_other_in(&out, Some(&self.record), &self.title).map_err(input)?;
-            save_together(&out, "evaluation.json", |out| {
-                let record = Record { datasets: self.records(), ..Record::default() };
-                record.write(out.join("evaluation.json")).map_err(input)?;
-                self.report(|report| write_report(report, out))?;
-                Ok(["evaluation.json", "report.html"].map(PathBuf::from).to_vec())
-            })
+            let Evaluations { calibration, title, .. } = &self.evaluations;
+            CalibrationRecord::check_no_other_in(&out, calibration.as_deref(), title).map_err(input)?;
+            save(&self.evaluations, &self.made, &out)
         })
     }
 }

@@ -2,8 +2,6 @@
 
 use std::fmt::Display;
 
-use depthcal_calibration::calibrate::CalibrateError;
-use depthcal_calibration::diagnose::DiagnoseError;
 use depthcal_calibration::task::TaskError;
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
@@ -39,20 +37,8 @@ pub(crate) fn input(error: impl Display) -> Failure {
     Failure::Input(error.to_string())
 }
 
-impl From<CalibrateError> for Failure {
-    fn from(error: CalibrateError) -> Self {
-        if error.is_untrusted_fit() { Self::Untrusted(error.to_string()) } else { input(error) }
-    }
-}
-
 impl From<TaskError> for Failure {
     fn from(error: TaskError) -> Self {
-        if error.is_untrusted_fit() { Self::Untrusted(error.to_string()) } else { input(error) }
-    }
-}
-
-impl From<DiagnoseError> for Failure {
-    fn from(error: DiagnoseError) -> Self {
         if error.is_untrusted_fit() { Self::Untrusted(error.to_string()) } else { input(error) }
     }
 }

@@ -1,37 +1,27 @@
 //! `calibrate`: a dataset, fitted and judged.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use depthcal_calibration::calibration_record::calibration_record;
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::judge::table::table;
-use depthcal_calibration::load::Loaded;
-use depthcal_calibration::stage_clock::StageTimes;
-use depthcal_calibration::task::{DatasetFit, FitRequest, JudgedFit, prior_for, write_calibration};
-use depthcal_io::{Evaluation, Prior};
-use depthcal_model::Register;
-use depthcal_report::{ReportDataset, ReportInput, Role, fit_sentences, prior_sentences};
+use depthcal_calibration::task::{Fit as Fitted, FitRequest, Made};
+use depthcal_io::Prior;
+use depthcal_report::prior_sentences;
 use pyo3::prelude::*;
 
 use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
 use crate::effect::Effect;
-use crate::failure::{Failure, input};
+use crate::failure::input;
 use crate::request::{base_options, estimator_of, hold_out_of, json, model_request, register_with};
 use crate::running::run;
-use crate::written::{html, save_together, write_report};
+use crate::written::{html, save};
 
 /// A fit with its errors.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 #[derive(Debug)]
 pub(crate) struct Fit {
-    fit: DatasetFit,
-    judged: JudgedFit,
-    loaded: Arc<Loaded>,
-    register: Register,
-    stages: StageTimes,
-    call: String,
+    fit: Fitted,
+    made: Made,
 }
 
 /// Fits a dataset and judges the fit.
@@ -61,14 +51,6 @@ pub(crate) fn calibrate(
     }
     let hold_out = hold_out_of(hold_out)?;
     let mut register = register_with(&effects)?;
-    let request = FitRequest {
-        model: model_request(model, with, lens, &mut register)?,
-        estimator: estimator_of(estimator)?,
-        hold_out,
-        cross_validate,
-        parts: if blocks { Parts::Blocks } else { Parts::Interleaved },
-    };
-    let loaded = dataset.loaded.clone();
     let prior: Option<(String, Prior)> = match prior {
         None => None,
         Some((name, text)) => {
@@ -76,76 +58,50 @@ pub(crate) fn calibrate(
             Some((name, prior))
         }
     };
+    let request = FitRequest {
+        model: model_request(model, with, lens, &mut register)?,
+        estimator: estimator_of(estimator)?,
+        hold_out,
+        cross_validate,
+        parts: if blocks { Parts::Blocks } else { Parts::Interleaved },
+        prior,
+    };
+    let loaded = dataset.loaded.clone();
     run(py, progress.as_ref(), move |progress| {
-        let mut options = request.options(base_options(&register, progress))?;
-        let size = [loaded.capture.width, loaded.capture.height];
-        let prior = prior.map(|(name, prior)| prior_for(&name, &prior, size)).transpose()?;
-        options.prior = prior.map(Arc::new);
-        let fit = request.prepare(&loaded, options)?.fit()?;
-        let judged = fit.judge()?;
-        Ok(Fit { fit, judged, loaded, register, stages: progress.stage_times(), call })
+        let fit = request.fit(&loaded, base_options(&register, progress))?;
+        Ok(Fit { fit, made: Made { command_line: call, stages: progress.stage_times() } })
     })
-}
-
-impl Fit {
-    fn report<T>(&self, make: impl FnOnce(&ReportInput<'_>) -> Result<T, Failure>) -> Result<T, Failure> {
-        let mut shown = vec![ReportDataset { evaluated: &self.judged.fitted, role: Role::Fitted }];
-        let held_out = self.judged.held_out.as_ref();
-        shown.extend(held_out.map(|(_, evaluated)| ReportDataset { evaluated, role: Role::HeldOut }));
-        let story = fit_sentences(&self.fit.result);
-        make(&ReportInput {
-            title: self.fit.result.capture.name.clone(),
-            command_line: self.call.clone(),
-            stages: self.stages.clone(),
-            calibrated: Some(&self.fit.result),
-            evaluations: &shown,
-            diagnosis: None,
-            story: &story,
-        })
-    }
 }
 
 #[pymethods]
 impl Fit {
-    /// The calibration.
-    fn calibration(&self) -> Calibration {
-        let reference = self.loaded.reference.clone();
-        let record = calibration_record(&self.fit.result, &self.judged.fitted, reference, None);
-        Calibration::new(record, self.fit.result.camera.clone(), self.register.clone())
+    /// The calibration, of a rig of all cameras.
+    fn calibration(&self) -> PyResult<Calibration> {
+        Ok(Calibration::of_record(self.fit.record.clone(), self.fit.register.clone())?)
     }
 
     /// Errors of every dataset as JSON: `evaluation.json`.
     fn evaluation(&self) -> PyResult<String> {
-        json(&Evaluation { datasets: self.judged.records(), ..Evaluation::default() })
+        json(&self.fit.evaluation)
     }
 
     /// What the prior of a fleet did, in sentences.
     fn prior_sentences(&self) -> Vec<String> {
-        prior_sentences(&self.fit.result)
+        self.fit.fitted.reference().map(prior_sentences).unwrap_or_default()
     }
 
     /// The errors as a table of text.
     fn table(&self) -> String {
-        table(&self.judged.records(), Some(&self.fit.result.capture.name))
+        self.fit.table()
     }
 
     /// The report as HTML.
     fn report_html(&self, py: Python<'_>) -> PyResult<String> {
-        run(py, None, |_| self.report(html))
+        run(py, None, |_| html(&self.fit, &self.made))
     }
 
-    /// Writes `observations.json`, `calibration.json`, `evaluation.json` and `report.html` into a folder; returns the paths.
+    /// Writes the files of the command line into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
-        run(py, None, |_| {
-            let (result, fitted) = (&self.fit.result, &self.judged.fitted);
-            save_together(&out, "calibration.json", |out| {
-                let datasets = self.judged.records();
-                write_calibration(result, fitted, &self.loaded, datasets, &self.register, out).map_err(input)?;
-                self.report(|report| write_report(report, out))?;
-                Ok(["calibration.json", "evaluation.json", "observations.json", "report.html"]
-                    .map(PathBuf::from)
-                    .to_vec())
-            })
-        })
+        run(py, None, |_| save(&self.fit, &self.made, &out))
     }
 }

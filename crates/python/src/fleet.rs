@@ -2,24 +2,23 @@
 
 use std::path::PathBuf;
 
-use depthcal_calibration::stage_clock::StageTimes;
+use depthcal_calibration::task::Made;
 use depthcal_fleet::{FleetError, FleetOptions, Joined, join, read_units};
-use depthcal_report::{fleet_text, render_fleet};
+use depthcal_report::{FleetResults, fleet_text};
 use pyo3::prelude::*;
 
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
 use crate::request::{json, register_with};
 use crate::running::run;
-use crate::written::{save_together, write_text};
+use crate::written::{html, save};
 
 /// A fleet.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 #[derive(Debug)]
 pub(crate) struct Fleet {
     joined: Joined,
-    stages: StageTimes,
-    call: String,
+    made: Made,
 }
 
 impl From<FleetError> for Failure {
@@ -51,13 +50,13 @@ pub(crate) fn fleet(
         let (units, left_out) = read_units(&calibrations, &register)?;
         let joined = join(units, left_out, &FleetOptions { level })?;
         drop(stage);
-        Ok(Fleet { joined, stages: progress.stage_times(), call })
+        Ok(Fleet { joined, made: Made { command_line: call, stages: progress.stage_times() } })
     })
 }
 
 impl Fleet {
-    fn html(&self) -> Result<String, Failure> {
-        render_fleet(&self.joined.fleet, &self.joined.prior, &self.call, &self.stages).map_err(input)
+    fn results(&self) -> FleetResults<'_> {
+        FleetResults { fleet: &self.joined.fleet, prior: &self.joined.prior }
     }
 }
 
@@ -80,18 +79,11 @@ impl Fleet {
 
     /// The report as HTML.
     fn report_html(&self, py: Python<'_>) -> PyResult<String> {
-        run(py, None, |_| self.html())
+        run(py, None, |_| html(&self.results(), &self.made))
     }
 
     /// Writes `fleet.json`, `prior.json` and `report.html` into a folder; returns the paths.
     fn save(&self, py: Python<'_>, out: PathBuf) -> PyResult<Vec<PathBuf>> {
-        run(py, None, |_| {
-            save_together(&out, "fleet.json", |out| {
-                self.joined.fleet.write(out.join("fleet.json")).map_err(input)?;
-                self.joined.prior.write(out.join("prior.json")).map_err(input)?;
-                write_text(out.join("report.html"), &self.html()?)?;
-                Ok(["fleet.json", "prior.json", "report.html"].map(PathBuf::from).to_vec())
-            })
-        })
+        run(py, None, |_| save(&self.results(), &self.made, &out))
     }
 }

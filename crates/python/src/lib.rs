@@ -4,8 +4,9 @@
 //! own (`running`), results are objects that keep the library's results and give its records as JSON. Tables, figures and
 //! documentation for users are in the package's Python files.
 //!
-//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work;
-//! - `rig`, `rig_diagnosed`, `fleet`: several cameras on one body, many of one type;
+//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work, on one camera or several
+//!   on one body;
+//! - `fleet`: many cameras of one type;
 //! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
 //! - `arrays`, `images`, `markers`, `units`: numpy arrays as the library takes them;
@@ -33,8 +34,6 @@ mod images;
 mod markers;
 mod registration;
 mod request;
-mod rig;
-mod rig_diagnosed;
 mod running;
 mod simulated;
 mod threads;
@@ -59,10 +58,6 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<calibrated::Calibration>()?;
     module.add_class::<corrector::Corrector>()?;
     module.add_class::<registration::Registration>()?;
-    module.add_class::<rig::Rig>()?;
-    module.add_class::<rig::RigFit>()?;
-    module.add_class::<rig::RigEvaluation>()?;
-    module.add_class::<rig_diagnosed::RigDiagnosis>()?;
     module.add_class::<fleet::Fleet>()?;
     module.add_class::<effect::Effect>()?;
     module.add_function(wrap_pyfunction!(dataset::load, module)?)?;
@@ -71,10 +66,6 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(evaluated::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(compared::compare, module)?)?;
     module.add_function(wrap_pyfunction!(diagnosed::diagnose, module)?)?;
-    module.add_function(wrap_pyfunction!(rig::load_rig, module)?)?;
-    module.add_function(wrap_pyfunction!(rig::calibrate_rig, module)?)?;
-    module.add_function(wrap_pyfunction!(rig::evaluate_rigs, module)?)?;
-    module.add_function(wrap_pyfunction!(rig_diagnosed::diagnose_rigs, module)?)?;
     module.add_function(wrap_pyfunction!(fleet::fleet, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate_points, module)?)?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use depthcal_calibration::load::{Loaded, declared_in_memory};
+use depthcal_calibration::load::{Loaded, LoadedCamera, declared_in_memory};
 use depthcal_calibration::observe::Capture;
 use depthcal_calibration::simulated::capture;
 use depthcal_io::{FileReference, digest_contents, write_json};
@@ -104,7 +104,7 @@ pub(crate) fn simulate_points(
         let declared = declared_in_memory(&name, &capture.target, capture.depth_unit_mm);
         let content = serde_json::to_vec(&observed).map_err(input)?;
         let reference = FileReference { path: name.clone(), digest: digest_contents([(name.clone(), content)]) };
-        let loaded = Loaded::of_capture(declared, reference, Capture { name, ..capture });
-        Ok(Dataset { loaded: Arc::new(loaded) })
+        let camera = LoadedCamera::of_capture(declared, reference, Capture { name, ..capture });
+        Ok(Dataset { loaded: Arc::new(Loaded::of_camera(camera)) })
     })
 }

@@ -2,43 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use depthcal_io::{StagedResults, write_atomically};
-use depthcal_report::{ReportInput, render};
+use depthcal_calibration::progress::ProgressHandle;
+use depthcal_calibration::task::{Made, Results};
+use depthcal_report::{SavedResults, report_of};
 
 use crate::failure::{Failure, input};
 
-/// Has result files written into a hidden folder and then puts them into `out` together, as the command line does; `write` returns
-/// their names. Earlier files that tell of a `calibration.json` that is replaced are removed. `first` is the file that the others tell of.
-pub(crate) fn save_together(
-    out: &Path,
-    first: &str,
-    write: impl FnOnce(&Path) -> Result<Vec<PathBuf>, Failure>,
-) -> Result<Vec<PathBuf>, Failure> {
-    let staged = StagedResults::within(out).map_err(input)?;
-    let names = write(staged.folder()).map_err(|failure| match failure {
-        // Errors name the place where files will be in the end.
-        Failure::Input(message) => {
-            let [hidden, shown] = [staged.folder(), out].map(|path| path.display().to_string());
-            Failure::Input(message.replace(&hidden, &shown))
-        }
-        other => other,
-    })?;
-    staged.commit(first).map_err(input)?;
-    Ok(names.into_iter().map(|name| out.join(name)).collect())
+/// Has the files of results written into `out` together, as the command line does; returns their paths. Earlier files that tell of a
+/// `calibration.json` that is replaced are removed.
+pub(crate) fn save(results: &dyn Results, made: &Made, out: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let saved = SavedResults::write(results, made, out, &ProgressHandle::default()).map_err(input)?;
+    let paths = saved.paths();
+    saved.commit().map_err(input)?;
+    Ok(paths)
 }
 
-/// Writes a text file; returns its path.
-pub(crate) fn write_text(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
-    write_atomically(&path, |file| file.write_all(text.as_bytes())).map_err(input)?;
-    Ok(path)
-}
-
-/// A report as HTML.
-pub(crate) fn html(report: &ReportInput<'_>) -> Result<String, Failure> {
-    render(report).map_err(input)
-}
-
-/// Writes `report.html` into a folder; returns its path.
-pub(crate) fn write_report(report: &ReportInput<'_>, out: &Path) -> Result<PathBuf, Failure> {
-    write_text(out.join("report.html"), &html(report)?)
+/// The report of results as HTML.
+pub(crate) fn html(results: &dyn Results, made: &Made) -> Result<String, Failure> {
+    report_of(results, made).map_err(input)
 }

@@ -37,12 +37,12 @@ def rig_folder(command_line, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def rig(rig_folder):
-    return depthcal.load_rig(rig_folder)
+    return depthcal.load(rig_folder)
 
 
 @pytest.fixture(scope="module")
 def rig_fit(rig):
-    return depthcal.calibrate_rig(rig, hold_out=4)
+    return depthcal.calibrate(rig, hold_out=4)
 
 
 def equal(one, other, *names):
@@ -51,7 +51,12 @@ def equal(one, other, *names):
 
 
 def test_a_rig_is_calibrated_as_by_the_command_line(rig, rig_fit, rig_folder, tmp_path):
-    assert rig.cameras == ["infrared", "colour"] and len({row.frame for row in rig.frames}) >= 8
+    assert rig.cameras == ["infrared", "colour"] and len({row.name for row in rig.frames}) >= 8
+    assert {row.camera for row in rig.frames} == set(rig.cameras) and "of infrared, colour" in repr(rig)
+    one = rig.camera("colour")
+    assert one.cameras == ["colour"] and one.size == (1280, 720) and one.unit_mm is None
+    with pytest.raises(depthcal.InputError, match="several cameras, infrared, colour"):
+        rig.size  # noqa: B018
     rig_fit.save(tmp_path)
     equal(tmp_path, rig_folder.parent / "calibrated", "calibration.json", "evaluation.json")
     assert "<html" in rig_fit.report.html
@@ -62,23 +67,32 @@ def test_a_rig_is_calibrated_as_by_the_command_line(rig, rig_fit, rig_folder, tm
     assert colour.matrix[0, 0] != rig_fit.calibration.matrix[0, 0]
     with pytest.raises(depthcal.InputError, match="it has infrared, colour"):
         rig_fit.calibration.camera("thermal")
+    with pytest.raises(depthcal.InputError, match="cross_validate is for one camera"):
+        depthcal.calibrate(rig, cross_validate=3)
+
+
+def test_names_of_an_earlier_release_warn(rig_folder):
+    with pytest.warns(DeprecationWarning, match="depthcal.load_rig is depthcal.load now"):
+        rig = depthcal.load_rig(rig_folder)
+    assert isinstance(rig, depthcal.Rig) and depthcal.calibrate_rig.__name__ == "calibrate_rig"
+    assert rig.frames[0].frame == rig.frames[0].name
 
 
 def test_a_rig_is_evaluated_as_by_the_command_line(command_line, rig, rig_fit, rig_folder, tmp_path):
     path = rig_folder.parent / "calibrated" / "calibration.json"
     command_line("evaluate", path, rig_folder, "--out", tmp_path / "cli")
-    evaluation = depthcal.evaluate_rig(depthcal.Calibration.load(path), rig)
+    evaluation = depthcal.evaluate(depthcal.Calibration.load(path), rig)
     evaluation.save(tmp_path / "python")
     equal(tmp_path / "python", tmp_path / "cli", "evaluation.json")
     assert len(evaluation.datasets) == 2 and evaluation.transfers[0].rms_px > 0
     one = depthcal.Calibration.load(path).camera("infrared")
     with pytest.raises(depthcal.InputError):
-        depthcal.evaluate_rig(one, rig)
+        depthcal.evaluate(one, rig)
 
 
 def test_a_rig_is_diagnosed_as_by_the_command_line(command_line, rig, rig_folder, tmp_path):
     command_line("diagnose", rig_folder, "--no-discovery", "--out", tmp_path / "cli")
-    diagnosis = depthcal.diagnose_rig(rig, discovery=False)
+    diagnosis = depthcal.diagnose(rig, discovery=False)
     written = diagnosis.save(tmp_path / "python")
     assert all(path.is_file() for path in written)
     equal(tmp_path / "python", tmp_path / "cli", "diagnosis.json", "calibration.json", "evaluation.json")
@@ -86,9 +100,12 @@ def test_a_rig_is_diagnosed_as_by_the_command_line(command_line, rig, rig_folder
     equal(tmp_path / "python", tmp_path / "cli", *(f"infrared/{name}" for name in own))
     assert list(diagnosis.cameras) == ["infrared"] and diagnosis.record["without_depth"] == ["colour"]
     assert diagnosis.verdict == diagnosis.cameras["infrared"].verdict and "[infrared]" in repr(diagnosis)
+    assert len(diagnosis.cameras["infrared"].candidates) > 10 and len(diagnosis.transfers) > 0
+    with pytest.raises(depthcal.InputError, match="several cameras"):
+        diagnosis.steps  # noqa: B018
     assert diagnosis.calibration.cameras == rig.cameras and "<html" in diagnosis.report.html
     with pytest.raises(depthcal.InputError, match="folds"):
-        depthcal.diagnose_rig(rig, folds=1)
+        depthcal.diagnose(rig, folds=1)
 
 
 def test_depth_is_registered_as_by_the_command_line(command_line, rig_folder, tmp_path):

@@ -7,27 +7,24 @@ use depthcal_io::{Comparison, Interval};
 use super::content::Content;
 use super::format::{fixed, interval, number, percent, pieces};
 use super::html::escape;
-use super::input::ReportError;
+use super::input::{Made, ReportError};
 use super::left_out::share;
 use super::made::made;
 use super::{figures, page};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::compare::tables::Table;
-use depthcal_calibration::stage_clock::StageTimes;
 
 /// Renders a comparison as one self-contained HTML file. `tables` are the comparison's tables, the ranking first;
-/// `best` is the best model fitted to all training frames, whose correction is shown as maps; `command` and the times
-/// of its stages are shown below the heading.
+/// `best` is the best model fitted to all training frames, whose correction is shown as maps.
 ///
 /// # Errors
 ///
 /// [`ReportError::Nothing`] where no model was compared.
-pub fn render_comparison(
+pub(super) fn render_comparison(
     c: &Comparison,
     tables: &[Table],
     best: Option<&Calibrated>,
-    command: &str,
-    stages: &StageTimes,
+    how: &Made,
 ) -> Result<String, ReportError> {
     if c.models.is_empty() {
         return Err(ReportError::Nothing);
@@ -50,7 +47,7 @@ pub fn render_comparison(
         content.close();
     }
     thesis(&mut content, c, tables);
-    page::render(&format!("Depth models on {}", c.train), &made(command, stages), &content)
+    page::render(&format!("Depth models on {}", c.train), &made(how), &content)
 }
 
 fn first_screen(content: &mut Content, c: &Comparison) {

@@ -1,9 +1,9 @@
 //! `report.html`: one file that shows how large the errors of depth are and where, before and after correction, on held-out
 //! frames; how certain these numbers are; and whether the calibration may be trusted.
 //!
-//! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]).
-//! - [`render_comparison`] makes the report of a comparison of depth models.
-//! - [`render_fleet`] makes the report of a fleet, [`fleet_text`] words it for a terminal.
+//! - [`SavedResults`] writes the files of a task's results with their report, [`report_of`] makes the report alone.
+//! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]), of one camera or of a rig.
+//! - [`FleetResults`] has the files and the report of a fleet, [`fleet_text`] words it for a terminal.
 //! - [`fit_sentences`] says what a reader of a fit has to know before its numbers; [`prior_sentences`], of these, what the prior of a fleet did to a fit.
 //! - [`diagnosis_text`] and [`verdict_sentence`] word a diagnosis for a terminal.
 //! - [`mod@format`] writes numbers as people read them; the command line prints through it as well.
@@ -51,22 +51,22 @@ mod prior;
 mod render;
 #[cfg(feature = "rerun")]
 pub mod rerun;
+mod results;
 mod rig;
 mod sections;
 mod statistics;
 mod tables;
 mod uncertainty;
 
-pub use comparison::render_comparison;
 pub use diagnosis::{diagnosis_text, verdict_sentence};
 pub use effect_files::effect_files;
 pub use fit_sentences::fit_sentences;
-pub use fleet::{fleet_text, render_fleet};
+pub use fleet::{FleetResults, fleet_text};
 pub use formula_plot::formula_plot;
-pub use input::{ReportDataset, ReportDiagnosis, ReportError, ReportInput, Role};
+pub use input::{Made, ReportDataset, ReportDiagnosis, ReportError, ReportInput, ReportRig, Role};
 pub use prior::prior_sentences;
 pub use render::render;
-pub use rig::{ReportRig, render_rig, rig_sentences};
+pub use results::{SaveError, SavedResults, report_of};
 
 #[cfg(test)]
 mod tests;

@@ -4,10 +4,12 @@ use std::fmt::Write;
 
 use super::format::fixed;
 use super::html::escape;
-use depthcal_calibration::stage_clock::{StageTimes, in_words};
+use super::input::Made;
+use depthcal_calibration::stage_clock::in_words;
 
 /// The command line and a table of the stages' times as HTML, below the heading; nothing where neither is known.
-pub(super) fn made(command_line: &str, times: &StageTimes) -> String {
+pub(super) fn made(made: &Made) -> String {
+    let Made { command_line, stages: times } = made;
     let mut html = String::new();
     if !command_line.is_empty() {
         html += &format!("<p class=\"command\"><code>{}</code></p>\n", escape(command_line));
@@ -34,7 +36,7 @@ pub(super) fn made(command_line: &str, times: &StageTimes) -> String {
 
 #[cfg(test)]
 mod tests {
-    use depthcal_calibration::stage_clock::StageTime;
+    use depthcal_calibration::stage_clock::{StageTime, StageTimes};
 
     use super::*;
 
@@ -42,7 +44,9 @@ mod tests {
     fn the_table_has_every_stage_its_share_and_the_rest() {
         let stage = |stage: &str, seconds| StageTime { stage: stage.to_owned(), seconds };
         let stages = vec![stage("reading images", 1.0), stage("fitting <D>", 2.5)];
-        let html = made("depthcal calibrate a", &StageTimes { stages, elapsed_s: 4.0 });
+        let command_line = "depthcal calibrate a".to_owned();
+        let times = StageTimes { stages, elapsed_s: 4.0 };
+        let html = made(&Made { command_line: command_line.clone(), stages: times });
         assert!(
             html.contains("<code>depthcal calibrate a</code>") && html.contains("4.00 s until this report"),
             "{html}"
@@ -51,7 +55,7 @@ mod tests {
             assert!(html.contains(row), "{html}");
         }
         assert!(html.contains("everything else</th><td>500 ms</td><td>12.5 %"), "{html}");
-        assert_eq!(made("", &StageTimes::default()), "");
-        assert!(!made("depthcal calibrate a", &StageTimes::default()).contains("<table"));
+        assert_eq!(made(&Made::default()), "");
+        assert!(!made(&Made { command_line, ..Made::default() }).contains("<table"));
     }
 }

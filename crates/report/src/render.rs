@@ -1,10 +1,10 @@
-//! The report of a calibration or an evaluation.
+//! The report of a calibration, an evaluation or a diagnosis, of one camera or of a rig.
 
 use super::input::{ReportError, ReportInput};
 use super::made::made;
-use super::{page, sections};
+use super::{page, rig, sections};
 
-/// Renders a report as one self-contained HTML file.
+/// Renders a report as one self-contained HTML file. That of a rig has the sections of its reference camera, and one of the rig.
 ///
 /// ```
 /// use depthcal_report::{ReportInput, render};
@@ -21,5 +21,9 @@ pub fn render(input: &ReportInput<'_>) -> Result<String, ReportError> {
     if input.calibrated.is_none() && !evaluated {
         return Err(ReportError::Nothing);
     }
-    page::render(&input.title, &made(&input.command_line, &input.stages), &sections::content(input))
+    let mut content = sections::content(input);
+    if let Some(rig) = &input.rig {
+        content = content.followed_by(rig::content(rig));
+    }
+    page::render(&input.title, &made(&input.made), &content)
 }

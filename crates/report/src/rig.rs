@@ -1,11 +1,9 @@
-//! The section of a rig: where its cameras sit, what they share, and how well one meets the other.
+//! The section of a rig: extrinsics of its cameras, what they share, and how well one meets the other.
 
 use std::fmt::Write;
 
-use depthcal_calibration::judge::rig::EvaluatedRig;
 use depthcal_calibration::judge::transfer::Transfer;
-use depthcal_calibration::observe::PlacedCamera;
-use depthcal_io::{Calibration, RigCameraDiagnosis, RigDiagnosisFile, TransferError};
+use depthcal_io::{DiagnosedCamera, Diagnosis, TransferError};
 use nalgebra::Isometry3;
 
 use super::content::Content;
@@ -13,55 +11,33 @@ use super::diagnosis::verdict_sentence;
 use super::figures::{rig_in_space, transfer_by_distance, transfer_over_image};
 use super::format::{count, number};
 use super::html::escape;
-use super::input::{ReportError, ReportInput};
-use super::made::made;
-use super::{page, sections};
-
-/// What a report shows of a rig, besides its reference camera.
-#[derive(Debug, Clone, Copy)]
-pub struct ReportRig<'a> {
-    /// The cameras with their places.
-    pub cameras: &'a [PlacedCamera],
-    /// Their record, for standard deviations and counts.
-    pub record: &'a Calibration,
-    /// Errors on every dataset, the fitted one first.
-    pub evaluated: &'a [&'a EvaluatedRig],
-}
+use super::input::ReportRig;
 
 /// The verdicts of a rig's cameras in a sentence each, which introduce the report of its diagnosis.
-pub fn rig_sentences(diagnosis: &RigDiagnosisFile) -> Vec<String> {
-    let sentence = |camera: &RigCameraDiagnosis| {
+pub(super) fn rig_sentences(diagnosis: &Diagnosis) -> Vec<String> {
+    let sentence = |camera: &DiagnosedCamera| {
         let (name, verdict) = (&camera.camera, verdict_sentence(&camera.diagnosis));
         format!("{name}: {verdict} (its own report is in the folder {name}).")
     };
     diagnosis.cameras.iter().map(sentence).collect()
 }
 
-/// Renders a report of a rig as one self-contained HTML file: the sections of its reference camera, and one of the rig.
-///
-/// # Errors
-///
-/// [`ReportError::Nothing`] where there is neither a calibration nor an evaluated frame.
-pub fn render_rig(input: &ReportInput<'_>, rig: &ReportRig<'_>) -> Result<String, ReportError> {
-    let evaluated = input.evaluations.iter().any(|d| !d.evaluated.frames.is_empty() || !d.evaluated.dropped.is_empty());
-    if input.calibrated.is_none() && !evaluated {
-        return Err(ReportError::Nothing);
-    }
-    let mut own = Content::default();
-    section(&mut own, rig);
-    let content = sections::content(input).followed_by(own);
-    page::render(&input.title, &made(&input.command_line, &input.stages), &content)
+/// The section of a rig.
+pub(super) fn content(rig: &ReportRig<'_>) -> Content {
+    let mut content = Content::default();
+    section(&mut content, rig);
+    content
 }
 
 fn section(page: &mut Content, rig: &ReportRig<'_>) {
     let reference = rig.cameras.first().map_or("", |c| c.name.as_str());
     let intro = format!(
-        "The sections above are those of the reference camera, {}. Places map the frame of the rig, which is that of the reference, to each \
+        "The sections above are those of the reference camera, {}. Extrinsics map the frame of the rig, which is that of the reference, to each \
          camera's own.",
         escape(reference)
     );
-    page.open("rig", ["Rig", "The rig: places, overlaps and transfer errors"], &intro);
-    page.body += &places(rig);
+    page.open("rig", ["Rig", "The rig: extrinsics, overlaps and transfer errors"], &intro);
+    page.body += &extrinsics(rig);
     page.body += &not_used(rig, reference);
     let frames = rig.record.frames.iter().map(|f| {
         let [w, x, y, z] = f.rotation;
@@ -69,7 +45,7 @@ fn section(page: &mut Content, rig: &ReportRig<'_>) {
         Isometry3::from_parts(nalgebra::Translation3::from(nalgebra::Vector3::from(f.translation_mm)), rotation)
     });
     let frames: Vec<Isometry3<f64>> = frames.collect();
-    page.grid(&[rig_in_space(rig.cameras, &frames, &rig.record.target.points())], "one");
+    page.grid(&[rig_in_space(&rig.cameras, &frames, &rig.record.target.points())], "one");
     page.body += &overlaps(rig);
     let transfers: Vec<(String, &Transfer)> =
         rig.evaluated.iter().flat_map(|e| e.transfers.iter().map(|t| (e.name.clone(), t))).collect();
@@ -93,9 +69,9 @@ fn table(caption: &str, head: &[&str], rows: &str) -> String {
     )
 }
 
-fn places(rig: &ReportRig<'_>) -> String {
+fn extrinsics(rig: &ReportRig<'_>) -> String {
     let mut rows = String::new();
-    for (camera, record) in rig.cameras.iter().zip(&rig.record.cameras) {
+    for (camera, record) in rig.cameras.iter().zip(rig.record.cameras()) {
         let (turn, shift) = (camera.camera_from_rig.rotation.scaled_axis(), camera.camera_from_rig.translation.vector);
         let with = |value: f64, std: Option<f64>, digits: usize| {
             let std = std.map_or(String::new(), |s| format!(" <span class=\"interval\">± {}</span>", number(s)));
@@ -115,7 +91,7 @@ fn places(rig: &ReportRig<'_>) -> String {
     }
     let head =
         ["camera", "rx / °", "ry / °", "rz / °", "tx / mm", "ty / mm", "tz / mm", "frames", "left open by the boards"];
-    table("Places of the cameras, with standard deviations; rotations are rotation vectors", &head, &rows)
+    table("Extrinsics of the cameras, with standard deviations; rotations are rotation vectors", &head, &rows)
 }
 
 /// Frames that a camera other than the reference, whose sections list its own, could not use. Their names in the record are CAMERA/FRAME.

@@ -6,10 +6,12 @@ use super::content::{Content, Section};
 use super::covariates::{Image, all};
 use super::diagnosis::sentences::left_over;
 use super::figures::{self, Figure};
+use super::fit_sentences::fit_sentences;
 use super::format::{count, number, p_value};
 use super::html::{escape, tie};
 use super::input::{ReportDiagnosis, ReportInput, Role};
 use super::leftover::{Leftover, tested_frames};
+use super::rig::rig_sentences;
 use super::uncertainty::Uncertainty;
 use super::{checks, diagnosis, headline, tables};
 
@@ -71,7 +73,13 @@ fn others<'a>(input: &'a ReportInput<'a>, image: &'a Image) -> Vec<Section<'a>> 
 
 /// Sentences that introduce the report.
 fn story(input: &ReportInput<'_>) -> String {
-    let story: String = input.story.iter().map(|s| format!("<p>{}</p>\n", escape(s))).collect();
+    let of_rig = input.rig.as_ref().and_then(|rig| rig.diagnosis).map(rig_sentences);
+    let of_fit = || match (&input.diagnosis, input.calibrated) {
+        (None, Some(calibrated)) => fit_sentences(calibrated),
+        _ => Vec::new(),
+    };
+    let found = of_rig.unwrap_or_else(of_fit);
+    let story: String = input.story.iter().chain(&found).map(|s| format!("<p>{}</p>\n", escape(s))).collect();
     if story.is_empty() { story } else { format!("<div class=\"story\">{story}</div>\n") }
 }
 

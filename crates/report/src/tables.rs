@@ -80,7 +80,7 @@ pub(super) fn headline(input: &ReportInput<'_>) -> String {
 /// Errors of every dataset, in the columns of Sjöholm 2017.
 pub(super) fn datasets(input: &ReportInput<'_>) -> String {
     let mut rows = String::new();
-    for d in input.evaluations {
+    for d in &input.evaluations {
         let r = d.evaluated.record();
         for after in [false, true] {
             let pick = |b: Option<depthcal_io::BeforeAfter<depthcal_io::MeanStd>>| {
@@ -305,7 +305,7 @@ pub(super) fn dropped(input: &ReportInput<'_>) -> Vec<[String; 3]> {
     if let Some(c) = input.calibrated {
         c.capture.dropped.iter().for_each(|d| add(&c.capture.name, &d.name, &d.reason));
     }
-    for d in input.evaluations {
+    for d in &input.evaluations {
         d.evaluated.dropped.iter().for_each(|f| add(&d.evaluated.name, &f.name, &f.reason));
     }
     list

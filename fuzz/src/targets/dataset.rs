@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use depthcal_io::{DATASET_FILE, Dataset, DatasetFile, RigDataset, RigFile};
+use depthcal_io::{DATASET_FILE, Dataset, DatasetFile};
 
 use super::memory_folder;
 
 const BOARD: &str = "[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n";
 
-/// Parses a `dataset.toml`, and opens the dataset that it declares in a folder with three frames. What is written again reads the
-/// same.
+/// Parses a `dataset.toml`, of one camera or of several, and opens the dataset that it declares in a folder with three frames. What is written
+/// again reads the same.
 pub fn dataset_toml(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = DatasetFile::parse(Path::new(DATASET_FILE), text) else { return };
@@ -20,21 +20,8 @@ pub fn dataset_toml(bytes: &[u8]) {
     std::fs::write(root.join(DATASET_FILE), text).expect("a temporary file");
     if let Ok(dataset) = Dataset::open(&root) {
         // The file of intrinsics may be absent.
-        let _ = dataset.digest();
+        let _ = dataset.cameras[0].digest();
         assert_inside(&root, &dataset);
-    }
-}
-
-/// Parses a `dataset.toml` of a rig, and opens it in a folder with three frames.
-pub fn rig_toml(bytes: &[u8]) {
-    let Ok(text) = std::str::from_utf8(bytes) else { return };
-    if RigFile::parse(Path::new(DATASET_FILE), text).is_err() {
-        return;
-    }
-    let root = captures("rig");
-    std::fs::write(root.join(DATASET_FILE), text).expect("a temporary file");
-    if let Ok(rig) = RigDataset::open(&root) {
-        rig.cameras.iter().for_each(|camera| assert_inside(&root, &camera.dataset));
     }
 }
 
@@ -76,7 +63,8 @@ fn open_with(name: &str, frames: &str, table: &str, bytes: &[u8]) {
 
 fn assert_inside(root: &Path, dataset: &Dataset) {
     let folder = root.canonicalize().expect("the folder is there");
-    for path in dataset.frames.iter().flat_map(|frame| frame.image.iter().chain(&frame.depth)) {
+    let frames = dataset.cameras.iter().flat_map(|camera| &camera.frames);
+    for path in frames.flat_map(|frame| frame.image.iter().chain(&frame.depth)) {
         let path = path.canonicalize().expect("files of frames are there");
         assert!(path.starts_with(&folder), "{} lies outside of the dataset", path.display());
     }

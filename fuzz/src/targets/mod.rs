@@ -38,7 +38,6 @@ pub const ALL: &[Target] = &[
     ("png", image::image),
     ("pnm", image::image),
     ("records", record::records),
-    ("rig_toml", dataset::rig_toml),
     ("spec", spec::spec),
     ("tiff", image::image),
 ];

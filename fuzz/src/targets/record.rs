@@ -4,8 +4,8 @@ use std::path::Path;
 
 use depthcal_calibration::calibration_record::camera_from_record;
 use depthcal_io::{
-    Calibration, CameraFormat, Comparison, DiagnosisFile, Evaluation, ExportCamera, FileError, Fleet, Observations,
-    Prior, RigDiagnosisFile, Scores,
+    Calibration, CameraFormat, Comparison, Diagnosis, Evaluation, ExportCamera, FileError, Fleet, Observations, Prior,
+    Scores,
 };
 use depthcal_model::Register;
 
@@ -28,12 +28,11 @@ pub fn calibration(bytes: &[u8]) {
 pub fn records(bytes: &[u8]) {
     let path = memory_folder::file("record.json", bytes);
     again(&path, |p| Comparison::read(p), |record, p| record.write(p));
-    again(&path, |p| DiagnosisFile::read(p), |record, p| record.write(p));
     again(&path, |p| Evaluation::read(p), |record, p| record.write(p));
     again(&path, |p| Fleet::read(p), |record, p| record.write(p));
     again(&path, |p| Observations::read(p), |record, p| record.write(p));
     again(&path, |p| Prior::read(p), |record, p| record.write(p));
-    again(&path, |p| RigDiagnosisFile::read(p), |record, p| record.write(p));
+    again(&path, |p| Diagnosis::read(p), |record, p| record.write(p));
     again(&path, |p| Scores::read(p), |record, p| record.write(p));
 }
 

@@ -37,6 +37,6 @@ fn imported(name: &str, bytes: &[u8]) {
     std::fs::write(out.join(DATASET_FILE), format!("{board}{text}")).expect("a temporary file");
     if imported.frames > 0 {
         let dataset = Dataset::open(&out).expect("an imported dataset is opened");
-        assert_eq!(dataset.frames.len(), imported.frames);
+        assert_eq!(dataset.cameras[0].frames.len(), imported.frames);
     }
 }

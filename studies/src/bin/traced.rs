@@ -8,8 +8,8 @@ use std::error::Error;
 use std::path::Path;
 
 use depthcal_calibration::diagnose::rig::{RigDiagnoseOptions, diagnose_rig};
-use depthcal_calibration::load::LoadOptions;
-use depthcal_calibration::load::load_rig;
+use depthcal_calibration::load::{LoadOptions, load};
+use depthcal_model::Register;
 use depthcal_simulate::{Effect, Kind, RigCamera, RigSimulation};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -30,9 +30,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     if !Path::new(folder).exists() {
         RigSimulation::new(cameras, Kind::General(1), seed.parse()?).frames(20).write_dataset(folder)?;
     }
-    let rig = load_rig(Path::new(folder), &LoadOptions { cache: None, ..LoadOptions::default() })?;
-    let found =
-        diagnose_rig(&rig.capture, None, &RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() })?;
+    let rig = load(Path::new(folder), &LoadOptions { cache: None, ..LoadOptions::default() })?;
+    let found = diagnose_rig(
+        &rig.capture(&Register::builtin())?,
+        None,
+        &RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() },
+    )?;
     println!("verdict: {:?}", found.verdict);
     for camera in &found.cameras {
         let effects: Vec<String> = camera.effects.iter().map(ToString::to_string).collect();

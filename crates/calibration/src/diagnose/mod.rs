@@ -72,7 +72,7 @@ pub use held_out::HeldOut;
 pub use left_over::LeftOver;
 pub use options::DiagnoseOptions;
 pub use possible::Possible;
-pub use pure_noise::{NoiseAtDepth, PureNoise};
+pub use pure_noise::PureNoise;
 pub use round::{Refutation, Refuted, Round, RoundOutcome};
 pub use step::Step;
 pub use thresholds::Thresholds;

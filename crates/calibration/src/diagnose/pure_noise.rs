@@ -5,6 +5,7 @@
 //! pattern that all frames have is in both terms, and noise in the first alone. Residuals are in standard deviations; where the pattern is
 //! not the same in these at all depths, its part is exact on average over depths alone.
 
+use depthcal_io::DiagnosisNoiseAtDepth;
 use depthcal_statistics::nearest_rank;
 use rayon::prelude::*;
 
@@ -26,18 +27,9 @@ pub struct PureNoise {
     /// Its law over depth.
     pub law: DepthNoise,
     /// Its standard deviation at near, middle and far depths of the captures.
-    pub at: [NoiseAtDepth; 3],
+    pub at: [DiagnosisNoiseAtDepth; 3],
     /// Distance at which pixels are nearly uncorrelated, px; `None` where single pixels were captured instead of images.
     pub correlation_px: Option<usize>,
-}
-
-/// Standard deviation of a pixel's depth at a depth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NoiseAtDepth {
-    /// Depth, mm.
-    pub depth_mm: f64,
-    /// Standard deviation, mm.
-    pub std_mm: f64,
 }
 
 /// Sums of products of residuals in standard deviations, with the other frames' mean and with residuals of the own frame.
@@ -152,7 +144,7 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
     let law = DepthNoise::fit(&some().map(residual).collect::<Vec<_>>(), 1.0)?;
     let at = STATED.map(|q| {
         let depth_mm = nearest_rank(&depths, q).unwrap_or(f64::NAN);
-        NoiseAtDepth { depth_mm, std_mm: law.sigma(1.0 / depth_mm) * depth_mm * depth_mm }
+        DiagnosisNoiseAtDepth { depth_mm, std_mm: law.sigma(1.0 / depth_mm) * depth_mm * depth_mm }
     });
     Some(PureNoise { law, at, correlation_px: has_images.then(|| correlation_px(&sums.distances)) })
 }

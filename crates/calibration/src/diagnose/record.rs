@@ -1,19 +1,19 @@
 //! The record of a diagnosis: `diagnosis.json`.
 
 use depthcal_io::{
-    DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
-    DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisExchange,
-    DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut,
-    DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisPossible, DiagnosisProposedFrame,
-    DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication,
-    DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome, FileReference,
+    CameraDiagnosis, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor,
+    DiagnosisCovariate, DiagnosisDecision, DiagnosisExchange, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause,
+    DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver, DiagnosisPossible,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
+    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep,
+    DiagnosisUnexplainedOutcome, FileReference,
 };
 use depthcal_model::{Covariate, PieceSpec};
 
 use super::bad_frames::{BadFrame, BadFrameReason};
 use super::decision::{Competitor, Decision};
 use super::diagnosis::Diagnosis;
-use super::discovery::{Component, ComponentBin, RunnerUp};
+use super::discovery::RunnerUp;
 use super::evidence::Evidence;
 use super::experiment_design::{CaptureProposal, ProposedFrame};
 use super::frame_planes::FramePlane;
@@ -22,19 +22,19 @@ use super::free_map::FREE_MAP;
 use super::left_over::LeftOver;
 use super::possible::Possible;
 use super::pure_error::{PureError, Shared};
-use super::pure_noise::{NoiseAtDepth, PureNoise};
+use super::pure_noise::PureNoise;
 use super::round::{Refutation, Refuted, Round, RoundOutcome};
 use super::step::Step;
 use crate::calibrate::ImplausibleScale;
 
-/// Largest ratio to the frames' planes that is recorded: of next to nothing anything is a multiple.
+/// Caps the ratio where the frames' planes are near zero.
 const LARGEST_RATIO: f64 = 1e3;
 
 /// The record of a diagnosis of a dataset that was fitted with `model`. Its separability is left empty:
 /// [`super::separability::separability`] takes a linearisation of its own.
-pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> DiagnosisFile {
+pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> CameraDiagnosis {
     let rounds: Vec<DiagnosisRound> = diagnosis.rounds.iter().map(round).collect();
-    DiagnosisFile {
+    CameraDiagnosis {
         dataset,
         model: model.to_owned(),
         verdict: diagnosis.verdict,
@@ -142,27 +142,13 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
         terms: found.terms,
         replaced: found.replaced.iter().map(ToString::to_string).collect(),
         runners_up: found.runners_up.iter().map(runner_up).collect(),
-        components: found.components.iter().map(component).collect(),
+        components: found.components.clone(),
         definition: definition.clone(),
     })
 }
 
 fn exchange([covariate, instead]: &[String; 2]) -> DiagnosisExchange {
     DiagnosisExchange { covariate: covariate.clone(), instead: instead.clone() }
-}
-
-fn component(component: &Component) -> DiagnosisComponent {
-    let bin = |b: &ComponentBin| DiagnosisComponentBin {
-        at: b.at,
-        residual_mm: b.residual_mm,
-        standard_error_mm: finite(b.standard_error_mm),
-        formula_mm: b.formula_mm,
-    };
-    DiagnosisComponent {
-        over: component.over.clone(),
-        part_of: component.of.clone().map(|(covariate, range)| DiagnosisCovariatePart { covariate, range }),
-        bins: component.bins.iter().map(bin).collect(),
-    }
 }
 
 fn specs(pieces: &[PieceSpec]) -> Vec<String> {
@@ -283,11 +269,10 @@ fn pure_error(found: &PureError) -> DiagnosisPureError {
 }
 
 fn pure_noise(found: &PureNoise) -> DiagnosisPureNoise {
-    let at = |at: &NoiseAtDepth| DiagnosisNoiseAtDepth { depth_mm: at.depth_mm, std_mm: at.std_mm };
     DiagnosisPureNoise {
         a_per_mm: found.law.a_per_mm,
         b_mm: found.law.b_mm,
-        at: found.at.iter().map(at).collect(),
+        at: found.at.to_vec(),
         correlation_length_px: found.correlation_px,
     }
 }

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use depthcal_io::{Dataset, FrameMetadata, FrameObservations, Observations, digest_json};
+use depthcal_io::{DatasetCamera, FrameMetadata, FrameObservations, Observations, digest_json};
 use depthcal_model::CharucoLayout;
 use tracing::{info, warn};
 
@@ -23,7 +23,7 @@ pub(super) const LAYOUT: &str = "charuco_layout";
 const CHECKSUM: &str = "checksum";
 
 /// What the cache holds of a dataset; `None` where it is damaged, or of another version, dataset or board.
-pub(super) fn read(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found> {
+pub(super) fn read(path: &Path, digest: &str, dataset: &DatasetCamera) -> Option<Found> {
     if !path.exists() {
         return None;
     }
@@ -53,7 +53,7 @@ pub(super) fn read(path: &Path, digest: &str, dataset: &Dataset) -> Option<Found
     let of = |name: &str| -> Option<Vec<MarkerObservation>> {
         let own = parts.iter().map(|part| cached.frame(&part.frame_name(name)));
         let found = own.collect::<Option<Vec<_>>>()?;
-        Some(found.into_iter().flat_map(|frame| frame.markers.iter().map(from_file)).collect())
+        Some(found.into_iter().flat_map(|frame| frame.markers.clone()).collect())
     };
     let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
     let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
@@ -80,8 +80,4 @@ pub(super) fn write(
     if let Err(error) = observations.write(path) {
         warn!("the detections are not cached, so the next run detects again: {error}; DEPTHCAL_CACHE sets the folder");
     }
-}
-
-fn from_file(m: &depthcal_io::MarkerObservation) -> MarkerObservation {
-    MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
 }

@@ -1,4 +1,4 @@
-//! From a dataset on disk to observations: images are read, boards detected (or their cached detections read), depth
+//! From a dataset on disk to the observations of its cameras: images are read, boards detected (or their cached detections read), depth
 //! images paired.
 
 use std::collections::BTreeMap;
@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_io::{
-    Dataset, DepthFrame, FileReference, FrameObservations, GrayImage, Observations, check_same_size, digest_files,
-    read_depth_frame, read_gray,
+    Calibration, DATASET_FILE, Dataset, DatasetCamera, DatasetError, DepthFrame, FileReference, FrameObservations,
+    GrayImage, Observations, check_same_size, digest_files, read_depth_frame, read_gray,
 };
 use depthcal_model::{BoardPart, CharucoLayout, Register};
 use rayon::prelude::*;
@@ -15,13 +15,16 @@ use tracing::{debug, info, warn};
 
 use super::cache::{self, DETECTION, DETECTION_VERSION, LAYOUT};
 use super::circle_diameter::MeasuredDiameter;
+use super::declared_camera::{DeclaredCameraError, declared_camera};
 use super::error::LoadError;
 use super::found::Found;
 use super::given_markers::given_markers;
 use super::marker_lists::{GivenMarkers, markers_of};
 use super::per_board::{markers_per_board, per_board};
 use crate::observe::stored::{ImageFile, depth_digest};
-use crate::observe::{Capture, DetectedFrame, DroppedFrame, MarkerObservation, MeasuredDepth, RawFrame, Stored};
+use crate::observe::{
+    CameraCapture, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, RigCapture, Stored,
+};
 use crate::progress::ProgressHandle;
 
 /// The setting that names the file of markers that another program found.
@@ -68,14 +71,23 @@ pub fn default_cache() -> Option<PathBuf> {
         .or_else(|| set("HOME").map(|h| h.join(".cache").join("depthcal")))
 }
 
-/// A dataset, read: what it declares and what was observed.
+/// A dataset, read.
 #[derive(Debug, Clone)]
 pub struct Loaded {
+    /// Its name.
+    pub name: String,
+    /// Every camera's part of it, the reference first.
+    pub cameras: Vec<LoadedCamera>,
+}
+
+/// What a dataset declares of a camera, and what that observed.
+#[derive(Debug, Clone)]
+pub struct LoadedCamera {
     /// What `dataset.toml` declares; a diameter of dots that it does not declare is the measured one.
-    pub dataset: Dataset,
+    pub declared: DatasetCamera,
     /// Path and digest, for the record.
     pub reference: FileReference,
-    /// What was observed.
+    /// What was observed; frames of a camera without images have no markers.
     pub capture: Capture,
     /// Whether the markers came from the cache.
     pub from_cache: bool,
@@ -88,10 +100,78 @@ pub struct Loaded {
 }
 
 impl Loaded {
+    /// A dataset of one camera.
+    pub fn of_camera(camera: LoadedCamera) -> Self {
+        Self { name: camera.declared.title.clone(), cameras: vec![camera] }
+    }
+
+    /// The camera of a dataset that has one.
+    ///
+    /// # Errors
+    ///
+    /// [`DatasetError::SeveralCameras`].
+    pub fn only_camera(&self) -> Result<&LoadedCamera, LoadError> {
+        match self.cameras.as_slice() {
+            [camera] => Ok(camera),
+            [] => Err(LoadError::NoImages { root: PathBuf::from(&self.name) }),
+            [camera, ..] => {
+                let path = camera.declared.root.join(DATASET_FILE);
+                Err(DatasetError::SeveralCameras { path }.into())
+            }
+        }
+    }
+
+    /// The camera of a dataset that has one.
+    ///
+    /// # Errors
+    ///
+    /// As [`only_camera`](Self::only_camera).
+    pub fn into_only_camera(mut self) -> Result<LoadedCamera, LoadError> {
+        self.only_camera()?;
+        self.cameras.pop().ok_or_else(|| LoadError::NoImages { root: PathBuf::from(self.name) })
+    }
+
+    /// Whether a calibration was fitted to this dataset.
+    pub fn is_fitted_by(&self, calibration: &Calibration) -> bool {
+        self.cameras.first().is_some_and(|camera| camera.reference.digest == calibration.dataset.digest)
+    }
+
+    /// What all cameras observed.
+    pub fn observed(&self) -> RigCapture {
+        let camera = |loaded: &LoadedCamera| CameraCapture {
+            name: loaded.declared.name.clone(),
+            capture: loaded.capture.clone(),
+            declared: None,
+            lens: loaded.declared.camera.as_ref().and_then(|camera| camera.lens.clone()),
+        };
+        RigCapture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
+    }
+
+    /// What all cameras observed, with the cameras that the dataset declares.
+    ///
+    /// # Errors
+    ///
+    /// [`LoadError::Camera`] where a declared camera cannot be used.
+    pub fn capture(&self, register: &Register) -> Result<RigCapture, LoadError> {
+        let mut capture = self.observed();
+        for (camera, loaded) in capture.cameras.iter_mut().zip(&self.cameras) {
+            let (width, height) = (loaded.capture.width, loaded.capture.height);
+            let declared = declared_camera(&loaded.declared, width, height, None, register);
+            let of_camera = |error: DeclaredCameraError| LoadError::Camera {
+                camera: camera.name.clone(),
+                source: Box::new(error.into()),
+            };
+            camera.declared = declared.map_err(of_camera)?;
+        }
+        Ok(capture)
+    }
+}
+
+impl LoadedCamera {
     /// A capture whose markers, if it has any, are given: nothing was detected or measured in its images.
-    pub fn of_capture(dataset: Dataset, reference: FileReference, capture: Capture) -> Self {
+    pub fn of_capture(declared: DatasetCamera, reference: FileReference, capture: Capture) -> Self {
         Self {
-            dataset,
+            declared,
             reference,
             capture,
             from_cache: false,
@@ -101,13 +181,23 @@ impl Loaded {
         }
     }
 
+    /// The camera's name.
+    pub fn name(&self) -> &str {
+        &self.declared.name
+    }
+
+    /// Whether the board was found in its images.
+    pub fn has_markers(&self) -> bool {
+        self.capture.frames.iter().any(|frame| !frame.markers.is_empty())
+    }
+
     /// The observations of markers, for `observations.json`.
     pub fn observations(&self) -> Observations {
         let frames = self.capture.frames.iter().map(|frame| FrameObservations {
             name: frame.name.clone(),
             width: self.capture.width,
             height: self.capture.height,
-            markers: frame.markers.iter().map(to_file).collect(),
+            markers: frame.markers.clone(),
             depth: Vec::new(),
             metadata: frame.metadata.clone(),
         });
@@ -131,44 +221,50 @@ impl Loaded {
     }
 }
 
-fn to_file(m: &MarkerObservation) -> depthcal_io::MarkerObservation {
-    depthcal_io::MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px }
-}
-
-/// Reads a dataset: images, depth images, and the board in every image.
+/// Reads a dataset: images and depth images of every camera, and the board in every image. A camera without images has depth alone.
 ///
 /// # Errors
 ///
-/// [`LoadError`], naming the file or field, what is wrong and the remedy.
+/// [`LoadError`], naming the camera where there are several, the file or field, what is wrong and the remedy.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    load_dataset(Dataset::open(path)?, path, options)
+    let dataset = Dataset::open(path)?;
+    if !dataset.cameras.iter().any(DatasetCamera::has_images) {
+        return Err(LoadError::NoImages { root: dataset.root });
+    }
+    let is_only = dataset.cameras.len() == 1;
+    let read = |declared: DatasetCamera| {
+        let camera = declared.name.clone();
+        let read = if declared.has_images() {
+            read_camera(declared, path, None, options)
+        } else {
+            read_depth_only(declared, path, options)
+        };
+        read.map_err(|source| match is_only {
+            true => source,
+            false => LoadError::Camera { camera, source: Box::new(source) },
+        })
+    };
+    Ok(Loaded { name: dataset.name, cameras: dataset.cameras.into_iter().map(read).collect::<Result<_, _>>()? })
 }
 
-/// The same of a dataset that is open already, for example that of one camera of a rig; `path` is what the record names.
-///
-/// # Errors
-///
-/// [`LoadError`], naming the file or field, what is wrong and the remedy.
-pub fn load_dataset(dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    read(dataset, path, None, options)
-}
-
-/// Reads a dataset whose markers were found by another program: positions by the names of frames. Frames without markers are dropped, as
-/// those are in which no board is found. Nothing is cached, and the diameter of dots is not measured.
+/// Reads a dataset of one camera whose markers were found by another program: positions by the names of frames. Frames without markers are
+/// dropped, as those are in which no board is found. Nothing is cached, and the diameter of dots is not measured.
 ///
 /// # Errors
 ///
 /// [`LoadError`]; [`LoadError::Marker`] where a name or a marker's number does not exist.
 pub fn load_with_markers(path: &Path, markers: &GivenMarkers, options: &LoadOptions) -> Result<Loaded, LoadError> {
-    read(Dataset::open(path)?, path, Some(markers), options)
+    let declared = Dataset::open(path)?.into_only_camera()?;
+    Ok(Loaded::of_camera(read_camera(declared, path, Some(markers), options)?))
 }
 
-fn read(
-    dataset: Dataset,
+/// Reads the images and the depth images of a camera, and the board in its images; `path` is what the record names.
+fn read_camera(
+    dataset: DatasetCamera,
     path: &Path,
     given: Option<&GivenMarkers>,
     options: &LoadOptions,
-) -> Result<Loaded, LoadError> {
+) -> Result<LoadedCamera, LoadError> {
     if dataset.frames.iter().any(|f| f.image.is_none()) || dataset.frames.is_empty() {
         return Err(LoadError::NoImages { root: dataset.root });
     }
@@ -188,7 +284,7 @@ fn read(
     let from_cache = cached.is_some();
     let found = match (cached, file) {
         (Some(found), _) => {
-            debug!("markers of {} come from the cache", dataset.name);
+            debug!("markers of {} come from the cache", dataset.title);
             found
         }
         (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
@@ -210,18 +306,18 @@ fn read(
 /// A dataset from frames of one size and their markers, which come from `file` where another program found them, and the number of frames
 /// without a board, which come first among those that are dropped.
 pub(super) fn assemble(
-    mut dataset: Dataset,
+    mut dataset: DatasetCamera,
     reference: FileReference,
     frames: Vec<RawFrame>,
     (width, height): (usize, usize),
     Found { markers, circle_diameter, charuco_layout }: Found,
     file: Option<FileReference>,
-) -> Result<(Loaded, usize), LoadError> {
+) -> Result<(LoadedCamera, usize), LoadError> {
     if let Some(measured) = circle_diameter {
         if measured.contradicts_declaration() {
-            warn!("{}: {measured}", dataset.name);
+            warn!("{}: {measured}", dataset.title);
         } else {
-            info!("{}: {measured}", dataset.name);
+            info!("{}: {measured}", dataset.title);
         }
         if measured.declared_mm.is_none() {
             dataset.target = dataset.target.with_circle_diameter_mm(measured.diameter_mm);
@@ -249,11 +345,11 @@ pub(super) fn assemble(
         let board = dataset.target.parts().iter().map(size).collect::<Vec<_>>().join(", ");
         return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len() });
     }
-    info!("{}: the board was found in {} of {} frames", dataset.name, kept.len(), kept.len() + dropped.len());
+    info!("{}: the board was found in {} of {} frames", dataset.title, kept.len(), kept.len() + dropped.len());
     let without_board = dropped.len();
     dropped.extend(dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() }));
     let capture = Capture {
-        name: dataset.name.clone(),
+        name: dataset.title.clone(),
         target: dataset.target.clone(),
         width,
         height,
@@ -261,23 +357,19 @@ pub(super) fn assemble(
         frames: kept,
         dropped,
     };
-    let given = Loaded::of_capture(dataset, reference, capture);
-    Ok((Loaded { circle_diameter, charuco_layout, markers: file, ..given }, without_board))
+    let given = LoadedCamera::of_capture(dataset, reference, capture);
+    Ok((LoadedCamera { circle_diameter, charuco_layout, markers: file, ..given }, without_board))
 }
 
-/// Reads the depth images of a dataset that has no images: frames without markers.
-///
-/// # Errors
-///
-/// [`LoadError`], naming the file or field, what is wrong and the remedy.
-pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
+/// Reads the depth images of a camera that has no images: frames without markers.
+fn read_depth_only(dataset: DatasetCamera, path: &Path, options: &LoadOptions) -> Result<LoadedCamera, LoadError> {
     let digest = dataset.digest()?;
     let reference = FileReference { path: path.display().to_string(), digest };
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
     let detected = |raw| DetectedFrame { raw, ..DetectedFrame::default() };
     let strays = dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() });
     let capture = Capture {
-        name: dataset.name.clone(),
+        name: dataset.title.clone(),
         target: dataset.target.clone(),
         width,
         height,
@@ -285,7 +377,7 @@ pub fn load_depth_only(dataset: Dataset, path: &Path, options: &LoadOptions) -> 
         frames: frames.into_iter().flat_map(|raw| per_board(raw, &dataset.target)).map(detected).collect(),
         dropped: strays.collect(),
     };
-    Ok(Loaded::of_capture(dataset, reference, capture))
+    Ok(LoadedCamera::of_capture(dataset, reference, capture))
 }
 
 /// An image that stays in memory, or is read again from its file.
@@ -295,7 +387,7 @@ fn store<T: ImageFile>(stays: bool, path: &Path, image: T) -> Stored<T> {
 
 /// All images and depth images, and their common size.
 fn read_frames(
-    dataset: &Dataset,
+    dataset: &DatasetCamera,
     image_memory: usize,
     progress: &ProgressHandle,
 ) -> Result<(Vec<RawFrame>, (usize, usize)), LoadError> {
@@ -362,11 +454,11 @@ pub(super) fn since_first(frames: &mut [RawFrame]) {
 }
 
 #[cfg(not(feature = "detect"))]
-fn find_markers(dataset: &Dataset, _frames: &[RawFrame], _options: &LoadOptions) -> Result<Found, LoadError> {
+fn find_markers(dataset: &DatasetCamera, _frames: &[RawFrame], _options: &LoadOptions) -> Result<Found, LoadError> {
     Err(LoadError::NoDetection { root: dataset.root.clone() })
 }
 
 #[cfg(feature = "detect")]
-fn find_markers(dataset: &Dataset, frames: &[RawFrame], options: &LoadOptions) -> Result<Found, LoadError> {
+fn find_markers(dataset: &DatasetCamera, frames: &[RawFrame], options: &LoadOptions) -> Result<Found, LoadError> {
     super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)
 }

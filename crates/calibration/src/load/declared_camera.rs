@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use depthcal_io::{CameraFileError, Dataset, FileLens, IntrinsicNumbers, Intrinsics, read_camera};
+use depthcal_io::{CameraFileError, DatasetCamera, FileLens, IntrinsicNumbers, Intrinsics, read_camera};
 use depthcal_model::{Block, Camera, Register, RegisterError};
 use thiserror::Error;
 
@@ -48,14 +48,14 @@ pub enum DeclaredCameraError {
     },
 }
 
-/// The camera that a dataset declares for images of `width` by `height` px, from numbers or from a file; `None` where it declares no
+/// The camera that a dataset declares, for images of `width` by `height` px, from numbers or from a file; `None` where it declares no
 /// intrinsics. Where another lens model than that of the intrinsics is asked for, or declared, it starts at its nearest to them.
 ///
 /// # Errors
 ///
 /// [`DeclaredCameraError`].
 pub fn declared_camera(
-    dataset: &Dataset,
+    dataset: &DatasetCamera,
     width: usize,
     height: usize,
     asked_lens: Option<&str>,

@@ -32,7 +32,7 @@ pub enum LoadError {
     #[error(transparent)]
     Declared(#[from] DeclaredCameraError),
     /// The dataset has no images.
-    #[error("{}: [frames] declares no images: set frames.image to a pattern such as \"image/*.png\"", root.display())]
+    #[error("{}: [frames] declares no images: set frames.image to a pattern such as \"image/*.png\", or image in a section [cameras.NAME]", root.display())]
     NoImages {
         /// The dataset's folder.
         root: PathBuf,

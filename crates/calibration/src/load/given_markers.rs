@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use depthcal_io::{Dataset, ImageCorners, read_corners};
+use depthcal_io::{DatasetCamera, ImageCorners, read_corners};
 use depthcal_model::{Pattern, Target};
 use depthcal_statistics::upper_median;
 use nalgebra::{Matrix3, Vector3};
@@ -14,7 +14,7 @@ use super::given_markers_error::GivenMarkersError;
 use crate::observe::MarkerObservation;
 
 /// The markers of the dataset's frames, in order, from a file of corners; `size` is the width and height of the images, px.
-pub(crate) fn given_markers(file: &Path, dataset: &Dataset, size: (usize, usize)) -> Result<Found, LoadError> {
+pub(crate) fn given_markers(file: &Path, dataset: &DatasetCamera, size: (usize, usize)) -> Result<Found, LoadError> {
     let images = read_corners(file)?;
     let target = &dataset.target;
     if target.has_circles() && target.circle_diameter_mm().is_none() {
@@ -39,7 +39,7 @@ pub(crate) fn given_markers(file: &Path, dataset: &Dataset, size: (usize, usize)
         return Err(GivenMarkersError::NoImage { file, root, example }.into());
     }
     if let Some(first) = unused.first() {
-        let (count, name) = (unused.len(), &dataset.name);
+        let (count, name) = (unused.len(), &dataset.title);
         warn!("{}: {count} of its images are not in {name}, the first is {}", file.display(), first.image);
     }
     // Relative to the median marker, so that the noise of a typical marker is the adjustment's pixel sigma.

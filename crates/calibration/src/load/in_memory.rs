@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use depthcal_io::{
-    CameraHint, Dataset, DepthFrame, DepthValues, FileReference, Frame, FrameMetadata, GrayImage, Pairing,
-    digest_contents,
+    CAMERA, CameraHint, DatasetCamera, DepthFrame, DepthValues, FileReference, Frame, FrameMetadata, GrayImage,
+    Pairing, digest_contents,
 };
 use depthcal_model::Target;
 
@@ -81,20 +81,21 @@ pub fn load_from_memory(given: DatasetInMemory) -> Result<Loaded, LoadError> {
     }
     since_first(&mut raw);
     let reference = FileReference { path: name.clone(), digest: digest_contents(contents) };
-    let dataset = Dataset { frames: listed, camera, ..declared_in_memory(&name, &target, depth_unit_mm) };
-    Ok(assemble(dataset, reference, raw, size, Found { markers, ..Found::default() }, None)?.0)
+    let declared = DatasetCamera { frames: listed, camera, ..declared_in_memory(&name, &target, depth_unit_mm) };
+    let (camera, _) = assemble(declared, reference, raw, size, Found { markers, ..Found::default() }, None)?;
+    Ok(Loaded::of_camera(camera))
 }
 
-/// What a dataset without files declares: the name stands for its folder, and no frames are listed.
-pub fn declared_in_memory(name: &str, target: &Target, depth_unit_mm: Option<f64>) -> Dataset {
-    Dataset {
+/// The declaration of the camera of a dataset without files: the name stands for the folder, and no frames are listed.
+pub fn declared_in_memory(name: &str, target: &Target, depth_unit_mm: Option<f64>) -> DatasetCamera {
+    DatasetCamera {
+        name: CAMERA.to_owned(),
+        title: name.to_owned(),
         root: PathBuf::from(name),
-        name: name.to_owned(),
         target: target.clone(),
         frames: Vec::new(),
         depth_unit_mm,
         camera: None,
-        metadata: None,
         pairing: Pairing::default(),
         strays: Vec::new(),
         lists: Vec::new(),

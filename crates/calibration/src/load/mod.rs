@@ -13,13 +13,11 @@ mod given_markers_error;
 mod in_memory;
 mod marker_lists;
 mod per_board;
-mod rig;
 
 pub use circle_diameter::MeasuredDiameter;
-pub use dataset::{LoadOptions, Loaded, default_cache, load, load_dataset, load_depth_only, load_with_markers};
+pub use dataset::{LoadOptions, Loaded, LoadedCamera, default_cache, load, load_with_markers};
 pub use declared_camera::{DeclaredCameraError, declared_camera};
 pub use error::LoadError;
 pub use given_markers_error::GivenMarkersError;
 pub use in_memory::{DatasetInMemory, FrameInMemory, declared_in_memory, load_from_memory};
 pub use marker_lists::GivenMarkers;
-pub use rig::{LoadedRig, load_rig};

@@ -2,7 +2,7 @@
 
 use depthcal_model::{Pattern, Target};
 
-use super::stages::MarkerObservation;
+use depthcal_io::MarkerObservation;
 
 /// Pixels nearer than this to a dot's edge are excluded: depth on the dark print and at its rim is unreliable.
 pub const MARKER_MARGIN_PX: f64 = 1.5;

@@ -1,18 +1,10 @@
 //! All frames of a dataset at one stage.
 
+use depthcal_io::DroppedFrame;
 use depthcal_model::Target;
 use nalgebra::Isometry3;
 
 use super::stages::{AdjustableFrame, DetectedFrame};
-
-/// A frame that is not used, and why.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct DroppedFrame {
-    /// Its name.
-    pub name: String,
-    /// Why it is not used.
-    pub reason: String,
-}
 
 /// The frames of a dataset at one stage; without a type argument, those in which the board was detected.
 #[derive(Debug, Clone)]

@@ -9,7 +9,7 @@ use depthcal_model::Target;
 use depthcal_statistics::upper_median;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, OMatrix, U2};
 
-use super::stages::MarkerObservation;
+use depthcal_io::MarkerObservation;
 
 /// A marker nearer to the polynomial is not wrong for certain, px …
 const LEAST_PX: f64 = 2.0;

@@ -22,14 +22,15 @@ mod stages;
 pub mod stored;
 pub(crate) mod wrong_markers;
 
-pub use capture::{Capture, DroppedFrame};
+pub use capture::Capture;
+pub use depthcal_io::{DroppedFrame, MarkerObservation};
 pub use extrinsics_drift::{PlaceDrift, Taken};
 pub use kept_light::FrameLight;
 pub use pixel_rays::PixelRays;
 pub use placed_camera::PlacedCamera;
 pub use rig_capture::{CameraCapture, RigCapture};
 pub use stages::{
-    AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MarkerObservation, MeasuredDepth,
-    OpenFrame, PosedFrame, RawFrame, SampledFrame,
+    AdjustableFrame, DepthPixel, DepthSample, DetectedFrame, EvaluableFrame, MeasuredDepth, OpenFrame, PosedFrame,
+    RawFrame, SampledFrame,
 };
 pub use stored::Stored;

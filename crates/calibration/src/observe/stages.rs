@@ -4,24 +4,13 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
-use depthcal_io::{DepthFrame, FrameMetadata, GrayImage, ImageError};
+use depthcal_io::{DepthFrame, FrameMetadata, GrayImage, ImageError, MarkerObservation};
 use depthcal_model::Context;
 use nalgebra::Isometry3;
 
 use super::kept_light::FrameLight;
 use super::neighbourhood;
 use super::stored::Stored;
-
-/// A marker found in an image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MarkerObservation {
-    /// Its number on the board, see [`depthcal_model::Target::point`].
-    pub index: usize,
-    /// Where it was found, px.
-    pub pixel: [f64; 2],
-    /// Standard deviation of each coordinate, px, up to a factor common to all markers; 1 where it is unknown.
-    pub std_px: f64,
-}
 
 /// A measured depth pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,7 +5,7 @@
 
 use depthcal_statistics::upper_median;
 
-use super::stages::MarkerObservation;
+use depthcal_io::MarkerObservation;
 
 /// A marker that is nearer to where the fit has it is none that was found wrongly, px.
 const LEAST_PX: f64 = 1.0;

@@ -2,12 +2,16 @@
 
 use std::fmt::Display;
 
-use depthcal_formula::NamedFileError;
+use depthcal_formula::{FormulaError, NamedFileError};
 use depthcal_io::FileError;
+use depthcal_model::RegisterError;
 use thiserror::Error;
 
+use super::evaluation::UnlikeCalibration;
+use super::model_request::OptionNames;
 use crate::calibrate::CalibrateError;
-use crate::load::DeclaredCameraError;
+use crate::diagnose::DiagnoseError;
+use crate::load::{DeclaredCameraError, LoadError};
 
 /// Why a task fails.
 #[derive(Debug, Error)]
@@ -21,6 +25,39 @@ pub enum TaskError {
         text: String,
         /// What is wrong with it, and the remedy.
         problem: String,
+    },
+    /// An option that is for one camera alone, where the dataset has several.
+    #[error("{option} is for one camera, and this dataset has several: {remedy}")]
+    OneCamera {
+        /// Name of the option, as its user writes it.
+        option: &'static str,
+        /// The remedy.
+        remedy: String,
+    },
+    /// The dataset is at fault.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The dataset is not one of the calibration's cameras.
+    #[error(transparent)]
+    Unlike(#[from] UnlikeCalibration),
+    /// There is no depth.
+    #[error("the dataset '{dataset}' has no depth images: nothing to compare")]
+    NoDepth {
+        /// The dataset.
+        dataset: String,
+    },
+    /// There are fewer frames than parts of a cross-validation.
+    #[error(
+        "{} {folds} needs as many frames, but the board was found in {frames}: give fewer {}, but at least 2, or {}",
+        names.folds, names.folds, names.verify
+    )]
+    Folds {
+        /// Names of the options.
+        names: OptionNames,
+        /// The number of parts.
+        folds: usize,
+        /// The number of frames.
+        frames: usize,
     },
     /// A file of formulas is at fault.
     #[error(transparent)]
@@ -44,6 +81,15 @@ pub enum TaskError {
     /// There is no calibration.
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),
+    /// There is no diagnosis.
+    #[error(transparent)]
+    Diagnose(#[from] DiagnoseError),
+    /// A model of a comparison is unknown.
+    #[error(transparent)]
+    Register(#[from] RegisterError),
+    /// A formula that was found cannot be a piece.
+    #[error(transparent)]
+    Found(#[from] FormulaError),
     /// A result cannot be written.
     #[error(transparent)]
     File(#[from] FileError),
@@ -52,7 +98,11 @@ pub enum TaskError {
 impl TaskError {
     /// Whether the fit itself cannot be trusted (rather than the input being at fault).
     pub fn is_untrusted_fit(&self) -> bool {
-        matches!(self, Self::Calibrate(error) if error.is_untrusted_fit())
+        match self {
+            Self::Calibrate(error) => error.is_untrusted_fit(),
+            Self::Diagnose(error) => error.is_untrusted_fit(),
+            _ => false,
+        }
     }
 
     pub(crate) fn option(option: &str, text: &str, problem: impl Display) -> Self {

@@ -1,16 +1,33 @@
 //! A dataset fitted and judged.
 
-use depthcal_io::DatasetEvaluation;
-use depthcal_model::ModelSpec;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use depthcal_io::{Calibration, Evaluation, FileError, FileReference, Prior};
+use depthcal_model::{ModelSpec, Register};
+use tracing::warn;
 
 use super::error::TaskError;
+use super::evaluated::{evaluation_of, extend, of_camera};
 use super::model_request::ModelRequest;
+use super::prior::prior_for;
+use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
+use super::results::{Made, Results, Shown};
+use crate::calibrate::rig::{RigCalibrated, calibrate_rig};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate};
+use crate::calibration_record::calibration_record;
+use crate::diagnose::effect_scores::effect_scores;
 use crate::judge::cross_validation::{cross_validate, split};
-use crate::judge::evaluate::{Evaluated, evaluate};
+use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
-use crate::load::Loaded;
+use crate::judge::rig::{EvaluatedRig, evaluate_rig};
+use crate::judge::table::table;
+use crate::load::{Loaded, LoadedCamera};
 use crate::observe::Capture;
+use crate::rig_record::rig_record;
+
+/// Name of the file of observations; the calibration refers to it.
+const OBSERVATIONS: &str = "observations.json";
 
 /// Every `every`-th frame, beginning with number `first` (from 0).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,121 +51,272 @@ pub struct FitRequest {
     pub cross_validate: Option<usize>,
     /// How frames are divided into these parts.
     pub parts: Parts,
+    /// What other units of the camera's type say of this one, and the name of its file.
+    pub prior: Option<(String, Prior)>,
 }
 
-/// A dataset divided into what is fitted and what is held out, with the options of the fit.
+/// The cameras of a fit.
 #[derive(Debug, Clone)]
-pub struct PreparedFit {
-    capture: Capture,
-    held: Option<Capture>,
-    options: CalibrateOptions,
-    cross_validate: Option<(usize, Parts)>,
-    /// Whether only camera and lens are fitted, because there is no depth and no depth model was asked for.
+pub enum Fitted {
+    /// One camera.
+    Camera(Box<Calibrated>),
+    /// Several, with their extrinsics.
+    Rig(Box<RigCalibrated>),
+}
+
+/// Errors on frames that were not fitted.
+#[derive(Debug, Clone)]
+pub struct HeldOut {
+    /// How these frames were chosen: `held out` or `cross-validated`.
+    pub how: &'static str,
+    /// The errors.
+    pub evaluated: EvaluatedRig,
+    /// The frames of one camera that were held out; `None` of a cross-validation, which has a camera for every part, and of a rig.
+    pub capture: Option<Capture>,
+}
+
+/// A dataset, fitted and judged.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The dataset.
+    pub loaded: Arc<Loaded>,
+    /// The cameras.
+    pub fitted: Fitted,
+    /// Whether only camera and lens were fitted, because there is no depth and no depth model was asked for.
     pub images_only: bool,
+    /// Errors on the frames that were fitted.
+    pub on_fitted: EvaluatedRig,
+    /// Errors on frames that were not.
+    pub held_out: Option<HeldOut>,
+    /// `calibration.json`.
+    pub record: Calibration,
+    /// `evaluation.json`.
+    pub evaluation: Evaluation,
+    /// The pieces that were known, of which the effects are scored for fleets.
+    pub register: Register,
 }
 
-/// A dataset, fitted.
-#[derive(Debug, Clone)]
-pub struct DatasetFit {
-    /// The fit.
-    pub result: Calibrated,
-    /// Frames that were not fitted.
-    pub held: Option<Capture>,
-    options: CalibrateOptions,
-    cross_validate: Option<(usize, Parts)>,
-}
+impl Fitted {
+    /// The cameras with their names, the reference first.
+    pub fn cameras(&self) -> Vec<(&str, &Calibrated)> {
+        match self {
+            Self::Camera(calibrated) => vec![(depthcal_io::CAMERA, calibrated)],
+            Self::Rig(rig) => rig.cameras.iter().map(|camera| (camera.name.as_str(), &camera.calibrated)).collect(),
+        }
+    }
 
-/// Errors of a fit.
-#[derive(Debug, Clone)]
-pub struct JudgedFit {
-    /// On the frames that were fitted.
-    pub fitted: Evaluated,
-    /// On frames that were not, with how these were chosen, `held out` or `cross-validated`.
-    pub held_out: Option<(&'static str, Evaluated)>,
+    /// The reference; `None` of a rig without cameras, which no fit gives.
+    pub fn reference(&self) -> Option<&Calibrated> {
+        self.cameras().first().map(|(_, calibrated)| *calibrated)
+    }
 }
 
 impl FitRequest {
-    /// Options of the fit: those of `base` with what is asked for.
+    /// Refuses what a dataset of so many cameras cannot have, and words that mean nothing, before anything is read.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Option`].
-    pub fn options(&self, base: CalibrateOptions) -> Result<CalibrateOptions, TaskError> {
+    /// [`TaskError::Option`], [`TaskError::OneCamera`].
+    pub fn check(&self, cameras: usize, register: &Register) -> Result<(), TaskError> {
+        if cameras == 1 {
+            return self
+                .options(CalibrateOptions { register: register.clone(), ..CalibrateOptions::default() })
+                .map(drop);
+        }
+        let names = self.model.names;
+        self.model.depth_model(register)?;
+        let given = [
+            (self.cross_validate.is_some(), names.cross_validate, format!("hold frames out with {}", names.hold_out)),
+            (self.prior.is_some(), names.prior, "leave it out".to_owned()),
+            (
+                self.estimator != Estimator::Joint,
+                names.estimator,
+                "all are fitted by the joint one, leave it out".to_owned(),
+            ),
+        ];
+        match given.into_iter().find(|(is_given, ..)| *is_given) {
+            Some((_, option, remedy)) => Err(TaskError::OneCamera { option, remedy }),
+            None => Ok(()),
+        }
+    }
+
+    /// Options of the fit of one camera: those of `base` with what is asked for.
+    fn options(&self, base: CalibrateOptions) -> Result<CalibrateOptions, TaskError> {
         Ok(CalibrateOptions { estimator: self.estimator, ..self.model.options(base)? })
     }
 
-    /// Divides the frames of a dataset, and completes the options by what the dataset declares. Where there is no depth, and neither
-    /// another model than `projective` nor effects are asked for, only camera and lens will be fitted.
+    /// Fits a dataset and judges the fit; `base` has the register, which knows the effects, and receives progress.
     ///
     /// # Errors
     ///
-    /// [`TaskError::Camera`] where the camera that the dataset declares is at fault.
-    pub fn prepare(&self, loaded: &Loaded, options: CalibrateOptions) -> Result<PreparedFit, TaskError> {
+    /// [`TaskError`].
+    pub fn fit(&self, loaded: &Arc<Loaded>, base: CalibrateOptions) -> Result<Fit, TaskError> {
+        self.check(loaded.cameras.len(), &base.register)?;
+        match loaded.cameras.as_slice() {
+            [camera] => self.fit_camera(camera, loaded, base),
+            _ => self.fit_rig(loaded, base),
+        }
+    }
+
+    /// Where there is no depth, and neither another model than `projective` nor effects are asked for, only camera and lens are fitted.
+    fn fit_camera(
+        &self,
+        camera: &LoadedCamera,
+        loaded: &Arc<Loaded>,
+        base: CalibrateOptions,
+    ) -> Result<Fit, TaskError> {
+        let register = base.register.clone();
         let (capture, held) = match self.hold_out {
             Some(HoldOut { every, first }) => {
-                let (fitted, held) = split(&loaded.capture, every, first);
+                let (fitted, held) = split(&camera.capture, every, first);
                 (fitted, Some(held))
             }
-            None => (loaded.capture.clone(), None),
+            None => (camera.capture.clone(), None),
         };
-        let mut options = self.model.for_dataset(options, loaded)?;
+        let mut options = self.model.for_camera(self.options(base)?, camera)?;
+        let size = [capture.width, capture.height];
+        let prior = self.prior.as_ref().map(|(name, prior)| prior_for(name, prior, size)).transpose()?;
+        options.prior = prior.map(Arc::new);
         let images_only = !capture.has_depth() && self.model.model == "projective" && self.model.with.is_empty();
         if images_only {
             options.model = ModelSpec::none();
         }
-        let cross_validate = self.cross_validate.map(|parts| (parts, self.parts));
-        Ok(PreparedFit { capture, held, options, cross_validate, images_only })
-    }
-}
-
-impl PreparedFit {
-    /// Fits.
-    ///
-    /// # Errors
-    ///
-    /// [`CalibrateError`].
-    pub fn fit(self) -> Result<DatasetFit, CalibrateError> {
-        let Self { capture, held, mut options, cross_validate, .. } = self;
         let result = calibrate(&capture, &options)?;
         if let Some(comparison) = &result.lens_comparison {
             // Parts of a cross-validation are fitted with the lens of the whole.
             options.lens.clone_from(&comparison.chosen);
         }
-        Ok(DatasetFit { result, held, options, cross_validate })
-    }
-}
-
-impl DatasetFit {
-    /// Errors on the fitted frames and, where frames are held out or cross-validated, on frames that were not fitted.
-    ///
-    /// # Errors
-    ///
-    /// [`CalibrateError`] where the model can be adjusted without none of the parts of a cross-validation.
-    pub fn judge(&self) -> Result<JudgedFit, CalibrateError> {
-        let Self { result, held, options, cross_validate: parts } = self;
         let stage = options.progress.stage("evaluation");
-        let fitted = evaluate(&result.camera, &result.capture);
+        let on_fitted = evaluate(&result.camera, &result.capture);
+        let on_held = held.as_ref().map(|held| evaluate(&result.camera, held));
         drop(stage);
-        let held_out = match (held, parts) {
-            (Some(held), _) => {
-                let _stage = options.progress.stage("evaluation");
-                Some(("held out", evaluate(&result.camera, held)))
+        let held_out = match (on_held, self.cross_validate) {
+            (Some(evaluated), _) => Some(("held out", evaluated, held)),
+            (None, Some(parts)) => {
+                Some(("cross-validated", cross_validate(&result, parts, self.parts, &options)?, None))
             }
-            (None, Some((parts, how))) => Some(("cross-validated", cross_validate(result, *parts, *how, options)?)),
             (None, None) => None,
         };
-        Ok(JudgedFit { fitted, held_out })
+        let held_out =
+            held_out.map(|(how, evaluated, capture)| HeldOut { how, evaluated: of_camera(evaluated), capture });
+        let mut record = calibration_record(&result, &on_fitted, camera.reference.clone(), None);
+        record.camera.name.clone_from(&camera.declared.name);
+        let on_fitted = of_camera(on_fitted);
+        let (fitted, evaluation) = (Fitted::Camera(Box::new(result)), evaluation_record(&on_fitted, held_out.as_ref()));
+        Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
+    }
+
+    fn fit_rig(&self, loaded: &Arc<Loaded>, base: CalibrateOptions) -> Result<Fit, TaskError> {
+        let (register, progress) = (base.register.clone(), base.progress.clone());
+        let options = self.model.rig_options(base, loaded)?;
+        let all = loaded.capture(&register)?;
+        let (capture, held) = match self.hold_out {
+            Some(HoldOut { every, first }) => {
+                let names = all.frame_names();
+                let is_held = |name: &str| names.iter().position(|n| n == name).is_some_and(|i| i % every == first);
+                (all.subset(|name| !is_held(name)), Some(all.subset(is_held)))
+            }
+            None => (all, None),
+        };
+        let result = calibrate_rig(&capture, &options)?;
+        let placed = result.placed();
+        let stage = progress.stage("evaluation");
+        let on_fitted = evaluate_rig(&placed, &capture);
+        let held_out =
+            held.map(|held| HeldOut { how: "held out", evaluated: evaluate_rig(&placed, &held), capture: None });
+        drop(stage);
+        let evaluation = evaluation_record(&on_fitted, held_out.as_ref());
+        // A dataset without cameras has not been fitted.
+        let no_cameras = || CalibrateError::NoImages { dataset: loaded.name.clone() };
+        let reference = loaded.cameras.first().map(|camera| camera.reference.clone()).ok_or_else(no_cameras)?;
+        let record = rig_record(&result, &on_fitted, reference).ok_or_else(no_cameras)?;
+        let (loaded, fitted) = (loaded.clone(), Fitted::Rig(Box::new(result)));
+        Ok(Fit { loaded, fitted, images_only: false, on_fitted, held_out, record, evaluation, register })
     }
 }
 
-impl JudgedFit {
-    /// The errors for `evaluation.json`.
-    pub fn records(&self) -> Vec<DatasetEvaluation> {
-        let held_out = self.held_out.as_ref().map(|(how, evaluated)| {
-            let mut record = evaluated.record();
-            record.name = format!("{} ({how})", record.name);
-            record
-        });
-        std::iter::once(self.fitted.record()).chain(held_out).collect()
+/// The errors on frames that were fitted and on others.
+fn evaluation_record(on_fitted: &EvaluatedRig, held_out: Option<&HeldOut>) -> Evaluation {
+    let mut evaluation = evaluation_of(on_fitted, "");
+    if let Some(HeldOut { how, evaluated, .. }) = held_out {
+        extend(&mut evaluation, evaluation_of(evaluated, &format!(" ({how})")));
     }
+    evaluation
+}
+
+impl Fit {
+    /// The errors as a table of text, of one camera with a mark at the dataset that was fitted.
+    pub fn table(&self) -> String {
+        let fitted = matches!(self.fitted, Fitted::Camera(_)).then_some(self.on_fitted.name.as_str());
+        table(&self.evaluation.datasets, fitted)
+    }
+}
+
+impl Results for Fit {
+    fn main_file(&self) -> &'static str {
+        "calibration.json"
+    }
+
+    fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+        let mut written = match (&self.fitted, self.loaded.cameras.as_slice()) {
+            (Fitted::Camera(result), [camera]) => {
+                write_calibration(&self.record, result, camera, &self.register, folder)?
+            }
+            _ => {
+                self.record.write(folder.join("calibration.json"))?;
+                vec![PathBuf::from("calibration.json")]
+            }
+        };
+        self.evaluation.write(folder.join("evaluation.json"))?;
+        written.push(PathBuf::from("evaluation.json"));
+        Ok(written)
+    }
+
+    fn shown(&self, made: &Made) -> Shown<'_> {
+        let mut evaluations = ReportDataset::of_reference(&self.on_fitted, Role::Fitted);
+        let held_out = self.held_out.as_ref().map(|held| &held.evaluated);
+        evaluations.extend(held_out.into_iter().flat_map(|rig| ReportDataset::of_reference(rig, Role::HeldOut)));
+        let rig = match &self.fitted {
+            Fitted::Camera(_) => None,
+            Fitted::Rig(rig) => Some(ReportRig {
+                cameras: rig.placed(),
+                record: &self.record,
+                evaluated: std::iter::once(&self.on_fitted).chain(held_out).collect(),
+                diagnosis: None,
+            }),
+        };
+        Shown::Cameras(ReportInput {
+            title: self.on_fitted.name.clone(),
+            made: made.clone(),
+            calibrated: self.fitted.reference(),
+            evaluations,
+            rig,
+            ..ReportInput::default()
+        })
+    }
+}
+
+/// Writes `observations.json`, `calibration.json` and, where effects can be scored, `scores.json` of one camera into a folder; returns their
+/// names. `register` has the effects to score.
+pub(super) fn write_calibration(
+    record: &Calibration,
+    result: &Calibrated,
+    camera: &LoadedCamera,
+    register: &Register,
+    folder: &Path,
+) -> Result<Vec<PathBuf>, FileError> {
+    camera.observations().write(folder.join(OBSERVATIONS))?;
+    let observations = FileReference { path: OBSERVATIONS.to_owned(), digest: camera.reference.digest.clone() };
+    Calibration { observations: Some(observations), ..record.clone() }.write(folder.join("calibration.json"))?;
+    let mut written = ["calibration.json", OBSERVATIONS].map(PathBuf::from).to_vec();
+    // A calibration is as good without scores.
+    let scores = effect_scores(result, register, camera.reference.clone()).unwrap_or_else(|error| {
+        warn!("no scores.json: {error}");
+        None
+    });
+    if let Some(scores) = scores {
+        scores.write(folder.join("scores.json"))?;
+        written.push(PathBuf::from("scores.json"));
+    }
+    Ok(written)
 }

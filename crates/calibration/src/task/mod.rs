@@ -1,21 +1,29 @@
 //! Whole tasks on datasets, as the command line and the Python package run them: options in words become options of the library, a
-//! dataset is fitted and judged, and the results are written. Both callers give the same files because they share this module.
+//! dataset of one camera or of several is fitted, judged, diagnosed or evaluated, and the results have their files and what their report
+//! shows. Both callers give the same files because they share this module.
 
 mod added_effects;
-mod diagnosis_record;
+mod comparison;
+mod diagnosed_camera;
+mod diagnosis;
 mod error;
+mod evaluated;
+mod evaluation;
 mod fit;
 mod model_request;
 mod prior;
-mod result_files;
-pub mod rig;
+mod report_input;
+mod results;
 mod rig_diagnosis;
 
 pub use added_effects::with_effects;
-pub use diagnosis_record::diagnosis_record;
+pub use comparison::{CompareRequest, Compared};
+pub use diagnosed_camera::{CameraInRig, DiagnosedCamera};
+pub use diagnosis::{DiagnoseRequest, Diagnosed};
 pub use error::TaskError;
-pub use fit::{DatasetFit, FitRequest, HoldOut, JudgedFit, PreparedFit};
+pub use evaluation::{Evaluations, UnlikeCalibration};
+pub use fit::{Fit, FitRequest, Fitted, HeldOut, HoldOut};
 pub use model_request::{LENSES, ModelRequest, OptionNames, lens_of};
-pub use prior::prior_for;
-pub use result_files::write_calibration;
-pub use rig_diagnosis::RigDiagnosisRecords;
+pub use report_input::{ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
+pub use results::{Made, Results, Shown};
+pub use rig_diagnosis::DiagnosedRig;

@@ -1,12 +1,16 @@
 //! The model that is asked for, in words.
 
 use depthcal_formula::{resolve, resolve_model};
-use depthcal_io::Dataset;
+use depthcal_io::DatasetCamera;
 use depthcal_model::{ModelSpec, PieceSpec, Register};
 
 use super::error::TaskError;
+use crate::calibrate::rig::{EffectOf, HeldOf, RigOptions};
 use crate::calibrate::{CalibrateOptions, HeldParameter};
-use crate::load::{Loaded, declared_camera};
+use crate::load::{Loaded, LoadedCamera, declared_camera};
+
+/// The name of the time by which a camera exposes later than its times say, among effects.
+const TIME_OFFSET: &str = "time_offset";
 
 /// Lens models that may be asked for.
 pub const LENSES: [&str; 12] = [
@@ -25,7 +29,7 @@ pub const LENSES: [&str; 12] = [
 ];
 
 /// The lens model of a fit: that which was asked for, else that of the dataset, else Brown–Conrady.
-pub fn lens_of(asked: Option<&str>, dataset: &Dataset) -> String {
+pub fn lens_of(asked: Option<&str>, dataset: &DatasetCamera) -> String {
     let declared = dataset.camera.as_ref().and_then(|camera| camera.lens.as_deref());
     asked.or(declared).unwrap_or("brown-conrady").to_owned()
 }
@@ -37,13 +41,43 @@ pub struct OptionNames {
     pub model: &'static str,
     /// Further effects.
     pub with: &'static str,
+    /// The estimator.
+    pub estimator: &'static str,
+    /// Frames that are held out.
+    pub hold_out: &'static str,
+    /// The parts of a cross-validation that judges a fit.
+    pub cross_validate: &'static str,
+    /// The prior of a fleet.
+    pub prior: &'static str,
+    /// The parts of a cross-validation of a search or a comparison.
+    pub folds: &'static str,
+    /// Other datasets on which errors are reported.
+    pub verify: &'static str,
 }
 
 impl OptionNames {
     /// Those of the command line.
-    pub const COMMAND_LINE: Self = Self { model: "--model", with: "--with" };
+    pub const COMMAND_LINE: Self = Self {
+        model: "--model",
+        with: "--with",
+        estimator: "--estimator",
+        hold_out: "--hold-out",
+        cross_validate: "--cross-validate",
+        prior: "--prior",
+        folds: "--folds",
+        verify: "--verify",
+    };
     /// Those of functions.
-    pub const ARGUMENTS: Self = Self { model: "model", with: "effects" };
+    pub const ARGUMENTS: Self = Self {
+        model: "model",
+        with: "effects",
+        estimator: "estimator",
+        hold_out: "hold_out",
+        cross_validate: "cross_validate",
+        prior: "prior",
+        folds: "folds",
+        verify: "verify",
+    };
 }
 
 /// The model that is asked for, in words.
@@ -82,8 +116,8 @@ impl ModelRequest {
         Ok(CalibrateOptions { model, effects, held, ..base })
     }
 
-    /// The depth model.
-    fn depth_model(&self, register: &Register) -> Result<ModelSpec, TaskError> {
+    /// The depth model, which the register knows.
+    pub(super) fn depth_model(&self, register: &Register) -> Result<ModelSpec, TaskError> {
         let text = &self.model;
         register.model_spec(text).map_err(|e| TaskError::option(self.names.model, text, e))
     }
@@ -106,15 +140,53 @@ impl ModelRequest {
         Ok((effects, held))
     }
 
-    /// Options with the lens and the camera of a dataset.
+    /// Options with the lens and the camera that a dataset declares.
     ///
     /// # Errors
     ///
     /// [`TaskError::Camera`] where the camera that the dataset declares is at fault.
-    pub fn for_dataset(&self, options: CalibrateOptions, loaded: &Loaded) -> Result<CalibrateOptions, TaskError> {
-        let (width, height) = (loaded.capture.width, loaded.capture.height);
-        let asked = self.lens.as_deref();
-        let camera = declared_camera(&loaded.dataset, width, height, asked, &options.register)?;
-        Ok(CalibrateOptions { lens: lens_of(asked, &loaded.dataset), camera, ..options })
+    pub fn for_camera(&self, options: CalibrateOptions, camera: &LoadedCamera) -> Result<CalibrateOptions, TaskError> {
+        let (width, height) = (camera.capture.width, camera.capture.height);
+        let (asked, declared) = (self.lens.as_deref(), &camera.declared);
+        let camera = declared_camera(declared, width, height, asked, &options.register)?;
+        Ok(CalibrateOptions { lens: lens_of(asked, declared), camera, ..options })
+    }
+
+    /// The model of `base` replaced by this one for all cameras of a rig. Effects, held parameters and time offsets of one camera begin with
+    /// its name: `CAMERA:NAME`, `fixed:CAMERA:PIECE.PARAMETER`, `CAMERA:time_offset`.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Option`] where a name, a constant or a parameter is unknown.
+    pub fn rig_options(&self, base: CalibrateOptions, loaded: &Loaded) -> Result<RigOptions, TaskError> {
+        let model = self.depth_model(&base.register)?;
+        let each = CalibrateOptions { model, ..base };
+        let mut options = RigOptions { each, lens: self.lens.clone(), ..RigOptions::default() };
+        let is_camera = |name: &str| loaded.cameras.iter().any(|camera| camera.name() == name);
+        for text in &self.with {
+            let (is_held, spec) = match text.strip_prefix("fixed:") {
+                Some(held) => (true, held),
+                None => (false, text.as_str()),
+            };
+            let (camera, spec) = match spec.split_once(':') {
+                Some((name, spec)) if is_camera(name) => (Some(name.to_owned()), spec),
+                _ => (None, spec),
+            };
+            let wrong = |problem: String| TaskError::option(self.names.with, text, problem);
+            if !is_held && spec == TIME_OFFSET {
+                let camera = camera.ok_or_else(|| {
+                    let example = loaded.cameras.last().map_or("CAMERA", LoadedCamera::name);
+                    wrong(format!("name the camera whose offset is estimated, such as {example}:{TIME_OFFSET}"))
+                })?;
+                options.time_offsets.push(camera);
+            } else if is_held {
+                let parameter = spec.parse::<HeldParameter>().map_err(|e| wrong(e.to_string()))?;
+                options.held.push(HeldOf { camera, parameter });
+            } else {
+                let effect = options.each.register.piece_spec(spec).map_err(|e| wrong(e.to_string()))?;
+                options.effects.push(EffectOf { camera, effect });
+            }
+        }
+        Ok(options)
     }
 }

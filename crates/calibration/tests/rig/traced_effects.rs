@@ -100,7 +100,7 @@ fn a_place_that_drifts_is_told_from_one_that_keeps_still() {
     assert_eq!(cameras_from_record(&read, &Register::builtin()).unwrap()[1].drift, Some(place));
     let name = "colour/extrinsics_drift.ry";
     let variance = read.covariance.as_ref().and_then(|c| c.get(name, name)).expect("a variance");
-    let std_dev = read.cameras[1].camera_from_rig.drift.and_then(|d| d.std_dev).expect("standard deviations");
+    let std_dev = read.others[0].camera_from_rig.drift.and_then(|d| d.std_dev).expect("standard deviations");
     assert!((variance.sqrt() / std_dev.rotation_rad[1] - 1.0).abs() < 1e-9);
     let still = diagnosed(vec![support::infrared(), support::colour()], 7);
     assert!(still.drifts.iter().all(|test| !test.certain), "{:?}", still.drifts);

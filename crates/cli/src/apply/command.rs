@@ -4,11 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{CorrectionSummary, Corrector, FrameContext};
 use depthcal_io::{
-    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, RigDataset, check_writable,
-    write_depth_frame,
+    Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, check_writable, write_depth_frame,
 };
 use depthcal_model::Camera;
 use depthcal_report::format::count;
@@ -23,7 +21,7 @@ use super::stream::StreamContext;
 use super::stream_args::StreamArgs;
 use super::stream_register::Registered;
 use super::written::{Written, points_of};
-use crate::common::{print_pairing, read_calibration};
+use crate::common::{print_pairing, read_calibration, read_cameras};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
 use crate::session::Session;
@@ -90,10 +88,10 @@ impl Apply {
             return self.run_register(&calibration, target, session);
         }
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
-            self.run_stream(&camera, self.unit_mm.or(calibration.depth_unit_mm), None)?;
+            self.run_stream(&camera, self.unit_mm.or(calibration.camera.depth_unit_mm), None)?;
             return Ok(Value::Null);
         }
-        let jobs = self.jobs(calibration.depth_unit_mm)?;
+        let jobs = self.jobs(calibration.camera.depth_unit_mm)?;
         self.check_names(&jobs)?;
         let corrector = Corrector::new(&camera)
             .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
@@ -140,25 +138,18 @@ impl Apply {
 
     /// Frames of a rig, resampled into one of its cameras.
     fn run_register(&self, calibration: &Calibration, target: &str, session: &Session) -> Result<Value, Failure> {
-        if calibration.cameras.is_empty() {
+        if calibration.others.is_empty() {
             return Err(Failure::Input(format!(
                 "{}: --register needs the calibration of a rig, from a dataset with sections [cameras.NAME]",
                 self.calibration.display()
             )));
         }
-        let cameras = cameras_from_record(calibration, &session.register)
-            .map_err(|e| Failure::Input(format!("{}: {e}", self.calibration.display())))?;
+        let cameras = read_cameras(&self.calibration, calibration, &session.register)?;
         if self.depth.iter().any(|path| path.as_os_str() == "-") {
             let cameras = Registered::of(&cameras, calibration, self.stream.stream_camera.as_deref(), target)?;
             let depth = cameras.depth.camera.clone();
             self.run_stream(&depth, cameras.unit_mm, Some(cameras))?;
             return Ok(Value::Null);
-        }
-        if let Some(path) = self.depth.iter().find(|path| !RigDataset::is_rig(path)) {
-            return Err(Failure::Input(format!(
-                "{}: --register takes datasets of the rig: folders whose dataset.toml has sections [cameras.NAME]",
-                path.display()
-            )));
         }
         let asked = RigRegister {
             calibration: &self.calibration,
@@ -289,9 +280,9 @@ impl Apply {
     }
 
     fn dataset_jobs(&self, path: &Path) -> Result<Vec<Job>, Failure> {
-        let dataset = Dataset::open(path).map_err(input)?;
+        let dataset = Dataset::open(path).and_then(Dataset::into_only_camera).map_err(input)?;
         let file = dataset.root.join(DATASET_FILE);
-        let Some(unit_mm) = dataset.depth_unit_mm.filter(|_| dataset.frames.iter().any(|f| f.depth.is_some())) else {
+        let Some(unit_mm) = dataset.depth_unit_mm.filter(|_| dataset.has_depth()) else {
             return Err(Failure::Input(format!(
                 "{}: `frames.depth` is missing, so there is nothing to correct: declare it, such as depth = \
                  \"depth/*.png\", and unit_mm under [depth]",

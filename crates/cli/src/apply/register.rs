@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::observe::Taken;
-use depthcal_calibration::rig_record::cameras_from_record;
 use depthcal_correction::{Corrector, FrameContext, colours_of, depth_into};
 use depthcal_io::{
-    Calibration, Cloud, DepthImage, Frame, RgbImage, RigDataset, read_depth_frame, read_gray, read_rgb, write_depth,
-    write_rgb,
+    Calibration, Cloud, Dataset, DatasetCamera, DepthImage, Frame, RgbImage, read_depth_frame, read_gray, read_rgb,
+    write_depth, write_rgb,
 };
 use depthcal_report::format::count;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::written::{CloudFormat, points_of};
+use crate::common::read_cameras;
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
 use crate::session::Session;
@@ -55,8 +55,7 @@ struct DepthCamera<'a> {
 
 /// Resamples the depth of every frame of every camera.
 pub(super) fn register(asked: &RigRegister<'_>, session: &Session) -> Result<Value, Failure> {
-    let cameras = cameras_from_record(asked.record, &session.register)
-        .map_err(|e| Failure::Input(format!("{}: {e}", asked.calibration.display())))?;
+    let cameras = read_cameras(asked.calibration, asked.record, &session.register)?;
     let known = || cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
     let target = cameras.iter().find(|c| c.name == asked.target).ok_or_else(|| {
         let (file, name) = (asked.calibration.display(), asked.target);
@@ -64,22 +63,27 @@ pub(super) fn register(asked: &RigRegister<'_>, session: &Session) -> Result<Val
     })?;
     let mut total = Counts::default();
     for path in asked.datasets {
-        let dataset = RigDataset::open(path).map_err(input)?;
+        let dataset = Dataset::open(path).map_err(input)?;
+        if dataset.cameras.iter().all(DatasetCamera::is_unnamed) {
+            return Err(Failure::Input(format!(
+                "{}: --register takes datasets of the rig: folders whose dataset.toml has sections [cameras.NAME]",
+                path.display()
+            )));
+        }
         let images: BTreeMap<&str, &Path> = dataset
             .cameras
             .iter()
-            .filter(|member| member.name == target.name)
-            .flat_map(|member| &member.dataset.frames)
+            .filter(|camera| camera.name == target.name)
+            .flat_map(|camera| &camera.frames)
             .filter_map(|frame| Some((frame.name.as_str(), frame.image.as_deref()?)))
             .collect();
         let mut found = Vec::new();
-        for member in &dataset.cameras {
-            let has_depth = member.dataset.frames.iter().any(|frame| frame.depth.is_some());
-            let placed = cameras.iter().find(|c| c.name == member.name);
-            if let (true, Some(placed), Some(unit_mm)) = (has_depth, placed, member.dataset.depth_unit_mm) {
+        for camera in &dataset.cameras {
+            let placed = cameras.iter().find(|c| c.name == camera.name);
+            if let (true, Some(placed), Some(unit_mm)) = (camera.has_depth(), placed, camera.depth_unit_mm) {
                 let corrector = Corrector::new(&placed.camera)
                     .map_err(|error| Failure::Input(format!("{}: {error}", asked.calibration.display())))?;
-                let frames = &member.dataset.frames;
+                let frames = &camera.frames;
                 let first_s = frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
                 found.push(DepthCamera { placed, corrector, unit_mm, frames, first_s });
             }

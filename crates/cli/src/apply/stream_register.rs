@@ -32,7 +32,7 @@ impl Registered {
             let found = cameras.iter().find(|camera| camera.name == name).cloned();
             found.ok_or_else(|| Failure::Input(format!("{option} {name}: the calibration has the cameras {}", known())))
         };
-        let unit = |name: &str| record.cameras.iter().find(|c| c.name == name).and_then(|c| c.depth_unit_mm);
+        let unit = |name: &str| record.cameras().find(|c| c.name == name).and_then(|c| c.depth_unit_mm);
         let depth = match depth {
             Some(name) => named("--stream-camera", name)?,
             None => cameras.iter().find(|camera| unit(&camera.name).is_some()).cloned().ok_or_else(|| {

@@ -17,7 +17,7 @@ pub struct Capture {
 /// # Panics
 /// When the dataset is at fault.
 pub fn capture(dataset: &str) -> Option<Capture> {
-    let dataset = Dataset::open(data::measured(dataset)?).expect("a dataset");
+    let dataset = Dataset::open(data::measured(dataset)?).and_then(Dataset::into_only_camera).expect("a dataset");
     let frames = dataset
         .frames
         .iter()

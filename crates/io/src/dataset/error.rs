@@ -18,10 +18,10 @@ pub enum DatasetError {
         /// The file that was looked for.
         path: PathBuf,
     },
-    /// The file declares the cameras of a rig where one camera is asked for.
+    /// The file declares several cameras where one is asked for.
     #[error(
-        "{path}: this dataset has several cameras in sections [cameras.NAME], but this command works on one: give a dataset.toml with \
-         [frames], [depth] and [camera] for that camera alone"
+        "{path}: this dataset has several cameras in sections [cameras.NAME], but this command works on one: give a dataset.toml that \
+         declares that camera alone"
     )]
     SeveralCameras {
         /// The file.
@@ -85,7 +85,7 @@ pub enum DatasetError {
         /// The file.
         path: PathBuf,
         /// The field with its section.
-        field: &'static str,
+        field: String,
         /// The remedy: what to write.
         remedy: &'static str,
     },
@@ -97,7 +97,7 @@ pub enum DatasetError {
         /// Line, from 1.
         line: usize,
         /// The field with its section.
-        field: &'static str,
+        field: String,
         /// The value as written.
         value: String,
         /// The problem, as a predicate: `is not a number`.
@@ -111,7 +111,7 @@ pub enum DatasetError {
         /// The file.
         path: PathBuf,
         /// The field with its section.
-        field: &'static str,
+        field: String,
         /// The glob.
         pattern: String,
         /// The glob parser's message.
@@ -126,7 +126,7 @@ pub enum DatasetError {
         /// The file.
         path: PathBuf,
         /// The field with its section.
-        field: &'static str,
+        field: String,
         /// The glob.
         pattern: String,
     },
@@ -138,7 +138,7 @@ pub enum DatasetError {
         /// The file.
         path: PathBuf,
         /// The field with its section.
-        field: &'static str,
+        field: String,
         /// One file.
         first: PathBuf,
         /// The other file.

@@ -1,4 +1,4 @@
-//! A dataset: a folder of captures with its frames.
+//! A dataset: a folder of captures with the frames of every camera.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -6,30 +6,43 @@ use std::path::{Path, PathBuf};
 use depthcal_model::Target;
 
 use super::camera_hint::CameraHint;
-use super::declaration::{DATASET_FILE, DatasetFile, unit_missing};
+use super::declaration::{CAMERA, CameraSection, DATASET_FILE, DatasetFile};
 use super::error::DatasetError;
-use super::frames::{Frame, Frames, find_frames};
-use super::inside::file_in;
+use super::frame::{Frame, Frames};
+use super::frames::find_frames;
 use super::pairing::{Pairing, Stray};
 use crate::file::{FileError, digest_files};
 
-/// A folder of captures of a board, described by its `dataset.toml`.
+/// A folder of captures of a board by one camera or several on one rigid body, described by its `dataset.toml`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
     /// The folder.
     pub root: PathBuf,
     /// The folder's name.
     pub name: String,
-    /// The board; the diameter of its dots is 0 where `dataset.toml` does not declare it.
+    /// The board, or several; the diameter of dots is 0 where `dataset.toml` does not declare it.
     pub target: Target,
-    /// The frames in natural order of their names.
+    /// The cameras, of which the first is the reference. Frames that were taken together have one name.
+    pub cameras: Vec<DatasetCamera>,
+}
+
+/// The captures of one camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DatasetCamera {
+    /// The camera's name; [`CAMERA`](super::CAMERA) where the dataset names none.
+    pub name: String,
+    /// Name of its captures: that of the folder, of one camera of several with its own, `captures/colour`.
+    pub title: String,
+    /// The dataset's folder.
+    pub root: PathBuf,
+    /// The dataset's board.
+    pub target: Target,
+    /// The frames in natural order of their names. Those that this camera missed are not among them.
     pub frames: Vec<Frame>,
     /// Millimetres per step of the depth images; `None` where there is no depth.
     pub depth_unit_mm: Option<f64>,
     /// Declared intrinsics.
     pub camera: Option<CameraHint>,
-    /// The table of frames, where one is declared.
-    pub metadata: Option<PathBuf>,
     /// How images and depth were paired.
     pub pairing: Pairing,
     /// Files and rows that belong to no frame, in natural order.
@@ -48,30 +61,67 @@ impl Dataset {
         let root = root_of(path.as_ref());
         let file_path = root.join(DATASET_FILE);
         let file = DatasetFile::read(&file_path)?;
-
-        let Frames { frames, pairing, strays, lists } = find_frames(root, &file_path, &file.frames)?;
-        if file.depth.is_none() && frames.iter().any(|frame| frame.depth.is_some()) {
-            return Err(unit_missing(&file_path));
+        let found = find_frames(root, &file_path, &file)?;
+        let (name, is_one) = (folder_name(root), file.cameras.len() == 1);
+        let mut cameras = Vec::new();
+        for (declared, found) in file.cameras.into_iter().zip(found) {
+            if declared.unit_mm.is_none() && found.frames.iter().any(|frame| frame.depth.is_some()) {
+                return Err(declared.unit_missing(&file_path));
+            }
+            let title = if is_one { name.clone() } else { format!("{name}/{}", declared.name) };
+            let camera = DatasetCamera::new(root, title, &file.board, declared, found);
+            camera.check_intrinsics()?;
+            cameras.push(camera);
         }
-        let dataset = Dataset {
-            name: folder_name(root),
+        Ok(Self { root: root.to_owned(), name, target: file.board, cameras })
+    }
+
+    /// The camera of a dataset that has one.
+    ///
+    /// # Errors
+    /// [`DatasetError::SeveralCameras`].
+    pub fn into_only_camera(mut self) -> Result<DatasetCamera, DatasetError> {
+        match (self.cameras.pop(), self.cameras.is_empty()) {
+            (Some(camera), true) => Ok(camera),
+            _ => Err(DatasetError::SeveralCameras { path: self.root.join(DATASET_FILE) }),
+        }
+    }
+}
+
+impl DatasetCamera {
+    fn new(root: &Path, title: String, board: &Target, declared: CameraSection, found: Frames) -> Self {
+        let Frames { frames, pairing, strays, lists } = found;
+        Self {
+            name: declared.name,
+            title,
             root: root.to_owned(),
-            target: file.board,
+            target: board.clone(),
             frames,
-            depth_unit_mm: file.depth.map(|depth| depth.unit_mm),
-            camera: file.camera,
-            metadata: file.frames.metadata.map(|name| file_in(root, &name)),
+            depth_unit_mm: declared.unit_mm,
+            camera: declared.camera,
             pairing,
             strays,
             lists,
-        };
-        dataset.check_intrinsics()?;
-        Ok(dataset)
+        }
     }
 
-    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may
-    /// have no end.
-    pub(super) fn check_intrinsics(&self) -> Result<(), DatasetError> {
+    /// Whether the dataset gives it no name of its own.
+    pub fn is_unnamed(&self) -> bool {
+        self.name == CAMERA
+    }
+
+    /// Whether it has images.
+    pub fn has_images(&self) -> bool {
+        self.frames.iter().any(|frame| frame.image.is_some())
+    }
+
+    /// Whether it has depth images.
+    pub fn has_depth(&self) -> bool {
+        self.frames.iter().any(|frame| frame.depth.is_some())
+    }
+
+    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may have no end.
+    fn check_intrinsics(&self) -> Result<(), DatasetError> {
         match self.intrinsics_file() {
             Some(path) if path.exists() && !path.is_file() => {
                 let error = io::Error::new(io::ErrorKind::InvalidInput, "camera.intrinsics has to name a regular file");
@@ -108,7 +158,7 @@ impl Dataset {
 }
 
 /// The folder that `path` is, or whose `dataset.toml` it is.
-pub(crate) fn root_of(path: &Path) -> &Path {
+fn root_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if path.ends_with(DATASET_FILE) && !path.is_dir() => {
             if parent.as_os_str().is_empty() {
@@ -122,7 +172,7 @@ pub(crate) fn root_of(path: &Path) -> &Path {
 }
 
 /// Name of the folder, even when the path is `.` or ends with `..`.
-pub(crate) fn folder_name(root: &Path) -> String {
+fn folder_name(root: &Path) -> String {
     let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned());
     name(root).or_else(|| name(&root.canonicalize().ok()?)).unwrap_or_else(|| "dataset".into())
 }

@@ -35,29 +35,25 @@ pub(crate) struct Row {
     /// Line in the table, from 1.
     pub line: u64,
     pub frame: String,
-    /// Its image, where the table has a column of images and names one.
-    pub image: Option<String>,
-    /// Its depth image, likewise.
-    pub depth: Option<String>,
+    /// The files that it names, by their columns.
+    pub files: BTreeMap<String, String>,
     pub metadata: FrameMetadata,
 }
 
-/// The rows of a table, and whether it has columns of images and of depth images.
+/// The rows of a table.
 pub(crate) struct FrameTable {
     pub rows: Vec<Row>,
-    pub has_images: bool,
-    pub has_depth: bool,
-    /// Names of all columns.
-    pub columns: Vec<String>,
+    /// Its columns of files.
+    pub files: BTreeSet<String>,
 }
 
-/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c`, `image`, `depth` and any others.
-pub(crate) fn read(path: &Path) -> Result<FrameTable, DatasetError> {
+/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c`, those of `files`, which name files, and any others.
+pub(crate) fn read(path: &Path, files: &[String]) -> Result<FrameTable, DatasetError> {
     let file = File::open(path).map_err(|error| DatasetError::Read { path: path.to_owned(), error })?;
-    parse(path, io::BufReader::new(file))
+    parse(path, io::BufReader::new(file), files)
 }
 
-fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError> {
+fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTable, DatasetError> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(reader);
     let head = reader.headers().map_err(|error| csv_error(path, error))?.clone();
     let fault = |problem: String| DatasetError::Table { path: path.to_owned(), line: 1, problem };
@@ -77,14 +73,15 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError>
     for record in reader.records() {
         let record = record.map_err(|error| csv_error(path, error))?;
         let line = record.position().map_or(0, csv::Position::line);
-        let mut row = Row { line, frame: String::new(), image: None, depth: None, metadata: FrameMetadata::default() };
+        let mut row = Row { line, frame: String::new(), files: BTreeMap::new(), metadata: FrameMetadata::default() };
         for (i, (column, cell)) in head.iter().zip(&record).enumerate() {
             let number = || finite(cell).ok_or_else(|| cell_error(path, line, column, cell));
             match column {
                 _ if i == frame_column => row.frame = cell.to_owned(),
                 _ if cell.is_empty() => {}
-                "image" => row.image = Some(cell.to_owned()),
-                "depth" => row.depth = Some(cell.to_owned()),
+                _ if files.iter().any(|name| name == column) => {
+                    drop(row.files.insert(column.to_owned(), cell.to_owned()))
+                }
                 "timestamp_s" => row.metadata.timestamp_s = Some(number()?),
                 "temperature_c" => row.metadata.temperature_c = Some(number()?),
                 _ => drop(row.metadata.other.insert(column.to_owned(), cell.to_owned())),
@@ -100,9 +97,8 @@ fn parse(path: &Path, reader: impl io::Read) -> Result<FrameTable, DatasetError>
         };
         return Err(DatasetError::Table { path: path.to_owned(), line, problem });
     }
-    let has = |column: &str| head.iter().any(|name| name == column);
-    let columns = head.iter().map(str::to_owned).collect();
-    Ok(FrameTable { rows, has_images: has("image"), has_depth: has("depth"), columns })
+    let files = head.iter().filter(|column| files.iter().any(|name| name == column)).map(str::to_owned).collect();
+    Ok(FrameTable { rows, files })
 }
 
 fn finite(cell: &str) -> Option<f64> {
@@ -137,7 +133,7 @@ mod tests {
     use super::*;
 
     fn table(text: &str) -> Result<Vec<Row>, DatasetError> {
-        parse(Path::new("set/frames.csv"), text.as_bytes()).map(|table| table.rows)
+        parse(Path::new("set/frames.csv"), text.as_bytes(), &[]).map(|table| table.rows)
     }
 
     fn complaint(text: &str) -> String {
@@ -178,10 +174,10 @@ mod tests {
     proptest! {
         #[test]
         fn any_bytes_are_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
-            let _ = parse(Path::new("frames.csv"), bytes.as_slice());
+            let _ = parse(Path::new("frames.csv"), bytes.as_slice(), &[]);
             let mut table = b"frame,timestamp_s\n".to_vec();
             table.extend(bytes);
-            let _ = parse(Path::new("frames.csv"), table.as_slice());
+            let _ = parse(Path::new("frames.csv"), table.as_slice(), &[]);
         }
     }
 }

@@ -8,18 +8,15 @@ use toml::de::{DeTable, DeValue};
 use super::error::DatasetError;
 use super::suggest::nearest;
 
-/// A field: its name with its section, such as `board.columns`, and what to write there.
+/// A field of a section: its key, such as `columns`, and what to write there.
 #[derive(Clone, Copy)]
 pub(crate) struct Field {
-    pub name: &'static str,
+    pub key: &'static str,
     pub remedy: &'static str,
 }
 
-impl Field {
-    fn key(&self) -> &'static str {
-        self.name.rsplit('.').next().unwrap_or(self.name)
-    }
-}
+/// The keys of every section of a file; sections of any name are called `NAME`.
+pub(crate) type Keys = &'static [(&'static str, &'static [&'static str])];
 
 /// The text of a file, and the path that names it in errors.
 #[derive(Clone, Copy)]
@@ -42,67 +39,117 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Refuses keys of `table` other than `known`. `section` ends with a dot, or is empty for the file itself. A field
-    /// of the same name in another section (`everywhere` has all fields with their sections) is suggested first, then
-    /// the nearest key of this section.
+    /// Refuses keys of `table` other than `known`. `section` is the table's name, empty for the file itself. A key of the same name in another
+    /// section (`everywhere` has the keys of all sections) is suggested first, then the nearest key of this section.
     pub fn deny_unknown(
         &self,
         table: &DeTable<'_>,
         section: &str,
         known: &'static [&'static str],
-        everywhere: &[&'static str],
+        everywhere: Keys,
     ) -> Result<(), DatasetError> {
         let Some(key) = table.keys().find(|key| !known.contains(&key.get_ref().as_ref())) else { return Ok(()) };
         let name = key.get_ref().as_ref();
-        let exact =
-            everywhere.iter().find(|field| field.rsplit('.').next() == Some(name)).map(|field| field.to_string());
-        let here = || nearest(name, known.iter().copied()).map(|known| format!("{section}{known}"));
+        let exact = everywhere.iter().find(|(_, keys)| keys.contains(&name)).map(|(section, _)| full(section, name));
+        let here = || nearest(name, known.iter().copied()).map(|known| full(section, known));
         Err(DatasetError::UnknownKey {
             path: self.path.to_owned(),
             line: self.line(key.span().start),
-            key: format!("{section}{name}"),
+            key: full(section, name),
             suggestion: exact.or_else(here),
             known,
         })
     }
 
-    pub fn field_error(&self, value: &Spanned<DeValue<'_>>, field: Field, problem: impl Into<String>) -> DatasetError {
+    /// The section of that name with its keys, which are `known`; `None` where the file has none.
+    pub fn section(
+        &self,
+        root: &'a DeTable<'a>,
+        field: Field,
+        known: &'static [&'static str],
+        everywhere: Keys,
+    ) -> Result<Option<Section<'a>>, DatasetError> {
+        let Some(value) = root.get(field.key) else { return Ok(None) };
+        self.subsection(value, field.key.to_owned(), field, known, everywhere).map(Some)
+    }
+
+    /// The table `value` as the section `name`, whose keys are `known`; `field` is what it should be.
+    pub fn subsection(
+        &self,
+        value: &'a Spanned<DeValue<'a>>,
+        name: String,
+        field: Field,
+        known: &'static [&'static str],
+        everywhere: Keys,
+    ) -> Result<Section<'a>, DatasetError> {
+        let Some(table) = value.get_ref().as_table() else {
+            return Err(self.field_error(value, name, field.remedy, "is not a section"));
+        };
+        self.deny_unknown(table, &name, known, everywhere)?;
+        Ok(Section { source: *self, name, table })
+    }
+
+    pub fn field_error(
+        &self,
+        value: &Spanned<DeValue<'_>>,
+        field: impl Into<String>,
+        remedy: &'static str,
+        problem: impl Into<String>,
+    ) -> DatasetError {
         DatasetError::Field {
             path: self.path.to_owned(),
             line: self.line(value.span().start),
-            field: field.name,
+            field: field.into(),
             value: self.text.get(value.span()).unwrap_or("?").to_owned(),
             problem: problem.into(),
-            remedy: field.remedy,
+            remedy,
         }
     }
 
     pub fn missing(&self, field: Field) -> DatasetError {
-        DatasetError::MissingField { path: self.path.to_owned(), field: field.name, remedy: field.remedy }
+        DatasetError::MissingField { path: self.path.to_owned(), field: field.key.to_owned(), remedy: field.remedy }
     }
+}
+
+/// Name of a key with its section.
+fn full(section: &str, key: &str) -> String {
+    if section.is_empty() { key.to_owned() } else { format!("{section}.{key}") }
 }
 
 /// One table of the file.
 pub(crate) struct Section<'a> {
     pub source: Source<'a>,
+    /// Its name, such as `board` or `cameras.colour`.
+    pub name: String,
     pub table: &'a DeTable<'a>,
 }
 
 impl<'a> Section<'a> {
     pub fn get(&self, field: Field) -> Option<&'a Spanned<DeValue<'a>>> {
-        self.table.get(field.key())
+        self.table.get(field.key)
+    }
+
+    /// Says what is wrong with the value of a field.
+    pub fn fault(&self, value: &Spanned<DeValue<'_>>, field: Field, problem: impl Into<String>) -> DatasetError {
+        self.source.field_error(value, full(&self.name, field.key), field.remedy, problem)
+    }
+
+    /// Says that a field is missing.
+    pub fn missing(&self, field: Field) -> DatasetError {
+        let field_name = full(&self.name, field.key);
+        DatasetError::MissingField { path: self.source.path.to_owned(), field: field_name, remedy: field.remedy }
     }
 
     pub fn required(&self, field: Field) -> Result<&'a Spanned<DeValue<'a>>, DatasetError> {
-        self.get(field).ok_or_else(|| self.source.missing(field))
+        self.get(field).ok_or_else(|| self.missing(field))
     }
 
     pub fn string(&self, field: Field) -> Result<Option<&'a str>, DatasetError> {
         let Some(value) = self.get(field) else { return Ok(None) };
         match value.get_ref().as_str() {
             Some(text) if !text.trim().is_empty() => Ok(Some(text)),
-            Some(_) => Err(self.source.field_error(value, field, "is empty")),
-            None => Err(self.source.field_error(value, field, "is not a string")),
+            Some(_) => Err(self.fault(value, field, "is empty")),
+            None => Err(self.fault(value, field, "is not a string")),
         }
     }
 
@@ -110,7 +157,7 @@ impl<'a> Section<'a> {
         let Some(value) = self.get(field) else { return Ok(None) };
         match value.get_ref().as_bool() {
             Some(flag) => Ok(Some(flag)),
-            None => Err(self.source.field_error(value, field, "is neither true nor false")),
+            None => Err(self.fault(value, field, "is neither true nor false")),
         }
     }
 
@@ -123,8 +170,8 @@ impl<'a> Section<'a> {
         };
         match number {
             Some(number) if f64::is_finite(number) => Ok(number),
-            Some(_) => Err(self.source.field_error(value, field, "is not finite")),
-            None => Err(self.source.field_error(value, field, "is not a number")),
+            Some(_) => Err(self.fault(value, field, "is not finite")),
+            None => Err(self.fault(value, field, "is not a number")),
         }
     }
 
@@ -133,10 +180,10 @@ impl<'a> Section<'a> {
         let value = self.required(field)?;
         let number = self.finite(value, field)?;
         if number <= 0.0 {
-            Err(self.source.field_error(value, field, "must be greater than 0"))
+            Err(self.fault(value, field, "must be greater than 0"))
         } else if !plausible.contains(&number) {
             let problem = format!("is outside {} … {}", plausible.start(), plausible.end());
-            Err(self.source.field_error(value, field, problem))
+            Err(self.fault(value, field, problem))
         } else {
             Ok(number)
         }
@@ -152,7 +199,7 @@ impl<'a> Section<'a> {
         if number.abs() <= limit {
             Ok(number)
         } else {
-            Err(self.source.field_error(value, field, format!("is outside -{limit} … {limit}")))
+            Err(self.fault(value, field, format!("is outside -{limit} … {limit}")))
         }
     }
 
@@ -160,7 +207,7 @@ impl<'a> Section<'a> {
     pub fn numbers(&self, field: Field, limit: f64) -> Result<Option<Vec<f64>>, DatasetError> {
         let Some(value) = self.get(field) else { return Ok(None) };
         let Some(array) = value.get_ref().as_array() else {
-            return Err(self.source.field_error(value, field, "is not an array of numbers"));
+            return Err(self.fault(value, field, "is not an array of numbers"));
         };
         array.iter().map(|element| self.within(element, field, limit)).collect::<Result<_, _>>().map(Some)
     }
@@ -169,13 +216,13 @@ impl<'a> Section<'a> {
     pub fn count(&self, field: Field, plausible: std::ops::RangeInclusive<usize>) -> Result<usize, DatasetError> {
         let value = self.required(field)?;
         let Some(integer) = value.get_ref().as_integer() else {
-            return Err(self.source.field_error(value, field, "is not a whole number"));
+            return Err(self.fault(value, field, "is not a whole number"));
         };
         match usize::from_str_radix(integer.as_str(), integer.radix()) {
             Ok(count) if plausible.contains(&count) => Ok(count),
             _ => {
                 let problem = format!("is outside {} … {}", plausible.start(), plausible.end());
-                Err(self.source.field_error(value, field, problem))
+                Err(self.fault(value, field, problem))
             }
         }
     }

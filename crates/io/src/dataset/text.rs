@@ -6,9 +6,6 @@ use std::path::Path;
 
 use super::error::DatasetError;
 
-/// The section whose subsections are the cameras of a rig.
-pub(crate) const CAMERAS: &str = "cameras";
-
 /// The text of a `dataset.toml`.
 pub(crate) fn read_text(path: &Path) -> Result<String, DatasetError> {
     fs::read_to_string(path).map_err(|error| match error.kind() {

@@ -8,46 +8,39 @@ use depthcal_model::hook::HookKind;
 use serde::{Deserialize, Serialize};
 
 use super::board::check_board;
-use super::camera::{CameraRecord, NoiseRecord, PieceRecord, unique, unit_quaternion};
+use super::camera::{CameraRecord, PieceRecord, unique};
+use super::extrinsics::unit_quaternion;
 use super::findings::DiagnosisDeclaration;
 use super::lens_comparison::LensComparison;
 use super::prior::PriorUse;
 use super::reference::FileReference;
-use super::rig_camera::RigCameraRecord;
 use crate::dataset::FrameMetadata;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
-/// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
+/// A calibrated depth camera or rig of cameras: the pieces in chain order, their covariance, the noise models, and the fit.
 ///
-/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields; that of a rig has version
-/// 3. Files of version 1 have no formulas and are read as well.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+/// The file of one camera without a name has it in the fields `camera`, `noise` and `depth_unit_mm`; that of a rig lists all in `cameras`, and
+/// has the reference in those fields too. It carries `"format": "depthcal-calibration"` and `"version": 2`, that of a rig 3. Files of version 1 have
+/// no formulas and are read as well.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// The camera; of a rig the reference camera.
+    /// The camera; of a rig the reference, whose frame is the rig's.
     pub camera: CameraRecord,
-    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their places, and
-    /// names begin with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// The other cameras of a rig; empty for one camera.
+    pub others: Vec<CameraRecord>,
+    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their extrinsics, and names begin
+    /// with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
     pub covariance: Option<CovarianceRecord>,
-    /// Noise of the measurements, estimated from the data.
-    pub noise: NoiseRecord,
     /// Quality and course of the fit.
     pub fit: FitRecord,
     /// The frames that were fitted, with their poses.
     pub frames: Vec<FrameRecord>,
     /// The dataset that was fitted.
     pub dataset: FileReference,
-    /// Millimetres per step of the dataset's depth images, where it had any.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub depth_unit_mm: Option<f64>,
     /// The board.
     pub target: Target,
     /// The observations that were fitted, where they were kept.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub observations: Option<FileReference>,
-    /// The cameras of a rig, the reference first; empty for one camera.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub cameras: Vec<RigCameraRecord>,
 }
 
 /// Covariance of the free parameters.
@@ -138,9 +131,9 @@ impl Calibration {
         write_versioned(path.as_ref(), self, false)
     }
 
-    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was
-    /// evaluated: the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is
-    /// `None` for a camera file of another program, and `name` is what the message calls the evaluated one.
+    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was evaluated:
+    /// the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is `None` for a
+    /// camera file of another program, and `name` is what the message calls the evaluated one.
     ///
     /// # Errors
     /// [`FileError::OtherCalibration`]; a `calibration.json` that cannot be read counts as another.
@@ -152,11 +145,20 @@ impl Calibration {
         }
     }
 
-    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to
-    /// none.
+    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to none.
     fn is_same_fit(&self, other: &Self) -> bool {
         let without_observations = |c: &Self| Self { observations: None, ..c.clone() };
         without_observations(self) == without_observations(other)
+    }
+
+    /// All cameras, the reference first.
+    pub fn cameras(&self) -> impl Iterator<Item = &CameraRecord> {
+        std::iter::once(&self.camera).chain(&self.others)
+    }
+
+    /// Whether it is of one camera without a name, and its file therefore of the short form.
+    pub fn is_short(&self) -> bool {
+        self.others.is_empty() && self.camera.is_unnamed()
     }
 
     /// The piece called `name`.
@@ -221,22 +223,25 @@ impl Versioned for Calibration {
 
     /// Files of one camera are those of version 2.
     fn version(&self) -> u32 {
-        if self.cameras.is_empty() { 2 } else { 3 }
+        if self.is_short() { 2 } else { 3 }
     }
 
     fn check(&self) -> Result<(), Fault> {
-        self.camera.check()?;
         check_board(&self.target, "target")?;
         if let Some(covariance) = &self.covariance {
             covariance.check()?;
         }
-        self.noise.check("noise")?;
-        if self.depth_unit_mm.is_some_and(|unit| unit <= 0.0) {
-            return Err(Fault::new("depth_unit_mm", "must be above 0: millimetres per step of the depth images"));
-        }
-        unique(self.cameras.iter().map(|camera| &camera.name), "cameras")?;
-        for (i, camera) in self.cameras.iter().enumerate() {
-            camera.check(i)?;
+        unique(self.cameras().map(|camera| &camera.name), "cameras")?;
+        for (i, camera) in self.cameras().enumerate() {
+            let [place, within] = match self.is_short() {
+                true => ["camera".to_owned(), String::new()],
+                false => [format!("cameras[{i}]"), format!("cameras[{i}].")],
+            };
+            camera.check(&place, &format!("{within}noise"))?;
+            if camera.depth_unit_mm.is_some_and(|unit| unit <= 0.0) {
+                let problem = "must be above 0: millimetres per step of the depth images";
+                return Err(Fault::new(format!("{within}depth_unit_mm"), problem));
+            }
         }
         unique(self.frames.iter().map(|frame| &frame.name), "frames")?;
         for (i, frame) in self.frames.iter().enumerate() {

@@ -6,18 +6,52 @@ use depthcal_model::hook::HookKind;
 use depthcal_model::{FormulaDefinition, Of, On};
 use serde::{Deserialize, Serialize};
 
+use super::extrinsics::{ExtrinsicsRecord, TimeOffsetRecord};
+use crate::dataset::CAMERA;
 use crate::file::Fault;
 use crate::image::MAX_PIXELS;
 
-/// The camera as a chain of pieces.
+/// A camera: its chain of pieces, its extrinsics, and how it was fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct CameraRecord {
-    /// Width of the image in px.
+    /// The camera's name; `camera` where the dataset names none.
+    pub name: String,
+    /// Width of its images in px.
     pub width: usize,
-    /// Height of the image in px.
+    /// Height of its images in px.
     pub height: usize,
+    /// Its extrinsics: maps the frame of the rig, which is that of the first camera, to its own.
+    pub camera_from_rig: ExtrinsicsRecord,
+    /// By how much it exposes later than the times of its frames say, against the reference; absent where that was not estimated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_offset: Option<TimeOffsetRecord>,
     /// The pieces in the order in which they are applied. Names are unique.
     pub pieces: Vec<PieceRecord>,
+    /// Noise of its measurements, estimated from the data.
+    pub noise: NoiseRecord,
+    /// Millimetres per step of its depth images, where it has any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_unit_mm: Option<f64>,
+    /// Number of its frames in the fit.
+    pub frames_used: usize,
+    /// Root mean square, over all its markers, of the length of the reprojection error, px; absent without images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reprojection_rms_px: Option<f64>,
+    /// Root mean square of its depth residuals, mm; absent without depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_mm: Option<f64>,
+    /// Parameters, `PIECE.PARAMETER`, that the boards leave open and that are therefore held or have a prior, each with the reason.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_open: Vec<LeftOpen>,
+}
+
+/// A parameter that the boards leave open.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct LeftOpen {
+    /// The parameter, `PIECE.PARAMETER`.
+    pub parameter: String,
+    /// Why, and what was done about it, in words.
+    pub reason: String,
 }
 
 /// One piece of the chain.
@@ -86,6 +120,29 @@ pub struct NoiseRecord {
 }
 
 impl CameraRecord {
+    /// A camera without a name and noise: its size, px, and its pieces.
+    pub fn unnamed([width, height]: [usize; 2], pieces: Vec<PieceRecord>) -> Self {
+        Self {
+            name: CAMERA.to_owned(),
+            width,
+            height,
+            camera_from_rig: ExtrinsicsRecord::REFERENCE,
+            time_offset: None,
+            pieces,
+            noise: NoiseRecord::default(),
+            depth_unit_mm: None,
+            frames_used: 0,
+            reprojection_rms_px: None,
+            depth_rms_mm: None,
+            left_open: Vec::new(),
+        }
+    }
+
+    /// Whether its dataset gave it no name.
+    pub fn is_unnamed(&self) -> bool {
+        self.name == CAMERA
+    }
+
     /// The piece called `name`.
     pub fn piece(&self, name: &str) -> Option<&PieceRecord> {
         self.pieces.iter().find(|piece| piece.name == name)
@@ -137,14 +194,17 @@ impl NoiseRecord {
 }
 
 impl CameraRecord {
-    pub(super) fn check(&self) -> Result<(), Fault> {
-        check_size([self.width, self.height], "camera")?;
-        check_pieces(&self.pieces, "camera.pieces")
+    /// Checks the camera that the file has at `place`, and its noise at `noise`.
+    pub(super) fn check(&self, place: &str, noise: &str) -> Result<(), Fault> {
+        check_size([self.width, self.height], place)?;
+        self.camera_from_rig.check(&format!("{place}.camera_from_rig"))?;
+        self.noise.check(noise)?;
+        check_pieces(&self.pieces, &format!("{place}.pieces"))
     }
 }
 
 /// Checks the width and the height, px, of the camera that the file has at `place`: corrections have tables of this size.
-pub(super) fn check_size([width, height]: [usize; 2], place: &str) -> Result<(), Fault> {
+fn check_size([width, height]: [usize; 2], place: &str) -> Result<(), Fault> {
     for (field, size) in [("width", width), ("height", height)] {
         if size == 0 {
             return Err(Fault::new(format!("{place}.{field}"), "is 0, expected the size of the image in px"));
@@ -158,7 +218,7 @@ pub(super) fn check_size([width, height]: [usize; 2], place: &str) -> Result<(),
 }
 
 /// Checks the pieces that the file has at `place`.
-pub(super) fn check_pieces(pieces: &[PieceRecord], place: &str) -> Result<(), Fault> {
+fn check_pieces(pieces: &[PieceRecord], place: &str) -> Result<(), Fault> {
     unique(pieces.iter().map(|piece| &piece.name), place)?;
     for (i, piece) in pieces.iter().enumerate() {
         let field = format!("{place}[{i}].parameters");
@@ -168,14 +228,6 @@ pub(super) fn check_pieces(pieces: &[PieceRecord], place: &str) -> Result<(), Fa
                 return Err(Fault::new(format!("{field}[{j}].std_dev"), "must not be negative"));
             }
         }
-    }
-    Ok(())
-}
-
-pub(super) fn unit_quaternion(rotation: &[f64; 4], field: impl Fn() -> String) -> Result<(), Fault> {
-    let norm = rotation.iter().map(|q| q * q).sum::<f64>().sqrt();
-    if (norm - 1.0).abs() > 1e-6 {
-        return Err(Fault::new(field(), format!("has norm {norm}, expected a unit quaternion [w, x, y, z]")));
     }
     Ok(())
 }

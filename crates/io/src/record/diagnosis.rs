@@ -1,332 +1,144 @@
-//! `diagnosis.json`: the effects that a model lacked, those that were added, and the errors before and after.
+//! `diagnosis.json`: the diagnosis of every camera, and of a rig its errors before and after.
 
 use std::path::Path;
 
-use depthcal_model::{FormulaDefinition, Of, On};
-use serde::{Deserialize, Serialize};
+use serde::de::IgnoredAny;
+use serde::ser::Error;
+use serde::{Deserialize, Serialize, Serializer};
 
-use super::comparison::Interval;
-use super::component::DiagnosisComponent;
-use super::decision::{DiagnosisDecision, DiagnosisRefuted};
-use super::evaluation::Outliers;
-use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
-use super::pure_error::DiagnosisPureError;
+use super::camera_diagnosis::{CameraDiagnosis, GainInterval, Verdict};
+use super::evaluation::Evaluation;
+use super::extrinsics::DriftRecord;
 use super::reference::FileReference;
+use crate::dataset::CAMERA;
 use crate::file::{FileError, read_json, write_json};
 
-/// The outcome of a diagnosis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Verdict {
-    /// The data show nothing that the model lacks.
-    Adequate,
-    /// Named effects were added, and the data show nothing else.
-    Effect,
-    /// Something is left that no named effect explains; a free map may correct it.
-    Unexplained,
-}
-
-/// Errors of one model on held-out frames. Errors of depth are absent when there is no depth.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct HeldOutErrors {
-    /// Mean dot error, mm; see [`DatasetEvaluation`](super::evaluation::DatasetEvaluation).
-    pub dot_error_mm: Option<f64>,
-    /// Mean plane error, mm.
-    pub plane_error_mm: Option<f64>,
-    /// Root mean square of depth minus the board's depth, mm.
-    pub depth_rms_mm: Option<f64>,
-    /// Root mean square reprojection error, px.
-    pub reprojection_px: f64,
-    /// Board pixels that are in none of the errors of depth; absent without depth and in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub outliers: Option<Outliers>,
-}
-
-/// A difference with its 95 % confidence interval from resampled frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct GainInterval {
-    /// Estimate.
-    pub value: f64,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-}
-
-impl GainInterval {
-    /// Whether the whole interval is above zero.
-    pub fn is_certain(&self) -> bool {
-        self.low > 0.0
-    }
-}
-
-/// An effect that was accepted and added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisStep {
-    /// Names of effects that explain the residuals jointly, in descending order of gain; the first is the one added.
-    pub effects: Vec<String>,
-    /// Names of effects that these captures cannot distinguish from it.
-    pub indistinguishable: Vec<String>,
-    /// The effect as given to `calibrate --with`, constants included.
-    pub with: String,
-    /// Where and how it acts, for an effect of depth.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub place: Option<DiagnosisPlace>,
-    /// Its other places and forms that these captures cannot distinguish from this one.
-    #[serde(default)]
-    pub places_not_told_apart: Vec<DiagnosisPlace>,
-    /// Its fitted parameters.
-    pub parameters: Vec<DiagnosisParameter>,
-    /// Root mean square of the effect over the observations, mm.
-    pub size_mm: f64,
-    /// p-value of the score test, corrected for the number of effects tested.
-    pub p_value: f64,
-    /// Held-out errors before it was added.
-    pub before: HeldOutErrors,
-    /// Held-out errors after it was added.
-    pub after: HeldOutErrors,
-    /// Held-out root mean square depth error after it was added, with its interval; absent without depth and in files
-    /// of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub depth_rms_after_mm: Option<Interval>,
-    /// Decrease of the held-out root mean square depth error, per cent.
-    pub depth_gain_percent: Option<GainInterval>,
-    /// Evidence for the effect, where it is a formula that was found in the residuals.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub formula: Option<DiagnosisFormula>,
-}
-
-/// A formula that was found in the residuals: a description of what is left, not its cause.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisFormula {
-    /// The formula, in terms of its covariates, parameters and constants.
-    pub expression: String,
-    /// Names of its covariates, sorted.
-    pub covariates: Vec<String>,
-    /// Covariates that may stand for one of these: the frames do not tell which of the two it is.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub covariates_not_told_apart: Vec<DiagnosisExchange>,
-    /// Place and form.
-    pub place: DiagnosisPlace,
-    /// Share of resamples of the frames in which the best of all terms has these covariates, or ones that are not told apart from
-    /// them.
-    pub stability: f64,
-    /// Whether frames that the search did not see confirm sign and size; else it is a candidate.
-    pub confirmed: bool,
-    /// Effects of the catalogue that explain nearly as much.
-    pub resembles: Vec<String>,
-    /// Size in the frames that were set aside over that in the others; absent where it cannot be estimated.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub replication: Option<DiagnosisReplication>,
-    /// Share that it explains of what the best free function of its covariates explains, on left-out frames.
-    pub share_of_free_function: f64,
-    /// Number of terms that were scored.
-    pub terms: usize,
-    /// Effects of the catalogue that it took the place of, because it predicts left-out frames better than they do together.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub replaced: Vec<String>,
-    /// The best formulas of other covariates.
-    pub runners_up: Vec<DiagnosisRunnerUp>,
-    /// Residuals that it describes, in bins over its covariates; absent in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub components: Vec<DiagnosisComponent>,
-    /// The effect whole, as `--with` takes it in a file.
-    pub definition: FormulaDefinition,
-}
-
-/// Two covariates that rise and fall together in the frames, such as time and temperature while a camera warms up.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisExchange {
-    /// The covariate of the formula.
-    pub covariate: String,
-    /// The one that explains as much in its place.
-    pub instead: String,
-}
-
-/// The size of an effect in frames that were set aside, over that in the others.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisReplication {
-    /// 1 where both have the same size.
-    pub size: f64,
-    /// Its standard error, over frames.
-    pub standard_error: f64,
-}
-
-/// A formula that lost.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisRunnerUp {
-    /// The formula.
-    pub expression: String,
-    /// Names of its covariates, sorted.
-    pub covariates: Vec<String>,
-    /// Gain on left-out frames, as a share of the winner's.
-    pub gain_share: f64,
-}
-
-/// Place and form of an effect of depth.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisPlace {
-    /// The state from which it takes its covariates.
-    pub of: Of,
-    /// The quantity that its shape is added to.
-    pub on: On,
-}
-
-/// A fitted parameter of an added effect.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisParameter {
-    /// Name.
-    pub name: String,
-    /// Value.
-    pub value: f64,
-    /// Unit.
-    pub unit: String,
-    /// Standard deviation; absent when the parameter is held or not determined.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub std: Option<f64>,
-}
-
-/// An effect that seems to be missing, but that these captures do not prove: it is not added.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisPossible {
-    /// Its name.
-    pub effect: String,
-    /// The effect as given to `calibrate --with`, constants included.
-    pub with: String,
-    /// Decrease of the weighted error on left-out frames, per cent.
-    pub gain_percent: GainInterval,
-    /// Number of further frames like these with which the gain, if it is real, would be certain; absent where the reason is
-    /// another: an error that users read would rise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub further_frames: Option<u64>,
-}
-
-/// The score test of an effect or free function that a round's model does not have.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisCandidate {
-    /// Its name.
-    pub effect: String,
-    /// p-value of the score test, corrected for the number of values tried for its constant.
-    pub p_value: f64,
-    /// Root mean square size at the parameters that the data give it, mm; absent when these captures do not determine
-    /// them.
-    pub expected_size_mm: Option<f64>,
-    /// Smallest size that these captures reveal with 80 % power at the 1 % level, mm; absent when they reveal none.
-    pub minimal_detectable_mm: Option<f64>,
-    /// Decrease of the weighted root mean square residual on left-out frames, per cent; negative when it rises.
-    pub held_out_gain_percent: f64,
-}
-
-/// One round of a diagnosis: the tests of everything that its model lacks, and the decision.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisRound {
-    /// Effects, in descending order of gain.
-    pub effects: Vec<DiagnosisCandidate>,
-    /// Free functions of a covariate, in descending order of gain. They compete with the effects and name nothing.
-    pub free: Vec<DiagnosisCandidate>,
-    /// Effects that the decision disregards.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub refuted: Vec<DiagnosisRefuted>,
-    /// The decision, and what became of it.
-    pub decision: DiagnosisDecision,
-}
-
-/// A frame that was left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisFrame {
-    /// Its name.
-    pub name: String,
-    /// Why it was left out.
-    pub cause: DiagnosisFrameCause,
-}
-
-/// The plane by which a frame's depth, corrected by the last model, deviates from the pose that its image gives.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisFramePlane {
-    /// Name of the frame.
-    pub name: String,
-    /// Mean over the frame's depth samples, mm.
-    pub offset_mm: f64,
-    /// Root mean square over the frame's depth samples, mm.
-    pub rms_mm: f64,
-    /// p-value of the hypothesis that the plane is noise.
-    pub p_value: f64,
-}
-
-/// How similar effects are to each other on these captures, given the declared model.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct Separability {
-    /// Names of the effects; those that were added come first.
-    pub effects: Vec<String>,
-    /// Row i, column k: cosine of the angle between effect i, at the parameters that the data give it, and the space
-    /// that effect k spans, both projected off the declared model. At 1 effect k can reproduce effect i; at 0 they are
-    /// orthogonal.
-    pub mimicry: Vec<Vec<f64>>,
-}
-
-/// Held-out errors of the first and the last model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisHeldOut {
-    /// The declared model.
-    pub before: HeldOutErrors,
-    /// The last model.
-    pub after: HeldOutErrors,
-}
-
 /// Result of `depthcal diagnose`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct DiagnosisFile {
+///
+/// The file of one camera without a name is its diagnosis alone ([`CameraDiagnosis`]); that of a rig lists the diagnoses of its cameras.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diagnosis {
     /// The dataset.
     pub dataset: FileReference,
-    /// The declared depth model.
-    pub model: String,
-    /// The outcome.
+    /// The worst of the cameras' verdicts.
     pub verdict: Verdict,
-    /// The effects that were added, in order.
-    pub steps: Vec<DiagnosisStep>,
-    /// Effects that may be missing too, but are not certain; absent in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub possible: Vec<DiagnosisPossible>,
-    /// Residuals of the last model beside the pure error; absent where it cannot be told, and in files of earlier versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pure_error: Option<DiagnosisPureError>,
-    /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order
-    /// of gain.
-    pub candidates: Vec<DiagnosisCandidate>,
-    /// The tests of every round, with all free functions, and its decision.
-    #[serde(default)]
-    pub rounds: Vec<DiagnosisRound>,
-    /// Frames that were left out.
-    pub bad_frames: Vec<DiagnosisFrame>,
-    /// Implausible declarations.
-    #[serde(default)]
-    pub declarations: Vec<DiagnosisDeclaration>,
-    /// Structure left in the residuals that no effect explains.
-    #[serde(default)]
-    pub left_over: Vec<DiagnosisLeftOver>,
-    /// Why no formula was found for what is left; absent where none was searched.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub formula_refused: Option<String>,
-    /// Captures that would help.
-    #[serde(default)]
-    pub capture_next: Vec<DiagnosisCapture>,
-    /// The plane of every frame, given the last model.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub frame_planes: Vec<DiagnosisFramePlane>,
-    /// How similar the effects are to each other on these captures.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub separability: Option<Separability>,
-    /// Held-out errors of the first and the last model.
-    pub held_out: DiagnosisHeldOut,
+    /// The cameras with depth.
+    pub cameras: Vec<DiagnosedCamera>,
+    /// Of a rig, what concerns its cameras together.
+    pub rig: Option<RigFindings>,
 }
 
-impl DiagnosisFile {
+/// What concerns the cameras of a rig together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct RigFindings {
+    /// Cameras without depth, which are not examined.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without_depth: Vec<String>,
+    /// Extrinsics that may change with time or temperature; empty where that cannot be tested.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub extrinsics_drift: Vec<RigDriftTest>,
+    /// Errors on frames that no fit of the rig saw.
+    pub held_out: RigHeldOut,
+}
+
+/// The fields of the file of a rig.
+#[derive(Serialize, Deserialize, schemars::JsonSchema)]
+#[schemars(rename = "RigDiagnosis", description = "Result of `depthcal diagnose` on a rig.")]
+pub(crate) struct RigDiagnosis {
+    /// The dataset.
+    dataset: FileReference,
+    /// The worst of the cameras' verdicts.
+    verdict: Verdict,
+    /// The cameras with depth.
+    cameras: Vec<DiagnosedCamera>,
+    #[serde(flatten)]
+    findings: RigFindings,
+}
+
+/// The diagnosis of one camera of a rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct DiagnosedCamera {
+    /// The camera.
+    pub camera: String,
+    /// Whether the poses of the board come from the other cameras, because this one has no images.
+    #[serde(default)]
+    pub poses_from_others: bool,
+    /// Effects that the joint adjustment of the rig took over, as for `calibrate --with`.
+    pub effects: Vec<String>,
+    /// Effects that were found and that it did not take over: free maps, and formulas whose names another camera's have.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_adjusted: Vec<String>,
+    /// Those of `effects` that the joint adjustment showed before the loop, which is given them: of a camera without images.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub in_rig: Vec<RigEffect>,
+    /// The loop on this camera alone.
+    pub diagnosis: CameraDiagnosis,
+}
+
+/// Whether the extrinsics of a camera change with time or temperature: the effect `extrinsics_drift`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct RigDriftTest {
+    /// The camera.
+    pub camera: String,
+    /// The change that fits its frames best.
+    pub drift: DriftRecord,
+    /// Probability of as large a change by noise alone, corrected for the number of tests.
+    pub p_value: f64,
+    /// Errors on left-out frames; absent where the p-value gives no reason to look at them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<RigLeftOut>,
+    /// Whether it is part of the calibration.
+    pub added: bool,
+}
+
+/// An effect of a camera without images that the joint adjustment showed, in which its pinhole, lens and extrinsics are free.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct RigEffect {
+    /// The effect, as for `calibrate --with`.
+    pub effect: String,
+    /// Errors on left-out frames without it and with it.
+    pub left_out: RigLeftOut,
+}
+
+/// Errors of a camera's observations of a board that the other cameras place, on left-out frames, root mean square in standard
+/// deviations of the noise.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct RigLeftOut {
+    /// Without what was tried: an effect, or extrinsics that change.
+    pub before: f64,
+    /// With it.
+    pub after: f64,
+    /// Its fall, per cent, with a 95 % interval over frames.
+    pub gain_percent: GainInterval,
+}
+
+/// Errors of a rig on frames that it was not fitted to: of every camera with images, and from camera to camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct RigHeldOut {
+    /// With the declared models.
+    pub before: Evaluation,
+    /// With what was added.
+    pub after: Evaluation,
+}
+
+/// What tells the file of a rig from that of one camera.
+#[derive(Deserialize)]
+struct Form {
+    cameras: Option<IgnoredAny>,
+}
+
+impl Diagnosis {
     /// Reads `diagnosis.json`.
     ///
     /// # Errors
     /// [`FileError`], naming file and field.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, FileError> {
-        read_json(path.as_ref())
+        let path = path.as_ref();
+        if read_json::<Form>(path)?.cameras.is_none() {
+            return read_json::<CameraDiagnosis>(path).map(Self::from);
+        }
+        let RigDiagnosis { dataset, verdict, cameras, findings } = read_json(path)?;
+        Ok(Self { dataset, verdict, cameras, rig: Some(findings) })
     }
 
     /// Writes `diagnosis.json`.
@@ -335,5 +147,34 @@ impl DiagnosisFile {
     /// [`FileError`], naming the file.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
         write_json(path.as_ref(), self)
+    }
+}
+
+impl From<CameraDiagnosis> for Diagnosis {
+    /// The diagnosis of one camera without a name.
+    fn from(diagnosis: CameraDiagnosis) -> Self {
+        let (dataset, verdict) = (diagnosis.dataset.clone(), diagnosis.verdict);
+        Self { dataset, verdict, cameras: vec![DiagnosedCamera::alone(CAMERA.to_owned(), diagnosis)], rig: None }
+    }
+}
+
+impl Serialize for Diagnosis {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match (&self.rig, self.cameras.as_slice()) {
+            (None, [camera]) => camera.diagnosis.serialize(serializer),
+            (None, _) => Err(S::Error::custom("a diagnosis of several cameras has findings of the rig")),
+            (Some(findings), _) => {
+                let Self { dataset, verdict, cameras, .. } = self.clone();
+                RigDiagnosis { dataset, verdict, cameras, findings: findings.clone() }.serialize(serializer)
+            }
+        }
+    }
+}
+
+impl DiagnosedCamera {
+    /// The diagnosis of a camera that is adjusted alone.
+    pub fn alone(camera: String, diagnosis: CameraDiagnosis) -> Self {
+        let (effects, not_adjusted, in_rig) = (Vec::new(), Vec::new(), Vec::new());
+        Self { camera, poses_from_others: false, effects, not_adjusted, in_rig, diagnosis }
     }
 }

@@ -2,13 +2,16 @@
 
 mod board;
 mod calibration;
+mod calibration_file;
 mod camera;
+mod camera_diagnosis;
 mod comparison;
 mod component;
 mod covariate;
 mod decision;
 mod diagnosis;
 mod evaluation;
+mod extrinsics;
 mod findings;
 mod fleet;
 mod lens_comparison;
@@ -16,14 +19,17 @@ mod observations;
 mod prior;
 mod pure_error;
 mod reference;
-mod rig_camera;
-mod rig_diagnosis;
 mod scores;
 
 #[cfg(test)]
 pub(crate) use calibration::example;
 pub use calibration::{Calibration, CovarianceRecord, DroppedFrame, FitRecord, FrameRecord};
-pub use camera::{CameraRecord, NoiseRecord, ParameterRecord, PieceRecord};
+pub use camera::{CameraRecord, LeftOpen, NoiseRecord, ParameterRecord, PieceRecord};
+pub use camera_diagnosis::{
+    CameraDiagnosis, DiagnosisCandidate, DiagnosisExchange, DiagnosisFormula, DiagnosisFrame, DiagnosisFramePlane,
+    DiagnosisHeldOut, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisReplication, DiagnosisRound,
+    DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
+};
 pub use comparison::{
     Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
 };
@@ -33,15 +39,13 @@ pub use decision::{
     DiagnosisAddOutcome, DiagnosisCompetitor, DiagnosisDecision, DiagnosisRefutation, DiagnosisRefuted,
     DiagnosisUnexplainedOutcome,
 };
-pub use diagnosis::{
-    DiagnosisCandidate, DiagnosisExchange, DiagnosisFile, DiagnosisFormula, DiagnosisFrame, DiagnosisFramePlane,
-    DiagnosisHeldOut, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisReplication, DiagnosisRound,
-    DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
-};
+pub(crate) use diagnosis::RigDiagnosis;
+pub use diagnosis::{DiagnosedCamera, Diagnosis, RigDriftTest, RigEffect, RigFindings, RigHeldOut, RigLeftOut};
 pub use evaluation::{
     BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, TransferAtDistance,
     TransferError,
 };
+pub use extrinsics::{DriftOver, DriftRecord, ExtrinsicsRecord, ExtrinsicsStdDev, TimeOffsetRecord};
 pub use findings::{
     DeclaredValue, DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver,
     DiagnosisProposedFrame,
@@ -55,6 +59,4 @@ pub use observations::{DepthSample, FrameObservations, MarkerObservation, Observ
 pub use prior::{Prior, PriorUse, UsedPriorParameter};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;
-pub use rig_camera::{DriftOver, DriftRecord, LeftOpen, PlaceRecord, PlaceStdDev, RigCameraRecord, TimeOffsetRecord};
-pub use rig_diagnosis::{RigCameraDiagnosis, RigDiagnosisFile, RigDriftTest, RigEffect, RigHeldOut, RigLeftOut};
 pub use scores::{ModelValue, ScoredEffect, ScoredParameter, Scores};

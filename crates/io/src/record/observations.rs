@@ -55,7 +55,7 @@ pub struct MarkerObservation {
     pub index: usize,
     /// Position [u, v] in px; the centre of the first pixel is (0, 0).
     pub pixel: [f64; 2],
-    /// Standard deviation of each coordinate, px.
+    /// Standard deviation of each coordinate, px, up to a factor common to all markers; 1 where it is unknown.
     pub std_px: f64,
 }
 

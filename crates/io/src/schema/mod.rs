@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::file::Versioned;
 use crate::record::{
-    Calibration, Comparison, DiagnosisFile, Evaluation, Fleet, Observations, Prior, RigDiagnosisFile, Scores,
+    Calibration, CameraDiagnosis, Comparison, Evaluation, Fleet, Observations, Prior, RigDiagnosis, Scores,
 };
 
 /// The files that have a schema.
@@ -90,8 +90,8 @@ impl SchemaName {
             SchemaName::Observations => versioned::<Observations>(),
             SchemaName::Calibration => versioned::<Calibration>(),
             SchemaName::Evaluation => of::<Evaluation>(),
-            SchemaName::Diagnosis => of::<DiagnosisFile>(),
-            SchemaName::RigDiagnosis => of::<RigDiagnosisFile>(),
+            SchemaName::Diagnosis => of::<CameraDiagnosis>(),
+            SchemaName::RigDiagnosis => of::<RigDiagnosis>(),
             SchemaName::Comparison => of::<Comparison>(),
             SchemaName::Fleet => of::<Fleet>(),
             SchemaName::Prior => versioned::<Prior>(),

@@ -34,19 +34,17 @@ from ._depthcal import (
 )
 from ._diagnose import Diagnosis, Step, diagnose
 from ._effects import Effect, EffectCost, EffectWarning, effect, read_effects
-from ._evaluate import DatasetErrors, Evaluation, FrameErrors, evaluate
+from ._evaluate import DatasetErrors, Evaluation, FrameErrors, TransferError, evaluate
 from ._fit import Fit, calibrate
 from ._fleet import Fleet, FleetEffect, FleetOutlier, FleetParameter, fleet
+from ._registration import Registered, Registration
 from ._report import Report
 from ._rig import (
-    Registered,
-    Registration,
     Rig,
     RigDiagnosis,
     RigEvaluation,
     RigFit,
     RigFrame,
-    TransferError,
     calibrate_rig,
     diagnose_rig,
     evaluate_rig,

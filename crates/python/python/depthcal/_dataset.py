@@ -103,7 +103,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class FrameInfo:
-    """What is known of a frame with a board."""
+    """What is known of a frame that is used."""
 
     name: str
     markers: int
@@ -112,6 +112,13 @@ class FrameInfo:
     """Time since the first frame, s."""
     temperature_c: float
     """°C; NaN where unknown."""
+    camera: str
+    """The camera; ``camera`` where the dataset names none. Frames of several cameras with one name were taken together."""
+
+    @property
+    def frame(self) -> str:
+        """Its name."""
+        return self.name
 
 
 @dataclass(frozen=True)
@@ -120,6 +127,7 @@ class DroppedFrame:
 
     name: str
     reason: str
+    camera: str
 
 
 def _arrays(frame: str, corners: Corners) -> _depthcal.Markers:
@@ -134,7 +142,8 @@ def _arrays(frame: str, corners: Corners) -> _depthcal.Markers:
 
 
 class Dataset:
-    """Captures of a board by one camera, with the markers of every frame. Made by :func:`load` or :meth:`from_arrays`."""
+    """Captures of a board by one camera, or by several on one body, with the markers of every frame. Made by :func:`load` or
+    :meth:`from_arrays`. Of several cameras, :meth:`camera` is one, and has size, unit, markers and images."""
 
     def __init__(self, native: _depthcal.Dataset) -> None:
         self._native = native
@@ -196,6 +205,15 @@ class Dataset:
         return self._native.name
 
     @property
+    def cameras(self) -> list[str]:
+        """Names of the cameras; the first is the reference, whose frame is the rig's. One camera without a name is ``camera``."""
+        return self._native.cameras()
+
+    def camera(self, name: str) -> Dataset:
+        """One camera as a dataset of its own. Raises :class:`InputError` where there is none of that name."""
+        return Dataset(self._native.camera(name))
+
+    @property
     def size(self) -> tuple[int, int]:
         """Width and height of its images, px."""
         return self._native.size
@@ -222,7 +240,7 @@ class Dataset:
 
     @property
     def frames(self) -> Table[FrameInfo]:
-        """The frames with a board."""
+        """The frames that are used: with a board, or with depth of a camera without images."""
         return Table([FrameInfo(*row) for row in self._native.frames()], "name", FrameInfo)
 
     @property
@@ -250,6 +268,9 @@ class Dataset:
         return len(self._native.frames())
 
     def __repr__(self) -> str:
+        if len(self.cameras) > 1:
+            frames = {row.name for row in self.frames}
+            return f"<depthcal.Dataset {self.name}: {len(frames)} frames of {', '.join(self.cameras)}>"
         width, height = self.size
         dropped = len(self._native.dropped())
         return (
@@ -272,12 +293,12 @@ def load(
     image_memory_mib: int = 1024,
     progress: _progress.Progress = None,
 ) -> Dataset:
-    """Reads the dataset in a folder with a ``dataset.toml`` (docs/formats.md).
+    """Reads the dataset in a folder with a ``dataset.toml`` (docs/formats.md), of one camera or of several (docs/rigs.md).
 
-    ``corners`` are markers that another program found, by the names of frames, as :class:`Frame` has them. Without them the board is looked
+    ``corners`` are markers that another program found in the images of one camera, by the names of frames, as :class:`Frame` has them. Without them the board is looked
     for (without OpenCV; ``depthcal.has_detection`` tells whether this package was built with detection), or its markers are taken from the
     cache of an earlier call or of ``depthcal detect``. ``image_memory_mib`` limits the images that stay in memory.
-    Raises :class:`InputError` with the file, what is wrong and the remedy.
+    Raises :class:`InputError` with the file, of several cameras with the camera, what is wrong and the remedy.
     """
     given = None if corners is None else [(name, _arrays(name, found)) for name, found in corners.items()]
     native = _depthcal.load(os.fspath(path), given, cache, refresh, image_memory_mib, _progress.show(progress))

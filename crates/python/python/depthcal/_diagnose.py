@@ -10,6 +10,7 @@ from typing import Any
 from . import _depthcal, _progress
 from ._calibration import Calibration
 from ._dataset import Dataset
+from ._depthcal import InputError
 from ._effects import Effect, EffectLike, in_words, model_in_words
 from ._evaluate import Judged
 from ._tables import Table
@@ -49,7 +50,8 @@ class Candidate:
 
 
 class Diagnosis(Judged):
-    """What a model lacks: what ``depthcal diagnose`` writes."""
+    """What the models of a dataset's cameras lack: what ``depthcal diagnose`` writes. Of a rig, :attr:`cameras` has the diagnosis of each
+    camera, with :attr:`steps` and :attr:`candidates`."""
 
     def __init__(self, native: _depthcal.Diagnosis) -> None:
         self._native = native
@@ -59,9 +61,16 @@ class Diagnosis(Judged):
         """The contents of ``diagnosis.json``."""
         return json.loads(self._native.json())
 
+    def _camera_record(self) -> dict[str, Any]:
+        """The record of one camera."""
+        record = self.record
+        if "cameras" in record:
+            raise InputError(f"the diagnosis is of several cameras: take one of .cameras, {', '.join(self._native.cameras())}")
+        return record
+
     @property
     def verdict(self) -> str:
-        """``adequate``, ``effect`` or ``unexplained`` (docs/diagnose.md)."""
+        """``adequate``, ``effect`` or ``unexplained`` (docs/diagnose.md); of a rig the worst of its cameras."""
         return self.record["verdict"]
 
     @property
@@ -70,10 +79,15 @@ class Diagnosis(Judged):
         return self._native.sentence()
 
     @property
+    def cameras(self) -> dict[str, Diagnosis]:
+        """The diagnosis of every camera with depth, by its name."""
+        return {name: Diagnosis(self._native.camera(name)) for name in self._native.cameras()}
+
+    @property
     def steps(self) -> Table[Step]:
         """The effects that were added, in order."""
         rows = []
-        for s in self.record["steps"]:
+        for s in self._camera_record()["steps"]:
             gain = s.get("depth_gain_percent") or {}
             rows.append(
                 Step(
@@ -103,7 +117,7 @@ class Diagnosis(Judged):
                 c.get("minimal_detectable_mm"),
                 c["held_out_gain_percent"],
             )
-            for number, found in enumerate(self.record["rounds"])
+            for number, found in enumerate(self._camera_record()["rounds"])
             for c in found["effects"]
         ]
         return Table(rows, None, Candidate)
@@ -141,7 +155,8 @@ def diagnose(
     progress: _progress.Progress = None,
 ) -> Diagnosis:
     """Finds effects that a camera's model lacks: fits it, tests the residuals for every known effect, adds the one that explains them, and
-    so on; errors before and after are those of frames that the fits did not use.
+    so on; errors before and after are those of frames that the fits did not use. Of a dataset of several cameras, each with depth is
+    examined, extrinsics that drift are tested, and all cameras are adjusted jointly again.
 
     ``model`` and ``effects`` are what it starts from, as in :func:`calibrate`. ``candidates`` are effects of your own that are tested like
     those of the catalogue. ``verify`` is another dataset of the same camera, on which errors are reported. ``discovery=False`` searches no

@@ -103,6 +103,26 @@ def frame_errors(record: dict[str, Any]) -> Table[FrameErrors]:
     return Table(rows, None, FrameErrors)
 
 
+@dataclass(frozen=True)
+class TransferError:
+    """Markers seen by one camera, taken through its corrected depth into another's image, against where that camera sees them."""
+
+    dataset: str
+    source: str
+    target: str
+    rms_px: float | None
+    rms_mm: float | None
+
+
+def transfer_errors(record: dict[str, Any]) -> Table[TransferError]:
+    """The errors from camera to camera of an evaluation's record."""
+    rows = [
+        TransferError(t["dataset"], t["from"], t["to"], t.get("rms_px"), t.get("rms_mm"))
+        for t in record.get("transfer", [])
+    ]
+    return Table(rows, None, TransferError)
+
+
 class Judged(Reported):
     """A result with the errors of its last fit."""
 
@@ -121,6 +141,11 @@ class Judged(Reported):
         """Errors of every frame."""
         return frame_errors(self.evaluation)
 
+    @property
+    def transfers(self) -> Table[TransferError]:
+        """Errors from camera to camera of a rig, on fitted and on held-out frames; none of one camera."""
+        return transfer_errors(self.evaluation)
+
 
 class Evaluation(Reported):
     """Errors of a calibration on datasets, before and after correction."""
@@ -135,13 +160,18 @@ class Evaluation(Reported):
 
     @property
     def datasets(self) -> Table[DatasetErrors]:
-        """Errors of every dataset."""
+        """Errors of every dataset, of a rig of every camera with images on it."""
         return dataset_errors(self.record)
 
     @property
     def frames(self) -> Table[FrameErrors]:
         """Errors of every frame."""
         return frame_errors(self.record)
+
+    @property
+    def transfers(self) -> Table[TransferError]:
+        """Errors from camera to camera of a rig; none of one camera."""
+        return transfer_errors(self.record)
 
     @property
     def dropped(self) -> list[tuple[str, str, str]]:
@@ -167,9 +197,10 @@ def evaluate(
 ) -> Evaluation:
     """Measures a calibration's errors on datasets, before and after correction.
 
-    Poses are estimated from the images alone, with camera and lens of the calibration fixed. ``effects`` are files of formulas with
+    Poses are estimated from the images alone, with camera and lens of the calibration fixed. The cameras of a rig are found by their names,
+    and errors from camera to camera are measured too. ``effects`` are files of formulas with
     values, which the camera is given in addition.
-    Raises :class:`InputError` where images have another size than the calibration's.
+    Raises :class:`InputError` where images have another size than the calibration's, or a dataset has none of its cameras.
     """
     listed = [datasets] if isinstance(datasets, Dataset) else list(datasets)
     texts = [os.fspath(text) if not isinstance(text, str) else text for text in in_words(effects)[0]]

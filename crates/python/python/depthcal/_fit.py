@@ -71,14 +71,16 @@ def calibrate(
     prior: Prior = None,
     progress: _progress.Progress = None,
 ) -> Fit:
-    """Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses, in one joint adjustment.
+    """Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses, in one joint adjustment; of a dataset of
+    several cameras all of them, with their extrinsics.
 
     ``model`` is the depth model: ``"none"``, ``"projective"``, ``"projective:xw"`` (only dx and dw free), a stack such as
     ``"projective+cyclic_depth"``, or a list with effects of your own. ``effects`` are further effects: names with constants
-    (``"cyclic_depth@period_mm=300"``), paths of files of formulas, :class:`Effect`; ``"fixed:brown_conrady.k3"`` holds a parameter.
+    (``"cyclic_depth@period_mm=300"``), paths of files of formulas, :class:`Effect`; ``"fixed:brown_conrady.k3"`` holds a parameter. Those
+    of one camera of several begin with its name and a colon, ``"infrared:cyclic_depth"`` or ``"fixed:colour:brown_conrady.k3"``.
     ``lens`` is as ``--lens`` takes it: brown-conrady, opencv8, kannala-brandt, auto, …
     ``hold_out=4`` holds out every fourth frame, ``(4, 2)`` beginning with the second; ``cross_validate=3`` judges every frame by
-    a fit that did not use it, in ``blocks`` of consecutive frames where asked for.
+    a fit that did not use it, in ``blocks`` of consecutive frames where asked for (of one camera).
     ``prior`` is what a fleet says of its next unit (:func:`fleet`, docs/fleets.md).
     ``progress``: True shows bars of tqdm, a function receives the events; None shows them where somebody watches.
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use depthcal_formula::FormulaEffect;
-use depthcal_io::{DiagnosisFile, DiagnosisFormula};
+use depthcal_io::{CameraDiagnosis, DiagnosisFormula};
 
 use crate::component_plot::component_plot;
 use crate::format::{join, number, percent};
@@ -75,7 +75,7 @@ pub(crate) fn formula_sentences(f: &DiagnosisFormula, form: &FormulaText) -> Vec
 }
 
 /// The formulas among the steps: typeset, drawn, with what speaks for them. Empty where there are none.
-pub(super) fn formulas(d: &DiagnosisFile) -> String {
+pub(super) fn formulas(d: &CameraDiagnosis) -> String {
     let mut html = String::new();
     for step in &d.steps {
         let Some(formula) = &step.formula else { continue };

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use depthcal_io::{DiagnosisCandidate, DiagnosisFile, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
+use depthcal_io::{CameraDiagnosis, DiagnosisCandidate, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
 
 use super::answers::arrow;
 use super::formula::{FormulaText, formula_sentences};
@@ -11,7 +11,7 @@ use crate::format::{interval, join, measured, number, p_equals, p_value, percent
 use crate::left_out::share;
 
 /// The verdict of a diagnosis in a sentence, without full stop.
-pub fn verdict_sentence(d: &DiagnosisFile) -> String {
+pub fn verdict_sentence(d: &CameraDiagnosis) -> String {
     let added: Vec<&str> = d.steps.iter().filter_map(|s| s.effects.first().map(String::as_str)).collect();
     let were = if added.len() == 1 { "was" } else { "were" };
     let added = format!("{} {were} missing and {were} added", join(&added));
@@ -27,7 +27,7 @@ pub fn verdict_sentence(d: &DiagnosisFile) -> String {
 
 /// A diagnosis as text: verdict, excluded frames, added effects with their gains, held-out errors, what is left, the effects
 /// that were tested given the last model, and what to capture next.
-pub fn diagnosis_text(d: &DiagnosisFile) -> String {
+pub fn diagnosis_text(d: &CameraDiagnosis) -> String {
     let mut t = String::new();
     let _ = writeln!(t, "{}\n", verdict_sentence(d));
     for finding in &d.declarations {
@@ -145,7 +145,7 @@ mod tests {
     use depthcal_model::{Of, On};
 
     /// A record of one step, without errors of depth before it.
-    fn record() -> DiagnosisFile {
+    fn record() -> CameraDiagnosis {
         let errors =
             |mm: Option<f64>| HeldOutErrors { depth_rms_mm: mm, reprojection_px: 0.1234, ..HeldOutErrors::default() };
         let step = DiagnosisStep {
@@ -173,7 +173,7 @@ mod tests {
             minimal_detectable_mm: None,
             held_out_gain_percent: -0.2,
         };
-        DiagnosisFile {
+        CameraDiagnosis {
             dataset: depthcal_io::FileReference { path: "captures".to_owned(), digest: "00".to_owned() },
             model: "projective".to_owned(),
             verdict: Verdict::Effect,
@@ -233,7 +233,7 @@ capture next: temporal_drift: the frames have no times; record timestamp_s in fr
     #[test]
     fn every_verdict_has_a_sentence() {
         let mut d = record();
-        let sentence = |d: &DiagnosisFile, verdict| verdict_sentence(&DiagnosisFile { verdict, ..d.clone() });
+        let sentence = |d: &CameraDiagnosis, verdict| verdict_sentence(&CameraDiagnosis { verdict, ..d.clone() });
         assert!(
             sentence(&d, Verdict::Unexplained).starts_with("unexplained: cyclic_depth was missing and was added; ")
         );

@@ -2,23 +2,22 @@
 
 use std::fmt::Write;
 
-use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_io::{Fleet, Prior};
 
 use super::sentences::{joined, outlier, replication, scatter, shared_effect};
 use crate::content::Content;
 use crate::format::{capital, count, number, p_value};
 use crate::html::escape;
-use crate::input::ReportError;
+use crate::input::{Made, ReportError};
 use crate::made::made;
 use crate::{figures, page};
 
-/// Renders a fleet as one self-contained HTML file; `command` and the times of its stages are shown below the heading.
+/// Renders a fleet as one self-contained HTML file.
 ///
 /// # Errors
 ///
 /// [`ReportError::Nothing`] without units.
-pub fn render_fleet(fleet: &Fleet, prior: &Prior, command: &str, stages: &StageTimes) -> Result<String, ReportError> {
+pub fn render_fleet(fleet: &Fleet, prior: &Prior, how: &Made) -> Result<String, ReportError> {
     if fleet.units.is_empty() {
         return Err(ReportError::Nothing);
     }
@@ -28,7 +27,7 @@ pub fn render_fleet(fleet: &Fleet, prior: &Prior, command: &str, stages: &StageT
     effects(&mut content, fleet);
     units(&mut content, fleet);
     next_unit(&mut content, prior);
-    page::render(&format!("Fleet of {}", count(fleet.units.len(), "unit")), &made(command, stages), &content)
+    page::render(&format!("Fleet of {}", count(fleet.units.len(), "unit")), &made(how), &content)
 }
 
 fn first_screen(content: &mut Content, fleet: &Fleet) {

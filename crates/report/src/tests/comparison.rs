@@ -2,11 +2,11 @@
 
 use depthcal_io::{Comparison, Errors, Interval, LearningPoint, ModelComparison};
 
-use super::super::render_comparison;
+use super::super::Made;
+use super::super::comparison::render_comparison;
 use super::figure_ids;
 use super::fixture::Fixture;
 use depthcal_calibration::compare::tables::tables;
-use depthcal_calibration::stage_clock::StageTimes;
 
 fn model(name: &str, error: f64) -> ModelComparison {
     let interval = |mean: f64| Some(Interval { mean, low: 0.9 * mean, high: 1.2 * mean });
@@ -59,8 +59,7 @@ pub(super) fn page() -> String {
         &comparison,
         &tables(&comparison),
         Some(&best),
-        "depthcal compare captures",
-        &StageTimes::default(),
+        &Made { command_line: "depthcal compare captures".to_owned(), ..Made::default() },
     )
     .unwrap()
 }

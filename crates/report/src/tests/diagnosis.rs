@@ -3,25 +3,25 @@
 use std::sync::OnceLock;
 
 use depthcal_io::{
-    DeclaredValue, DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCovariate, DiagnosisDecision, DiagnosisDeclaration,
-    DiagnosisFile, DiagnosisFrame, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, FileReference, Verdict,
+    CameraDiagnosis, DeclaredValue, DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCovariate, DiagnosisDecision,
+    DiagnosisDeclaration, DiagnosisFrame, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, FileReference,
+    Verdict,
 };
 use depthcal_model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use serde_json::Value;
 
-use super::super::{ReportDataset, ReportDiagnosis, ReportInput, Role, render};
+use super::super::{Made, ReportDataset, ReportDiagnosis, ReportInput, Role, render};
 use super::{figure_ids, own_part};
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
 use depthcal_calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal_calibration::judge::evaluate::{Evaluated, evaluate};
-use depthcal_calibration::stage_clock::StageTimes;
 
 /// A capture whose depth waves over distance by 3 mm, which the declared model does not say, diagnosed.
 pub(super) struct Diagnosed {
     pub diagnosis: Diagnosis,
-    pub account: DiagnosisFile,
+    pub account: CameraDiagnosis,
     fitted: Evaluated,
 }
 
@@ -43,23 +43,22 @@ pub(super) fn diagnosed() -> &'static Diagnosed {
 }
 
 impl Diagnosed {
-    pub(super) fn render(&self, account: &DiagnosisFile) -> String {
+    pub(super) fn render(&self, account: &CameraDiagnosis) -> String {
         let datasets = [
             ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
             ReportDataset { evaluated: &self.diagnosis.after.evaluated, role: Role::HeldOut },
         ];
         let input = ReportInput {
             title: "Camera 1".to_owned(),
-            command_line: "depthcal diagnose captures --out result".to_owned(),
-            stages: StageTimes::default(),
+            made: Made { command_line: "depthcal diagnose captures --out result".to_owned(), ..Made::default() },
             calibrated: Some(&self.diagnosis.last),
-            evaluations: &datasets,
+            evaluations: datasets.to_vec(),
             diagnosis: Some(ReportDiagnosis {
                 record: account,
                 before: &self.diagnosis.before.evaluated,
                 register: &Register::builtin(),
             }),
-            story: &[],
+            ..ReportInput::default()
         };
         render(&input).unwrap()
     }
@@ -133,7 +132,7 @@ fn all_stages_have_intervals() {
     assert!((after.mean - first.after.depth_rms_mm.unwrap()).abs() < 1e-9);
     account.steps.push(first);
     let stages =
-        |account: &DiagnosisFile| figures(&d.render(account)).into_iter().find(|f| f["id"] == "stages").unwrap();
+        |account: &CameraDiagnosis| figures(&d.render(account)).into_iter().find(|f| f["id"] == "stages").unwrap();
     let bars = |figure: &Value, trace: usize| figure["data"][trace]["x"].as_array().unwrap().len();
     let all = stages(&account);
     assert_eq!((bars(&all, 0), bars(&all, 1)), (4, 4));

@@ -5,13 +5,12 @@ use std::sync::OnceLock;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use nalgebra::Point3;
 
-use super::super::{ReportDataset, ReportInput, Role, render};
+use super::super::{Made, ReportDataset, ReportInput, Role, render};
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal_calibration::judge::depth_errors::{DepthErrors, PixelError};
 use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame};
 use depthcal_calibration::observe::board_plane::BoardPlane;
 use depthcal_calibration::observe::{Capture, DepthPixel, DetectedFrame, DroppedFrame, MeasuredDepth};
-use depthcal_calibration::stage_clock::StageTimes;
 use depthcal_calibration::start::{FrameMarkers, estimate_pose};
 use depthcal_model::{Camera, ModelSpec};
 
@@ -127,25 +126,22 @@ impl Fixture {
         build(&[], 3000, 51, 7)
     }
 
-    pub(super) fn input<'a>(&'a self, evaluations: &'a [ReportDataset<'a>]) -> ReportInput<'a> {
-        let evaluations = if evaluations.is_empty() { self.datasets() } else { evaluations };
-        ReportInput {
-            title: self.title.clone(),
-            command_line: "depthcal calibrate captures --hold-out 3 --out result".to_owned(),
-            stages: StageTimes::default(),
-            calibrated: Some(&self.calibrated),
-            evaluations,
-            diagnosis: None,
-            story: &[],
-        }
-    }
-
-    /// Leaked: a test's fixture lives as long as the test.
-    fn datasets(&self) -> &[ReportDataset<'_>] {
-        Box::leak(Box::new([
+    pub(super) fn input<'a>(&'a self, evaluations: &[ReportDataset<'a>]) -> ReportInput<'a> {
+        let own = [
             ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
             ReportDataset { evaluated: &self.held, role: Role::HeldOut },
-        ]))
+        ];
+        let evaluations = if evaluations.is_empty() { &own[..] } else { evaluations };
+        ReportInput {
+            title: self.title.clone(),
+            made: Made {
+                command_line: "depthcal calibrate captures --hold-out 3 --out result".to_owned(),
+                ..Made::default()
+            },
+            calibrated: Some(&self.calibrated),
+            evaluations: evaluations.to_vec(),
+            ..ReportInput::default()
+        }
     }
 
     pub(super) fn render(&self, story: &[String]) -> String {

@@ -202,7 +202,7 @@ fn numbers_that_are_not_spoil_nothing() {
 fn without_calibration_the_errors_are_still_told() {
     let fixture = Fixture::simulated(&[]);
     let evaluations = [ReportDataset { evaluated: &fixture.held, role: Role::Other }];
-    let input = ReportInput { title: "other".to_owned(), evaluations: &evaluations, ..ReportInput::default() };
+    let input = ReportInput { title: "other".to_owned(), evaluations: evaluations.to_vec(), ..ReportInput::default() };
     let html = render(&input).unwrap();
     let ids = figure_ids(&html);
     assert!(ids.contains(&"map-before") && ids.contains(&"difference-after") && ids.contains(&"poses"));
@@ -214,7 +214,8 @@ fn without_calibration_the_errors_are_still_told() {
 fn an_image_only_calibration_speaks_of_pixels() {
     let (calibrated, evaluated) = image_only();
     let evaluations = [ReportDataset { evaluated: &evaluated, role: Role::Fitted }];
-    let input = ReportInput { calibrated: Some(&calibrated), evaluations: &evaluations, ..ReportInput::default() };
+    let input =
+        ReportInput { calibrated: Some(&calibrated), evaluations: evaluations.to_vec(), ..ReportInput::default() };
     let html = render(&input).unwrap();
     let ids = figure_ids(&html);
     assert!(html.contains("reprojection error is") && html.contains("Calibration report"));
@@ -229,11 +230,11 @@ fn an_image_only_calibration_speaks_of_pixels() {
 fn frames_that_were_all_dropped_are_listed_and_nothing_at_all_is_an_error() {
     let mut empty = evaluated("empty", &[]);
     let nothing = [ReportDataset { evaluated: &empty, role: Role::Other }];
-    let input = ReportInput { evaluations: &nothing, ..ReportInput::default() };
+    let input = ReportInput { evaluations: nothing.to_vec(), ..ReportInput::default() };
     assert_eq!(render(&input), Err(ReportError::Nothing));
     empty.dropped.push(depthcal_calibration::observe::DroppedFrame { name: "f1".into(), reason: "blurred".into() });
     let dropped = [ReportDataset { evaluated: &empty, role: Role::Other }];
-    let html = render(&ReportInput { evaluations: &dropped, ..ReportInput::default() }).unwrap();
+    let html = render(&ReportInput { evaluations: dropped.to_vec(), ..ReportInput::default() }).unwrap();
     assert!(html.contains("No frame could be evaluated.") && html.contains("blurred"));
 }
 
@@ -279,7 +280,9 @@ fn times_of_stages_are_shown_where_they_are_given() {
     let fixture = Fixture::simulated(&[]);
     let stages = vec![StageTime { stage: "joint adjustment".to_owned(), seconds: 1.5 }];
     let stages = StageTimes { stages, elapsed_s: 2.0 };
-    let html = render(&ReportInput { stages, ..fixture.input(&[]) }).unwrap();
+    let mut input = fixture.input(&[]);
+    input.made.stages = stages;
+    let html = render(&input).unwrap();
     let (_, table) = html.split_once("<details class=\"stages\">").unwrap();
     let (table, _) = table.split_once("</details>\n").unwrap();
     assert!(table.contains("joint adjustment</th><td>1.50 s</td><td>75.0 %"), "{table}");

@@ -97,7 +97,7 @@ impl Study {
 
 /// The capture of a dataset on disk, detected anew.
 fn load_anew(path: &Path) -> Result<Capture, Failure> {
-    Ok(load(path, &LoadOptions { cache: None, ..LoadOptions::default() })?.capture)
+    Ok(load(path, &LoadOptions { cache: None, ..LoadOptions::default() })?.into_only_camera()?.capture)
 }
 
 /// The names of a diagnosis, in order.

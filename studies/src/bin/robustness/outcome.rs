@@ -9,7 +9,7 @@ use depthcal::calibration::calibrate::{
 };
 use depthcal::calibration::diagnose::{DiagnoseOptions, diagnose};
 use depthcal::calibration::judge::evaluate::evaluate;
-use depthcal::calibration::load::{LoadOptions, declared_camera, load};
+use depthcal::calibration::load::{LoadOptions, Loaded, declared_camera, load};
 use depthcal::calibration::observe::Capture;
 use depthcal::calibration::simulated;
 use depthcal::io::{DepthImage, GrayImage, Verdict, write_depth, write_gray};
@@ -60,7 +60,8 @@ impl Outcome {
             eprintln!("{}, {}: refused: {error}", case.name, rendered.seed);
             Self { refused: true, calibrate_warns: true, diagnose_warns: true, ..Self::default() }
         };
-        let mut loaded = match load(folder.path(), &LoadOptions { cache: None, ..LoadOptions::default() }) {
+        let loaded = load(folder.path(), &LoadOptions { cache: None, ..LoadOptions::default() });
+        let mut loaded = match loaded.and_then(Loaded::into_only_camera) {
             Ok(loaded) => loaded,
             Err(error) => return Ok(refused(&error)),
         };
@@ -69,7 +70,7 @@ impl Outcome {
         }
         let capture = &loaded.capture;
         let options = CalibrateOptions::default();
-        let start = declared_camera(&loaded.dataset, capture.width, capture.height, None, &options.register);
+        let start = declared_camera(&loaded.declared, capture.width, capture.height, None, &options.register);
         let start = match start {
             Ok(start) => start,
             Err(error) => return Ok(refused(&error)),

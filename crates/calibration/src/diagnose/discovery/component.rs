@@ -2,6 +2,9 @@
 //! plot; Larsen and McCleary 1972).
 
 use depthcal_formula::{FormulaCovariate as C, FormulaEffect};
+use depthcal_io::{
+    DiagnosisComponent as Component, DiagnosisComponentBin as ComponentBin, DiagnosisCovariatePart as CovariatePart,
+};
 use depthcal_model::{Of, Options};
 
 use super::observations::{Observations, Sample};
@@ -14,30 +17,6 @@ const BINS: usize = 24;
 const PARTS: usize = 3;
 /// Samples that a bin needs.
 const LEAST_SAMPLES: usize = 8;
-
-/// Residuals and formula over the first covariate, for a part of the range of the second one.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Component {
-    /// Name of the covariate.
-    pub over: String,
-    /// Name of the second covariate with the ends of the part; `None` for formulas of one.
-    pub of: Option<(String, [f64; 2])>,
-    /// The bins that hold enough samples, in the order of the covariate.
-    pub bins: Vec<ComponentBin>,
-}
-
-/// Means over the samples of a bin.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ComponentBin {
-    /// The covariate.
-    pub at: f64,
-    /// Measured depth minus that of the model without the formula, mm.
-    pub residual_mm: f64,
-    /// Its standard error over frames, mm; NaN with a single frame.
-    pub standard_error_mm: f64,
-    /// What the formula adds to measured depth, mm.
-    pub formula_mm: f64,
-}
 
 /// What one sample contributes.
 struct Point {
@@ -83,7 +62,11 @@ pub fn components(fit: &Calibrated, effect: &FormulaEffect, of: Of) -> Vec<Compo
     match covariates.get(1) {
         _ if points.is_empty() => Vec::new(),
         None => {
-            vec![Component { over: first.name().to_owned(), of: None, bins: bins(&points.iter().collect::<Vec<_>>()) }]
+            vec![Component {
+                over: first.name().to_owned(),
+                part_of: None,
+                bins: bins(&points.iter().collect::<Vec<_>>()),
+            }]
         }
         Some(second) => (0..PARTS)
             .map(|k| {
@@ -91,8 +74,8 @@ pub fn components(fit: &Calibrated, effect: &FormulaEffect, of: Of) -> Vec<Compo
                 let is_last = k + 1 == PARTS;
                 let inside: Vec<&Point> =
                     points.iter().filter(|p| p.second >= low && (p.second < high || is_last)).collect();
-                let of = Some((second.name().to_owned(), [low, high]));
-                Component { over: first.name().to_owned(), of, bins: bins(&inside) }
+                let part_of = Some(CovariatePart { covariate: second.name().to_owned(), range: [low, high] });
+                Component { over: first.name().to_owned(), part_of, bins: bins(&inside) }
             })
             .collect(),
     }
@@ -122,14 +105,14 @@ fn bins(points: &[&Point]) -> Vec<ComponentBin> {
     sorted.into_iter().filter_map(bin).collect()
 }
 
-/// Standard error of the mean residual over frames, whose samples have errors in common.
-fn standard_error(points: &[&Point]) -> f64 {
+/// Standard error of the mean residual over frames, whose samples have errors in common; `None` with a single frame.
+fn standard_error(points: &[&Point]) -> Option<f64> {
     let mean = points.iter().map(|p| p.residual_mm).sum::<f64>() / points.len() as f64;
     let mut sums: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
     points.iter().for_each(|p| *sums.entry(p.frame).or_default() += p.residual_mm - mean);
     let (frames, n) = (sums.len() as f64, points.len() as f64);
     if frames < 2.0 {
-        return f64::NAN;
+        return None;
     }
-    (sums.values().map(|sum| sum * sum).sum::<f64>() * frames / (frames - 1.0)).sqrt() / n
+    Some((sums.values().map(|sum| sum * sum).sum::<f64>() * frames / (frames - 1.0)).sqrt() / n)
 }

@@ -31,11 +31,11 @@ mod null_tests;
 use std::cell::OnceCell;
 
 use depthcal_formula::FormulaEffect;
-use depthcal_io::DiagnosisPlace;
+use depthcal_io::{DiagnosisComponent, DiagnosisPlace};
 use depthcal_model::{Options, PieceSpec};
 use tracing::{debug, info};
 
-pub use self::component::{Component, ComponentBin, components};
+pub use self::component::components;
 use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
 use self::exchange::{Exchange, exchanges};
@@ -85,7 +85,7 @@ pub struct Discovery {
     /// Effects that it took the place of: they imitated it.
     pub replaced: Vec<PieceSpec>,
     /// What it describes of the residuals of the last model.
-    pub components: Vec<Component>,
+    pub components: Vec<DiagnosisComponent>,
 }
 
 /// A formula that lost.

@@ -1,10 +1,10 @@
 //! Whether places change with time or temperature: the effect `extrinsics_drift`.
 
-use depthcal_io::DriftOver;
+use depthcal_io::{DriftOver, RigLeftOut};
 use depthcal_statistics::chi_squared_tail;
 use nalgebra::DVector;
 
-use super::left_out::{DECREASE, LeftOutErrors, left_out};
+use super::left_out::{DECREASE, left_out};
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::state::State;
 use crate::calibrate::rig::RigCalibrated;
@@ -30,7 +30,7 @@ pub struct DriftTest {
     /// Probability of as large a change by noise alone, corrected for the number of tests.
     pub p_value: f64,
     /// Errors on left-out frames; `None` where the p-value gives no reason to look at them.
-    pub left_out: Option<LeftOutErrors>,
+    pub left_out: Option<RigLeftOut>,
     /// Whether the change is certain: it lowers the error on left-out frames, and the 95 % interval of the fall excludes 0.
     pub certain: bool,
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use depthcal_io::GainInterval;
+use depthcal_io::{GainInterval, RigLeftOut};
 use depthcal_statistics::Bootstrap;
 use nalgebra::Isometry3;
 
@@ -12,18 +12,6 @@ use crate::diagnose::DiagnoseError;
 
 /// Decrease of the cost by a step below which an adjustment ends.
 pub(super) const DECREASE: f64 = 1e-4;
-
-/// Errors of a camera's observations of a board that the other cameras place, on left-out frames, root mean square in standard
-/// deviations of the noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeftOutErrors {
-    /// Of the first model, such as a constant place.
-    pub before: f64,
-    /// Of the second, such as a place that changes.
-    pub after: f64,
-    /// Its fall, per cent, with a 95 % interval over frames.
-    pub gain_percent: GainInterval,
-}
 
 /// Errors of two models of a rig, whose frames are the same, on frames that are left out, one in so many as there are folds at a time.
 /// `None` where no other camera places the board.
@@ -35,7 +23,7 @@ pub(super) fn left_out(
     models: [&State; 2],
     camera: usize,
     folds: usize,
-) -> Result<Option<LeftOutErrors>, DiagnoseError> {
+) -> Result<Option<RigLeftOut>, DiagnoseError> {
     // Sums of squares before and after, and the number of observations, by frame.
     let mut frames: BTreeMap<usize, ([f64; 2], usize)> = BTreeMap::new();
     for fold in 0..folds {
@@ -63,7 +51,7 @@ pub(super) fn left_out(
     let all: Vec<usize> = (0..sums.len()).collect();
     let gain = |picked: &[usize]| 100.0 * (1.0 - (sum(picked, 1) / sum(picked, 0)).sqrt());
     let estimate = Bootstrap::OVER_FRAMES.estimate(sums.len(), gain);
-    Ok(Some(LeftOutErrors {
+    Ok(Some(RigLeftOut {
         before: (sum(&all, 0) / total as f64).sqrt(),
         after: (sum(&all, 1) / total as f64).sqrt(),
         gain_percent: GainInterval { value: estimate.value, low: estimate.low, high: estimate.high },

@@ -10,5 +10,4 @@ mod trial;
 pub use alone::{alone, examined, with_projected_markers};
 pub use drift_test::{DriftTest, drift_tests};
 pub use driver::{CameraDiagnosis, RigDiagnoseOptions, RigDiagnosis, diagnose_rig};
-pub use left_out::LeftOutErrors;
 pub use trial::EffectInRig;

@@ -4,11 +4,12 @@
 //! held, as in the loop of one camera, an effect explains only what they left of it; here they are fitted jointly with it.
 
 use crate::diagnose::Thresholds;
+use depthcal_io::RigLeftOut;
 use depthcal_model::{PieceSpec, Register};
 use tracing::{debug, info};
 
 use super::joint_search::{JointEvidence, joint_search};
-use super::left_out::{LeftOutErrors, left_out};
+use super::left_out::left_out;
 use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
 use crate::diagnose::DiagnoseError;
 use crate::observe::RigCapture;
@@ -24,7 +25,7 @@ pub struct EffectInRig {
     /// The effect, as for `calibrate --with`.
     pub spec: PieceSpec,
     /// Errors on left-out frames without it and with it.
-    pub left_out: LeftOutErrors,
+    pub left_out: RigLeftOut,
 }
 
 /// The fit that effects are tried against.

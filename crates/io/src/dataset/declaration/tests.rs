@@ -1,5 +1,7 @@
+use depthcal_model::Pattern;
 use proptest::prelude::*;
 
+use super::super::camera_hint::IntrinsicNumbers;
 use super::*;
 
 const CHESSBOARD: &str = "[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 25\n";
@@ -9,6 +11,13 @@ const FRAMES: &str = "[frames]\nimage = \"image/*.png\"\n";
 
 fn parse(text: &str) -> Result<DatasetFile, DatasetError> {
     DatasetFile::parse(Path::new("set/dataset.toml"), text)
+}
+
+/// The camera of a file that declares one.
+fn only(text: &str) -> CameraSection {
+    let file = parse(text).unwrap();
+    assert!(file.is_short());
+    file.cameras.into_iter().next().unwrap()
 }
 
 /// The message of the error that `text` gives; it must name the file and every one of `parts`.
@@ -46,18 +55,18 @@ fn camera_is_optional_and_has_defaults() {
     let text = format!("{CHESSBOARD}{FRAMES}[camera]\nfx = 500\nfy = 501.5\ncx = 320\ncy = 240\n");
     let numbers = IntrinsicNumbers { fx: 500.0, fy: 501.5, cx: 320.0, cy: 240.0, skew: 0.0, distortion: Vec::new() };
     let expected = CameraHint { numbers: Some(numbers), ..CameraHint::default() };
-    assert_eq!(parse(&text).unwrap().camera, Some(expected));
+    assert_eq!(only(&text).camera, Some(expected));
     let text = format!("{text}distortion = [-0.1, 0.2, 0, 0]\nfixed = true\n");
-    let camera = parse(&text).unwrap().camera.unwrap();
+    let camera = only(&text).camera.unwrap();
     assert!(camera.fixed);
     assert_eq!(camera.numbers.unwrap().distortion, [-0.1, 0.2, 0.0, 0.0]);
     complains(&format!("{text}skew = \"no\""), &["camera.skew", "not a number", ":15"]);
     complains(&text.replace("0.2, 0, 0]", "0.2, 0]"), &["camera.distortion", "3 numbers", "4, 5, 8, 12 or 14"]);
     complains(&format!("{text}intrinsics = \"a.yml\""), &["camera.intrinsics", "one of them is too many"]);
     let file = format!("{CHESSBOARD}{FRAMES}[camera]\nintrinsics = \"factory.yml\"\nlens = \"opencv8\"\n");
-    let camera = parse(&file).unwrap().camera.unwrap();
+    let camera = only(&file).camera.unwrap();
     assert_eq!((camera.intrinsics.as_deref(), camera.lens.as_deref()), (Some("factory.yml"), Some("opencv8")));
-    let lens = parse(&format!("{CHESSBOARD}{FRAMES}[camera]\nlens = \"auto\"\n")).unwrap().camera.unwrap();
+    let lens = only(&format!("{CHESSBOARD}{FRAMES}[camera]\nlens = \"auto\"\n")).camera.unwrap();
     assert_eq!((lens.numbers, lens.lens.as_deref()), (None, Some("auto")));
     complains(&format!("{CHESSBOARD}{FRAMES}[camera]\nfixed = true\n"), &["camera.fx"]);
 }
@@ -109,7 +118,7 @@ fn depth_needs_its_unit() {
     for unit in ["0", "-1", "nan", "inf", "0.001", "1001", "\"mm\""] {
         complains(&format!("{depth}[depth]\nunit_mm = {unit}\n"), &["depth.unit_mm", ":10", unit]);
     }
-    assert_eq!(parse(&format!("{depth}[depth]\nunit_mm = 0.1\n")).unwrap().depth.unwrap().unit_mm, 0.1);
+    assert_eq!(only(&format!("{depth}[depth]\nunit_mm = 0.1\n")).unit_mm, Some(0.1));
 }
 
 #[test]
@@ -137,31 +146,106 @@ fn what_is_written_reads_back() {
             rows: 5,
             spacing_mm: 30.0,
         },
-        frames: FramesSection {
+        metadata: Some("frames.csv".into()),
+        associations: None,
+        within_s: Some(0.02),
+        cameras: vec![CameraSection {
+            name: CAMERA.to_owned(),
             image: Some("ir/*.png".into()),
             depth: Some("depth/*.png".into()),
-            metadata: Some("frames.csv".into()),
-            associations: None,
-            within_s: Some(0.02),
-        },
-        depth: Some(DepthSection { unit_mm: 0.1 }),
-        camera: Some(CameraHint {
-            numbers: Some(IntrinsicNumbers {
-                fx: 476.9,
-                fy: 476.9,
-                cx: 312.97,
-                cy: 242.49,
-                skew: 0.0,
-                distortion: vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756],
+            unit_mm: Some(0.1),
+            camera: Some(CameraHint {
+                numbers: Some(IntrinsicNumbers {
+                    fx: 476.9,
+                    fy: 476.9,
+                    cx: 312.97,
+                    cy: 242.49,
+                    skew: 0.0,
+                    distortion: vec![-0.1468, 0.0463, 0.0012, -0.0007, -0.0756],
+                }),
+                fixed: true,
+                ..CameraHint::default()
             }),
-            fixed: true,
-            ..CameraHint::default()
-        }),
+        }],
     };
     file.write(&path).unwrap();
     assert_eq!(DatasetFile::read(&path).unwrap(), file);
-    file.depth = None;
-    assert!(file.write(&path).unwrap_err().to_string().contains("depth.unit_mm"));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let sections: Vec<&str> = text.lines().filter(|line| line.starts_with('[')).collect();
+    assert_eq!(sections, ["[board]", "[frames]", "[depth]", "[camera]"]);
+    // With another camera every one has a section of its name.
+    let colour = CameraSection { name: "colour".into(), image: Some("c/*.png".into()), ..CameraSection::default() };
+    file.cameras.push(colour);
+    file.cameras[0].name = "infrared".into();
+    file.write(&path).unwrap();
+    assert_eq!(DatasetFile::read(&path).unwrap(), file);
+    file.cameras[0].unit_mm = None;
+    assert!(file.write(&path).unwrap_err().to_string().contains("cameras.infrared.unit_mm"));
+}
+
+#[test]
+fn a_camera_by_its_name_is_what_the_short_form_declares() {
+    let short = format!(
+        "{CHESSBOARD}[frames]\nimage = \"i/*\"\ndepth = \"d/*\"\n[depth]\nunit_mm = 1\n[camera]\nlens = \"auto\"\n"
+    );
+    let long =
+        format!("{CHESSBOARD}[cameras.camera]\nimage = \"i/*\"\ndepth = \"d/*\"\nunit_mm = 1\nlens = \"auto\"\n");
+    assert_eq!(parse(&short).unwrap(), parse(&long).unwrap());
+}
+
+#[test]
+fn the_first_camera_of_the_file_is_the_reference() {
+    let rig = parse(&format!(
+        "{CHESSBOARD}[cameras.zed]\nimage = \"z/*.png\"\n[cameras.azure]\ndepth = \"a/*.png\"\nunit_mm = 0.5\nfx = 500\nfy = 500\ncx = 1\n\
+         cy = 2\n[frames]\nwithin_s = 0.02\n"
+    ))
+    .unwrap();
+    let names: Vec<&str> = rig.cameras.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["zed", "azure"]);
+    assert_eq!((rig.within_s, rig.cameras[1].unit_mm), (Some(0.02), Some(0.5)));
+    assert!(rig.cameras[0].camera.is_none() && rig.cameras[1].camera.as_ref().unwrap().numbers.is_some());
+}
+
+#[test]
+fn faults_of_cameras_have_their_names() {
+    let complaint = |rest: &str| parse(&format!("{CHESSBOARD}{rest}")).unwrap_err().to_string();
+    let unit = complaint("[cameras.a]\ndepth = \"a/*.png\"\n");
+    assert!(unit.contains("cameras.a.unit_mm") && unit.contains("never guessed"), "{unit}");
+    assert!(complaint("[cameras.a]\nlens = \"none\"\n").contains("cameras.a.image"));
+    let key = complaint("[cameras.a]\nimages = \"a/*.png\"\n");
+    assert!(key.contains(":7") && key.contains("cameras.a.image"), "{key}");
+    let focal_length = complaint("[cameras.a]\nimage = \"a/*\"\nfx = -1\nfy = 1\ncx = 1\ncy = 1\n");
+    assert!(focal_length.contains(":8: `cameras.a.fx`"), "{focal_length}");
+    assert!(complaint("").contains("[cameras.NAME]") && complaint("[cameras]\n").contains("[cameras.NAME]"));
+    assert!(complaint("[depth]\nunit_mm = 1\n[cameras.a]\nimage = \"*\"\n").contains("`cameras.NAME.depth`"));
+    assert!(complaint("[frames]\nimage = \"*\"\n[cameras.a]\nimage = \"*\"\n").contains("`cameras.NAME.image`"));
+}
+
+fn tags(name: &str, first_tag: usize) -> String {
+    format!(
+        "[boards.{name}]\nkind = \"aprilgrid\"\ncolumns = 6\nrows = 5\nspacing_mm = 39\nmarker_mm = 30\nfirst_tag = {first_tag}\n"
+    )
+}
+
+#[test]
+fn several_boards_are_told_apart_by_the_numbers_of_their_tags() {
+    for cameras in [FRAMES, "[cameras.a]\nimage = \"*.png\"\n"] {
+        let file = parse(&(tags("wall", 0) + &tags("floor", 30) + cameras)).unwrap();
+        let parts = file.board.parts();
+        let names: Vec<_> = parts.iter().map(|p| (p.name, p.first_tag, p.markers.clone())).collect();
+        assert_eq!(names, [("wall", 0, 0..120), ("floor", 30, 120..240)]);
+        assert_eq!(parse(&file.to_toml().unwrap()).unwrap(), file);
+    }
+}
+
+#[test]
+fn boards_that_look_alike_are_refused() {
+    complains(&(tags("wall", 0) + &tags("floor", 29) + FRAMES), &["floor", "wall", "first_tag"]);
+    let plain = CHESSBOARD.replace("[board]", "[boards.wall]");
+    complains(&(plain + FRAMES), &["without tags"]);
+    complains(&(CHESSBOARD.to_owned() + &tags("wall", 0) + FRAMES), &["and so is board"]);
+    complains(&("[boards]\n".to_owned() + FRAMES), &["no section"]);
+    complains(&(tags("wall", 0).replace("columns = 6", "columns = 0") + FRAMES), &["boards.wall.columns"]);
 }
 
 proptest! {

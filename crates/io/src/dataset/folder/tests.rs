@@ -17,23 +17,27 @@ fn make(sections: &str, files: &[&str]) -> tempfile::TempDir {
     folder
 }
 
+/// The camera of the dataset in a folder.
+fn open(folder: impl AsRef<Path>) -> Result<DatasetCamera, DatasetError> {
+    Dataset::open(folder)?.into_only_camera()
+}
+
 fn complaint(folder: &tempfile::TempDir) -> String {
-    Dataset::open(folder.path()).unwrap_err().to_string()
+    open(folder.path()).unwrap_err().to_string()
 }
 
 #[test]
 fn pairs_by_stem_in_natural_order() {
     let files = ["ir/f10.png", "ir/f9.png", "ir/.f9.png.tmp", "depth/f9.png", "depth/f10.png", "depth/.hidden.png"];
     let folder = make(PAIRED, &files);
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     let names: Vec<_> = dataset.frames.iter().map(|frame| frame.name.as_str()).collect();
     assert_eq!(names, ["f9", "f10"]);
     assert!(dataset.frames[0].image.as_ref().unwrap().ends_with("ir/f9.png"));
     assert!(dataset.frames[0].depth.as_ref().unwrap().ends_with("depth/f9.png"));
     assert_eq!(dataset.depth_unit_mm, Some(1.0));
-    assert_eq!(dataset.name, folder.path().file_name().unwrap().to_str().unwrap());
-    assert_eq!(Dataset::open(folder.path().join("dataset.toml")).unwrap(), dataset);
-    assert!(dataset.frame("f9").is_some() && dataset.frame("f11").is_none());
+    assert_eq!(dataset.title, folder.path().file_name().unwrap().to_str().unwrap());
+    assert_eq!(open(folder.path().join("dataset.toml")).unwrap(), dataset);
 }
 
 #[test]
@@ -43,8 +47,8 @@ fn folders_may_have_glob_characters_in_their_names() {
     fs::create_dir_all(root.join("ir")).unwrap();
     fs::write(root.join("dataset.toml"), format!("{BOARD}[frames]\nimage = \"ir/*.png\"\n")).unwrap();
     fs::write(root.join("ir/a.png"), "").unwrap();
-    let dataset = Dataset::open(&root).unwrap();
-    assert_eq!((dataset.frames.len(), dataset.name.as_str()), (1, "set [1]*"));
+    let dataset = open(&root).unwrap();
+    assert_eq!((dataset.frames.len(), dataset.title.as_str()), (1, "set [1]*"));
     assert_eq!(dataset.frames[0].depth, None);
 }
 
@@ -52,18 +56,18 @@ fn folders_may_have_glob_characters_in_their_names() {
 fn a_folder_without_description_is_named() {
     let folder = tempfile::tempdir().unwrap();
     assert!(complaint(&folder).contains("dataset.toml"));
-    let message = Dataset::open(folder.path().join("nowhere")).unwrap_err().to_string();
+    let message = open(folder.path().join("nowhere")).unwrap_err().to_string();
     assert!(message.contains("nowhere") && message.contains("[board]"), "{message}");
 }
 
-fn strays(dataset: &Dataset) -> Vec<(&str, &str)> {
+fn strays(dataset: &DatasetCamera) -> Vec<(&str, &str)> {
     dataset.strays.iter().map(|stray| (stray.name.as_str(), stray.reason.as_str())).collect()
 }
 
 #[test]
 fn strays_are_listed() {
     let folder = make(PAIRED, &["ir/a.png", "ir/b.png", "depth/b.png", "depth/c.png"]);
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.frames.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(), ["b"]);
     assert_eq!(
         strays(&dataset),
@@ -82,7 +86,7 @@ fn files_that_do_not_pair_at_all_are_an_error() {
 #[test]
 fn prefixes_pair() {
     let folder = make(PAIRED, &["ir/rgb_1.png", "ir/rgb_2.png", "depth/depth_1.png", "depth/depth_2.png"]);
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     let names: Vec<_> = dataset.frames.iter().map(|f| f.name.as_str()).collect();
     assert_eq!((names, dataset.pairing), (vec!["1", "2"], Pairing::Rest));
     assert!(dataset.frames[1].depth.as_ref().unwrap().ends_with("depth/depth_2.png"));
@@ -92,7 +96,7 @@ fn prefixes_pair() {
 fn nearest_times_pair() {
     let times = PAIRED.replace("[depth]", "within_s = 0.02\n[depth]");
     let folder = make(&times, &["ir/10.000.png", "ir/10.100.png", "depth/10.015.png", "depth/10.300.png"]);
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.frames.len(), 1);
     assert_eq!(dataset.frames[0].metadata.timestamp_s, Some(10.0));
     assert_eq!((dataset.strays.len(), dataset.pairing), (2, Pairing::Time { within_s: 0.02 }));
@@ -107,7 +111,7 @@ fn lists_of_tum() {
     let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
     write("rgb.txt", "# timestamp filename\n1.0 rgb/1.0.png\n2.0 rgb/2.0.png\n3.0 rgb/3.0.png\n");
     write("depth.txt", "1.01 depth/1.01.png\n2.5 depth/2.5.png\n");
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!((dataset.frames.len(), dataset.frames[0].metadata.timestamp_s), (1, Some(1.0)));
     assert_eq!(
         strays(&dataset).iter().map(|s| s.0).collect::<Vec<_>>(),
@@ -115,12 +119,12 @@ fn lists_of_tum() {
     );
     let before = dataset.digest().unwrap();
     write("rgb.txt", "1.001 rgb/1.0.png\n");
-    assert_ne!(Dataset::open(folder.path()).unwrap().digest().unwrap(), before);
+    assert_ne!(open(folder.path()).unwrap().digest().unwrap(), before);
 
     let pairs = "[frames]\nassociations = \"associations.txt\"\n[depth]\nunit_mm = 0.2\n";
     fs::write(folder.path().join("dataset.toml"), format!("{BOARD}{pairs}")).unwrap();
     write("associations.txt", "2.0 rgb/2.0.png 2.5 depth/2.5.png\n3.0 rgb/3.0.png 3.1 depth/3.1.png\n");
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!((dataset.frames.len(), dataset.pairing), (1, Pairing::Table));
     assert_eq!(dataset.strays[0].name, "rgb/3.0.png");
     fs::write(folder.path().join("dataset.toml"), format!("{BOARD}{}", pairs.replace("0.2", "0.2\n[camera]\n")))
@@ -146,7 +150,7 @@ fn tables_name_files() {
         "frames.csv",
         "frame,image,depth,timestamp_s\none,colour/a.png,z/1.png,0.5\ntwo,colour/b.png,z/9.png,\nthree,,z/3.png,\n",
     );
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.frames.len(), 1);
     assert_eq!((dataset.frames[0].name.as_str(), dataset.frames[0].metadata.timestamp_s), ("one", Some(0.5)));
     assert!(dataset.frames[0].metadata.other.is_empty());
@@ -157,7 +161,7 @@ fn tables_name_files() {
         format!("{BOARD}{}", sections.replace("[depth]", "depth = \"z/*.png\"\n[depth]")),
     )
     .unwrap();
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.strays.iter().filter(|s| s.reason.contains("no row")).count(), 2);
     // Depth without a unit.
     fs::write(folder.path().join("dataset.toml"), format!("{BOARD}[frames]\nmetadata = \"frames.csv\"\n")).unwrap();
@@ -192,11 +196,11 @@ fn metadata_belongs_to_frames() {
     let table = |text: &str| fs::write(folder.path().join("frames.csv"), text).unwrap();
     assert!(complaint(&folder).contains("frames.csv"));
     table("frame,timestamp_s,temperature_c,gain\n2,1.5,30,4\n1.png,0.5,,\n");
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.frames[0].metadata.timestamp_s, Some(0.5));
     assert_eq!(dataset.frames[1].metadata.number("gain"), Some(4.0));
     table("frame,timestamp_s\n2,1.5\n3,2.5\n");
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!((dataset.frames.len(), dataset.frames[0].name.as_str()), (1, "2"));
     let expected = [("1", "frames.csv has no row of it"), ("row 3", "frames.csv has it, but there is no such frame")];
     assert_eq!(strays(&dataset), expected);
@@ -209,7 +213,7 @@ fn metadata_belongs_to_frames() {
 #[test]
 fn the_digest_follows_the_contents() {
     let folder = make(PAIRED, &["ir/a.png", "depth/a.png"]);
-    let digest = || Dataset::open(folder.path()).unwrap().digest().unwrap();
+    let digest = || open(folder.path()).unwrap().digest().unwrap();
     let before = digest();
     assert_eq!(before, digest());
     fs::write(folder.path().join("notes.txt"), "not part of it").unwrap();
@@ -234,8 +238,8 @@ fn no_glob_leads_out_of_the_folder() {
         assert!(message.contains("leads out") && message.contains("symbolic link"), "{message}");
     }
     let rig = make("[cameras.a]\nimage = \"../*.png\"\n", &[]);
-    let message = crate::dataset::RigDataset::open(rig.path()).unwrap_err().to_string();
-    assert!(message.contains("cameras.NAME.image") && message.contains("leads out"), "{message}");
+    let message = Dataset::open(rig.path()).unwrap_err().to_string();
+    assert!(message.contains("cameras.a.image") && message.contains("leads out"), "{message}");
 }
 
 #[test]
@@ -258,18 +262,18 @@ fn no_table_and_no_list_leads_out_of_the_folder() {
     // Of cameras of a rig.
     let folder = make("[cameras.a]\nimage = \"ir/*.png\"\n[frames]\nmetadata = \"frames.csv\"\n", &["ir/1.png"]);
     fs::write(folder.path().join("frames.csv"), "frame,a.image\n1,ir/1.png\n2,../2.png\n").unwrap();
-    let message = crate::dataset::RigDataset::open(folder.path()).unwrap_err().to_string();
+    let message = Dataset::open(folder.path()).unwrap_err().to_string();
     assert!(message.contains("frames.csv:3: ../2.png"), "{message}");
 }
 
 #[test]
 fn absolute_paths_into_the_folder_and_parents_within_it_are_read() {
     let folder = make("[frames]\nmetadata = \"a/../frames.csv\"\n", &["ir/1.png"]);
-    let absolute = folder.path().join("ir/1.png");
-    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", absolute.display()))
+    let own = folder.path().join("ir/1.png");
+    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", own.display()))
         .unwrap();
-    let dataset = Dataset::open(folder.path()).unwrap();
-    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&absolute)) && dataset.frames.len() == 2);
+    let dataset = open(folder.path()).unwrap();
+    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&own)) && dataset.frames.len() == 2);
 }
 
 /// A link in the folder is its owner's; a parent behind a link is taken out before the link could give it another meaning.
@@ -283,25 +287,89 @@ fn links_in_the_folder_are_followed() {
     fs::write(elsewhere.path().join("2.png"), "").unwrap();
     let folder = make("[frames]\nimage = \"ir/*.png\"\n", &["3.png"]);
     symlink(elsewhere.path().join("ir"), folder.path().join("ir")).unwrap();
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.frames[0].image, Some(folder.path().join("ir/1.png")));
     let parent = format!("{BOARD}[frames]\nimage = \"ir/../*.png\"\n");
     fs::write(folder.path().join("dataset.toml"), parent).unwrap();
-    let names: Vec<_> = Dataset::open(folder.path()).unwrap().frames.into_iter().map(|frame| frame.name).collect();
+    let names: Vec<_> = open(folder.path()).unwrap().frames.into_iter().map(|frame| frame.name).collect();
     assert_eq!(names, ["3"]);
     // Folders that contain themselves end.
     symlink(folder.path(), folder.path().join("again")).unwrap();
     let all = format!("{BOARD}[frames]\nimage = \"**/3.png\"\n");
     fs::write(folder.path().join("dataset.toml"), all).unwrap();
-    let _ = Dataset::open(folder.path());
+    let _ = open(folder.path());
 }
 
 #[cfg(unix)]
 #[test]
 fn intrinsics_may_lie_outside_but_are_a_regular_file() {
     let folder = make("[frames]\nimage = \"ir/*.png\"\n[camera]\nintrinsics = \"../camera.yml\"\n", &["ir/1.png"]);
-    let dataset = Dataset::open(folder.path()).unwrap();
+    let dataset = open(folder.path()).unwrap();
     assert_eq!(dataset.intrinsics_file(), Some(folder.path().join("../camera.yml")));
     let endless = make("[frames]\nimage = \"ir/*.png\"\n[camera]\nintrinsics = \"/dev/zero\"\n", &["ir/1.png"]);
     assert!(complaint(&endless).contains("/dev/zero: cannot read: camera.intrinsics has to name a regular file"));
+}
+
+/// Opens a dataset with these files and this table.
+fn rig(declaration: &str, files: &[&str], table: Option<&str>) -> Result<Dataset, DatasetError> {
+    let folder = make(declaration, files);
+    if let Some(table) = table {
+        fs::write(folder.path().join("frames.csv"), table).unwrap();
+    }
+    Dataset::open(folder.path())
+}
+
+fn names(rig: &Dataset, camera: usize) -> Vec<&str> {
+    rig.cameras[camera].frames.iter().map(|f| f.name.as_str()).collect()
+}
+
+const TWO: &str =
+    "[cameras.ir]\nimage = \"ir/*.png\"\ndepth = \"d/*.png\"\nunit_mm = 1\n[cameras.rgb]\nimage = \"rgb/*.png\"\n";
+const WITH_TABLE: &str = "[frames]\nmetadata = \"frames.csv\"\n";
+
+#[test]
+fn frames_that_a_camera_missed_count_for_the_others() {
+    let files = ["ir/1.png", "ir/2.png", "d/1.png", "d/2.png", "rgb/2.png", "rgb/3.png"];
+    let rig = rig(TWO, &files, None).unwrap();
+    assert_eq!((names(&rig, 0), names(&rig, 1)), (vec!["1", "2"], vec!["2", "3"]));
+    assert!(rig.cameras.iter().all(DatasetCamera::has_images) && !rig.cameras[1].has_depth());
+    assert_eq!(rig.cameras[0].depth_unit_mm, Some(1.0));
+    assert_eq!(rig.cameras[1].title, format!("{}/rgb", rig.name));
+    assert!(rig.into_only_camera().unwrap_err().to_string().contains("several cameras"));
+}
+
+#[test]
+fn frames_of_cameras_are_matched_by_numbers_by_times_and_by_tables() {
+    let files = ["ir/ir_1.png", "ir/ir_2.png", "d/d_1.png", "d/d_2.png", "rgb/rgb_02.png"];
+    let numbered = rig(TWO, &files, None).unwrap();
+    assert_eq!(names(&numbered, 1), vec![names(&numbered, 0)[1]]);
+    let files = ["ir/1.00.png", "ir/2.00.png", "d/1.001.png", "d/2.001.png", "rgb/2.012.png", "rgb/2.5.png"];
+    let timed = rig(&format!("{TWO}[frames]\nwithin_s = 0.02\n"), &files, None).unwrap();
+    assert_eq!((names(&timed, 0), names(&timed, 1)), (vec!["1.00", "2.00"], vec!["2.00", "2.5"]));
+    let table =
+        "frame,timestamp_s,ir.image,ir.depth,rgb.image\na,1,ir/x.png,d/x.png,\nb,2,,,rgb/y.png\nc,3,ir/x.png,,\n";
+    let tabled = format!("{TWO}{WITH_TABLE}");
+    let found = rig(&tabled, &["ir/x.png", "d/x.png", "rgb/y.png"], Some(table)).unwrap();
+    assert_eq!((names(&found, 0), names(&found, 1)), (vec!["a"], vec!["b"]));
+    // As for one camera, what a row lacks is told; that another camera alone has the frame is none of it.
+    assert_eq!(strays(&found.cameras[0]), [("row c", "it names no depth image")]);
+    assert!(found.cameras[1].strays.is_empty());
+    let metadata = &found.cameras[1].frames[0].metadata;
+    assert!(metadata.timestamp_s == Some(2.0) && metadata.other.is_empty());
+    let files = ["ir/x.png", "d/x.png", "rgb/y.png"];
+    let lacking = rig(&tabled, &files, Some("frame,ir.image\nx,ir/x.png\n")).unwrap_err().to_string();
+    assert!(lacking.contains("rgb.image"), "{lacking}");
+}
+
+#[test]
+fn rows_belong_to_frames_of_any_camera() {
+    let files = ["ir/1.png", "ir/2.png", "d/1.png", "d/2.png", "rgb/2.png", "rgb/3.png"];
+    let tabled = format!("{TWO}{WITH_TABLE}");
+    let found = rig(&tabled, &files, Some("frame,temperature_c\n1,20\n3,30\n7,40\n")).unwrap();
+    assert_eq!((names(&found, 0), names(&found, 1)), (vec!["1"], vec!["3"]));
+    assert_eq!(found.cameras[1].frames[0].metadata.temperature_c, Some(30.0));
+    let expected = [("2", "frames.csv has no row of it"), ("row 7", "frames.csv has it, but there is no such frame")];
+    assert_eq!(strays(&found.cameras[0]), expected);
+    let message = rig(&tabled, &files, Some("frame,temperature_c\n1,20\n")).unwrap_err().to_string();
+    assert!(message.contains("frames without a row (\"2\", \"3\")"), "{message}");
 }

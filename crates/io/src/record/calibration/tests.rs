@@ -3,8 +3,10 @@ use std::collections::BTreeMap;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Of, On, Pattern};
 use proptest::prelude::*;
+use serde_json::json;
 
-use super::super::camera::ParameterRecord;
+use super::super::camera::{NoiseRecord, ParameterRecord};
+use super::super::extrinsics::{ExtrinsicsRecord, ExtrinsicsStdDev};
 use super::*;
 use crate::file::parse_versioned;
 
@@ -36,18 +38,25 @@ pub(crate) fn example() -> Calibration {
         formula: None,
     };
     Calibration {
-        camera: CameraRecord { width: 640, height: 480, pieces: vec![pinhole, spline] },
+        camera: CameraRecord {
+            noise: NoiseRecord {
+                pixel_sigma: 0.05,
+                inverse_depth_sigma_a: Some(3e-6),
+                inverse_depth_sigma_b: Some(4.0),
+                correlation_length_px: Some(3.5),
+                other: BTreeMap::new(),
+            },
+            depth_unit_mm: Some(0.25),
+            frames_used: 1,
+            reprojection_rms_px: Some(0.1),
+            depth_rms_mm: Some(6.4),
+            ..CameraRecord::unnamed([640, 480], vec![pinhole, spline])
+        },
+        others: Vec::new(),
         covariance: Some(CovarianceRecord {
             parameters: vec!["pinhole.fx".into(), "pinhole.fy".into()],
             matrix: vec![vec![0.01, 0.002], vec![0.002, 0.01]],
         }),
-        noise: NoiseRecord {
-            pixel_sigma: 0.05,
-            inverse_depth_sigma_a: Some(3e-6),
-            inverse_depth_sigma_b: Some(4.0),
-            correlation_length_px: Some(3.5),
-            other: BTreeMap::new(),
-        },
         fit: FitRecord {
             estimator: "joint".into(),
             lens_comparison: None,
@@ -71,7 +80,6 @@ pub(crate) fn example() -> Calibration {
             metadata: FrameMetadata { timestamp_s: Some(0.5), ..FrameMetadata::default() },
         }],
         dataset: FileReference { path: "captures".into(), digest: "ab".into() },
-        depth_unit_mm: Some(0.25),
         target: Target {
             pattern: Pattern::AsymmetricCircles { circle_diameter_mm: 20.0 },
             columns: 4,
@@ -79,7 +87,6 @@ pub(crate) fn example() -> Calibration {
             spacing_mm: 36.0,
         },
         observations: None,
-        cameras: Vec::new(),
     }
 }
 
@@ -119,7 +126,7 @@ fn the_file_has_the_fields_of_the_contract() {
 
 #[test]
 fn noise_of_depth_combines_both_parts() {
-    let noise = example().noise;
+    let noise = example().camera.noise;
     let rho: f64 = 1e-3;
     assert!((noise.inverse_depth_sigma(rho).unwrap() - 5e-6).abs() < 1e-18);
     assert_eq!(NoiseRecord::default().inverse_depth_sigma(rho), None);
@@ -139,8 +146,8 @@ fn faults_name_the_field() {
         (fault_of(|c| c.camera.width = 0), "camera.width"),
         (fault_of(|c| c.camera.pieces[1].name = "pinhole".into()), "camera.pieces"),
         (fault_of(|c| c.frames[0].rotation[0] = 1.0), "frames[0].rotation"),
-        (fault_of(|c| c.noise.pixel_sigma = -1.0), "noise.pixel_sigma"),
-        (fault_of(|c| c.depth_unit_mm = Some(0.0)), "depth_unit_mm"),
+        (fault_of(|c| c.camera.noise.pixel_sigma = -1.0), "noise.pixel_sigma"),
+        (fault_of(|c| c.camera.depth_unit_mm = Some(0.0)), "depth_unit_mm"),
         (fault_of(|c| c.camera.pieces[0].parameters[0].std_dev = Some(-1.0)), "parameters[0].std_dev"),
         (fault_of(|c| c.covariance.as_mut().unwrap().matrix[0].truncate(1)), "covariance.matrix"),
         (fault_of(|c| c.covariance.as_mut().unwrap().matrix[1][0] = 0.003), "covariance.matrix[1][0]"),
@@ -198,8 +205,6 @@ proptest! {
 /// Files of one camera stay what they were, to the version; those of a rig say that they are.
 #[test]
 fn a_rig_raises_the_version() {
-    use super::super::camera::PieceRecord;
-    use super::super::rig_camera::{PlaceRecord, PlaceStdDev, RigCameraRecord};
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
     let written = |calibration: &Calibration| {
@@ -209,35 +214,32 @@ fn a_rig_raises_the_version() {
     let one = written(&example());
     assert_eq!(one["version"], 2);
     assert!(one.get("cameras").is_none());
-    let pieces: Vec<PieceRecord> = example().camera.pieces;
-    let camera = RigCameraRecord {
+    let colour = CameraRecord {
         name: "colour".into(),
-        width: 640,
-        height: 480,
-        camera_from_rig: PlaceRecord {
-            rotation: [1.0, 0.0, 0.0, 0.0],
+        camera_from_rig: ExtrinsicsRecord {
             translation_mm: [-50.0, 0.0, 0.1],
-            std_dev: Some(PlaceStdDev { rotation_rad: [1e-5; 3], translation_mm: [0.01; 3] }),
-            drift: None,
+            std_dev: Some(ExtrinsicsStdDev { rotation_rad: [1e-5; 3], translation_mm: [0.01; 3] }),
+            ..ExtrinsicsRecord::REFERENCE
         },
-        time_offset: None,
-        pieces,
-        noise: NoiseRecord::default(),
-        depth_unit_mm: None,
         frames_used: 3,
         reprojection_rms_px: Some(0.1),
-        depth_rms_mm: None,
-        left_open: Vec::new(),
+        ..CameraRecord::unnamed([640, 480], example().camera.pieces)
     };
-    let rig = Calibration { cameras: vec![camera], ..example() };
+    let mut rig = Calibration { others: vec![colour], ..example() };
+    rig.camera.name = "infrared".into();
     let file = written(&rig);
     assert_eq!(file["version"], 3);
-    let place = &file["cameras"][0]["camera_from_rig"];
-    assert_eq!(place["translation_mm"][0], -50.0);
-    assert_eq!(place["std_dev"]["rotation_rad"][2], 1e-5);
+    let extrinsics = &file["cameras"][1]["camera_from_rig"];
+    assert_eq!(extrinsics["translation_mm"][0], -50.0);
+    assert_eq!(extrinsics["std_dev"]["rotation_rad"][2], 1e-5);
+    // Programs that know one camera read the reference.
+    assert_eq!((&file["camera"]["width"], &file["noise"]["pixel_sigma"]), (&json!(640), &json!(0.05)));
     assert_eq!(Calibration::read(&path).unwrap(), rig);
-    let mut wrong = rig;
-    wrong.cameras[0].camera_from_rig.rotation[0] = 2.0;
-    let message = wrong.write(&path).unwrap_err().to_string();
-    assert!(message.contains("cameras[0].camera_from_rig.rotation"), "{message}");
+    // One camera that has a name keeps it.
+    let named = Calibration { others: Vec::new(), ..rig.clone() };
+    assert_eq!(written(&named)["version"], 3);
+    assert_eq!(Calibration::read(&path).unwrap(), named);
+    rig.others[0].camera_from_rig.rotation[0] = 2.0;
+    let message = rig.write(&path).unwrap_err().to_string();
+    assert!(message.contains("cameras[1].camera_from_rig.rotation"), "{message}");
 }

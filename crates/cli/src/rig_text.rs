@@ -7,8 +7,8 @@ use depthcal_report::format::{count, number, quantity};
 use crate::parameters::print_parameters;
 use crate::voice::say;
 
-/// Every camera with its place and parameters.
-pub(super) fn print_rig(result: &RigCalibrated) {
+/// Prints every camera with its extrinsics and parameters.
+pub(crate) fn print_rig(result: &RigCalibrated) {
     for pair in &result.pairs {
         let [a, b] = &pair.cameras;
         let contradicting = match pair.contradicting {
@@ -19,7 +19,7 @@ pub(super) fn print_rig(result: &RigCalibrated) {
     }
     for camera in &result.cameras {
         say!("\n[{}]", camera.name);
-        print_place(camera);
+        print_extrinsics(camera);
         print_parameters(&camera.calibrated);
         for open in &camera.left_open {
             say!("left open by the boards: {} ({})", open.parameter, open.reason);
@@ -27,13 +27,13 @@ pub(super) fn print_rig(result: &RigCalibrated) {
     }
 }
 
-fn print_place(camera: &CameraFit) {
+fn print_extrinsics(camera: &CameraFit) {
     let Some(std_dev) = camera.place_std_dev else {
         say!("the reference: its frame is the rig's");
         return;
     };
-    let place = &camera.camera_from_rig;
-    let (turn, shift) = (place.rotation.scaled_axis(), place.translation.vector);
+    let extrinsics = &camera.camera_from_rig;
+    let (turn, shift) = (extrinsics.rotation.scaled_axis(), extrinsics.translation.vector);
     say!("camera_from_rig");
     for (i, axis) in ["x", "y", "z"].iter().enumerate() {
         let (value, std) = (turn[i].to_degrees(), std_dev[i].to_degrees());
@@ -58,8 +58,8 @@ fn print_place(camera: &CameraFit) {
     }
 }
 
-/// What a drift depends on, and over which range of it the place changes by its values.
-pub(super) fn drift_range(over: DriftOver, range: f64) -> String {
+/// What a drift depends on, and over which range of it the extrinsics change by its values.
+pub(crate) fn drift_range(over: DriftOver, range: f64) -> String {
     match over {
         DriftOver::Time => format!("time, in {}", quantity(range, "s")),
         DriftOver::Temperature => format!("temperature, in {}", quantity(range, "°C")),
@@ -67,7 +67,7 @@ pub(super) fn drift_range(over: DriftOver, range: f64) -> String {
 }
 
 /// Transfer errors, as a table.
-pub(super) fn print_transfers(transfers: &[TransferError]) {
+pub(crate) fn print_transfers(transfers: &[TransferError]) {
     if transfers.is_empty() {
         return;
     }

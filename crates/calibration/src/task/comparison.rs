@@ -1,0 +1,142 @@
+//! Depth models compared on every camera of a dataset that has depth.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use depthcal_io::{Comparison, FileError};
+use depthcal_model::ModelSpec;
+
+use super::error::TaskError;
+use super::model_request::ModelRequest;
+use super::results::{Made, Results, Shown};
+use crate::calibrate::rig::calibrate_rig;
+use crate::calibrate::{CalibrateOptions, Calibrated, calibrate};
+use crate::compare::{CompareOptions, compare};
+use crate::diagnose::rig::examined;
+use crate::load::Loaded;
+use crate::observe::Capture;
+
+/// Depth models that are compared.
+#[derive(Debug, Clone)]
+pub struct CompareRequest {
+    /// Lens and further effects, which are part of every model.
+    pub model: ModelRequest,
+    /// The depth models.
+    pub models: Vec<ModelSpec>,
+    /// Parts of the cross-validation without other datasets.
+    pub folds: usize,
+    /// Whether the tables of Sjöholm 2017 are made.
+    pub thesis: bool,
+    /// Fits per number of frames in the learning curve; 0 without one.
+    pub learning_fits: usize,
+}
+
+/// Depth models compared on one camera.
+#[derive(Debug, Clone)]
+pub struct Compared {
+    /// The camera.
+    pub camera: String,
+    /// The captures that the models were fitted to and evaluated on.
+    pub captures: Vec<Capture>,
+    /// `comparison.json`.
+    pub record: Comparison,
+    /// The best model, fitted to all frames; `None` where none could be fitted.
+    pub best: Option<Calibrated>,
+}
+
+impl CompareRequest {
+    /// Compares the models on every camera of `train` that has depth, by their errors on the same camera of `verify`; `base` has the register
+    /// and receives progress.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError`].
+    pub fn compare(
+        &self,
+        train: &Loaded,
+        verify: &[Arc<Loaded>],
+        base: CalibrateOptions,
+    ) -> Result<Vec<Compared>, TaskError> {
+        if let [camera] = train.cameras.as_slice() {
+            let base = self.model.for_camera(self.model.options(base)?, camera)?;
+            let captures = verify.iter().map(|v| Ok(v.only_camera()?.capture.clone()));
+            let captures = captures.collect::<Result<Vec<_>, TaskError>>()?;
+            return Ok(vec![self.compare_camera(camera.name(), camera.capture.clone(), captures, base)?]);
+        }
+        let register = base.register.clone();
+        let options = self.model.rig_options(base, train)?;
+        let capture = train.capture(&register)?;
+        let fit = calibrate_rig(&capture, &options)?;
+        let mut compared = Vec::new();
+        for camera in capture.cameras.iter().filter(|c| c.capture.has_depth()) {
+            let Some((train, base)) = examined(camera, &fit, &options)? else { continue };
+            // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
+            let of_camera = |v: &Arc<Loaded>| {
+                let found = v.cameras.iter().find(|c| c.name() == camera.name);
+                found.filter(|_| camera.has_markers()).map(|c| c.capture.clone())
+            };
+            let captures = verify.iter().filter_map(of_camera).collect();
+            compared.push(self.compare_camera(&camera.name, train, captures, base)?);
+        }
+        match compared.is_empty() {
+            true => Err(TaskError::NoDepth { dataset: train.name.clone() }),
+            false => Ok(compared),
+        }
+    }
+
+    fn compare_camera(
+        &self,
+        name: &str,
+        train: Capture,
+        verify: Vec<Capture>,
+        base: CalibrateOptions,
+    ) -> Result<Compared, TaskError> {
+        if let Some(capture) = std::iter::once(&train).chain(&verify).find(|capture| !capture.has_depth()) {
+            return Err(TaskError::NoDepth { dataset: capture.name.clone() });
+        }
+        let (folds, frames) = (self.folds, train.frames.len());
+        if folds < 2 || (verify.is_empty() && frames < folds) {
+            return Err(TaskError::Folds { names: self.model.names, folds, frames });
+        }
+        let options = CompareOptions {
+            models: self.models.clone(),
+            calibrate: base,
+            folds,
+            thesis: self.thesis,
+            learning_fits: self.learning_fits,
+            ..CompareOptions::default()
+        };
+        let record = compare(&train, &verify, &options)?;
+        // Fitted again for its maps in the report: the comparison keeps no cameras.
+        let stage = options.calibrate.progress.stage("fitting the best model");
+        let best = record.models.first().filter(|model| model.failed.is_none()).and_then(|best| {
+            let model = options.calibrate.register.model_spec(&best.model).ok()?;
+            calibrate(&train, &CalibrateOptions { model, ..options.calibrate.clone() }).ok()
+        });
+        drop(stage);
+        let captures = std::iter::once(train).chain(verify).collect();
+        Ok(Compared { camera: name.to_owned(), captures, record, best })
+    }
+}
+
+impl Compared {
+    /// Whether no model could be fitted.
+    pub fn is_untrusted(&self) -> bool {
+        self.record.models.iter().all(|model| model.failed.is_some())
+    }
+}
+
+impl Results for Compared {
+    fn main_file(&self) -> &'static str {
+        "comparison.json"
+    }
+
+    fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+        self.record.write(folder.join("comparison.json"))?;
+        Ok(vec![PathBuf::from("comparison.json")])
+    }
+
+    fn shown(&self, made: &Made) -> Shown<'_> {
+        Shown::Comparison { comparison: &self.record, best: self.best.as_ref(), made: made.clone() }
+    }
+}

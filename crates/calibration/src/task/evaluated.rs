@@ -1,0 +1,25 @@
+//! Errors of one camera and of several, for the same records.
+
+use depthcal_io::Evaluation;
+
+use crate::judge::evaluate::Evaluated;
+use crate::judge::rig::EvaluatedRig;
+
+/// The errors of one camera as those of a rig of one.
+pub(super) fn of_camera(evaluated: Evaluated) -> EvaluatedRig {
+    EvaluatedRig { name: evaluated.name.clone(), cameras: vec![evaluated], transfers: Vec::new() }
+}
+
+/// The record of errors, `suffix` being added to the names of datasets.
+pub(super) fn evaluation_of(rig: &EvaluatedRig, suffix: &str) -> Evaluation {
+    let (mut datasets, mut transfer) = (rig.records(), rig.transfer_records());
+    datasets.iter_mut().for_each(|d| d.name += suffix);
+    transfer.iter_mut().for_each(|t| t.dataset += suffix);
+    Evaluation { datasets, transfer }
+}
+
+/// Adds the errors on further captures to a record.
+pub(super) fn extend(evaluation: &mut Evaluation, more: Evaluation) {
+    evaluation.datasets.extend(more.datasets);
+    evaluation.transfer.extend(more.transfer);
+}

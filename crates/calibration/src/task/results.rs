@@ -1,0 +1,71 @@
+//! Results of a task: their files, and what their report shows.
+
+use std::path::{Path, PathBuf};
+
+use depthcal_formula::FormulaEffect;
+use depthcal_io::{Comparison, FileError, Fleet, Prior};
+
+use super::report_input::ReportInput;
+use crate::calibrate::Calibrated;
+use crate::stage_clock::StageTimes;
+
+/// How results were made.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Made {
+    /// The command line, or the call.
+    pub command_line: String,
+    /// The time of every stage before the report; nothing is shown where there are none.
+    pub stages: StageTimes,
+}
+
+/// What a report shows.
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "there is one of it")]
+pub enum Shown<'a> {
+    /// A calibration, an evaluation or a diagnosis, of one camera or of a rig.
+    Cameras(ReportInput<'a>),
+    /// Depth models compared.
+    Comparison {
+        /// The record.
+        comparison: &'a Comparison,
+        /// The best model, fitted to all frames, for its maps.
+        best: Option<&'a Calibrated>,
+        /// How it was made.
+        made: Made,
+    },
+    /// The calibrations of many cameras of one type, joined.
+    Fleet {
+        /// The record.
+        fleet: &'a Fleet,
+        /// What they say of the next one.
+        prior: &'a Prior,
+        /// How it was made.
+        made: Made,
+    },
+}
+
+/// Results of a task.
+pub trait Results {
+    /// Name of the file that all others tell of.
+    fn main_file(&self) -> &'static str;
+
+    /// Writes the JSON files into a folder; returns their names.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] with the file.
+    fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FileError>;
+
+    /// What the report shows.
+    fn shown(&self, made: &Made) -> Shown<'_>;
+
+    /// Formulas that were found, which have files of their own.
+    fn formulas(&self) -> Vec<&FormulaEffect> {
+        Vec::new()
+    }
+
+    /// Results with files and a report of their own, each in a folder of its name.
+    fn parts(&self) -> Vec<(&str, &dyn Results)> {
+        Vec::new()
+    }
+}

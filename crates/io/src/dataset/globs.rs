@@ -1,0 +1,148 @@
+//! Files that globs and lists find, paired to frames.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::candidate::Candidate;
+use super::declaration::CameraSection;
+use super::error::DatasetError;
+use super::frame::{Frames, frame};
+use super::inside::{file_in, within};
+use super::natural;
+use super::pairing::{self, Pairing, Stray};
+use super::time_list::{is_list, read_list};
+
+/// Frames whose files are found by a camera's globs or lists.
+pub(super) fn globbed(
+    root: &Path,
+    file: &Path,
+    camera: &CameraSection,
+    within_s: Option<f64>,
+) -> Result<Frames, DatasetError> {
+    if camera.image.is_none() && camera.depth.is_none() {
+        return Err(camera.files_missing(file));
+    }
+    let mut found = Frames::default();
+    let mut find = |key, pattern: &Option<String>| -> Result<Option<Vec<Candidate>>, DatasetError> {
+        let Some(pattern) = pattern else { return Ok(None) };
+        if !is_list(pattern) {
+            return find_files(root, file, &camera.field(key), pattern).map(Some);
+        }
+        let list = file_in(root, pattern);
+        let (files, missing): (Vec<_>, Vec<_>) = read_list(root, &list)?.into_iter().partition(|f| f.path.is_file());
+        found.strays.extend(
+            missing
+                .iter()
+                .map(|f| Stray::file(root, &f.path, format!("{pattern} lists it, but there is no such file"))),
+        );
+        found.lists.push(list);
+        Ok(Some(files))
+    };
+    let images = find("image", &camera.image)?;
+    let depth = find("depth", &camera.depth)?;
+    // TUM's tool allows 20 ms where nothing else is said.
+    let lists = !found.lists.is_empty() && camera.image.is_some() && camera.depth.is_some();
+    let within_s = within_s.or(lists.then_some(0.02));
+    let (Some(images), Some(depth)) = (&images, &depth) else {
+        let are_images = images.is_some();
+        let single = images.or(depth).unwrap_or_default();
+        // Two files of one stem would be two frames of one name.
+        refuse_duplicates(file, &camera.field(if are_images { "image" } else { "depth" }), &single)?;
+        found.frames = single
+            .into_iter()
+            .map(|candidate| {
+                let (image, depth) = if are_images { (Some(&candidate), None) } else { (None, Some(&candidate)) };
+                frame(candidate.stem(), image, depth, candidate.time_s)
+            })
+            .collect();
+        return Ok(found);
+    };
+    let (pairing, pairs) = match within_s {
+        Some(within_s) => {
+            let no_time = |untimed| DatasetError::NoTime { path: file.to_owned(), file: untimed };
+            (Pairing::Time { within_s }, pairing::by_time(images, depth, within_s).map_err(no_time)?)
+        }
+        None => {
+            refuse_duplicates(file, &camera.field("image"), images)?;
+            refuse_duplicates(file, &camera.field("depth"), depth)?;
+            pairing::by_name(images, depth)
+        }
+    };
+    let left = |files: &[Candidate], used: BTreeSet<usize>| -> Vec<PathBuf> {
+        (0..files.len()).filter(|i| !used.contains(i)).map(|i| files[i].path.clone()).collect()
+    };
+    let lone_images = left(images, pairs.iter().map(|pair| pair.1).collect());
+    let lone_depth = left(depth, pairs.iter().map(|pair| pair.2).collect());
+    if pairs.is_empty() {
+        let names = |files: &[PathBuf]| {
+            files.iter().map(|f| f.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
+        };
+        return Err(DatasetError::Unpaired {
+            path: file.to_owned(),
+            images_without_depth: names(&lone_images),
+            depth_without_image: names(&lone_depth),
+        });
+    }
+    found.strays.extend(lone_images.iter().map(|path| Stray::file(root, path, "no depth image pairs with it")));
+    found.strays.extend(lone_depth.iter().map(|path| Stray::file(root, path, "no image pairs with it")));
+    let timed = within_s.is_some();
+    found.frames = pairs
+        .into_iter()
+        .map(|(name, i, d)| {
+            let time_s = if timed { images[i].time_s() } else { None };
+            frame(name, Some(&images[i]), Some(&depth[d]), time_s)
+        })
+        .collect();
+    found.pairing = pairing;
+    Ok(found)
+}
+
+/// Files that match the glob, in natural order.
+pub(super) fn find_files(root: &Path, file: &Path, field: &str, pattern: &str) -> Result<Vec<Candidate>, DatasetError> {
+    let glob_error = |message| DatasetError::Glob {
+        path: file.to_owned(),
+        field: field.to_owned(),
+        pattern: pattern.to_owned(),
+        message,
+    };
+    let Some(folder) = root.to_str() else {
+        return Err(glob_error("the folder's own name is not UTF-8, which no glob can match; rename it".into()));
+    };
+    let inside = within(root, root, Path::new(pattern));
+    let Some(inside) = inside.as_deref().and_then(Path::to_str) else {
+        return Err(glob_error("it leads out of the dataset's folder".into()));
+    };
+    let full = format!("{}/{inside}", glob::Pattern::escape(folder));
+    // Hidden files are temporary or the operating system's; `*` must not match a `/`.
+    let options =
+        glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
+    let paths = glob::glob_with(&full, options).map_err(|error| glob_error(error.to_string()))?;
+
+    let mut files = Vec::new();
+    for path in paths {
+        let path = path.map_err(|error| DatasetError::Read { path: error.path().to_owned(), error: error.into() })?;
+        if path.is_file() {
+            files.push(Candidate { path, time_s: None });
+        }
+    }
+    if files.is_empty() {
+        return Err(DatasetError::NoMatch {
+            path: file.to_owned(),
+            field: field.to_owned(),
+            pattern: pattern.to_owned(),
+        });
+    }
+    files.sort_by(|a, b| natural::compare(&a.stem(), &b.stem()));
+    Ok(files)
+}
+
+fn refuse_duplicates(file: &Path, field: &str, files: &[Candidate]) -> Result<(), DatasetError> {
+    let mut stems = BTreeMap::new();
+    for candidate in files {
+        if let Some(first) = stems.insert(candidate.stem(), candidate.path.clone()) {
+            let second = candidate.path.clone();
+            return Err(DatasetError::DuplicateStem { path: file.to_owned(), field: field.to_owned(), first, second });
+        }
+    }
+    Ok(())
+}
