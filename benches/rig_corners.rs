@@ -138,7 +138,8 @@ fn fit(capture: &RigCapture, repeats: usize) -> Result<Value, Box<dyn Error>> {
         let solved = Adjustment::of_state(&state, true)?.solve_within(1e-13)?;
         adjust.push(begin.elapsed().as_secs_f64());
         adjust_cpus.push(processor_s() - cpu);
-        let squares: f64 = solved.cameras.iter().flat_map(|c| &c.image_residuals).map(|r| (r * WIDE_SIGMA_PX).powi(2)).sum();
+        let squares: f64 =
+            solved.cameras.iter().flat_map(|c| &c.image_residuals).map(|r| (r * WIDE_SIGMA_PX).powi(2)).sum();
         let corners = solved.cameras.iter().map(|c| c.image_residuals.len() / 2).sum::<usize>();
         let place = &solved.cameras[1].camera_from_rig;
         let rotation = place.rotation.scaled_axis();

@@ -79,10 +79,7 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
 /// some tenths.
 fn extrinsics_are_near(truth: &RigTruth, folder: &Folder) {
     let calibration = Calibration::read(folder.path("result/calibration.json")).unwrap();
-    assert_eq!(
-        calibration.cameras().map(|c| c.name.as_str()).collect::<Vec<_>>(),
-        ["infrared", "colour", "depth"]
-    );
+    assert_eq!(calibration.cameras().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["infrared", "colour", "depth"]);
     for (number, (most_deg, most_mm)) in [(1, (0.05, 1.0)), (2, (1.0, 20.0))] {
         let record = &calibration.others[number - 1].camera_from_rig;
         let [w, x, y, z] = record.rotation;

@@ -118,7 +118,7 @@ fn of_numbers(numbers: &IntrinsicNumbers, lens: Option<&str>) -> Intrinsics {
 
 #[cfg(test)]
 mod tests {
-    use depthcal_io::DATASET_FILE;
+    use depthcal_io::{DATASET_FILE, Dataset};
 
     use super::*;
 
@@ -134,7 +134,7 @@ mod tests {
              distortion_coeffs: [0.01, 0.002, 0, 0]\n  resolution: [640, 480]\n",
         )
         .unwrap();
-        let dataset = Dataset::open(folder.path()).unwrap();
+        let dataset = Dataset::open(folder.path()).unwrap().cameras.remove(0);
         declared_camera(&dataset, 640, 480, lens, &Register::builtin())
     }
 

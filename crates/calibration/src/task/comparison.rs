@@ -96,7 +96,7 @@ impl CompareRequest {
         }
         let (folds, frames) = (self.folds, train.frames.len());
         if folds < 2 || (verify.is_empty() && frames < folds) {
-            return Err(TaskError::Folds { names: self.model.names, folds, frames });
+            return Err(TaskError::Folds { names: Box::new(self.model.names), folds, frames });
         }
         let options = CompareOptions {
             models: self.models.clone(),

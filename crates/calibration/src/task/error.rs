@@ -53,7 +53,7 @@ pub enum TaskError {
     )]
     Folds {
         /// Names of the options.
-        names: OptionNames,
+        names: Box<OptionNames>,
         /// The number of parts.
         folds: usize,
         /// The number of frames.

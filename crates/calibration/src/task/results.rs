@@ -20,7 +20,6 @@ pub struct Made {
 
 /// What a report shows.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "there is one of it")]
 pub enum Shown<'a> {
     /// A calibration, an evaluation or a diagnosis, of one camera or of a rig.
     Cameras(ReportInput<'a>),

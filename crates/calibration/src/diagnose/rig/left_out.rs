@@ -19,11 +19,7 @@ pub(super) const DECREASE: f64 = 1e-4;
 /// # Errors
 ///
 /// [`DiagnoseError`] of an adjustment.
-pub(super) fn left_out(
-    models: [&State; 2],
-    camera: usize,
-    folds: usize,
-) -> Result<Option<RigLeftOut>, DiagnoseError> {
+pub(super) fn left_out(models: [&State; 2], camera: usize, folds: usize) -> Result<Option<RigLeftOut>, DiagnoseError> {
     // Sums of squares before and after, and the number of observations, by frame.
     let mut frames: BTreeMap<usize, ([f64; 2], usize)> = BTreeMap::new();
     for fold in 0..folds {
