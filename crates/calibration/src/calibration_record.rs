@@ -13,6 +13,7 @@ use depthcal_statistics::chi_squared_tail;
 use nalgebra::DVector;
 use thiserror::Error;
 
+pub use crate::calibrate::parameter_names;
 use crate::calibrate::{Calibrated, ImplausibleScale, PLAUSIBLE_SCALE_DEVIATION, implausible_scale};
 use crate::judge::evaluate::Evaluated;
 
@@ -148,15 +149,6 @@ pub fn noise_record(result: &Calibrated) -> NoiseRecord {
         correlation_length_px: result.correlation_length_px.map(|c| c as f64),
         other,
     }
-}
-
-/// `PIECE.PARAMETER` of every parameter of a camera, in the order of [`Camera::theta`], and whether it is free.
-pub fn parameter_names(camera: &Camera) -> Vec<(String, bool)> {
-    let of_block = |block: &Block| {
-        let name = |p: &depthcal_model::Parameter| format!("{}.{}", block.name(), p.name);
-        block.parameters().iter().map(name).zip(block.free.iter().copied()).collect::<Vec<_>>()
-    };
-    camera.blocks().iter().flat_map(of_block).collect()
 }
 
 /// The pieces of a camera for a file, with the standard deviation of every parameter in the order of [`Camera::theta`].

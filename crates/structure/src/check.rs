@@ -18,11 +18,18 @@ use crate::test_programs::check_test_programs;
 
 /// Folders that are restructured at the moment: what is wrong with the size, the comments and the names of their files fails
 /// nothing and is listed apart. To become empty.
-const POSTPONED: [&str; 7] = [
+const POSTPONED: [&str; 14] = [
     "crates/calibration",
     "crates/cli",
     "crates/report",
     "crates/python",
+    "crates/io",
+    "crates/oracles",
+    "crates/solver",
+    "benches",
+    "fuzz",
+    "studies",
+    "tests/support",
     // These move, or go.
     "examples",
     "crates/solver/examples",

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use tracing::{info, warn};
 
 use super::error::CalibrateError;
-use super::settle::{Attempt, ROUNDS};
+use super::rules::{Attempt, ROUNDS};
 use crate::adjust::adjustment::AdjustedCamera;
 use crate::adjust::state::CameraState;
 use crate::observe::gross_markers::gross_markers;

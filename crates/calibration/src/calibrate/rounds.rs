@@ -1,7 +1,7 @@
 //! The rounds of [`settle`](super::settle::settle): their number, and the planes of frames, which decide how much depth weighs.
 
 use super::options::CalibrateOptions;
-use super::settle::{Attempt, Rules};
+use super::rules::{Attempt, Rules};
 use crate::adjust::adjustment::Adjustment;
 use crate::adjust::depth_weight::less_predicts_better;
 use crate::adjust::plane_scatter::plane_scatter;

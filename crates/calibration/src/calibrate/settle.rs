@@ -10,20 +10,17 @@ use super::explanation::explained;
 use super::options::CalibrateOptions;
 use super::residuals::{DepthResidual, depth_residuals, drop_outliers};
 use super::rounds::Rounds;
+use super::rules::{Attempt, Freedom, NOISE_SETTLED, Rules};
 use crate::adjust::adjustment::{Adjusted, AdjustedCamera, Adjustment};
 use crate::adjust::frame_information::Curvature;
 use crate::adjust::plane_scatter::covariance_with_planes;
 use crate::adjust::smoothness_selection;
-use crate::adjust::state::{CameraState, State};
+use crate::adjust::state::State;
+use crate::observe::AdjustableFrame;
 use crate::observe::noise::{DepthNoise, NoiseModel, clipped_sigma};
-use crate::observe::{AdjustableFrame, SampledFrame};
 
-/// Rounds of adjustment and noise estimation.
-pub(super) const ROUNDS: usize = 4;
 /// Rounds in which the state is repaired: with the noise that was assumed, and with the one that was found.
 const ROUNDS_WITH_REPAIR: usize = 2;
-/// Relative change of a standard deviation below which the noise has settled.
-const NOISE_SETTLED: f64 = 0.01;
 /// Decrease of the cost by a step below which the first adjustment ends, before the noise is known. What is left is a tenth of that
 /// or less: with the first value below two hundredths of a standard deviation of all parameters together …
 const FIRST_DECREASE: f64 = 1e-3;
@@ -33,59 +30,6 @@ const LAST_DECREASE: f64 = 1e-4;
 const LEAST_PIXEL_SIGMA: f64 = 1e-4;
 /// Nor is inverse depth, 1/mm: a micrometre at 1 m.
 pub(super) const LEAST_INVERSE_DEPTH_SIGMA: f64 = 1e-9;
-
-/// How degrees of freedom are counted where variances are estimated from residuals.
-pub(super) enum Freedom {
-    /// From the covariance of the parameters: n − tr(J Σ Jᵀ).
-    FromCovariance,
-    /// By counting this many parameters of large fields, whose covariance is out of reach. Errs towards more noise.
-    Counted(usize),
-}
-
-/// How often was adjusted.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Attempt {
-    /// Number of the round, from 1.
-    pub round: usize,
-    /// Repairs before this one.
-    pub repairs: usize,
-}
-
-/// A repair of the only camera after an adjustment, given how often was adjusted; true where the round has to
-/// begin anew. It is asked for in the first rounds: later ones hardly change the state.
-pub(super) type Repair<'a, F> =
-    &'a dyn Fn(Attempt, &mut CameraState<F>, &AdjustedCamera) -> Result<bool, CalibrateError>;
-
-/// What a calibration does in each round.
-pub(super) struct Rules<'a, F> {
-    /// Whether depth samples take part.
-    pub with_depth: bool,
-    /// How degrees of freedom are counted.
-    pub freedom: Freedom,
-    /// Rounds up to this one drop outlying samples; the last round keeps them, so that the result belongs to them.
-    pub last_to_drop: usize,
-    /// Rounds after which the result is taken as it is.
-    pub most_rounds: usize,
-    /// Relative change of the depth noise below which it has settled.
-    pub depth_noise_settled: f64,
-    /// Whether the smoothness of the only camera's fields is chosen from the data.
-    pub chooses_smoothness: bool,
-    /// Mends the state first in each round; `None` where there is nothing to mend.
-    pub repair: Option<Repair<'a, F>>,
-}
-
-/// The rules of a joint adjustment whose covariance can be had.
-pub(super) fn joint_rules<'a>() -> Rules<'a, SampledFrame> {
-    Rules {
-        with_depth: true,
-        freedom: Freedom::FromCovariance,
-        last_to_drop: ROUNDS - 1,
-        most_rounds: ROUNDS,
-        depth_noise_settled: 2.0 * NOISE_SETTLED,
-        chooses_smoothness: true,
-        repair: None,
-    }
-}
 
 /// A settled adjustment: the state is that of its last adjustment.
 pub(super) struct Settled<F> {

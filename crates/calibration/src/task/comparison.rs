@@ -7,8 +7,9 @@ use depthcal_io::{Comparison, FileError};
 use depthcal_model::ModelSpec;
 
 use super::error::TaskError;
+use super::made::Made;
 use super::model_request::ModelRequest;
-use super::results::{Made, Results, Shown};
+use super::results::{Results, Shown};
 use crate::calibrate::rig::calibrate_rig;
 use crate::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use crate::compare::{CompareOptions, compare};

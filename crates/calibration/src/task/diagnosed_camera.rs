@@ -9,8 +9,9 @@ use depthcal_model::Register;
 
 use super::evaluated::{evaluation_of, of_camera};
 use super::fit::write_calibration;
+use super::made::Made;
 use super::report_input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
-use super::results::{Made, Results, Shown};
+use super::results::{Results, Shown};
 use crate::calibration_record::calibration_record;
 use crate::diagnose::Diagnosis;
 use crate::diagnose::record::to_file;

@@ -9,9 +9,10 @@ use depthcal_model::Register;
 
 use super::diagnosed_camera::{CameraInRig, DiagnosedCamera};
 use super::error::TaskError;
+use super::made::Made;
 use super::model_request::ModelRequest;
 use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
-use super::results::{Made, Results, Shown};
+use super::results::{Results, Shown};
 use super::rig_diagnosis::{DiagnosedRig, camera_record};
 use crate::calibrate::{CalibrateError, CalibrateOptions};
 use crate::diagnose::rig::{RigDiagnoseOptions, diagnose_rig};

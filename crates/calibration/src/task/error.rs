@@ -7,8 +7,8 @@ use depthcal_io::FileError;
 use depthcal_model::RegisterError;
 use thiserror::Error;
 
-use super::evaluation::UnlikeCalibration;
-use super::model_request::OptionNames;
+use super::option_names::OptionNames;
+use super::unlike_calibration::UnlikeCalibration;
 use crate::calibrate::CalibrateError;
 use crate::diagnose::DiagnoseError;
 use crate::load::{DeclaredCameraError, LoadError};

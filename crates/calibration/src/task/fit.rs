@@ -9,10 +9,11 @@ use tracing::warn;
 
 use super::error::TaskError;
 use super::evaluated::{evaluation_of, extend, of_camera};
+use super::made::Made;
 use super::model_request::ModelRequest;
 use super::prior::prior_for;
 use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
-use super::results::{Made, Results, Shown};
+use super::results::{Results, Shown};
 use crate::calibrate::rig::{RigCalibrated, calibrate_rig};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::calibration_record::calibration_record;

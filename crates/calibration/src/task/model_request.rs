@@ -5,6 +5,7 @@ use depthcal_io::DatasetCamera;
 use depthcal_model::{ModelSpec, PieceSpec, Register};
 
 use super::error::TaskError;
+use super::option_names::OptionNames;
 use crate::calibrate::rig::{EffectOf, HeldOf, RigOptions};
 use crate::calibrate::{CalibrateOptions, HeldParameter};
 use crate::load::{Loaded, LoadedCamera, declared_camera};
@@ -32,52 +33,6 @@ pub const LENSES: [&str; 12] = [
 pub fn lens_of(asked: Option<&str>, dataset: &DatasetCamera) -> String {
     let declared = dataset.camera.as_ref().and_then(|camera| camera.lens.as_deref());
     asked.or(declared).unwrap_or("brown-conrady").to_owned()
-}
-
-/// How the user of a program writes its options; for messages.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OptionNames {
-    /// The depth model.
-    pub model: &'static str,
-    /// Further effects.
-    pub with: &'static str,
-    /// The estimator.
-    pub estimator: &'static str,
-    /// Frames that are held out.
-    pub hold_out: &'static str,
-    /// The parts of a cross-validation that judges a fit.
-    pub cross_validate: &'static str,
-    /// The prior of a fleet.
-    pub prior: &'static str,
-    /// The parts of a cross-validation of a search or a comparison.
-    pub folds: &'static str,
-    /// Other datasets on which errors are reported.
-    pub verify: &'static str,
-}
-
-impl OptionNames {
-    /// Those of the command line.
-    pub const COMMAND_LINE: Self = Self {
-        model: "--model",
-        with: "--with",
-        estimator: "--estimator",
-        hold_out: "--hold-out",
-        cross_validate: "--cross-validate",
-        prior: "--prior",
-        folds: "--folds",
-        verify: "--verify",
-    };
-    /// Those of functions.
-    pub const ARGUMENTS: Self = Self {
-        model: "model",
-        with: "effects",
-        estimator: "estimator",
-        hold_out: "hold_out",
-        cross_validate: "cross_validate",
-        prior: "prior",
-        folds: "folds",
-        verify: "verify",
-    };
 }
 
 /// The model that is asked for, in words.

@@ -3,7 +3,7 @@
 use depthcal_io::{CameraDiagnosis, Diagnosis};
 use depthcal_model::Register;
 
-use super::results::Made;
+use super::made::Made;
 use crate::calibrate::Calibrated;
 use crate::judge::evaluate::Evaluated;
 use crate::judge::rig::EvaluatedRig;

@@ -5,18 +5,9 @@ use std::path::{Path, PathBuf};
 use depthcal_formula::FormulaEffect;
 use depthcal_io::{Comparison, FileError, Fleet, Prior};
 
+use super::made::Made;
 use super::report_input::ReportInput;
 use crate::calibrate::Calibrated;
-use crate::stage_clock::StageTimes;
-
-/// How results were made.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Made {
-    /// The command line, or the call.
-    pub command_line: String,
-    /// The time of every stage before the report; nothing is shown where there are none.
-    pub stages: StageTimes,
-}
 
 /// What a report shows.
 #[derive(Debug)]

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use crate::calibrate::settle::{Settled, joint_rules, settle};
+use crate::calibrate::rules::joint_rules;
+use crate::calibrate::settle::{Settled, settle};
 use crate::calibrate::{CalibrateOptions, Calibrated, check_invertible};
 use nalgebra::DMatrix;
 

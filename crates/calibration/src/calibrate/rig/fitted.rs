@@ -85,7 +85,7 @@ impl RigCalibrated {
             if camera.time_offset.is_some() {
                 names.push((format!("{}/time_offset.dt", camera.name), true));
             }
-            let own = crate::calibration_record::parameter_names(&camera.calibrated.camera);
+            let own = crate::calibrate::parameter_names(&camera.calibrated.camera);
             names.extend(own.into_iter().map(|(name, free)| (format!("{}/{name}", camera.name), free)));
         }
         names
