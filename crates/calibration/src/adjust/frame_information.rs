@@ -18,7 +18,7 @@ use super::smoothness_selection::FrameInformation;
 pub enum Curvature {
     /// Of the reweighted squares that the solver minimises in each step: always definite.
     OfWeights,
-    /// Of the loss itself, which is zero beyond [`HUBER`]: what tells how the optimum moves with the data.
+    /// Of the loss itself, which is zero beyond three standard deviations: what tells how the optimum moves with the data.
     OfLoss,
 }
 

@@ -95,7 +95,7 @@ pub struct RigDiagnosis {
 ///
 /// # Errors
 ///
-/// [`DiagnoseError`] of the calibrations, [`DiagnoseError::Diagnose`] of a camera's loop, [`DiagnoseError::NoDepth`] where no camera has depth.
+/// [`DiagnoseError`] of the calibrations, [`DiagnoseError::Camera`] of a camera's loop, [`DiagnoseError::NoDepth`] where no camera has depth.
 pub fn diagnose_rig(
     capture: &RigCapture,
     verify: Option<&RigCapture>,
