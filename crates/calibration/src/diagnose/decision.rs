@@ -42,12 +42,12 @@ pub enum Decision {
         free: usize,
         /// Share of the competitor that the best named effects explain.
         explained: f64,
-        /// What named effects were compared with.
+        /// The competitor.
         competitor: Competitor,
     },
 }
 
-/// What named effects have to explain most of.
+/// A competitor of named effects: they have to explain most of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Competitor {
     /// The best free function of a covariate.
@@ -56,139 +56,177 @@ pub enum Competitor {
     FramePlanes,
 }
 
-/// Decides on an examination and on the planes by which single frames deviate from the same model.
-///
-/// Candidates explaining less than `least_share` of the cost are ignored; effects with a name in `rejected` are not proposed
-/// again, and those at the places `refuted` explain nothing.
+/// Effects that a decision must not propose.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct RuledOut<'a> {
+    /// Names of effects that were tried in vain: they are not proposed again, but count among those that explain the residuals.
+    pub rejected: &'a [String],
+    /// Places of effects that explain nothing.
+    pub refuted: &'a [usize],
+}
+
+impl RuledOut<'_> {
+    fn is_rejected(&self, evidence: &Evidence) -> bool {
+        self.rejected.contains(&evidence.name)
+    }
+}
+
+/// Decides on an examination and on the planes by which single frames deviate from the same model. Candidates explaining less
+/// than `least_share` of the cost are ignored.
 pub fn decide(
     examination: &Examination,
     planes: &[FramePlane],
     least_share: f64,
-    rejected: &[String],
-    refuted: &[usize],
+    ruled_out: RuledOut<'_>,
     thresholds: &Thresholds,
 ) -> Decision {
-    let all = &examination.evidence;
-    let free_count = examination.free_functions().count();
-    let effects: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_none() && !refuted.contains(i)).collect();
-    let free: Vec<usize> = (0..all.len()).filter(|i| all[*i].along.is_some()).collect();
-    let least = least_share * examination.cost();
-    let is_significant =
-        |e: &Evidence, tests: usize| significant(e.p_value, tests, &e.gains, thresholds) && merit(e) > least;
-    let mut significant_free: Vec<usize> =
-        free.iter().copied().filter(|i| is_significant(&all[*i], free_count)).collect();
-    significant_free.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
-    let best_free = significant_free.first().copied();
-    let ranked = ranked(examination, &effects, rejected);
-    let named = ranked.iter().copied().find(|i| is_significant(&all[*i], examination.tests));
-    let Some(first) = named else {
-        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained {
-            free,
-            explained: 0.0,
-            competitor: Competitor::FreeFunction,
-        });
-    };
-    let mut selected = SelectedEffects::stepwise(examination, &effects, first, thresholds);
-    // An effect that was rejected is added jointly with another one at most: the first that was not tried moves to the front.
-    let untried = selected.members.iter().position(|i| !rejected.contains(&all[*i].name));
-    selected.members[..=untried.unwrap_or(0)].rotate_right(1);
-    let excluded: Vec<usize> =
-        (0..all.len()).filter(|i| refuted.contains(i) || rejected.contains(&all[*i].name)).collect();
-    let first = in_own_form(examination, selected.members[0], &selected.members, &excluded, thresholds);
-    selected.members[0] = first;
-    // The largest gain that a free function adds to the selected effects.
-    let explained = selected.gain();
-    let left = free
-        .iter()
-        .copied()
-        .map(|i| {
-            let added = added_gains(examination, i, &selected.members, &selected.gains);
-            let p_value = score_given(examination, i, &selected.members).1;
-            let counts = significant(p_value, free_count, &added, thresholds);
-            (i, if counts { added.iter().sum::<f64>() } else { 0.0 })
-        })
-        .max_by(|a, b| a.1.total_cmp(&b.1));
-    let not_told_apart = |first: usize, selected: &[usize]| -> Vec<String> {
-        let places = indistinguishable(examination, first, selected, thresholds);
-        places.into_iter().map(|i| all[i].name.clone()).collect()
-    };
-    let mut share = 1.0;
+    let candidates = Candidates::new(examination, ruled_out, least_share, thresholds);
+    let best_free = candidates.significant_free.first().copied();
     // The gain of the frames' planes, half of χ² less its three degrees of freedom: an effect that is present takes it up.
-    let own_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
-    let with_unexplained = |free: usize, explained: f64, competitor: Competitor| match robust_effect(
-        examination,
-        &ranked,
-        &significant_free,
-        least,
-        thresholds,
-    ) {
+    let of_all_planes: f64 = planes.iter().map(|p| 0.5 * (p.statistic - 3.0)).sum();
+    let Some(selected) = candidates.selected(ruled_out) else {
+        let (explained, competitor) = (0.0, Competitor::FreeFunction);
+        return best_free.map_or(Decision::Nothing, |free| Decision::Unexplained { free, explained, competitor });
+    };
+    let despite_unexplained = |free: usize, explained: f64, competitor: Competitor| match candidates.robust_effect() {
         Some(effect) => Decision::Add {
             effect,
             jointly_with: Vec::new(),
-            indistinguishable: not_told_apart(effect, &[effect]),
+            indistinguishable: candidates.not_told_apart(&[effect]),
             explained,
-            of_planes: 0.5 * all[effect].score.statistic / own_planes.max(f64::MIN_POSITIVE),
+            of_planes: 0.5 * examination.evidence[effect].score.statistic / of_all_planes.max(f64::MIN_POSITIVE),
             leaves_unexplained: true,
         },
         None => Decision::Unexplained { free, explained, competitor },
     };
-    if let Some((free, left)) = left {
+    let explained = selected.gain();
+    let mut share = 1.0;
+    if let Some((free, left)) = candidates.largest_free_function_beside(&selected) {
         share = explained / (explained + left);
         if share < thresholds.least_explained {
-            return with_unexplained(best_free.unwrap_or(free), share, Competitor::FreeFunction);
+            return despite_unexplained(best_free.unwrap_or(free), share, Competitor::FreeFunction);
         }
     }
     // Standard deviation of half the sum of χ² with three degrees of freedom each.
     let scatter = 0.5 * (6.0 * planes.len() as f64).sqrt();
-    let of_planes = 0.5 * selected.statistic / (own_planes - thresholds.plane_scatter * scatter).max(f64::MIN_POSITIVE);
+    let excess = (of_all_planes - thresholds.plane_scatter * scatter).max(f64::MIN_POSITIVE);
+    let of_planes = 0.5 * selected.statistic / excess;
     if of_planes < thresholds.least_explained_of_planes {
-        let free = best_free.unwrap_or_else(|| free[0]);
-        return with_unexplained(free, of_planes, Competitor::FramePlanes);
+        let free = best_free.unwrap_or_else(|| candidates.free[0]);
+        return despite_unexplained(free, of_planes, Competitor::FramePlanes);
     }
     Decision::Add {
-        effect: first,
+        effect: selected.members[0],
         jointly_with: selected.members[1..].to_vec(),
-        indistinguishable: not_told_apart(first, &selected.members),
+        indistinguishable: candidates.not_told_apart(&selected.members),
         explained: share,
         of_planes,
         leaves_unexplained: false,
     }
 }
 
-/// Effects by falling penalised merit, without those that were rejected.
-fn ranked(examination: &Examination, effects: &[usize], rejected: &[String]) -> Vec<usize> {
-    let all = &examination.evidence;
-    let mut ranked: Vec<usize> = effects.iter().copied().filter(|i| !rejected.contains(&all[*i].name)).collect();
-    ranked.sort_by(|a, b| penalized_merit(examination, *b).total_cmp(&penalized_merit(examination, *a)));
-    ranked
+/// The candidates of an examination in groups, by their places.
+struct Candidates<'a> {
+    examination: &'a Examination,
+    thresholds: &'a Thresholds,
+    /// Effects that are not refuted.
+    effects: Vec<usize>,
+    /// Those of them that were not rejected, by falling penalised merit.
+    ranked: Vec<usize>,
+    /// Free functions.
+    free: Vec<usize>,
+    /// Those of them that are significant, by falling merit.
+    significant_free: Vec<usize>,
+    /// Merit that a candidate must exceed.
+    least: f64,
 }
 
-/// The first of the `ranked` effects that holds although something is unexplained: it is significant by the scatter of its
-/// score between frames, which is valid however residuals within a frame are correlated, and it keeps its gain when fitted
-/// jointly with each of the strongest free functions (`free`, by falling merit), unless the function adds little to it.
-fn robust_effect(
-    examination: &Examination,
-    ranked: &[usize],
-    free: &[usize],
-    least: f64,
-    thresholds: &Thresholds,
-) -> Option<usize> {
-    let Thresholds { least_kept_gain, least_explained, .. } = *thresholds;
-    let (lin, all) = (&examination.linearization, &examination.evidence);
-    let least = least.max(thresholds.least_named_share * examination.cost());
-    let competitors = &free[..free.len().min(thresholds.most_competing_functions)];
-    ranked.iter().copied().find(|candidate| {
-        let effect = &all[*candidate];
-        let own = effect.gain();
-        significant(effect.p_value, examination.tests, &effect.gains, thresholds)
-            && merit(effect) > least
-            && effect.score.clustered_p_value * (examination.tests as f64) < thresholds.clustered_level
-            && competitors.iter().map(|i| &all[*i]).all(|competitor| {
-                let joint: f64 = lin.held_out_gain(&[competitor.index, effect.index]).iter().sum();
-                joint - competitor.gain() > least_kept_gain * own
-                    || (joint - own) * least_explained < own * (1.0 - least_explained)
-            })
-    })
+impl<'a> Candidates<'a> {
+    fn new(
+        examination: &'a Examination,
+        ruled_out: RuledOut<'_>,
+        least_share: f64,
+        thresholds: &'a Thresholds,
+    ) -> Self {
+        let all = &examination.evidence;
+        let is_free = |i: &usize| all[*i].along.is_some();
+        let (free, effects): (Vec<usize>, Vec<usize>) = (0..all.len()).partition(is_free);
+        let effects: Vec<usize> = effects.into_iter().filter(|i| !ruled_out.refuted.contains(i)).collect();
+        let mut ranked: Vec<usize> = effects.iter().copied().filter(|i| !ruled_out.is_rejected(&all[*i])).collect();
+        ranked.sort_by(|a, b| penalized_merit(examination, *b).total_cmp(&penalized_merit(examination, *a)));
+        let least = least_share * examination.cost();
+        let mut candidates =
+            Self { examination, thresholds, effects, ranked, free, significant_free: Vec::new(), least };
+        let tests = candidates.free.len();
+        let mut significant_free: Vec<usize> =
+            candidates.free.iter().copied().filter(|i| candidates.is_significant(*i, tests)).collect();
+        significant_free.sort_by(|a, b| merit(&all[*b]).total_cmp(&merit(&all[*a])));
+        candidates.significant_free = significant_free;
+        candidates
+    }
+
+    fn is_significant(&self, candidate: usize, tests: usize) -> bool {
+        let evidence = &self.examination.evidence[candidate];
+        significant(evidence.p_value, tests, &evidence.gains, self.thresholds) && merit(evidence) > self.least
+    }
+
+    /// The effects that explain the residuals together, the one to be tried first in front. `None` where no effect is
+    /// significant.
+    fn selected(&self, ruled_out: RuledOut<'_>) -> Option<SelectedEffects> {
+        let (examination, all) = (self.examination, &self.examination.evidence);
+        let first = self.ranked.iter().copied().find(|i| self.is_significant(*i, examination.tests))?;
+        let mut selected = SelectedEffects::stepwise(examination, &self.effects, first, self.thresholds);
+        // An effect that was rejected is added jointly with another one at most: the first that was not tried moves to the front.
+        let untried = selected.members.iter().position(|i| !ruled_out.is_rejected(&all[*i]));
+        selected.members[..=untried.unwrap_or(0)].rotate_right(1);
+        let is_excluded = |i: &usize| ruled_out.refuted.contains(i) || ruled_out.is_rejected(&all[*i]);
+        let excluded: Vec<usize> = (0..all.len()).filter(is_excluded).collect();
+        let first = selected.members[0];
+        selected.members[0] = in_own_form(examination, first, &selected.members, &excluded, self.thresholds);
+        Some(selected)
+    }
+
+    /// The free function with the largest gain that it adds to the selected effects, with this gain; 0 where it is not
+    /// significant.
+    fn largest_free_function_beside(&self, selected: &SelectedEffects) -> Option<(usize, f64)> {
+        let added = |i: usize| {
+            let added = added_gains(self.examination, i, &selected.members, &selected.gains);
+            let p_value = score_given(self.examination, i, &selected.members).1;
+            let counts = significant(p_value, self.free.len(), &added, self.thresholds);
+            (i, if counts { added.iter().sum::<f64>() } else { 0.0 })
+        };
+        self.free.iter().copied().map(added).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Names of the effects that cannot be distinguished from the first of the selected ones.
+    fn not_told_apart(&self, selected: &[usize]) -> Vec<String> {
+        let places = indistinguishable(self.examination, selected[0], selected, self.thresholds);
+        places.into_iter().map(|i| self.examination.evidence[i].name.clone()).collect()
+    }
+
+    /// The first of the ranked effects that holds although something is unexplained: it is significant by the scatter of its
+    /// score between frames, which is valid however residuals within a frame are correlated, and it keeps its gain when fitted
+    /// jointly with each of the strongest free functions, unless the function adds little to it.
+    fn robust_effect(&self) -> Option<usize> {
+        let Self { examination, thresholds, .. } = self;
+        let Thresholds { least_kept_gain, least_explained, .. } = **thresholds;
+        let (lin, all) = (&examination.linearization, &examination.evidence);
+        let least = self.least.max(thresholds.least_named_share * examination.cost());
+        let free = &self.significant_free;
+        let competitors = &free[..free.len().min(thresholds.most_competing_functions)];
+        self.ranked.iter().copied().find(|candidate| {
+            let effect = &all[*candidate];
+            let gain = effect.gain();
+            significant(effect.p_value, examination.tests, &effect.gains, thresholds)
+                && merit(effect) > least
+                && effect.score.clustered_p_value * (examination.tests as f64) < thresholds.clustered_level
+                && competitors.iter().map(|i| &all[*i]).all(|competitor| {
+                    let joint: f64 = lin.held_out_gain(&[competitor.index, effect.index]).iter().sum();
+                    joint - competitor.gain() > least_kept_gain * gain
+                        || (joint - gain) * least_explained < gain * (1.0 - least_explained)
+                })
+        })
+    }
 }
 
 /// The effects that these captures cannot distinguish from effect `first`, without the `selected` ones.
@@ -209,9 +247,9 @@ fn indistinguishable(
         .collect()
 }
 
-/// The effect `first`, or another that cannot be distinguished from it and acts in the form of its own equation where `first` does not:
-/// a range offset as a factor of depth is a radial range, and the latter is the simpler name. Not one of more parameters; of several the
-/// one with the largest merit; none of the `excluded`.
+/// The effect `first`, or another that cannot be distinguished from it and acts in the form of its own equation where `first`
+/// does not: a range offset as a factor of depth is a radial range, and the latter is the simpler name. Not one of more
+/// parameters; of several the one with the largest merit; none of the `excluded`.
 fn in_own_form(
     examination: &Examination,
     first: usize,

@@ -19,40 +19,40 @@ pub struct HeldOut {
     pub errors: HeldOutErrors,
     /// Errors frame by frame, each frame left out together with others from all over the capture.
     pub evaluated: Arc<Evaluated>,
-    /// The same with blocks of consecutive frames left out; `None` where another dataset verifies, and of models with fields.
+    /// Errors with blocks of consecutive frames left out; `None` where another dataset verifies, and of models with fields.
     pub blocks: Option<Arc<Evaluated>>,
 }
 
 impl HeldOut {
-    /// The same without single pixels, for a model that is no longer compared with others.
+    /// A copy without single pixels, for a model that is no longer compared with others.
     pub(super) fn without_pixels(&self) -> Self {
         Self { errors: self.errors, evaluated: self.evaluated.without_pixels().into(), blocks: None }
     }
 }
 
-/// What a change of the model brings on held-out frames.
+/// The gain of a change of the model on held-out frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Gain {
     /// The error falls for certain.
     Certain,
-    /// It falls, but this may be chance; or an error that users read rises. The fall is the less certain one of those with frames left out
-    /// singly and in blocks.
+    /// It falls, but this may be chance; or an error that users read rises. The fall is the less certain one of those with frames
+    /// left out singly and in blocks.
     Possible(GainInterval),
     /// It does not fall.
     None,
 }
 
-/// What the model `after` brings over the model `before`.
+/// The gain of the model `after` over the model `before`.
 ///
-/// Counted are the changes in per cent of the depth error weighted by `noise` and of the reprojection error, together: a loss
-/// in one cancels a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, or that of the fall
-/// of the unweighted depth error, with frames left out singly and in blocks: neighbours of a sweep are alike. No error that users
-/// read, unweighted depth and dot error, may rise beyond its interval; a rise of unweighted depth, which far pixels dominate,
-/// that is larger than the gain is none that chance excuses.
+/// Counted are the changes in per cent of the depth error weighted by `noise` and of the reprojection error, together: a loss in
+/// one cancels a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, or that of the fall of
+/// the unweighted depth error, with frames left out singly and in blocks: neighbours of a sweep are alike. No error that users
+/// read, unweighted depth and dot error, may rise beyond its interval. A rise of the unweighted depth error, which far pixels
+/// dominate, that is larger than the weighted gain makes the gain uncertain.
 ///
-/// Of an effect of time (`of_time`) a block of consecutive frames is an extrapolation: there the error must not rise, but need not fall
-/// for certain. Instead the fall with frames left out singly must be certain over blocks of frames, not only over frames: it must not come
-/// from one stretch of the recording.
+/// Of an effect of time (`of_time`) a block of consecutive frames is an extrapolation: there the error must not rise, but need
+/// not fall for certain. Instead the fall with frames left out singly must be certain over blocks of frames, not only over
+/// frames: it must not come from one stretch of the recording.
 pub(super) fn gain(
     before: &HeldOut,
     after: &HeldOut,
@@ -60,10 +60,10 @@ pub(super) fn gain(
     of_time: bool,
     thresholds: &Thresholds,
 ) -> Gain {
-    let of = |b: &Evaluated, a: &Evaluated| weighted_gain_percent(b, a, noise);
-    let singly = of(&before.evaluated, &after.evaluated);
+    let weighted = |b: &Evaluated, a: &Evaluated| weighted_gain_percent(b, a, noise);
+    let singly = weighted(&before.evaluated, &after.evaluated);
     let blocks = before.blocks.as_ref().zip(after.blocks.as_ref());
-    let in_blocks = blocks.and_then(|(b, a)| of(b, a));
+    let in_blocks = blocks.and_then(|(b, a)| weighted(b, a));
     let falls_in_blocks = in_blocks.is_none_or(|g| g.value > 0.0);
     let over_blocks =
         of_time.then(|| weighted_gain_of_blocks_percent(&before.evaluated, &after.evaluated, noise)).flatten();

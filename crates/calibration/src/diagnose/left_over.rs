@@ -45,19 +45,19 @@ impl LeftOver {
     }
 
     /// A function of two covariates.
-    pub(super) fn together(found: &CovariateSet) -> Self {
-        let covariates = found.covariates.iter().map(|c| c.name().to_owned()).collect();
-        Self::Together { covariates, share_of_cost: found.share_of_cost }
+    pub(super) fn together(set: &CovariateSet) -> Self {
+        let covariates = set.covariates.iter().map(|c| c.name().to_owned()).collect();
+        Self::Together { covariates, share_of_cost: set.share_of_cost }
     }
 
-    /// What frames share, where it is large enough to matter and no free function of the same covariate is `known`: the largest
-    /// one, since what depends on one covariate depends on others in part.
-    pub(super) fn shared(found: &PureError, known: &[Self], thresholds: &Thresholds) -> Option<Self> {
+    /// The largest residual that frames share, where it is large enough to matter and no free function of the same covariate is
+    /// `known`. Only the largest: a residual that depends on one covariate depends on others in part.
+    pub(super) fn shared(pure_error: &PureError, known: &[Self], thresholds: &Thresholds) -> Option<Self> {
         let is_known = |along: &[Along]| {
             known.iter().any(|k| matches!(k, Self::FreeFunction { along: other, .. } if along == [*other]))
         };
-        let largest = found.shared.first().filter(|s| !is_known(&s.along))?;
-        let least = thresholds.least_shared_share.sqrt() * found.residual_mm;
+        let largest = pure_error.shared.first().filter(|s| !is_known(&s.along))?;
+        let least = thresholds.least_shared_share.sqrt() * pure_error.residual_mm;
         (largest.size_mm > least).then(|| Self::Shared(largest.clone()))
     }
 

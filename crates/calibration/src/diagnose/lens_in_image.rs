@@ -6,44 +6,15 @@
 
 use std::iter::once;
 
+use depthcal_model::Register;
 use depthcal_model::hook::HookKind;
-use depthcal_model::{PieceSpec, Register};
 use depthcal_solver::score::ScoreError;
 
-use super::augmented_model::{AugmentedModel, Fitted};
 use super::candidate_blocks::{CandidateBlock, linearize_images};
-use super::error::DiagnoseError;
 use super::evidence::{Evidence, difference};
 use super::merit::significant;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
-
-impl AugmentedModel<'_> {
-    /// Removes the effects of the lens that were added and that images alone do not show, each given the others, and fits the model without
-    /// them. Returns the specs of the removed ones.
-    ///
-    /// # Errors
-    ///
-    /// [`DiagnoseError`] where the model without them cannot be fitted or examined.
-    pub(super) fn remove_hidden_lens_effects(&mut self, present: &mut Fitted) -> Result<Vec<PieceSpec>, DiagnoseError> {
-        let (register, thresholds) = (&self.declared().register, self.thresholds());
-        let mut hidden = Vec::new();
-        let of_lens = self.added.iter().map(|added| &added.evidence).filter(|e| e.block.hook() == HookKind::Lens);
-        for effect in of_lens {
-            let camera = present.fit.camera.filtered(|block| block.name() != effect.name);
-            let without = Calibrated { camera, ..present.fit.clone() };
-            if !shows_in_images(&without, register, effect, &[], thresholds)? {
-                hidden.push(effect.spec.clone());
-            }
-        }
-        if !hidden.is_empty() {
-            self.added.retain(|added| !hidden.contains(&added.evidence.spec));
-            *present = self.fitted(&self.present())?;
-            self.update_errors(0, &present.held_out)?;
-        }
-        Ok(hidden)
-    }
-}
 
 /// Whether an effect is significant in the markers alone, given those of the `others` that act on the lens; true of effects at other hooks.
 ///

@@ -13,9 +13,8 @@
 //! | scores of all effects, for fleets | [`effect_scores`] |
 //! | effects that explain the residuals together | `stepwise_selection` |
 //! | the decision: which effect to add, if any | [`decision`] |
-//! | fits with effects added and removed | `augmented_model` |
 //! | effects that are not certain | `possible` |
-//! | the loop | [`diagnose`] |
+//! | the loop: its state and its steps | [`diagnose`], `closed_loop` |
 //! | what frames share, and pure error | [`pure_error`] |
 //! | captures that would answer open questions | [`experiment_design`] |
 //! | effects that these captures can distinguish | [`separability`] |
@@ -24,8 +23,8 @@
 //!
 //! Every threshold of the rules is in [`Thresholds`]. Findings are data; `depthcal-report` words them.
 
+mod added_effect;
 mod along;
-mod augmented_model;
 pub mod bad_frames;
 mod candidate_blocks;
 pub mod candidates;
@@ -38,13 +37,14 @@ mod error;
 pub mod evidence;
 pub mod examination;
 pub mod experiment_design;
-mod frame_exclusion;
 pub mod frame_planes;
 pub mod free_functions;
 mod free_map;
 mod held_out;
 mod left_over;
 mod lens_in_image;
+#[cfg(test)]
+mod linear_examination;
 pub mod merit;
 mod modulation_search;
 pub mod observed_states;

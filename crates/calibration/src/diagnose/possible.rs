@@ -34,13 +34,13 @@ mod tests {
 
     #[test]
     fn frames_that_would_settle_it() {
-        let of = |low| {
+        let further_frames = |low| {
             let gain = GainInterval { value: 1.0, low, high: 3.0 };
             Possible::new(PieceSpec::new("range_offset"), gain, 20).further_frames
         };
         // Twice the half width: four times the frames.
-        assert_eq!(of(-1.0), Some(60));
-        assert_eq!(of(0.1), None, "certain already");
+        assert_eq!(further_frames(-1.0), Some(60));
+        assert_eq!(further_frames(0.1), None, "certain already");
         let gain = GainInterval { value: -1.0, low: -2.0, high: 0.0 };
         assert_eq!(Possible::new(PieceSpec::new("range_offset"), gain, 20).further_frames, None);
     }

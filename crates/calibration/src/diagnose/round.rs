@@ -1,4 +1,4 @@
-//! The rounds of the loop: what was tested, what was decided, and what came of it.
+//! The rounds of the loop: tests, decision and outcome.
 
 use depthcal_model::PieceSpec;
 
@@ -18,7 +18,7 @@ pub struct Round {
     pub decision: Decision,
     /// Effects that the decision disregards.
     pub refuted: Vec<Refuted>,
-    /// What came of the decision; `None` where nothing is missing.
+    /// The outcome; `None` where nothing is missing.
     pub outcome: Option<RoundOutcome>,
 }
 
@@ -45,7 +45,7 @@ pub enum Refutation {
     NotInImages,
 }
 
-/// What came of a decision.
+/// The outcome of a decision.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RoundOutcome {
     /// Effects are added.
@@ -72,19 +72,19 @@ pub enum RoundOutcome {
         /// Number of effects rejected since the last one was added.
         rejected: usize,
     },
-    /// What no named effect explains is reported.
+    /// The structure that no named effect explains is reported.
     Reported,
     /// Effects of the lens that were added before are removed: something else is unexplained, and images alone do not show them.
     TakenOut {
         /// Their specifications.
         effects: Vec<PieceSpec>,
     },
-    /// What no named effect explains is corrected by a free map.
+    /// The structure that no named effect explains is corrected by a free map.
     FreeMapAdded {
         /// The form of the map.
         map: PieceSpec,
     },
-    /// What was found is too small: effects to be tried, or what no named effect explains to be reported.
+    /// The evidence is too small: for effects to be tried, or for structure that no named effect explains to be reported.
     Negligible {
         /// Its merit over the cost.
         share_of_cost: f64,

@@ -5,7 +5,7 @@ use std::ops::Range;
 use depthcal_io::{DiagnosisParameter, DiagnosisPlace, GainInterval, HeldOutErrors, Interval};
 use depthcal_model::{Block, PieceSpec, Placement};
 
-use super::augmented_model::{AddedEffect, AugmentedModel};
+use super::added_effect::AddedEffect;
 use super::error::DiagnoseError;
 use super::free_map::FREE_MAP;
 use super::held_out::HeldOut;
@@ -48,13 +48,9 @@ pub struct Step {
 /// # Errors
 ///
 /// [`DiagnoseError::NotFitted`] where the fit lacks one of them.
-pub(super) fn steps(
-    model: &AugmentedModel<'_>,
-    declared: &HeldOut,
-    fit: &Calibrated,
-) -> Result<Vec<Step>, DiagnoseError> {
+pub(super) fn steps(added: &[AddedEffect], declared: &HeldOut, fit: &Calibrated) -> Result<Vec<Step>, DiagnoseError> {
     let states = ObservedStates::of(fit);
-    let befores = std::iter::once(declared).chain(model.added.iter().map(|a| &a.after));
+    let befores = std::iter::once(declared).chain(added.iter().map(|a| &a.after));
     let step = |(added, before): (&AddedEffect, &HeldOut)| {
         let name = &added.evidence.name;
         // The free map's parameters name no cause, and D takes up a part of its values: its size is that without this part.
@@ -80,7 +76,7 @@ pub(super) fn steps(
             gain_percent: depth_gain_percent(&before.evaluated, &added.after.evaluated),
         })
     };
-    model.added.iter().zip(befores).map(step).collect()
+    added.iter().zip(befores).map(step).collect()
 }
 
 /// Place and form in which a piece acts on depth; `None` for pieces that have none.
@@ -109,55 +105,4 @@ fn fitted_parameters(fit: &Calibrated, range: Range<usize>, block: &Block) -> Ve
         std: *std,
     })
     .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
-
-    use super::super::examination::examine;
-    use super::super::options::DiagnoseOptions;
-    use super::*;
-    use crate::simulated;
-
-    #[test]
-    fn unnecessary_effects_are_removed_and_the_others_kept() {
-        let effect = Effect::new("cyclic_depth", 4.0).unwrap();
-        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[effect], 5);
-        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
-        let options = DiagnoseOptions::default();
-        let register = &options.calibrate.register;
-        let mut model = AugmentedModel::new(capture, None, &options);
-        let first = model.fitted(&model.present()).unwrap();
-        let examination = examine(&first.fit, register, &options.thresholds).unwrap();
-        let found = |name: &str| {
-            let evidence = examination.effects().find(|e| e.name == name).unwrap().clone();
-            let effects = vec![name.to_owned()];
-            AddedEffect {
-                evidence,
-                effects,
-                indistinguishable: Vec::new(),
-                placements_not_told_apart: Vec::new(),
-                p_value: 0.0,
-                after: first.held_out.clone(),
-            }
-        };
-        for name in ["incidence_bias", "cyclic_depth", "radial_range"] {
-            model.add_one(found(name)).unwrap();
-        }
-        let mut present = model.fitted(&model.present()).unwrap();
-        // The last effect stays: the loop tests it when it is added.
-        let together = model.added.len();
-        let removed = model.remove_unnecessary(&mut present, together, examination.tests).unwrap();
-        let removed: Vec<&str> = removed.iter().map(|spec| spec.name.as_str()).collect();
-        assert_eq!(removed, ["incidence_bias"]);
-        let names: Vec<&str> = model.added.iter().map(|a| a.evidence.name.as_str()).collect();
-        assert_eq!(names, ["cyclic_depth", "radial_range"]);
-        // Every step begins with the errors with which the one before ended.
-        let steps = steps(&model, &first.held_out, &present.fit).unwrap();
-        assert_eq!(steps[0].before, first.held_out.errors);
-        assert_eq!(steps[1].before, steps[0].after);
-        assert_eq!(steps[1].after, present.held_out.errors);
-        assert!(steps[0].after.depth_rms_mm < steps[0].before.depth_rms_mm);
-    }
 }

@@ -1,112 +1,12 @@
-//! Decisions on linear problems whose missing effects are known: rows y = frame's offset + shared · s + what is planted + noise.
+//! Decisions on linear problems whose missing effects are known.
 
-use depthcal_model::{Block, On, PieceSpec, Placement, Register};
-use depthcal_solver::score::{Candidate, Linearization};
-use depthcal_solver::{Batch, Factor, Graph, Options, Over, Scalar, Values, VariableId, minimize};
-use nalgebra::{SVector, Vector1, Vector2};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
+use depthcal_model::{On, Placement};
 
-use super::super::along::Along;
-use super::super::observed_states::ObservedStates;
+use super::super::linear_examination::{FRAMES, Planted, examined, place, planes, quiet_planes};
 use super::*;
 
-const FRAMES: usize = 40;
-const ROWS: usize = 25;
-/// Names of the candidates, in the order of the linearisation.
-const NAMES: [&str; 4] = ["a", "b", "twin", "free"];
-
-/// Regressors of a row: s of the model, a and b of two effects, one that resembles a, and c and c² − 1 of a free function.
-struct Row {
-    s: f64,
-    a: f64,
-    b: f64,
-    twin: f64,
-    c: f64,
-    y: f64,
-}
-
-type One = Vector1<f64>;
-
-impl Factor<1> for Row {
-    type Variables = (One, One, One, One, One, Vector2<f64>);
-    fn residual<T: Scalar>(&self, (own, shared, a, b, twin, free): Over<Self::Variables, T>) -> SVector<T, 1> {
-        let effects = a[0] * self.a + b[0] * self.b + twin[0] * self.twin;
-        let free = free[0] * self.c + free[1] * (self.c * self.c - 1.0);
-        SVector::<T, 1>::new(own[0] + shared[0] * self.s + effects + free - self.y)
-    }
-}
-
-/// What is planted in the rows.
-#[derive(Clone, Copy, Default)]
-struct Planted {
-    a: f64,
-    b: f64,
-    c: f64,
-    /// Correlation of a with c.
-    a_with_c: f64,
-    /// Standard deviation of a's size from frame to frame.
-    shake: f64,
-    /// Whether the effect that resembles a is among the candidates.
-    with_twin: bool,
-}
-
-fn examined(planted: Planted, seed: u64) -> Examination {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut normal = move || -> f64 { StandardNormal.sample(&mut rng) };
-    let mut values = Values::new();
-    let [shared, a, b, twin] = std::array::from_fn(|_| values.insert(One::zeros()));
-    let free = values.insert(Vector2::zeros());
-    let mut batch = Batch::new("rows");
-    let mut frames: Vec<VariableId> = Vec::new();
-    for _ in 0..FRAMES {
-        let own = values.insert(One::zeros());
-        frames.push(own.id());
-        let (offset, of_frame) = (normal(), planted.a + planted.shake * normal());
-        for _ in 0..ROWS {
-            let [s, n, b_row, c, m] = std::array::from_fn(|_| normal());
-            let a_row = planted.a_with_c * c + (1.0 - planted.a_with_c * planted.a_with_c).sqrt() * n;
-            let twin_row = a_row + 0.02 * m;
-            let y = offset + 0.5 * s + of_frame * a_row + planted.b * b_row + planted.c * c + normal();
-            batch.push(Row { s, a: a_row, b: b_row, twin: twin_row, c, y }, (own, shared, a, b, twin, free));
-        }
-    }
-    let mut graph = Graph::new();
-    graph.add_batch(batch);
-    [a, b, twin].into_iter().for_each(|key| graph.fix(key));
-    graph.fix(free);
-    values = minimize(&graph, values, &Options::default()).unwrap().values;
-    let ids: [VariableId; 4] = [a.id(), b.id(), twin.id(), free.id()];
-    let candidates: Vec<Candidate> = NAMES.iter().zip(ids).map(|(name, id)| Candidate::new(*name, id)).collect();
-    let linearization = Linearization::new(&graph, &values, &frames, &candidates).unwrap();
-    let mut evidence: Vec<Evidence> = (0..4)
-        .filter(|index| planted.with_twin || NAMES[*index] != "twin")
-        .map(|index| {
-            let score = linearization.score(index);
-            Evidence {
-                name: NAMES[index].to_owned(),
-                spec: PieceSpec::new(NAMES[index]),
-                value: None,
-                reduced: None,
-                along: (NAMES[index] == "free").then_some(Along::Depth),
-                p_value: score.p_value,
-                score,
-                gains: linearization.held_out_gain(&[index]),
-                expected_size_mm: 1.0,
-                minimal_detectable_mm: 1.0,
-                block: Block::new(Register::builtin().find("range_offset").unwrap()),
-                index,
-            }
-        })
-        .collect();
-    evidence.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
-    // As many as a catalogue has.
-    Examination { evidence, linearization, tests: 20, states: ObservedStates::default() }
-}
-
-/// With a size of a that changes from frame to frame by more than twice its mean: the first of some captures in which a is significant by
-/// the usual test, and not by the scatter between frames.
+/// With a size of a that changes from frame to frame by more than twice its mean: the first of some captures in which a is
+/// significant by the usual test, and not by the scatter between frames.
 fn shaken(planted: Planted) -> Examination {
     let deceives = |e: &Examination| {
         let a = &e.evidence[place(e, "a")];
@@ -117,34 +17,14 @@ fn shaken(planted: Planted) -> Examination {
     captures.into_iter().find(deceives).expect("a capture in which the usual test is deceived")
 }
 
-/// Planes that deviate no more than noise does: statistics of the mean of χ² with three degrees of freedom.
-fn quiet_planes() -> Vec<FramePlane> {
-    planes(3.0)
-}
-
-fn planes(statistic: f64) -> Vec<FramePlane> {
-    let plane = |i: usize| FramePlane {
-        name: i.to_string(),
-        offset_mm: 0.0,
-        rms_mm: 1.0,
-        of_noise: 1.0,
-        statistic,
-        p_value: 0.4,
-    };
-    (0..FRAMES).map(plane).collect()
-}
-
 fn decided(e: &Examination, rejected: &[&str], refuted: &[&str]) -> Decision {
     let rejected: Vec<String> = rejected.iter().map(|name| (*name).to_owned()).collect();
     let refuted: Vec<usize> = refuted.iter().map(|name| place(e, name)).collect();
-    decide(e, &quiet_planes(), 1e-4, &rejected, &refuted, &Thresholds::default())
+    let ruled_out = RuledOut { rejected: &rejected, refuted: &refuted };
+    decide(e, &quiet_planes(), 1e-4, ruled_out, &Thresholds::default())
 }
 
-fn place(e: &Examination, name: &str) -> usize {
-    e.evidence.iter().position(|evidence| evidence.name == name).unwrap()
-}
-
-/// Names of what is added, together with what, instead of what, and whether something is left.
+/// Names of the effect that is added, of those jointly with it and instead of it, and whether something is left.
 #[track_caller]
 fn added(e: &Examination, decision: Decision) -> (String, Vec<String>, Vec<String>, bool) {
     let name = |i: &usize| e.evidence[*i].name.clone();
@@ -189,8 +69,8 @@ fn an_effect_that_looks_the_same_is_said() {
     );
 }
 
-/// Two effects are told apart if their gains differ from frame to frame, or if one still explains something once the other is in the
-/// model. Either is enough.
+/// Two effects are told apart if their gains differ from frame to frame, or if one still explains something once the other is in
+/// the model. Either is enough.
 #[test]
 fn effects_that_one_criterion_tells_apart_are_not_alike() {
     let thresholds = Thresholds::default();
@@ -244,10 +124,10 @@ fn what_is_too_small_is_no_finding() {
     let e = examined(Planted { a: 0.3, ..Default::default() }, 6);
     // The effect is some 5 % of the cost.
     let share = merit(&e.evidence[0]) / e.cost();
-    let at = |least: f64| decide(&e, &quiet_planes(), least, &[], &[], &Thresholds::default());
+    let with_least = |least: f64| decide(&e, &quiet_planes(), least, RuledOut::default(), &Thresholds::default());
     assert!((0.03..0.1).contains(&share), "{share}");
-    assert_eq!(added(&e, at(0.99 * share)), alone("a"));
-    assert!(matches!(at(1.01 * share), Decision::Nothing));
+    assert_eq!(added(&e, with_least(0.99 * share)), alone("a"));
+    assert!(matches!(with_least(1.01 * share), Decision::Nothing));
 }
 
 /// The effect is there, and so is three times as much that has no name.
@@ -281,10 +161,11 @@ fn an_effect_beside_something_unexplained_is_named_where_it_holds() {
     assert_eq!(added(&same, decided(&same, &[], &[])).0, "a");
 }
 
-/// What is said to be enough is enough: each rule at the very value that this capture has.
+/// A value that is said to be enough is enough: each rule at the very value that this capture has.
 #[test]
 fn limits_belong_to_what_is_named() {
-    let quiet = |e: &Examination, thresholds: &Thresholds| decide(e, &quiet_planes(), 1e-4, &[], &[], thresholds);
+    let quiet =
+        |e: &Examination, thresholds: &Thresholds| decide(e, &quiet_planes(), 1e-4, RuledOut::default(), thresholds);
     let by_default = Thresholds::default();
     let e = examined(Planted { a: 0.3, c: 0.15, ..Default::default() }, 15);
     let decision = quiet(&e, &by_default);
@@ -296,14 +177,14 @@ fn limits_belong_to_what_is_named() {
     for (least_explained, expected) in [(explained, false), (explained + 1e-9, true)] {
         assert_eq!(added(&e, quiet(&e, &Thresholds { least_explained, ..by_default })).3, expected);
     }
-    let decision = decide(&e, &planes(6.0), 1e-4, &[], &[], &by_default);
+    let decision = decide(&e, &planes(6.0), 1e-4, RuledOut::default(), &by_default);
     let Decision::Add { of_planes, .. } = decision else { panic!("{decision:?}") };
     for (least_explained_of_planes, expected) in [(of_planes, false), (of_planes + 1e-9, true)] {
         let thresholds = Thresholds { least_explained_of_planes, ..by_default };
-        assert_eq!(added(&e, decide(&e, &planes(6.0), 1e-4, &[], &[], &thresholds)).3, expected);
+        assert_eq!(added(&e, decide(&e, &planes(6.0), 1e-4, RuledOut::default(), &thresholds)).3, expected);
     }
-    // While something stays unexplained, an effect is named only if it is significant by the scatter between frames and explains a
-    // minimum share of the cost.
+    // While something stays unexplained, an effect is named only if it is significant by the scatter between frames and explains
+    // a minimum share of the cost.
     let e = examined(Planted { a: 0.3, c: 0.55, ..Default::default() }, 7);
     let names_a = |thresholds: &Thresholds| match quiet(&e, thresholds) {
         Decision::Add { effect, leaves_unexplained, .. } => leaves_unexplained && effect == place(&e, "a"),
@@ -328,11 +209,11 @@ fn planes_of_frames_compete_with_effects() {
         let n = FRAMES as f64;
         0.5 * statistic / (0.5 * n * (of_plane - 3.0) - 1.5 * 0.5 * (6.0 * n).sqrt())
     };
-    let at = |of_plane: f64| decide(&e, &planes(of_plane), 1e-4, &[], &[], &Thresholds::default());
+    let decided = |of_plane: f64| decide(&e, &planes(of_plane), 1e-4, RuledOut::default(), &Thresholds::default());
     // The statistic of the planes at which the share is 0.7.
     let limit = 3.0 + (statistic / 0.7 + 1.5 * (6.0 * FRAMES as f64).sqrt()) / FRAMES as f64;
     for of_plane in [limit * 0.99, limit * 1.01] {
-        let decision = at(of_plane);
+        let decision = decided(of_plane);
         let Decision::Add { of_planes, .. } = decision else { panic!("{decision:?}") };
         let (name, _, _, unexplained) = added(&e, decision);
         assert_eq!((name.as_str(), unexplained), ("a", of_plane > limit));
@@ -342,10 +223,10 @@ fn planes_of_frames_compete_with_effects() {
     }
     // The free function gains only a quarter more than this effect alone, so the effect is named as well.
     let same = examined(Planted { c: 0.55, a_with_c: 0.8_f64.sqrt(), ..Default::default() }, 17);
-    let decision = decide(&same, &planes(200.0), 1e-4, &[], &[], &Thresholds::default());
+    let decision = decide(&same, &planes(200.0), 1e-4, RuledOut::default(), &Thresholds::default());
     assert_eq!(added(&same, decision), ("a".to_owned(), Vec::new(), Vec::new(), true));
     let shaken = shaken(Planted { a: 0.3, ..Default::default() });
-    let decision = decide(&shaken, &planes(200.0), 1e-4, &[], &[], &Thresholds::default());
+    let decision = decide(&shaken, &planes(200.0), 1e-4, RuledOut::default(), &Thresholds::default());
     let Decision::Unexplained { free, explained, competitor } = decision else { panic!("{decision:?}") };
     assert!(explained < 0.1, "{explained}");
     assert_eq!((free, competitor), (place(&shaken, "free"), Competitor::FramePlanes));

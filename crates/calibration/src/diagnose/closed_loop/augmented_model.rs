@@ -1,0 +1,75 @@
+//! The declared model with the effects that the loop has added.
+
+use depthcal_model::{PieceSpec, Register};
+use tracing::info;
+
+use crate::calibrate::CalibrateOptions;
+use crate::diagnose::added_effect::AddedEffect;
+use crate::diagnose::discovery::Discovery;
+use crate::diagnose::merit::merit;
+
+/// The effects and formulas by which the declared model is augmented. A value: a step makes another one, which the state of the
+/// loop takes over or not.
+#[derive(Clone, Default)]
+pub(super) struct AugmentedModel {
+    /// The added effects, in order.
+    pub added: Vec<AddedEffect>,
+    /// The formulas that were found, whether they are still among the effects or not.
+    pub formulas: Vec<Discovery>,
+}
+
+impl AugmentedModel {
+    /// The declared register with the formulas that were found.
+    pub fn register(&self, declared: &CalibrateOptions) -> Register {
+        let mut register = declared.register.clone();
+        for formula in &self.formulas {
+            // Their names are free: the search chose them so.
+            if let Err(error) = formula.effect.register(&mut register) {
+                info!("{error}");
+            }
+        }
+        register
+    }
+
+    /// Options of a fit: those of the declared model, with the added effects.
+    pub fn options(&self, declared: &CalibrateOptions) -> CalibrateOptions {
+        let mut options = CalibrateOptions { register: self.register(declared), ..declared.clone() };
+        options.effects.extend(self.added.iter().map(|effect| effect.evidence.spec.clone()));
+        options
+    }
+
+    /// The model with an effect more.
+    pub fn with(mut self, effect: AddedEffect) -> Self {
+        self.added.push(effect);
+        self
+    }
+
+    /// The model without the added effect number `place`.
+    pub fn without(&self, place: usize) -> Self {
+        let mut without = self.clone();
+        without.added.remove(place);
+        without
+    }
+
+    /// The model with the first `count` of the added effects.
+    pub fn first(&self, count: usize) -> Self {
+        Self { added: self.added[..count].to_vec(), formulas: self.formulas.clone() }
+    }
+
+    /// Gives the effect that was added last another specification.
+    pub fn set_last_spec(&mut self, spec: PieceSpec) {
+        if let Some(last) = self.added.last_mut() {
+            last.evidence.spec = spec;
+        }
+    }
+
+    /// Specifications of the added effects from number `first` on.
+    pub fn specs_from(&self, first: usize) -> Vec<PieceSpec> {
+        self.added[first..].iter().map(|effect| effect.evidence.spec.clone()).collect()
+    }
+
+    /// Merit of the effect that was added last, as a share of the cost before it.
+    pub fn share_of_last(&self, cost: f64) -> f64 {
+        self.added.last().map_or(0.0, |effect| merit(&effect.evidence) / cost)
+    }
+}

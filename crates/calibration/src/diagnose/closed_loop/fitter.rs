@@ -1,0 +1,162 @@
+//! Fits models to the frames of a capture, each from the one before.
+
+use std::cell::RefCell;
+
+use depthcal_model::{Modulation, PieceSpec, Register};
+use depthcal_solver::score::ScoreError;
+use tracing::info;
+
+use super::augmented_model::AugmentedModel;
+use super::bench::{Bench, Fitted};
+use super::refinement::refined;
+use crate::calibrate::{
+    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, light_of_samples, readjust,
+    sampled_under,
+};
+use crate::diagnose::discovery::{self, Chance, Search};
+use crate::diagnose::examination::{EffectTest, Examination, examine, test_effect};
+use crate::diagnose::held_out::HeldOut;
+use crate::diagnose::options::DiagnoseOptions;
+use crate::judge::cross_validation::{cross_validate_thinned, errors};
+use crate::judge::evaluate::evaluate;
+use crate::judge::parts::Parts;
+use crate::observe::{Capture, SampledFrame};
+use crate::progress::Job;
+
+/// Most board pixels of a frame, about, on which models are judged with frames left out singly …
+const JUDGED_PIXELS: usize = 16_000;
+/// … and in blocks, which only decide.
+const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
+
+/// Fits models to frames of a capture. Every fit starts from the last one, with the samples that are known, so that the order of
+/// fits is a part of the results.
+pub(super) struct Fitter<'a> {
+    /// All frames that may be fitted.
+    pub whole: Capture,
+    /// Another dataset that verifies the model; without it held-out errors come from cross-validation.
+    verify: Option<&'a Capture>,
+    /// Declared model, folds and thresholds.
+    options: &'a DiagnoseOptions,
+    job: Box<dyn Job>,
+    basis: RefCell<Option<Basis>>,
+}
+
+impl<'a> Fitter<'a> {
+    /// A fitter that has fitted nothing yet.
+    pub fn new(whole: Capture, verify: Option<&'a Capture>, options: &'a DiagnoseOptions) -> Self {
+        let job = options.calibrate.progress.open_ended("diagnosing");
+        Self { whole, verify, options, job, basis: RefCell::default() }
+    }
+
+    /// Fits to some of the frames, in a round of the loop; 0 is before the first.
+    pub fn on<'s>(&'s self, frames: &'s Capture, round: usize) -> OnFrames<'s> {
+        OnFrames { fitter: self, frames, round }
+    }
+}
+
+/// Fits and judges models on the frames that are used in a round.
+#[derive(Clone, Copy)]
+pub(super) struct OnFrames<'s> {
+    fitter: &'s Fitter<'s>,
+    frames: &'s Capture,
+    round: usize,
+}
+
+/// The start of fits.
+struct Basis {
+    /// All frames that a fit has used, with their depth samples, before any were left out as outliers of a model.
+    samples: Capture<SampledFrame>,
+    /// The last fit.
+    last: Calibrated,
+    /// Modulation frequencies for which the samples have the light of their frames.
+    light: Option<Modulation>,
+}
+
+impl Basis {
+    /// The samples of the frames of a capture; `None` where it has frames that were never sampled.
+    fn samples_of(&self, capture: &Capture) -> Option<Capture<SampledFrame>> {
+        let (frames, dropped) = (&self.samples.frames, &self.samples.dropped);
+        let known = |name: &str| frames.iter().any(|f| f.name == name) || dropped.iter().any(|d| d.name == name);
+        let wanted = |name: &str| capture.frames.iter().any(|f| f.name == name);
+        capture.frames.iter().all(|f| known(&f.name)).then(|| self.samples.subset(|_, f| wanted(&f.name)))
+    }
+}
+
+impl OnFrames<'_> {
+    /// The frames that verify, sampled under the camera of a fit; `None` where there are none, or none that show depth.
+    fn verify_under(&self, fit: &Calibrated) -> Option<Calibrated> {
+        let sampled = sampled_under(fit, self.fitter.verify?, self.declared());
+        sampled.inspect_err(|error| info!("frames that verify cannot be sampled: {error}")).ok()
+    }
+}
+
+impl Bench for OnFrames<'_> {
+    fn options(&self) -> &DiagnoseOptions {
+        self.fitter.options
+    }
+
+    fn report(&self, what: &str, model: &CalibrateOptions) {
+        let added = model.effects.get(self.declared().effects.len()..).unwrap_or_default();
+        let words: Vec<String> = added.iter().map(|spec| model.register.words(spec)).collect();
+        let model = if words.is_empty() { "the declared model".to_owned() } else { words.join(" + ") };
+        match self.round {
+            0 => self.fitter.job.doing(format!("diagnosing: {what} ({model})")),
+            round => self.fitter.job.doing(format!("diagnosing, round {round}: {what} ({model})")),
+        }
+    }
+
+    /// The first fit samples the depth; later ones start from the one before, with the same samples.
+    fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
+        self.report("fitting", model);
+        let mut basis = self.fitter.basis.borrow_mut();
+        let light = light_of_samples(model)?;
+        let last = basis.as_ref().filter(|b| b.light == light && !has_fields(model).unwrap_or(false));
+        let from_last = last.and_then(|b| Some(readjust(&b.last, b.samples_of(self.frames)?, model)));
+        match (from_last, &mut *basis) {
+            (Some(Ok(fit)), Some(basis)) => {
+                basis.last = fit.clone();
+                return Ok(fit);
+            }
+            (Some(Err(error @ CalibrateError::Undetermined(_))), _) => return Err(error),
+            (Some(Err(error)), _) => info!("from the last fit: {error}; fitted from the start"),
+            _ => {}
+        }
+        let (fit, samples) = calibrate_keeping_samples(self.frames, model)?;
+        *basis = Some(Basis { samples, last: fit.clone(), light });
+        Ok(fit)
+    }
+
+    fn held_out(&self, fit: &Calibrated, model: &CalibrateOptions) -> Result<HeldOut, CalibrateError> {
+        self.report("judging on held-out frames", model);
+        let folds = self.options().folds.min(fit.capture.frames.len());
+        let (evaluated, blocks) = match self.fitter.verify {
+            Some(verify) => (evaluate(&fit.camera, verify), None),
+            None => {
+                // Models with fields are fitted anew without each part: once has to do.
+                let blocks = match has_fields(model)? {
+                    true => None,
+                    false => Some(cross_validate_thinned(fit, folds, Parts::Blocks, JUDGED_PIXELS_OF_BLOCKS, model)?),
+                };
+                (cross_validate_thinned(fit, folds, Parts::Interleaved, JUDGED_PIXELS, model)?, blocks)
+            }
+        };
+        Ok(HeldOut { errors: errors(&evaluated), evaluated: evaluated.into(), blocks: blocks.map(Into::into) })
+    }
+
+    fn refined(&self, model: AugmentedModel) -> Result<(AugmentedModel, Fitted), CalibrateError> {
+        refined(self, model)
+    }
+
+    fn examine(&self, fit: &Calibrated) -> Result<Examination, ScoreError> {
+        examine(fit, &self.declared().register, self.thresholds())
+    }
+
+    fn test(&self, fit: &Calibrated, register: &Register, effect: &PieceSpec) -> Option<EffectTest> {
+        test_effect(fit, register, effect)
+    }
+
+    fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search {
+        let verify = self.verify_under(fit);
+        discovery::search(fit, chance, verify.as_ref(), examination, taken, self.thresholds())
+    }
+}

@@ -1,0 +1,192 @@
+//! The loop: fit, left over, candidates, decision, trial, judged; again until nothing is left to try.
+//!
+//! | step | file |
+//! |---|---|
+//! | the declared model is fitted, without frames that do not belong to the others | `start`, `frames` |
+//! | its residuals are examined | [`examination`](super::examination) |
+//! | a decision is made, without effects that are refuted | `decided`, [`decision`](super::decision) |
+//! | effects are proposed, or refused | `proposal` |
+//! | they are tried: fitted, and judged on held-out frames | `trial`, `refinement` |
+//! | earlier decisions are looked at again | `revisit` |
+//! | a formula is searched for what is unexplained, or instead of the effects | `formula` |
+//! | what no effect explains is left, with a free map | `unexplained` |
+//! | the last state is reported | `conclusion` |
+//!
+//! A step reads the [`State`] and returns an [`Event`]; `State::apply` alone changes the state. What fits and judges models is
+//! behind the trait [`Bench`].
+
+mod augmented_model;
+mod bench;
+mod conclusion;
+mod decided;
+mod fitter;
+mod formula;
+mod frames;
+#[cfg(test)]
+mod linear_bench;
+mod proposal;
+mod refinement;
+mod revisit;
+mod start;
+mod state;
+mod trial;
+mod unexplained;
+
+use self::bench::Bench;
+use self::conclusion::conclude;
+use self::decided::{Decided, decided};
+use self::fitter::{Fitter, OnFrames};
+use self::formula::{formula_for_residuals, formula_for_unexplained, formula_instead, may_be_searched};
+use self::proposal::Proposal;
+use self::revisit::{frames_readmitted, other_frames_excluded, without_hidden_lens_effects};
+use self::start::{options_of_fits, start};
+use self::state::{Event, Next, State};
+use self::trial::tried;
+use self::unexplained::{negligible, unexplained};
+use super::bad_frames::without_duplicates;
+use super::decision::Decision;
+use super::diagnosis::Diagnosis;
+use super::error::DiagnoseError;
+use super::examination::Examination;
+use super::options::DiagnoseOptions;
+use super::round::Round;
+use crate::observe::Capture;
+
+/// Diagnoses a capture: which effects does the declared model lack? Errors are those on `verify` where it is given, else on
+/// frames that cross-validation holds out.
+///
+/// # Errors
+///
+/// [`DiagnoseError`] where there is no depth, or where a model cannot be fitted or examined.
+pub fn diagnose(
+    capture: &Capture,
+    verify: Option<&Capture>,
+    options: &DiagnoseOptions,
+) -> Result<Diagnosis, DiagnoseError> {
+    if !capture.has_depth() {
+        return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
+    }
+    let options = options_of_fits(capture, options);
+    let (whole, duplicates) = without_duplicates(capture, &options.thresholds);
+    let fitter = Fitter::new(whole, verify, &options);
+    let state = start(&fitter, duplicates)?;
+    let mut closed_loop = ClosedLoop { fitter: &fitter, state };
+    let examination = closed_loop.run()?;
+    conclude(&fitter, closed_loop.state, examination)
+}
+
+/// The loop with its state.
+struct ClosedLoop<'a> {
+    fitter: &'a Fitter<'a>,
+    state: State,
+}
+
+impl ClosedLoop<'_> {
+    /// Fits and judges models on the present frames, in the present round.
+    fn bench(&self) -> OnFrames<'_> {
+        self.fitter.on(&self.state.frames.used, self.state.rounds.len())
+    }
+
+    /// Runs the loop to its end. Returns the last examination.
+    fn run(&mut self) -> Result<Examination, DiagnoseError> {
+        let examination = loop {
+            let examination = self.rounds()?;
+            if self.formula_after_rounds(&examination)? != Next::Examine {
+                break examination;
+            }
+        };
+        if let Some(event) = frames_readmitted(self.fitter, &self.state)? {
+            self.state.apply(event);
+        }
+        Ok(examination)
+    }
+
+    /// Rounds until nothing is missing that can be added.
+    fn rounds(&mut self) -> Result<Examination, DiagnoseError> {
+        let mut examination = self.examine()?;
+        loop {
+            match self.round(&examination)? {
+                Next::Examine => examination = self.examine()?,
+                Next::Decide => {}
+                Next::GoOn | Next::Settled => return Ok(examination),
+            }
+        }
+    }
+
+    fn examine(&self) -> Result<Examination, DiagnoseError> {
+        let State { frames, model, present, rounds, .. } = &self.state;
+        let bench = self.fitter.on(&frames.used, rounds.len() + 1);
+        bench.report("examining what is left", &model.options(bench.declared()));
+        Ok(bench.examine(&present.fit)?)
+    }
+
+    /// A round: a decision on the residuals, and what comes of it.
+    fn round(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
+        let State { present, memory, .. } = &self.state;
+        let Decided { decision, refuted } = decided(&present.fit, examination, memory, self.bench().options())?;
+        self.state.apply(Event::Decided(Box::new(Round::new(examination, decision.clone(), refuted))));
+        match &decision {
+            Decision::Nothing => Ok(self.state.apply(Event::Stopped(None))),
+            Decision::Unexplained { free, explained, .. } => self.explain(examination, *free, *explained),
+            Decision::Add { effect, jointly_with, indistinguishable, .. } => {
+                self.add(examination, Proposal { effect: *effect, jointly_with, indistinguishable })
+            }
+        }
+    }
+
+    /// Tries the effects of a proposal. Where they are accepted, frames are looked at again.
+    fn add(&mut self, examination: &Examination, proposal: Proposal<'_>) -> Result<Next, DiagnoseError> {
+        let event = tried(&self.bench(), &self.state, examination, proposal)?;
+        let next = self.state.apply(event);
+        if next == Next::Examine
+            && let Some(event) = other_frames_excluded(self.fitter, &self.state)?
+        {
+            self.state.apply(event);
+        }
+        Ok(next)
+    }
+
+    /// Something that no named effect explains: effects of the lens may have been added for it; a formula may describe it, or
+    /// everything; else it is left.
+    fn explain(&mut self, examination: &Examination, free: usize, explained: f64) -> Result<Next, DiagnoseError> {
+        let thresholds = *self.bench().thresholds();
+        if let Some(outcome) = negligible(examination, free, &thresholds) {
+            return Ok(self.state.apply(Event::Stopped(Some(outcome))));
+        }
+        if self.state.rounds.len() < thresholds.most_rounds
+            && let Some(event) = without_hidden_lens_effects(&self.bench(), &self.state)?
+        {
+            return Ok(self.state.apply(event));
+        }
+        if self.formula_instead()? == Next::Examine {
+            return Ok(Next::Examine);
+        }
+        if may_be_searched(&self.bench(), &self.state) {
+            let event = formula_for_unexplained(&self.bench(), &self.state, examination)?;
+            if self.state.apply(event) == Next::Examine {
+                return Ok(Next::Examine);
+            }
+        }
+        let event = unexplained(&self.bench(), &self.state, examination, free, explained);
+        Ok(self.state.apply(event))
+    }
+
+    /// After the last round: a formula instead of the effects, or for what no free function of one covariate shows.
+    fn formula_after_rounds(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
+        if self.formula_instead()? == Next::Examine {
+            return Ok(Next::Examine);
+        }
+        let findings = &self.state.findings;
+        let is_searched = !findings.left_over.is_empty() || findings.formula_refused.is_some();
+        if is_searched || !may_be_searched(&self.bench(), &self.state) {
+            return Ok(Next::Settled);
+        }
+        let event = formula_for_residuals(&self.bench(), &self.state, examination)?;
+        Ok(self.state.apply(event))
+    }
+
+    fn formula_instead(&mut self) -> Result<Next, DiagnoseError> {
+        let event = formula_instead(&self.bench(), &self.state)?;
+        Ok(event.map_or(Next::GoOn, |event| self.state.apply(event)))
+    }
+}
