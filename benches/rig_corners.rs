@@ -3,12 +3,12 @@
 //!     cargo run --release -p depthcal-benches --bin rig_corners -- simulate FRAMES FILE
 //!     cargo run --release -p depthcal-benches --bin rig_corners -- fit FILE [--threads N] [--repeats N]
 //!
-//! `simulate` writes the corners of a chessboard as an infrared and a colour camera see it, those that both see, in single precision.
-//! `fit` prints one line of JSON: `walls` and `cpus`, s, from corners to covariance; `alone`, s, of which the cameras alone take; and of plain
-//! least squares on the same corners, without a loss, the optimum: `rms` over the corners of both cameras, px, `pinhole`, `lens`,
-//! `rotation` and `translation_mm` of the second camera from the first, `boards`, the poses of the boards in the first as rotation vector and
-//! translation in mm, and `adjust` and `adjust_cpus`, the times of that adjustment alone
-//! from a start one per cent off.
+//! `simulate` writes the corners of a chessboard as an infrared and a colour camera see it, those that both see, in single
+//! precision. `fit` prints one line of JSON: `walls` and `cpus`, s, from corners to covariance; `alone`, s, of which the cameras
+//! alone take; and of plain least squares on the same corners, without a loss, the optimum: `rms` over the corners of both
+//! cameras, px, `pinhole`, `lens`, `rotation` and `translation_mm` of the second camera from the first, `boards`, the poses of
+//! the boards in the first as rotation vector and translation in mm, and `adjust` and `adjust_cpus`, the times of that adjustment
+//! alone from a start one per cent off.
 
 use std::collections::BTreeSet;
 use std::error::Error;

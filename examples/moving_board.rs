@@ -1,10 +1,11 @@
-//! A video of a board that a hand moves before the camera, as images and depth in PGM, and a capture of another day of the same camera.
+//! A video of a board that a hand moves before the camera, as images and depth in PGM, and a capture of another day of the same
+//! camera.
 //!
 //! `cargo run --release --example moving_board -- FOLDER [--seconds 120] [--rate 30]`
 //!
-//! writes `FOLDER/video` (a dataset of all frames) and `FOLDER/other` (60 frames at rest, which judge a calibration). The hand holds the
-//! board for a second at every of the usual poses, with a tremor, and takes 1.7 s to the next one; what is exposed while it moves is the mean of three
-//! moments of a 60th of a second. `benches/recording.py` makes a recording of it.
+//! writes `FOLDER/video` (a dataset of all frames) and `FOLDER/other` (60 frames at rest, which judge a calibration). The hand
+//! holds the board for a second at every of the usual poses, with a tremor, and takes 1.7 s to the next one; what is exposed
+//! while it moves is the mean of three moments of a 60th of a second. `benches/recording.py` makes a recording of it.
 
 use std::error::Error;
 use std::fmt::Write as _;

@@ -1,7 +1,8 @@
 //! Files that commands write, held against their schemas.
 //!
-//! The checker knows the keywords that schemas of results have; one that it does not know fails the test. A validator of others is used
-//! by `crates/io/tests/schemas.rs`: as a dependency here it would have everything built a second time, with other features.
+//! The checker knows the keywords that schemas of results have; one that it does not know fails the test. A validator of others
+//! is used by `crates/io/tests/schemas.rs`: as a dependency here it would have everything built a second time, with other
+//! features.
 
 use std::path::Path;
 

@@ -7,8 +7,8 @@ use crate::stage_clock::{Stage, StageClock, StageTimes};
 
 /// Receives the progress of long jobs. A command line draws bars; [`Silent`] does nothing.
 ///
-/// A receiver may end the work by unwinding (`std::panic::resume_unwind`) from any of these functions, or from those of a [`Job`]: the
-/// library keeps no state that an unwound call could leave half changed.
+/// A receiver may end the work by unwinding (`std::panic::resume_unwind`) from any of these functions, or from those of a
+/// [`Job`]: the library keeps no state that an unwound call could leave half changed.
 pub trait Progress: fmt::Debug + Send + Sync {
     /// A job begins; `steps` is how many it has, where that is known.
     fn begin(&self, job: &'static str, steps: Option<usize>) -> Box<dyn Job>;

@@ -43,8 +43,9 @@ enum EstimatorName {
 
 /// Fits a depth camera to captures of a board: intrinsics, lens, depth distortion and poses.
 ///
-/// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json, scores.json (for fleets) and
-/// report.html. A dataset with sections [cameras.NAME] is a rig of several cameras, which are fitted together with their extrinsics.
+/// Writes calibration.json (parameters, covariance, noise), evaluation.json (errors), observations.json, scores.json (for fleets)
+/// and report.html. A dataset with sections [cameras.NAME] is a rig of several cameras, which are fitted together with their
+/// extrinsics.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal calibrate captures/ --out result/                       K, lens and projective D
@@ -63,20 +64,20 @@ pub(super) struct Calibrate {
     model: String,
     /// Further effects, such as thin_prism or cyclic_depth@period_mm=300; docs/model.md lists them. fixed:PIECE.PARAMETER holds
     /// a parameter instead of fitting it: fixed:brown_conrady.k3, fixed:pinhole.cx. Of one camera of a rig: colour:thin_prism,
-    /// fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes later than its times say, from a video of a
-    /// board that moves.
+    /// fixed:colour:pinhole.cx. colour:time_offset estimates by how much this camera exposes later than its times say, from a
+    /// video of a board that moves.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior, and the
-    /// fit starts at its mean, so that few frames are enough.
+    /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior,
+    /// and the fit starts at its mean, so that few frames are enough.
     #[arg(long, value_name = "FILE")]
     prior: Option<PathBuf>,
     /// Formulas that are scored in scores.json without being fitted: whether this unit confirms what another one found.
     #[arg(long, value_delimiter = ',', value_name = "FILE,…")]
     score: Vec<String>,
-    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
-    /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
-    /// frames.
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
+    /// over the whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all
+    /// on left-out frames.
     #[arg(long, value_parser = LENSES)]
     lens: Option<String>,
     /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.

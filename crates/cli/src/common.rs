@@ -63,8 +63,8 @@ pub(super) struct Reading {
     /// Does not use the cache of detections.
     #[arg(long)]
     pub(super) no_cache: bool,
-    /// Markers that another program found, in mrcal's format (`# filename x y level`, all corners of an image row by row of the board, `-` for
-    /// those that were not found); the board is then not searched.
+    /// Markers that another program found, in mrcal's format (`# filename x y level`, all corners of an image row by row of the
+    /// board, `-` for those that were not found); the board is then not searched.
     #[arg(long, value_name = "FILE")]
     pub(super) markers: Option<PathBuf>,
     /// Images beyond so many MiB leave memory and are read again from their files when they are needed.

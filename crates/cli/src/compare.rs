@@ -20,8 +20,8 @@ use depthcal_calibration::task::{CompareRequest, Compared, LENSES, ModelRequest,
 ///
 /// Each model is fitted to TRAIN and evaluated on the datasets of --verify or, without any, by cross-validation on TRAIN.
 /// Prints the ranking with intervals from resampled frames, which differences are significant, and the tables of Sjöholm
-/// 2017 for all subsets of D. Writes comparison.json and report.html; of a rig of several cameras, of each with depth in a folder of
-/// its name.
+/// 2017 for all subsets of D. Writes comparison.json and report.html; of a rig of several cameras, of each with depth in a folder
+/// of its name.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal compare captures/ --out compared/                       cross-validation
@@ -45,9 +45,9 @@ pub(super) struct Compare {
     /// Further effects that are part of every model; fixed:PIECE.PARAMETER holds a parameter instead of fitting it.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
-    /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
-    /// frames.
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
+    /// over the whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all
+    /// on left-out frames.
     #[arg(long, value_parser = LENSES)]
     lens: Option<String>,
     /// Parts of the cross-validation, without --verify.

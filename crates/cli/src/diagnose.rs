@@ -19,8 +19,8 @@ use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, LENSES, ModelReques
 /// them, fits again, and reports held-out errors before and after.
 ///
 /// Where nothing is missing, it reports the smallest effects that these captures would have shown. Writes diagnosis.json (the
-/// record), calibration.json (the last model), evaluation.json, observations.json, scores.json (for fleets) and report.html. Of a rig
-/// of several cameras, each with depth is examined, with these files in a folder of its name, and the rig is adjusted again.
+/// record), calibration.json (the last model), evaluation.json, observations.json, scores.json (for fleets) and report.html. Of a
+/// rig of several cameras, each with depth is examined, with these files in a folder of its name, and the rig is adjusted again.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal diagnose captures/ --out result/                  start from K, lens and projective D
@@ -40,9 +40,9 @@ pub(super) struct Diagnose {
     /// fixed:brown_conrady.k3.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine over the
-    /// whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all on left-out
-    /// frames.
+    /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
+    /// over the whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all
+    /// on left-out frames.
     #[arg(long, value_parser = LENSES)]
     lens: Option<String>,
     /// Parts of the cross-validation, without --verify.

@@ -18,8 +18,8 @@ use super::rig_text::{drift_range, print_rig, print_transfers};
 use super::session::Session;
 use super::voice::say;
 
-/// Prints a diagnosis and has its files written into a folder: record, calibration of the last model, errors, report; `record` writes what
-/// lies elsewhere. Returns what `--json` prints.
+/// Prints a diagnosis and has its files written into a folder: record, calibration of the last model, errors, report; `record`
+/// writes what lies elsewhere. Returns what `--json` prints.
 pub(super) fn tell(
     diagnosed: &Diagnosed,
     made: &Made,

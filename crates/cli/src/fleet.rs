@@ -13,11 +13,11 @@ use super::results::save;
 use super::session::Session;
 use super::voice::say;
 
-/// Joins the calibrations of many cameras of one type: what they share, how they scatter, which is unlike the others, and a prior for the
-/// next one.
+/// Joins the calibrations of many cameras of one type: what they share, how they scatter, which is unlike the others, and a prior
+/// for the next one.
 ///
-/// Effects are found that no unit alone shows, where scores.json lies next to each calibration.json, as `calibrate` and `diagnose` write it.
-/// Writes fleet.json (the record), prior.json (for `calibrate --prior`) and report.html.
+/// Effects are found that no unit alone shows, where scores.json lies next to each calibration.json, as `calibrate` and
+/// `diagnose` write it. Writes fleet.json (the record), prior.json (for `calibrate --prior`) and report.html.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal fleet results/ --out fleet/                      results/*/calibration.json, one folder per unit

@@ -36,7 +36,8 @@ impl GivenCamera {
         }
     }
 
-    /// The cameras, of which the first is the reference; a camera of another program has images of this size (px) where its file has none.
+    /// The cameras, of which the first is the reference; a camera of another program has images of this size (px) where its file
+    /// has none.
     pub(super) fn cameras(&self, size: [usize; 2], register: &Register) -> Result<Vec<PlacedCamera>, Failure> {
         match self {
             Self::Calibration(path, calibration) => read_cameras(path, calibration, register),

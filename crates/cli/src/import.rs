@@ -17,8 +17,8 @@ use super::voice::say;
 
 /// Imports frames of a recording as a dataset.
 ///
-/// Reads ROS 2 bags (MCAP, db3), ROS 1 bags, and Matroska files of the Azure Kinect and the Femto. Of minutes of video the frames worth
-/// having are kept: sharp, at rest, with the board, and different from each other.
+/// Reads ROS 2 bags (MCAP, db3), ROS 1 bags, and Matroska files of the Azure Kinect and the Femto. Of minutes of video the frames
+/// worth having are kept: sharp, at rest, with the board, and different from each other.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal import recording.mcap --board board.toml --out captures/
@@ -27,8 +27,8 @@ use super::voice::say;
 pub(super) struct Import {
     /// The recording.
     recording: PathBuf,
-    /// A file with a section [board], as `depthcal board` writes it, or a dataset.toml: frames that show this board are picked, and it is
-    /// written to dataset.toml.
+    /// A file with a section [board], as `depthcal board` writes it, or a dataset.toml: frames that show this board are picked,
+    /// and it is written to dataset.toml.
     #[arg(long, value_name = "FILE")]
     board: Option<PathBuf>,
     /// Stream of the images [default: the infrared image on the depth's pixel grid, else another image on it].

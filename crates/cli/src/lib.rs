@@ -12,9 +12,10 @@
 //! }
 //! ```
 //!
-//! One file per command, a folder for `apply`. Every command takes datasets of one camera or of several. `arguments` has the list of commands, `common` the options and files that
-//! several share, `session` the register, the progress bars and the clock of one run. `voice` is the only module that writes to standard
-//! output or standard error, except for progress bars (`progress`) and log messages (`tracing`).
+//! One file per command, a folder for `apply`. Every command takes datasets of one camera or of several. `arguments` has the list
+//! of commands, `common` the options and files that several share, `session` the register, the progress bars and the clock of one
+//! run. `voice` is the only module that writes to standard output or standard error, except for progress bars (`progress`) and
+//! log messages (`tracing`).
 
 mod apply;
 mod arguments;

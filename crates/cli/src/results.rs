@@ -22,8 +22,8 @@ impl Output {
     }
 }
 
-/// Has results written into a folder, and then what `beside` writes elsewhere, before they replace the earlier ones; returns what that
-/// returns.
+/// Has results written into a folder, and then what `beside` writes elsewhere, before they replace the earlier ones; returns what
+/// that returns.
 pub(super) fn save<T>(
     results: &dyn Results,
     made: &Made,

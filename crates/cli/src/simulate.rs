@@ -38,8 +38,8 @@ pub(super) struct Simulate {
     /// plywood1, sameheight1, sameheight2 or vertical1.
     #[arg(long, default_value = "general1")]
     kind: String,
-    /// A rig of several cameras instead, the first of which is the reference: infrared (with depth), colour and depth (without images), with
-    /// a number for further ones, such as infrared,colour or infrared,infrared2,depth.
+    /// A rig of several cameras instead, the first of which is the reference: infrared (with depth), colour and depth (without
+    /// images), with a number for further ones, such as infrared,colour or infrared,infrared2,depth.
     #[arg(long, value_delimiter = ',', value_name = "CAMERA,…", conflicts_with = "with")]
     rig: Vec<String>,
     /// An error of camera or board, of its usual size or of SIZE; may be given several times. --help lists them. With --rig,

@@ -22,8 +22,8 @@ use crate::units;
 
 /// Corrects the depth images of a calibrated camera.
 ///
-/// Built once (``Corrector(calibration, threads=None)``), then used for every frame; may be used from several threads at a time. Arrays
-/// in C order are read and written in place, without copies and without the GIL.
+/// Built once (``Corrector(calibration, threads=None)``), then used for every frame; may be used from several threads at a time.
+/// Arrays in C order are read and written in place, without copies and without the GIL.
 #[pyclass(frozen, module = "depthcal")]
 #[derive(Debug)]
 pub(crate) struct Corrector {

@@ -23,7 +23,8 @@ pub(crate) struct Evaluation {
     made: Made,
 }
 
-/// Measures the errors of a calibration on datasets. `with` are files of formulas with values, which the camera is given in addition.
+/// Measures the errors of a calibration on datasets. `with` are files of formulas with values, which the camera is given in
+/// addition.
 #[pyfunction]
 #[pyo3(signature = (calibration, datasets, with, title, call, progress))]
 pub(crate) fn evaluate(

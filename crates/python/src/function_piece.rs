@@ -1,8 +1,8 @@
 //! A numpy function as a piece of the chain.
 //!
-//! The function gives a value e at arrays of covariates and values of parameters. It is added to depth (z + e), to inverse depth (ρ + e) or
-//! to the factor of depth (z (1 + e)), as a formula's value is. e is differentiated by central differences; what it is added to is
-//! differentiated exactly.
+//! The function gives a value e at arrays of covariates and values of parameters. It is added to depth (z + e), to inverse depth
+//! (ρ + e) or to the factor of depth (z (1 + e)), as a formula's value is. e is differentiated by central differences; what it is
+//! added to is differentiated exactly.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -21,8 +21,8 @@ use crate::running::raise;
 
 /// Numbers of a state of the depth hook: x, y, inverse depth, cosine of the angle of incidence.
 const STATE: usize = 4;
-/// Step of a difference relative to the size of a number: the cube root of the rounding error, where the errors of rounding and of
-/// curvature are equal.
+/// Step of a difference relative to the size of a number: the cube root of the rounding error, where the errors of rounding and
+/// of curvature are equal.
 const STEP: f64 = 6e-6;
 
 /// A function with all that is said of it.

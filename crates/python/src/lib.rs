@@ -4,8 +4,8 @@
 //! own (`running`), results are objects that keep the library's results and give its records as JSON. Tables, figures and
 //! documentation for users are in the package's Python files.
 //!
-//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work, on one camera or several
-//!   on one body;
+//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work, on one camera
+//!   or several on one body;
 //! - `fleet`: many cameras of one type;
 //! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;

@@ -17,7 +17,8 @@ use crate::images::{Depth, Gray};
 use crate::running::run;
 use crate::units;
 
-/// Takes the corrected depth of one camera of a rig into the image of another, and the colours of that image onto the pixels of depth.
+/// Takes the corrected depth of one camera of a rig into the image of another, and the colours of that image onto the pixels of
+/// depth.
 #[pyclass(frozen, module = "depthcal._depthcal")]
 #[derive(Debug)]
 pub(crate) struct Registration {

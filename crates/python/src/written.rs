@@ -8,8 +8,8 @@ use depthcal_report::{SavedResults, report_of};
 
 use crate::failure::{Failure, input};
 
-/// Has the files of results written into `out` together, as the command line does; returns their paths. Earlier files that tell of a
-/// `calibration.json` that is replaced are removed.
+/// Has the files of results written into `out` together, as the command line does; returns their paths. Earlier files that tell
+/// of a `calibration.json` that is replaced are removed.
 pub(crate) fn save(results: &dyn Results, made: &Made, out: &Path) -> Result<Vec<PathBuf>, Failure> {
     let saved = SavedResults::write(results, made, out, &ProgressHandle::default()).map_err(input)?;
     let paths = saved.paths();

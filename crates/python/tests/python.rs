@@ -1,5 +1,5 @@
-//! Runs the package's tests in Python against the module that Cargo has built, with whatever Python has numpy and pytest; tests that need
-//! more are skipped. The wheel, the notebooks and Ray are tested by scripts/python-tests.sh.
+//! Runs the package's tests in Python against the module that Cargo has built, with whatever Python has numpy and pytest; tests
+//! that need more are skipped. The wheel, the notebooks and Ray are tested by scripts/python-tests.sh.
 
 #[path = "../../../tests/support/python.rs"]
 mod python;

@@ -12,8 +12,8 @@ const SIZE: (u32, u32) = (720, 420);
 /// Half the length of the bars at the ends of an interval, as a share of the range.
 const CAP: f64 = 0.004;
 
-/// Mean residuals without a formula, with their 95 % intervals, and the formula as a line through them; one colour for each part of the
-/// range of a second covariate. SVG without references to anything else; `None` where there is nothing to draw.
+/// Mean residuals without a formula, with their 95 % intervals, and the formula as a line through them; one colour for each part
+/// of the range of a second covariate. SVG without references to anything else; `None` where there is nothing to draw.
 pub fn component_plot(components: &[DiagnosisComponent]) -> Option<String> {
     let bins = || components.iter().flat_map(|c| &c.bins);
     let ends = |value: &dyn Fn(&DiagnosisComponentBin) -> [f64; 2]| {

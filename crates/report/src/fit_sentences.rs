@@ -6,8 +6,8 @@ use depthcal_calibration::calibration_record::declarations;
 use crate::diagnosis::sentences::declaration;
 use crate::prior::prior_sentences;
 
-/// Declarations that cannot be right, frames whose depth is another frame's, and what the prior did, in sentences; none where there is
-/// nothing to say.
+/// Declarations that cannot be right, frames whose depth is another frame's, and what the prior did, in sentences; none where
+/// there is nothing to say.
 pub fn fit_sentences(result: &Calibrated) -> Vec<String> {
     let mut sentences: Vec<String> =
         declarations(result).iter().map(|found| format!("Check the dataset file: {}.", declaration(found))).collect();

@@ -23,8 +23,8 @@ struct Line {
     points: Vec<(f64, f64)>,
 }
 
-/// The value of a formula over its first covariate, with its parameters at their typical deviations from nominal; one line for each
-/// of five values of the second covariate, others at the middle of their range. SVG, without references to anything else.
+/// The value of a formula over its first covariate, with its parameters at their typical deviations from nominal; one line for
+/// each of five values of the second covariate, others at the middle of their range. SVG, without references to anything else.
 pub fn formula_plot(effect: &FormulaEffect) -> String {
     let function = effect.function();
     let parameters = effect.definition().parameters.values().map(|parameter| parameter.table().nominal);

@@ -1,5 +1,5 @@
-//! Board pixels that are no measurements of the board, and markers that were found in the wrong place. They are in none of the errors:
-//! in words and numbers.
+//! Board pixels that are no measurements of the board, and markers that were found in the wrong place. They are in none of the
+//! errors: in words and numbers.
 
 use super::format::{number, percent};
 use depthcal_io::Outliers;

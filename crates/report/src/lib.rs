@@ -4,7 +4,8 @@
 //! - [`SavedResults`] writes the files of a task's results with their report, [`report_of`] makes the report alone.
 //! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]), of one camera or of a rig.
 //! - [`FleetResults`] has the files and the report of a fleet, [`fleet_text`] words it for a terminal.
-//! - [`fit_sentences`] says what a reader of a fit has to know before its numbers; [`prior_sentences`], of these, what the prior of a fleet did to a fit.
+//! - [`fit_sentences`] says what a reader of a fit has to know before its numbers; [`prior_sentences`], of these, what the prior
+//!   of a fleet did to a fit.
 //! - [`diagnosis_text`] and [`verdict_sentence`] word a diagnosis for a terminal.
 //! - [`mod@format`] writes numbers as people read them; the command line prints through it as well.
 //! - `rerun` (feature `rerun`) writes recordings for the rerun viewer.

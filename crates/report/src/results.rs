@@ -41,8 +41,8 @@ pub fn report_of(results: &dyn Results, made: &Made) -> Result<String, ReportErr
     }
 }
 
-/// Results that are written but have not replaced earlier ones yet. Dropped without [`commit`](Self::commit), they leave the earlier ones as
-/// they were.
+/// Results that are written but have not replaced earlier ones yet. Dropped without [`commit`](Self::commit), they leave the
+/// earlier ones as they were.
 #[derive(Debug)]
 pub struct SavedResults {
     staged: StagedResults,
@@ -52,8 +52,8 @@ pub struct SavedResults {
 }
 
 impl SavedResults {
-    /// Writes all files of results for the folder `out`, which is created if it does not exist: the records, `report.html`, formulas that were
-    /// found, and the same of all parts in folders of their names. The report is a stage of `progress`.
+    /// Writes all files of results for the folder `out`, which is created if it does not exist: the records, `report.html`,
+    /// formulas that were found, and the same of all parts in folders of their names. The report is a stage of `progress`.
     ///
     /// # Errors
     ///

@@ -94,7 +94,8 @@ fn extrinsics(rig: &ReportRig<'_>) -> String {
     table("Extrinsics of the cameras, with standard deviations; rotations are rotation vectors", &head, &rows)
 }
 
-/// Frames that a camera other than the reference, whose sections list its own, could not use. Their names in the record are CAMERA/FRAME.
+/// Frames that a camera other than the reference, whose sections list its own, could not use. Their names in the record are
+/// CAMERA/FRAME.
 fn not_used(rig: &ReportRig<'_>, reference: &str) -> String {
     let named = rig.record.fit.frames_dropped.iter().filter_map(|d| Some((d.name.split_once('/')?, &d.reason)));
     let of_others: Vec<_> = named.filter(|((camera, _), _)| *camera != reference).collect();

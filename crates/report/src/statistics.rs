@@ -58,8 +58,8 @@ fn pooled(totals: &[Total], kind: Kind, weight: impl Fn(usize) -> f64) -> f64 {
     }
 }
 
-/// An error before and after correction with 95 % intervals, from the totals of each frame ([`Bootstrap::ratio`]; that of the difference by
-/// percentiles). `None` where no frame has a value.
+/// An error before and after correction with 95 % intervals, from the totals of each frame ([`Bootstrap::ratio`]; that of the
+/// difference by percentiles). `None` where no frame has a value.
 pub(super) fn change(before: &[Total], after: &[Total], kind: Kind) -> Option<Change> {
     let used: Vec<usize> = (0..before.len()).filter(|i| before[*i].count > 0 && after[*i].count > 0).collect();
     let before: Vec<Total> = used.iter().map(|i| before[*i]).collect();

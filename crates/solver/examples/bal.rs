@@ -1,7 +1,7 @@
 //! Bundle adjustment in the large: cameras and points from image observations.
 //!
-//! `cargo run --release -p depthcal-solver --example bal -- FILE --threads N` reads a problem of <https://grail.cs.washington.edu/projects/bal/>,
-//! plain or compressed by bzip2, and prints one line of JSON.
+//! `cargo run --release -p depthcal-solver --example bal -- FILE --threads N` reads a problem of
+//! <https://grail.cs.washington.edu/projects/bal/>, plain or compressed by bzip2, and prints one line of JSON.
 
 #[path = "support/bal.rs"]
 mod problem;

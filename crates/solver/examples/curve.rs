@@ -1,7 +1,7 @@
 //! A curve fitted to points with outliers, by a robust loss.
 //!
-//! `cargo run --release -p depthcal-solver --example curve` fits y = a exp(b x) to 200 points, 40 of which are wrong, by least squares and
-//! with Cauchy's loss, and prints both with their standard deviations.
+//! `cargo run --release -p depthcal-solver --example curve` fits y = a exp(b x) to 200 points, 40 of which are wrong, by least
+//! squares and with Cauchy's loss, and prints both with their standard deviations.
 
 use std::error::Error;
 

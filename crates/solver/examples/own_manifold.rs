@@ -1,7 +1,7 @@
 //! A variable on a manifold of one's own: the orientation of a plane figure as a unit complex number.
 //!
-//! `cargo run --release -p depthcal-solver --example own_manifold` finds the turn, the scale and the shift between two sets of points.
-//! Unlike an angle it does not jump at ±π. A line or a camera with a lens of one's own is written in the same way.
+//! `cargo run --release -p depthcal-solver --example own_manifold` finds the turn, the scale and the shift between two sets of
+//! points. Unlike an angle it does not jump at ±π. A line or a camera with a lens of one's own is written in the same way.
 
 use std::error::Error;
 

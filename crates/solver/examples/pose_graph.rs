@@ -1,12 +1,12 @@
 //! Pose graphs in the plane and in space.
 //!
-//! `cargo run --release -p depthcal-solver --example pose_graph -- FILE --threads N` reads a file of g2o (`VERTEX_SE2`, `EDGE_SE2`,
-//! `VERTEX_SE3:QUAT`, `EDGE_SE3:QUAT`, `FIX`), solves it and prints one line of JSON. If the file fixes no vertex, the first
-//! one is fixed.
+//! `cargo run --release -p depthcal-solver --example pose_graph -- FILE --threads N` reads a file of g2o (`VERTEX_SE2`,
+//! `EDGE_SE2`, `VERTEX_SE3:QUAT`, `EDGE_SE3:QUAT`, `FIX`), solves it and prints one line of JSON. If the file fixes no vertex,
+//! the first one is fixed.
 //!
-//! `cargo run --release -p depthcal-solver --example pose_graph -- --generate KIND N FILE` writes a synthetic file instead, with about N poses:
-//! `manhattan` (a walk along streets), `sphere` (a spiral around a sphere) or `torus` (a coil around a ring). Measurements are
-//! noisy, and the start values are the measurements chained from the first pose on.
+//! `cargo run --release -p depthcal-solver --example pose_graph -- --generate KIND N FILE` writes a synthetic file instead, with
+//! about N poses: `manhattan` (a walk along streets), `sphere` (a spiral around a sphere) or `torus` (a coil around a ring).
+//! Measurements are noisy, and the start values are the measurements chained from the first pose on.
 
 #[path = "support/g2o.rs"]
 mod g2o;

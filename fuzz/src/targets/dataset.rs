@@ -8,8 +8,8 @@ use super::memory_folder;
 
 const BOARD: &str = "[board]\nkind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 20\n";
 
-/// Parses a `dataset.toml`, of one camera or of several, and opens the dataset that it declares in a folder with three frames. What is written
-/// again reads the same.
+/// Parses a `dataset.toml`, of one camera or of several, and opens the dataset that it declares in a folder with three frames.
+/// What is written again reads the same.
 pub fn dataset_toml(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let Ok(file) = DatasetFile::parse(Path::new(DATASET_FILE), text) else { return };

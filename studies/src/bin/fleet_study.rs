@@ -1,6 +1,7 @@
 //! What a fleet of simulated units tells: a shared effect that no unit shows alone, how many frames a prior saves, and outliers.
 //!
-//! `cargo run --release -p depthcal-studies --bin fleet_study -- [shared] [prior] [outliers] [--repeats N]`; without words, all three.
+//! `cargo run --release -p depthcal-studies --bin fleet_study -- [shared] [prior] [outliers] [--repeats N]`; without words, all
+//! three.
 //!
 //! Units are cameras whose pinhole, lens and depth distortion scatter about those of a published camera. Captures are simulated
 //! as points: markers and depths with noise, without images. The simulator shares no code with the pieces that are fitted.
@@ -96,9 +97,9 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
     Ok(join(units?, Vec::new(), &FleetOptions::default())?)
 }
 
-/// Size of the shared effect that one unit detects with 80 % power at the 1 % level, in the simulator's unit, which is that of the
-/// effect's only parameter: from the information that a unit without the effect has on it. A unit with an effect so large that its score
-/// can be measured will not do: what the effect leaves in the residuals is then taken for noise.
+/// Size of the shared effect that one unit detects with 80 % power at the 1 % level, in the simulator's unit, which is that of
+/// the effect's only parameter: from the information that a unit without the effect has on it. A unit with an effect so large
+/// that its score can be measured will not do: what the effect leaves in the residuals is then taken for noise.
 fn detectable_size() -> Result<f64, Failure> {
     let thresholds = Thresholds::default();
     let fit = calibrate(&capture(CameraTruth::published(1)?, &[], FRAMES, 5)?, &same_lens())?;
@@ -109,7 +110,8 @@ fn detectable_size() -> Result<f64, Failure> {
     Ok((sufficient / scores.information[place][place]).sqrt())
 }
 
-/// Fleets without an effect, and with a shared one at a quarter and at half of what one unit detects; the last with two planted outliers.
+/// Fleets without an effect, and with a shared one at a quarter and at half of what one unit detects; the last with two planted
+/// outliers.
 fn shared(repeats: u64) -> Result<(), Failure> {
     let size = detectable_size()?;
     println!(

@@ -1,6 +1,6 @@
 //! Do hard captures calibrate? Simulated captures as they are, and made hard: a third of the frames keeps only 4 to 8 markers,
-//! random ones, ones on a line or ones close together, and depth pixels lie: 1 % at the end of the sensor's range, 2 % at a background 1.5 m behind
-//! the board.
+//! random ones, ones on a line or ones close together, and depth pixels lie: 1 % at the end of the sensor's range, 2 % at a
+//! background 1.5 m behind the board.
 //!
 //! `cargo run --release -p depthcal-studies --bin hard_captures -- --captures 200`
 //!

@@ -1,7 +1,7 @@
 //! The joint adjustment with a field of very many nodes: time and memory.
 //!
-//! `cargo run --release -p depthcal-studies --bin large_field -- [FRAMES] [SAMPLES PER FRAME] [COLUMNS] [ROWS] [BINS]`; without arguments 100
-//! frames of 20 000 depth residuals each, near boards, and a multiplier map of 80×60×5 nodes.
+//! `cargo run --release -p depthcal-studies --bin large_field -- [FRAMES] [SAMPLES PER FRAME] [COLUMNS] [ROWS] [BINS]`; without
+//! arguments 100 frames of 20 000 depth residuals each, near boards, and a multiplier map of 80×60×5 nodes.
 
 use std::time::Instant;
 

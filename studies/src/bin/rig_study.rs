@@ -10,9 +10,9 @@
 //! `colour`: infrared, depth and colour; `depth`: infrared with depth, and a second depth camera whose image cannot be had. How
 //! often parameters come back within three standard deviations, the normalised squared error, and transfer errors against those
 //! of the true rig.
-//! `clouds`: several depth cameras around one board, captured in so many frames, and by how much their clouds of the board miss each other.
-//! `offset`: a colour camera that exposes later, before a board that is waved. `open`: whether what boards at
-//! one distance leave open is named. `cost`: time of a rig of two cameras over that of one.
+//! `clouds`: several depth cameras around one board, captured in so many frames, and by how much their clouds of the board miss
+//! each other. `offset`: a colour camera that exposes later, before a board that is waved. `open`: whether what boards at one
+//! distance leave open is named. `cost`: time of a rig of two cameras over that of one.
 
 use std::error::Error;
 use std::time::Instant;
@@ -183,8 +183,9 @@ fn offset(seeds: u64) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A depth camera without images whose boards are at one distance with tilts of at most 8°, which leave its pinhole to the prior, and the usual
-/// captures, which leave nothing: how often the output names what is left open, and names anything where nothing is.
+/// A depth camera without images whose boards are at one distance with tilts of at most 8°, which leave its pinhole to the prior,
+/// and the usual captures, which leave nothing: how often the output names what is left open, and names anything where nothing
+/// is.
 fn left_open(seeds: u64) -> Result<(), Box<dyn Error>> {
     let named = |seed: u64, poses: Option<Vec<Pose>>| -> Result<Vec<String>, Box<dyn Error>> {
         let cameras = ["infrared", "depth"].map(|name| RigCamera::usual(name, 1).ok().flatten());

@@ -1,4 +1,5 @@
-//! The joint adjustment: cameras with lens and depth distortion, their extrinsics and the board's poses in one least-squares problem.
+//! The joint adjustment: cameras with lens and depth distortion, their extrinsics and the board's poses in one least-squares
+//! problem.
 
 use std::collections::BTreeMap;
 
@@ -21,8 +22,8 @@ use super::state::{CameraState, State};
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture};
 
-/// A calibration problem on a factor graph: a pose of the board per frame, extrinsics per camera but the reference, and a variable per
-/// parameter block. Board pieces of the same name are one variable of all cameras: there is one board.
+/// A calibration problem on a factor graph: a pose of the board per frame, extrinsics per camera but the reference, and a
+/// variable per parameter block. Board pieces of the same name are one variable of all cameras: there is one board.
 pub struct Adjustment {
     pub(super) graph: Graph,
     pub(super) values: Values,
@@ -71,8 +72,8 @@ impl Adjusted {
         self.cameras.iter().map(|c| c.image_residuals.len() + c.depth_residuals.len()).sum()
     }
 
-    /// Whether the solver has converged, or the residuals are so far below any noise that rounding hides the descent: those of exact
-    /// observations.
+    /// Whether the solver has converged, or the residuals are so far below any noise that rounding hides the descent: those of
+    /// exact observations.
     pub fn has_converged(&self) -> bool {
         self.report.converged || self.report.cost < 1e-6 * self.residual_count() as f64
     }
@@ -107,7 +108,8 @@ impl Adjustment {
         Self::of_problem(&Problem::of_camera(capture, camera, noise, with_depth))
     }
 
-    /// The problem of all cameras of a state, with the priors of its fields and parameters; depth samples take part where `with_depth`.
+    /// The problem of all cameras of a state, with the priors of its fields and parameters; depth samples take part where
+    /// `with_depth`.
     ///
     /// # Errors
     ///
@@ -255,8 +257,8 @@ impl Adjustment {
         batch.and_then(|b| self.graph.residuals(b, &self.values).ok()).unwrap_or_default()
     }
 
-    /// Residuals of the first camera's depth samples at the present values, whitened, frame after frame; none where they cannot be
-    /// evaluated.
+    /// Residuals of the first camera's depth samples at the present values, whitened, frame after frame; none where they cannot
+    /// be evaluated.
     pub fn depth_residuals(&self) -> Vec<f64> {
         self.batch_residuals(self.cameras.first().and_then(|camera| camera.depth))
     }
@@ -326,8 +328,8 @@ impl Adjustment {
         }
     }
 
-    /// Number of the camera, and of its block, to which a variable belongs; of a piece of the board, the first camera's. `None` for poses and
-    /// extrinsics.
+    /// Number of the camera, and of its block, to which a variable belongs; of a piece of the board, the first camera's. `None`
+    /// for poses and extrinsics.
     pub fn block_of(&self, variable: VariableId) -> Option<(usize, usize)> {
         let has = |block: &BlockKeys| block.keys().any(|key| key.id() == variable);
         let block = |(number, camera): (usize, &CameraKeys)| Some((number, camera.blocks.iter().position(has)?));
@@ -356,8 +358,8 @@ impl Adjustment {
         self.cameras[camera].offset.map(|key| key.id())
     }
 
-    /// Variables of the cameras in order: of each its extrinsics, but of the reference, their drift and the offset of its time where
-    /// it has them, and its blocks.
+    /// Variables of the cameras in order: of each its extrinsics, but of the reference, their drift and the offset of its time
+    /// where it has them, and its blocks.
     pub fn variables(&self) -> Vec<VariableId> {
         self.cameras.iter().flat_map(CameraKeys::variables).collect()
     }

@@ -5,7 +5,7 @@
 pub enum DepthSigma {
     /// At the measured one.
     AtMeasured,
-    /// At the one that the start values predict: at the measured one, samples with an error towards far would weigh more than those
-    /// towards near.
+    /// At the one that the start values predict: at the measured one, samples with an error towards far would weigh more than
+    /// those towards near.
     AtPredicted,
 }

@@ -2,8 +2,8 @@
 //!
 //! Where frames have planes of their own, the samples of a frame are no independent observations, and depth that counts as such
 //! pulls the camera's parameters away from what the markers say. But where the depth model is wrong in a way that these
-//! parameters can take up, the pull lowers the errors. Left-out frames decide (the influence of one kind of data on parameters that
-//! another kind determines, chosen by prediction; Carmona, Nicholls 2020).
+//! parameters can take up, the pull lowers the errors. Left-out frames decide (the influence of one kind of data on parameters
+//! that another kind determines, chosen by prediction; Carmona, Nicholls 2020).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -14,8 +14,8 @@ use super::smoothness_selection::{FrameInformation, solve_scaled};
 /// Parts, blocks of consecutive frames, of which one is left out at a time.
 const PARTS: usize = 5;
 
-/// Whether depth with its weight divided by `design_effect` predicts the depth of left-out frames better than with its whole weight, with
-/// which `adjustment` was solved: both linearised there, poses of left-out frames from their images alone.
+/// Whether depth with its weight divided by `design_effect` predicts the depth of left-out frames better than with its whole
+/// weight, with which `adjustment` was solved: both linearised there, poses of left-out frames from their images alone.
 pub fn less_predicts_better(adjustment: &Adjustment, design_effect: f64) -> bool {
     let whole = adjustment.frame_information(Curvature::OfWeights, 1.0);
     let less = adjustment.frame_information(Curvature::OfWeights, 1.0 / design_effect);
@@ -23,8 +23,8 @@ pub fn less_predicts_better(adjustment: &Adjustment, design_effect: f64) -> bool
     cost(&less) < cost(&whole)
 }
 
-/// Cost of the depth of all frames, each held out, up to a constant. Infinite where the frames without a part do not determine the
-/// parameters.
+/// Cost of the depth of all frames, each held out, up to a constant. Infinite where the frames without a part do not determine
+/// the parameters.
 fn held_out_cost(fitted: &[FrameInformation], held_out: &[FrameInformation]) -> f64 {
     let count = fitted.len();
     let part_of = |frame: usize| frame * PARTS / count.max(1);

@@ -1,6 +1,6 @@
-//! The factors of the calibration graph: markers and depth pixels of a camera, a group per frame. The camera's chain stands behind two
-//! poses: `rig_from_board` of the frame, and the camera's extrinsics `camera_from_rig`, which the reference (or the only camera) does not
-//! have.
+//! The factors of the calibration graph: markers and depth pixels of a camera, a group per frame. The camera's chain stands
+//! behind two poses: `rig_from_board` of the frame, and the camera's extrinsics `camera_from_rig`, which the reference (or the
+//! only camera) does not have.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -89,7 +89,8 @@ pub struct FrameView {
     pub pose: Key<Isometry3<f64>>,
     /// How far the camera's extrinsics have drifted in this frame, in units of their drift; 0 without one.
     pub drifted: f64,
-    /// How the board moves about the frame, and by how much the camera's time is later than the frame's, s; for cameras with an offset.
+    /// How the board moves about the frame, and by how much the camera's time is later than the frame's, s; for cameras with an
+    /// offset.
     pub moving: Option<(BoardMotion, f64)>,
 }
 
@@ -165,8 +166,8 @@ impl DriftedExtrinsics {
 /// drift of `camera_from_rig` where it has one, and by the offset of the camera's time where the board is `moved`.
 ///
 /// With (R, t) = (A B, A b + a) and tangents R Exp(ω), t + τ of each: a change (ω_b, τ_b) of `rig_from_board` is (ω_b, A τ_b)
-/// of the product, and (ω_a, τ_a) of `camera_from_rig` is (Bᵀ ω_a, τ_a − A [b]× ω_a). A moved board (B, b) = (F Exp(φ), f + p) changes
-/// with the frame's pose (F, f) by (Exp(φ)ᵀ ω_f, τ_f), and with the time by its rates.
+/// of the product, and (ω_a, τ_a) of `camera_from_rig` is (Bᵀ ω_a, τ_a − A [b]× ω_a). A moved board (B, b) = (F Exp(φ), f + p)
+/// changes with the frame's pose (F, f) by (Exp(φ)ᵀ ω_f, τ_f), and with the time by its rates.
 fn write_rows(
     inner: &[f64],
     outer: &mut [f64],

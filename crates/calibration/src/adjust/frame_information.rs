@@ -1,5 +1,5 @@
-//! What every frame says of the parameters that all frames share, at the present values of an adjustment: its rows and its normal equations
-//! with the pose of the board eliminated.
+//! What every frame says of the parameters that all frames share, at the present values of an adjustment: its rows and its normal
+//! equations with the pose of the board eliminated.
 
 use std::ops::Range;
 
@@ -65,7 +65,8 @@ impl SharedParameters {
         Self { ranges, free }
     }
 
-    /// Columns of the chosen parameters among those of a group over these variables after its pose; `None` for those that it does not have.
+    /// Columns of the chosen parameters among those of a group over these variables after its pose; `None` for those that it does
+    /// not have.
     fn columns(&self, variables: &[VariableId], chosen: &[usize]) -> Vec<Option<usize>> {
         let mut parts: Vec<(&Range<usize>, usize)> = Vec::new();
         let mut first = POSE;
@@ -172,9 +173,9 @@ impl Adjustment {
         Some(WeightedRows { jacobian: part, present, residuals: DVector::from_vec(r), weights, linear })
     }
 
-    /// By how much functions of a frame's own, with the given shapes at every depth sample of a camera in it, turn the gradient of the cost
-    /// by the free shared parameters, the frame's pose eliminated: one row per parameter, one column per shape. `None` for a frame without
-    /// depth or where it cannot be evaluated.
+    /// By how much functions of a frame's own, with the given shapes at every depth sample of a camera in it, turn the gradient
+    /// of the cost by the free shared parameters, the frame's pose eliminated: one row per parameter, one column per shape.
+    /// `None` for a frame without depth or where it cannot be evaluated.
     pub fn plane_response<const N: usize>(
         &self,
         camera: usize,
@@ -211,8 +212,8 @@ impl Adjustment {
         Some(direct - by_pose * of_pose.solve(&turned.rows(0, POSE).into_owned()))
     }
 
-    /// Residuals of a frame and their derivatives by its pose, weighted as the solver weights them, those of a camera's depth samples last;
-    /// `None` where it cannot be evaluated.
+    /// Residuals of a frame and their derivatives by its pose, weighted as the solver weights them, those of a camera's depth
+    /// samples last; `None` where it cannot be evaluated.
     pub(crate) fn frame_rows(&self, camera: usize, frame: usize) -> Option<FrameRows> {
         let pose = self.poses.get(frame)?.id();
         let shared = SharedParameters { ranges: Vec::new(), free: Vec::new() };
@@ -232,9 +233,9 @@ impl Adjustment {
         Some(FrameRows { residuals: DVector::from_vec(residuals), weights, pose, depth })
     }
 
-    /// Weighted derivatives and residuals of a frame's markers and of its depth samples in the only camera, over its pose and some of the
-    /// camera's parameters; `columns` count from the pose's on, and of the image those that it depends on are there. `None` where the frame
-    /// cannot be evaluated or lacks one of the two.
+    /// Weighted derivatives and residuals of a frame's markers and of its depth samples in the only camera, over its pose and
+    /// some of the camera's parameters; `columns` count from the pose's on, and of the image those that it depends on are there.
+    /// `None` where the frame cannot be evaluated or lacks one of the two.
     pub(crate) fn weighted_parts(&self, frame: usize, columns: &[usize]) -> Option<[(DMatrix<f64>, DVector<f64>); 2]> {
         let pose = self.poses.get(frame)?.id();
         let shared = SharedParameters::of(self);
@@ -287,8 +288,8 @@ fn groups_of(batch: &dyn FactorBatch, pose: VariableId) -> impl Iterator<Item = 
     (0..batch.group_count()).filter(move |group| batch.variables(*group).first() == Some(&pose))
 }
 
-/// The group of a pose in a batch, if there is one. `None` where there are several: pixels that are sorted into the cells of a fine field
-/// are not in the frame's order.
+/// The group of a pose in a batch, if there is one. `None` where there are several: pixels that are sorted into the cells of a
+/// fine field are not in the frame's order.
 fn only_group(batch: &dyn FactorBatch, pose: VariableId) -> Option<Option<usize>> {
     let mut groups = groups_of(batch, pose);
     let group = groups.next();

@@ -1,7 +1,7 @@
 //! Cameras as they would be without a part of the frames, from the adjustment of all frames.
 //!
-//! At the optimum of all frames the cost of the others is quadratic in the parameters to the extent that taking a part out moves them:
-//! by less than a standard deviation or so. One Gauss–Newton step from the normal equations of the frames, each with its
+//! At the optimum of all frames the cost of the others is quadratic in the parameters to the extent that taking a part out moves
+//! them: by less than a standard deviation or so. One Gauss–Newton step from the normal equations of the frames, each with its
 //! pose eliminated, is then the estimate without the part (Pregibon 1981, one-step approximation), and costs no adjustment.
 
 use depthcal_model::Camera;
@@ -20,7 +20,8 @@ const DECREASE: f64 = 1e-3;
 const MOST_PARAMETERS: usize = 800;
 
 /// The cameras without each of `parts` parts, given the part of every frame, at the optimum `camera` of all frames with the prior
-/// `smoothness` of its fields, and `of_camera` of its parameters where there is one; `None` where the other frames do not determine the parameters, or where these are too many.
+/// `smoothness` of its fields, and `of_camera` of its parameters where there is one; `None` where the other frames do not
+/// determine the parameters, or where these are too many.
 pub fn cameras_without_parts<F: AdjustableFrame>(
     capture: &Capture<F>,
     camera: &Camera,
@@ -53,8 +54,8 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
     (0..parts).map(without).collect()
 }
 
-/// The camera that frames alone determine, with the noise and the smoothness of the adjustment of all frames, from whose `camera` and poses
-/// it starts; `None` where the adjustment fails.
+/// The camera that frames alone determine, with the noise and the smoothness of the adjustment of all frames, from whose `camera`
+/// and poses it starts; `None` where the adjustment fails.
 pub fn camera_of_frames<F: AdjustableFrame>(
     capture: &Capture<F>,
     camera: &Camera,

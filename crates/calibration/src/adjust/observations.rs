@@ -111,8 +111,8 @@ impl<F> DepthSigmas<'_, F> {
         Observations::Depth { queries, inverse_depths, sigmas }
     }
 
-    /// Inverse depths under the start values, 1/mm; `None` where they cannot be evaluated: the solver then meets the same error and says
-    /// which.
+    /// Inverse depths under the start values, 1/mm; `None` where they cannot be evaluated: the solver then meets the same error
+    /// and says which.
     fn predicted(&self, queries: &[DepthQuery]) -> Option<Vec<f64>> {
         let mut work = Workspace::default();
         let mut predicted = vec![0.0; queries.len()];

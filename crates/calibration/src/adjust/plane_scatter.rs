@@ -1,5 +1,5 @@
-//! How much the depth of whole frames scatters: a plane of each frame's own, and a term in the inverse of the amplitude, beyond what
-//! its pose explains.
+//! How much the depth of whole frames scatters: a plane of each frame's own, and a term in the inverse of the amplitude, beyond
+//! what its pose explains.
 
 use depthcal_model::{Camera, Context};
 use depthcal_statistics::chi_squared_tail;
@@ -22,8 +22,8 @@ const LEAST_AMPLITUDE_SCATTER: f64 = 0.1;
 /// Rounds of the expectation–maximisation; it is within a per cent after some ten.
 const ROUNDS: usize = 60;
 
-/// Shapes of a frame's own plane at its samples: (1, u, v) in the mean standard deviation of the samples, over each sample's own. u
-/// and v are its undistorted coordinates, about from −1 to 1 over the image.
+/// Shapes of a frame's own plane at its samples: (1, u, v) in the mean standard deviation of the samples, over each sample's own.
+/// u and v are its undistorted coordinates, about from −1 to 1 over the image.
 ///
 /// So they are planes in inverse depth to the letter, as those of scenes and of D are. Were they bent, by the lens or by
 /// noise that grows with depth, D could show what is left of its own plane as if it were none. NaN where the lens has no
@@ -40,9 +40,9 @@ pub fn plane_shapes(camera: &Camera, samples: &[(Context, f64)], noise: &DepthNo
     samples.iter().zip(&sigmas).map(shape).collect()
 }
 
-/// The shapes of [`plane_shapes`], and as a fourth the inverse of the amplitude against that of all frames, without its mean over the
-/// frame; zero where `typical_amplitude` is `None`. Light that goes astray adds to a pixel's phasor, so that dark pixels suffer in
-/// proportion, and how much there is changes from frame to frame (Mure-Dubois, Hügli 2007).
+/// The shapes of [`plane_shapes`], and as a fourth the inverse of the amplitude against that of all frames, without its mean over
+/// the frame; zero where `typical_amplitude` is `None`. Light that goes astray adds to a pixel's phasor, so that dark pixels
+/// suffer in proportion, and how much there is changes from frame to frame (Mure-Dubois, Hügli 2007).
 fn shapes_with_amplitude(
     camera: &Camera,
     samples: &[(Context, f64)],
@@ -109,8 +109,8 @@ pub fn own_plane<const N: usize>(rows: &FrameRows, shapes: &[SVector<f64, N>]) -
     Some(OwnPlaneFit { plane: step.fixed_rows::<N>(pose).into_owned(), information, leverage })
 }
 
-/// The scatter of the planes of a camera's frames at the optimum of an adjustment, whose residuals have the given noise, a noise model per
-/// camera; none where noise explains the planes.
+/// The scatter of the planes of a camera's frames at the optimum of an adjustment, whose residuals have the given noise, a noise
+/// model per camera; none where noise explains the planes.
 pub fn plane_scatter<F: AdjustableFrame>(state: &State<F>, number: usize, noises: &[NoiseModel]) -> PlaneScatter {
     let mut problem = Problem::of_state(state, true);
     let noises: Vec<_> = noises.iter().map(|noise| NoiseModel { planes: PlaneScatter::NONE, ..*noise }).collect();
@@ -138,8 +138,8 @@ pub fn plane_scatter<F: AdjustableFrame>(state: &State<F>, number: usize, noises
     scatter_of(&planes, &with_amplitude.into_iter().flatten().collect::<Vec<_>>())
 }
 
-/// The scatter of the frames' planes in excess of what noise explains. Where `with_amplitude` has fits of planes together with a term in the
-/// inverse amplitude, the scatter of each coefficient comes from those.
+/// The scatter of the frames' planes in excess of what noise explains. Where `with_amplitude` has fits of planes together with a
+/// term in the inverse amplitude, the scatter of each coefficient comes from those.
 fn scatter_of(planes: &[OwnPlaneFit<3>], with_amplitude: &[OwnPlaneFit<4>]) -> PlaneScatter {
     let n = planes.len();
     let statistic: f64 = planes.iter().map(OwnPlaneFit::statistic).sum();
@@ -156,8 +156,8 @@ fn scatter_of(planes: &[OwnPlaneFit<3>], with_amplitude: &[OwnPlaneFit<4>]) -> P
     PlaneScatter { of_noise: variance.sqrt(), deviations, design_effect: 1.0 + variance * leverage }
 }
 
-/// Maximum-likelihood estimate of the variances T of the coefficients from planes with the distribution N(0, T + C), C the inverse of each
-/// information (Dempster, Laird, Rubin 1977); one for all, where they are `alike`.
+/// Maximum-likelihood estimate of the variances T of the coefficients from planes with the distribution N(0, T + C), C the
+/// inverse of each information (Dempster, Laird, Rubin 1977); one for all, where they are `alike`.
 fn variances<const N: usize>(planes: &[OwnPlaneFit<N>], alike: bool) -> SVector<f64, N> {
     // One degree of freedom of each coefficient goes into the camera's parameters, which the planes have been fitted with.
     let each = planes.len() as f64 - 1.0;
@@ -176,9 +176,10 @@ fn variances<const N: usize>(planes: &[OwnPlaneFit<N>], alike: bool) -> SVector<
     variances
 }
 
-/// The covariance of all cameras' parameters, in the order of [`Adjustment::variables`] (zero for held ones), where frames of a camera have planes of their own of the given scatter: to that of the
-/// noise alone, `covariance`, what the planes add is added, C G T Gᵀ C for each frame, where G is how its planes turn the gradient and T
-/// has their variances (the sandwich of a misspecified likelihood; White 1982).
+/// The covariance of all cameras' parameters, in the order of [`Adjustment::variables`] (zero for held ones), where frames of a
+/// camera have planes of their own of the given scatter: to that of the noise alone, `covariance`, what the planes add is added,
+/// C G T Gᵀ C for each frame, where G is how its planes turn the gradient and T has their variances (the sandwich of a
+/// misspecified likelihood; White 1982).
 pub fn covariance_with_planes<F: AdjustableFrame>(
     adjustment: &Adjustment,
     (state, number): (&State<F>, usize),

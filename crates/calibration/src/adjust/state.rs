@@ -47,8 +47,8 @@ pub struct CameraState<F = SampledFrame> {
     pub camera_from_rig: Isometry3<f64>,
     /// How its place changes.
     pub drift: Option<PlaceDrift>,
-    /// By how much it exposes later than its frames' times say, against the reference, s; `None` where that is not asked. Then it has
-    /// frames only about which the board's motion is known.
+    /// By how much it exposes later than its frames' times say, against the reference, s; `None` where that is not asked. Then it
+    /// has frames only about which the board's motion is known.
     pub offset_s: Option<f64>,
     /// The noise that weights its residuals.
     pub noise: NoiseModel,
@@ -230,7 +230,8 @@ impl<F: AdjustableFrame> State<F> {
         seen
     }
 
-    /// Takes the motion of the board about every frame from the present poses of those before and after, where a camera has an offset.
+    /// Takes the motion of the board about every frame from the present poses of those before and after, where a camera has an
+    /// offset.
     pub fn take_motions(&mut self) {
         if self.cameras.iter().all(|camera| camera.offset_s.is_none()) {
             return;

@@ -1,5 +1,6 @@
-//! The scale of measured depth against that of the images: a wrong `spacing_mm` or `unit_mm` in `dataset.toml` scales depth as a whole. The depth
-//! model's parameter dw takes a small scale up, so that residuals do not show it; a large one bends the model until it folds.
+//! The scale of measured depth against that of the images: a wrong `spacing_mm` or `unit_mm` in `dataset.toml` scales depth as a
+//! whole. The depth model's parameter dw takes a small scale up, so that residuals do not show it; a large one bends the model
+//! until it folds.
 
 use depthcal_io::{DeclaredValue, DiagnosisDeclaration};
 use depthcal_statistics::upper_median;

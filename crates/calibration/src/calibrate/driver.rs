@@ -87,9 +87,9 @@ pub fn calibrate_depth(
     }
 }
 
-/// A calibration from the images alone with sampled depth and the depth pieces at their nominal values, not yet adjusted: what a joint
-/// adjustment of several cameras starts from. Without depth, and for fields, it is what [`calibrate_depth`] gives: fields need the
-/// search for their roughness.
+/// A calibration from the images alone with sampled depth and the depth pieces at their nominal values, not yet adjusted: what a
+/// joint adjustment of several cameras starts from. Without depth, and for fields, it is what [`calibrate_depth`] gives: fields
+/// need the search for their roughness.
 ///
 /// # Errors
 ///
@@ -128,7 +128,8 @@ pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, Reg
     Ok(blocks)
 }
 
-/// The modulation frequencies for which the samples of a fit of these options have the light of their frames; `None` where they need none.
+/// The modulation frequencies for which the samples of a fit of these options have the light of their frames; `None` where they
+/// need none.
 ///
 /// # Errors
 ///

@@ -1,11 +1,11 @@
-//! Frames whose depth belongs to another pose, or whose board has another size: their depth contradicts what the images of most frames say
-//! of it. A few of them bend the depth model of a least squares fit until all frames contradict it, so they are found before it, by an
-//! estimator with a high breakdown point.
+//! Frames whose depth belongs to another pose, or whose board has another size: their depth contradicts what the images of most
+//! frames say of it. A few of them bend the depth model of a least squares fit until all frames contradict it, so they are found
+//! before it, by an estimator with a high breakdown point.
 //!
-//! Per frame, the projective depth model (Sjöholm 2017) with a square of inverse depth in addition, linear in its parameters, is compared with
-//! measured depth at the board points that the image gives. The parameters are those of the least trimmed squares over frames: the half of the frames that agrees best (FAST-LTS;
-//! Rousseeuw, Van Driessen 2006). Smaller deviations, such as those of boards that moved between image and depth, are left to the examination of
-//! a fit.
+//! Per frame, the projective depth model (Sjöholm 2017) with a square of inverse depth in addition, linear in its parameters, is
+//! compared with measured depth at the board points that the image gives. The parameters are those of the least trimmed squares
+//! over frames: the half of the frames that agrees best (FAST-LTS; Rousseeuw, Van Driessen 2006). Smaller deviations, such as
+//! those of boards that moved between image and depth, are left to the examination of a fit.
 
 use depthcal_statistics::upper_median;
 use nalgebra::{Point3, SMatrix, SVector};
@@ -45,8 +45,8 @@ pub struct ForeignDepth {
     pub rms_mm: f64,
 }
 
-/// Mean squares of the relative error of a frame's depth as a quadratic of the parameters, θᵀ A θ − 2 bᵀ θ + 1, with parameters that are
-/// scaled by the median inverse depth.
+/// Mean squares of the relative error of a frame's depth as a quadratic of the parameters, θᵀ A θ − 2 bᵀ θ + 1, with parameters
+/// that are scaled by the median inverse depth.
 struct OfFrame {
     frame: usize,
     a: SMatrix<f64, 5, 5>,
@@ -127,8 +127,8 @@ fn is_foreign(deviation: f64, median: f64) -> bool {
     deviation > LEAST_SHARE && deviation > RATIO * median
 }
 
-/// The deviation of every frame, and its median, under the parameters that fit all frames that are not foreign: half of the frames hardly reach
-/// the ends of the range, where the others may deviate by what the half does not determine.
+/// The deviation of every frame, and its median, under the parameters that fit all frames that are not foreign: half of the
+/// frames hardly reach the ends of the range, where the others may deviate by what the half does not determine.
 fn deviations(frames: &[OfFrame]) -> Option<(Vec<f64>, f64)> {
     let mut theta = trimmed(frames)?;
     let mut own: Vec<bool> = Vec::new();
@@ -196,8 +196,8 @@ mod tests {
         pixels.iter().map(|p| p.depth_mm).sum::<f64>() / pixels.len() as f64
     }
 
-    /// Of 40 % of the frames every one has the depth of another at a clearly different distance: exactly those are dropped, and the
-    /// calibration is that of the others.
+    /// Of 40 % of the frames every one has the depth of another at a clearly different distance: exactly those are dropped, and
+    /// the calibration is that of the others.
     #[test]
     fn depth_of_other_frames_is_dropped() {
         for seed in 0..4 {
@@ -229,7 +229,8 @@ mod tests {
         }
     }
 
-    /// Systematic errors are no reason to drop a frame: twenty times what they can be detected by, or frames that moved by centimetres.
+    /// Systematic errors are no reason to drop a frame: twenty times what they can be detected by, or frames that moved by
+    /// centimetres.
     #[test]
     fn errors_of_the_camera_are_not_foreign() {
         for (name, size) in

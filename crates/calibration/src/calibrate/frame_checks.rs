@@ -149,8 +149,8 @@ fn distances_px(capture: &Capture<PosedFrame>, residuals: &[f64], sigma: f64) ->
     capture.frames.iter().map(|frame| frame.markers.iter().zip(pairs.by_ref()).map(distance).collect()).collect()
 }
 
-/// Leaves out markers that were found in the wrong place, of frames that keep enough of them, given the distances of all from their
-/// projections, px; returns how many.
+/// Leaves out markers that were found in the wrong place, of frames that keep enough of them, given the distances of all from
+/// their projections, px; returns how many.
 fn leave_out_wrong_markers(capture: &mut Capture<PosedFrame>, distances: &[Vec<f64>]) -> usize {
     let Some(limit) = limit_px(&distances.concat()) else { return 0 };
     let mut count = 0;

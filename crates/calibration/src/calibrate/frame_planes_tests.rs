@@ -9,15 +9,16 @@ use rayon::prelude::*;
 use crate::calibrate::{CalibrateOptions, calibrate, with_frame_scatter};
 use crate::simulated;
 
-/// What frames have of their own: planes of a millimetre or so, or terms in the inverse amplitude, which are as large at dark pixels.
+/// What frames have of their own: planes of a millimetre or so, or terms in the inverse amplitude, which are as large at dark
+/// pixels.
 #[derive(Clone, Copy, PartialEq)]
 enum Own {
     Planes,
     InverseAmplitudes,
 }
 
-/// Mean square of the deviations of D and K from the truth, in standard deviations, of one capture; `afterwards`, the fit is made as if
-/// frames had nothing of their own, and its standard deviations cover it only then.
+/// Mean square of the deviations of D and K from the truth, in standard deviations, of one capture; `afterwards`, the fit is made
+/// as if frames had nothing of their own, and its standard deviations cover it only then.
 fn mean_square_deviation(own: Own, afterwards: bool, seed: u64) -> f64 {
     let camera = CameraTruth::published(1).unwrap();
     let noise = Noise { depth: DepthNoise::Disparity { sigma_rho: 1e-6 }, ..Noise::default() };

@@ -96,8 +96,8 @@ fn calibrate_image_with_lens(
     Ok(settle(State::of_camera(start), &rules, options)?.only_camera(options))
 }
 
-/// The camera at the mean of the options' prior, with the lens terms free that the prior's units have; `None` where there is no prior, or
-/// where it does not tell pinhole and lens.
+/// The camera at the mean of the options' prior, with the lens terms free that the prior's units have; `None` where there is no
+/// prior, or where it does not tell pinhole and lens.
 fn prior_camera<F>(
     capture: &Capture<F>,
     lens: &str,

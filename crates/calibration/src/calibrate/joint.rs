@@ -19,7 +19,8 @@ use crate::observe::depth_sampling::{plane_deviations, sample_depth};
 use crate::observe::noise::{DepthNoise, NoiseModel};
 use crate::observe::{Capture, PosedFrame, SampledFrame};
 
-/// Samples the depth of frames with a pose, with the light of their frames where `light` has the frequencies; also returns the correlation length of the noise, px.
+/// Samples the depth of frames with a pose, with the light of their frames where `light` has the frequencies; also returns the
+/// correlation length of the noise, px.
 pub(super) fn sample(
     capture: Capture<PosedFrame>,
     camera: &Camera,
@@ -34,8 +35,8 @@ pub(super) fn sample(
     Ok((capture, correlation))
 }
 
-/// A camera that was fitted to the images with the depth pieces at their nominal values, and the noise of depth as deviations from planes
-/// show it: the start of a joint adjustment.
+/// A camera that was fitted to the images with the depth pieces at their nominal values, and the noise of depth as deviations
+/// from planes show it: the start of a joint adjustment.
 pub(super) fn with_depth_pieces(
     capture: &Capture<SampledFrame>,
     mut camera: Camera,
@@ -49,7 +50,8 @@ pub(super) fn with_depth_pieces(
     (camera, NoiseModel { depth: depth_noise_from_planes(capture), ..noise })
 }
 
-/// Adds the depth pieces to a camera that was fitted to the images, with the noise of its markers, and adjusts everything jointly.
+/// Adds the depth pieces to a camera that was fitted to the images, with the noise of its markers, and adjusts everything
+/// jointly.
 pub(super) fn joint(
     capture: Capture<SampledFrame>,
     correlation_length_px: Option<usize>,

@@ -1,8 +1,8 @@
 //! `--lens auto`: lens models compared on left-out frames.
 //!
-//! Every model is fitted to all frames, and to each part of a cross-validation from there. The error of a left-out frame is what its
-//! markers leave with a pose of their own. The simplest model within one standard error of the best wins (Breiman, Friedman, Olshen,
-//! Stone 1984, section 3.4.3); of those, one that is one-to-one over the image.
+//! Every model is fitted to all frames, and to each part of a cross-validation from there. The error of a left-out frame is what
+//! its markers leave with a pose of their own. The simplest model within one standard error of the best wins (Breiman, Friedman,
+//! Olshen, Stone 1984, section 3.4.3); of those, one that is one-to-one over the image.
 
 use depthcal_io::{ComparedLens, LensComparison};
 use depthcal_model::Camera;
@@ -28,8 +28,8 @@ const EQUAL_STANDARD_ERRORS: f64 = 1.0;
 /// Fits one lens model to a capture.
 type Fit<'a> = dyn Fn(&Capture, &CalibrateOptions) -> Result<Calibrated<PosedFrame>, CalibrateError> + Sync + 'a;
 
-/// The calibration with the lens that is chosen on left-out frames, and the comparison in it. `fit` calibrates from images with the lens of
-/// its options.
+/// The calibration with the lens that is chosen on left-out frames, and the comparison in it. `fit` calibrates from images with
+/// the lens of its options.
 ///
 /// # Errors
 ///

@@ -44,24 +44,25 @@ pub struct CalibrateOptions {
     pub effects: Vec<PieceSpec>,
     /// Parameters that are held at their nominal values.
     pub held: Vec<HeldParameter>,
-    /// Lens model: one of [`LENS_MODELS`](crate::start::LENS_MODELS); `auto`, which compares these; or `brown-conrady:ORDER` with the name
-    /// of a [`LensOrder`](super::LensOrder). The order of `brown-conrady` is chosen where the markers do not determine it over the
-    /// whole image.
+    /// Lens model: one of [`LENS_MODELS`](crate::start::LENS_MODELS); `auto`, which compares these; or `brown-conrady:ORDER` with
+    /// the name of a [`LensOrder`](super::LensOrder). The order of `brown-conrady` is chosen where the markers do not determine
+    /// it over the whole image.
     pub lens: String,
     /// How the depth model is estimated.
     pub estimator: Estimator,
     /// Most depth pixels of a frame that enter the adjustment.
     pub samples_per_frame: usize,
-    /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing effects.
+    /// Whether depth samples have what any piece of the register needs, not only those of the model: for a search for missing
+    /// effects.
     pub samples_for_search: bool,
-    /// Whether every frame may have a plane of its own that is added to its depth. The variance of these planes is then estimated, and
-    /// the weight of depth relative to the markers is lowered accordingly, if that predicts left-out frames better. Not used for
-    /// models with fields, which describe such planes themselves.
+    /// Whether every frame may have a plane of its own that is added to its depth. The variance of these planes is then
+    /// estimated, and the weight of depth relative to the markers is lowered accordingly, if that predicts left-out frames
+    /// better. Not used for models with fields, which describe such planes themselves.
     pub frame_planes: bool,
     /// A camera to start from, or, where its parameters are held, to keep.
     pub camera: Option<Camera>,
-    /// A prior of the camera's parameters from other units of its type. Without a camera to start from, the fit starts at its mean, so that
-    /// few frames are enough.
+    /// A prior of the camera's parameters from other units of its type. Without a camera to start from, the fit starts at its
+    /// mean, so that few frames are enough.
     pub prior: Option<Arc<CameraPrior>>,
     /// The pieces that names may mean.
     pub register: Register,

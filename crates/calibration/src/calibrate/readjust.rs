@@ -12,8 +12,8 @@ use super::options::CalibrateOptions;
 use crate::adjust::blocks::is_depth_only;
 use crate::observe::{Capture, SampledFrame};
 
-/// Adjusts the model of `options` jointly to sampled frames, from the camera, poses and noise of `start`. The optimum does not depend
-/// on the start; what does is only how many iterations lead there.
+/// Adjusts the model of `options` jointly to sampled frames, from the camera, poses and noise of `start`. The optimum does not
+/// depend on the start; what does is only how many iterations lead there.
 ///
 /// # Errors
 ///

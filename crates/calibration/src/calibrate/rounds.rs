@@ -9,7 +9,8 @@ use crate::adjust::state::State;
 use crate::observe::AdjustableFrame;
 use crate::observe::noise::{NoiseModel, PlaneScatter};
 
-/// Relative change of the design effect of frames' planes below which it has settled: their scatter is known to some ten per cent at best.
+/// Relative change of the design effect of frames' planes below which it has settled: their scatter is known to some ten per cent
+/// at best.
 const PLANES_SETTLED: f64 = 0.05;
 
 /// The rounds of a calibration.
@@ -41,7 +42,8 @@ impl Rounds {
         let chooses_smoothness = rules.chooses_smoothness && is_alone && has_fields(0);
         let most =
             if chooses_smoothness { rules.most_rounds.max(options.smoothness_rounds) } else { rules.most_rounds };
-        // What a field leaves over while it is too smooth is no scatter of the frames, but would keep it smooth if it counted as one.
+        // What a field leaves over while it is too smooth is no scatter of the frames, but would keep it smooth if it counted as
+        // one.
         let may_have_planes = options.frame_planes && rules.with_depth && is_alone;
         let planes = |number: usize| FramePlanes {
             weigh: if may_have_planes && !(rules.chooses_smoothness && has_fields(number)) {
@@ -90,8 +92,8 @@ impl Rounds {
         (used.design_effect - new.design_effect).abs() <= PLANES_SETTLED * new.design_effect
     }
 
-    /// Decides, once all else has settled, of which cameras depth weighs less because their frames have planes of their own; whether the
-    /// rounds begin from the first for it.
+    /// Decides, once all else has settled, of which cameras depth weighs less because their frames have planes of their own;
+    /// whether the rounds begin from the first for it.
     pub fn decide_depth_weights<F: AdjustableFrame>(
         &mut self,
         state: &mut State<F>,

@@ -9,8 +9,8 @@ use super::joint::sample;
 use super::options::CalibrateOptions;
 use crate::observe::Capture;
 
-/// A fit with the frames of another capture instead of its own: their poses are those of their markers, their depth is sampled as `options`
-/// say. Nothing is adjusted; covariance and noise are those of the fit.
+/// A fit with the frames of another capture instead of its own: their poses are those of their markers, their depth is sampled as
+/// `options` say. Nothing is adjusted; covariance and noise are those of the fit.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! The one loop of every calibration, of one camera or a rig: adjust, repair, estimate the noise, drop outliers, choose the smoothness of
-//! fields, until nothing changes any more.
+//! The one loop of every calibration, of one camera or a rig: adjust, repair, estimate the noise, drop outliers, choose the
+//! smoothness of fields, until nothing changes any more.
 
 use depthcal_solver::Covariance;
 use nalgebra::DMatrix;
@@ -21,8 +21,8 @@ use crate::observe::noise::{DepthNoise, NoiseModel, clipped_sigma};
 
 /// Rounds in which the state is repaired: with the noise that was assumed, and with the one that was found.
 const ROUNDS_WITH_REPAIR: usize = 2;
-/// Decrease of the cost by a step below which the first adjustment ends, before the noise is known. What is left is a tenth of that
-/// or less: with the first value below two hundredths of a standard deviation of all parameters together …
+/// Decrease of the cost by a step below which the first adjustment ends, before the noise is known. What is left is a tenth of
+/// that or less: with the first value below two hundredths of a standard deviation of all parameters together …
 const FIRST_DECREASE: f64 = 1e-3;
 /// … and below five thousandths in later ones.
 const LAST_DECREASE: f64 = 1e-4;
@@ -39,8 +39,8 @@ pub(super) struct Settled<F> {
     pub adjusted: Adjusted,
     /// The noise of every camera that weighted its residuals.
     pub weighted_by: Vec<NoiseModel>,
-    /// Joint covariance of the cameras' parameters, in the order of [`Adjustment::variables`]; zero for held parameters. `None` where it
-    /// is out of reach.
+    /// Joint covariance of the cameras' parameters, in the order of [`Adjustment::variables`]; zero for held parameters. `None`
+    /// where it is out of reach.
     pub covariance: Option<DMatrix<f64>>,
     /// Whether depth samples took part.
     pub with_depth: bool,
@@ -135,8 +135,8 @@ fn update_noise<F: AdjustableFrame>(
         && Rounds::planes_settled(&used.planes, &camera.noise.planes)
 }
 
-/// Variance components of pixels and depth from the residuals of an adjustment that was weighted with `used`, given the redundancies of
-/// both (Förstner 1979).
+/// Variance components of pixels and depth from the residuals of an adjustment that was weighted with `used`, given the
+/// redundancies of both (Förstner 1979).
 fn estimate_noise(
     used: &NoiseModel,
     image_residuals: &[f64],

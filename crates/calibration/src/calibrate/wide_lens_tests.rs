@@ -18,7 +18,8 @@ fn options(lens: &str) -> CalibrateOptions {
     CalibrateOptions { lens: lens.to_owned(), ..CalibrateOptions::default() }
 }
 
-/// Start values of a camera of 150°: the focal length is near enough for an adjustment, with every lens that describes such a camera.
+/// Start values of a camera of 150°: the focal length is near enough for an adjustment, with every lens that describes such a
+/// camera.
 #[test]
 fn a_fisheye_camera_has_start_values() {
     let truth = CameraTruth::fisheye_150();

@@ -28,8 +28,8 @@ pub enum Along {
 }
 
 impl Along {
-    /// Its value for an observation in a state of the depth hook, or of the board hook: one number, or two of a place in the image or on the
-    /// board.
+    /// Its value for an observation in a state of the depth hook, or of the board hook: one number, or two of a place in the
+    /// image or on the board.
     pub(super) fn coordinates(self, state: &[f64], context: &Context) -> [f64; 2] {
         match self {
             Self::Pixel => context.pixel,

@@ -77,8 +77,8 @@ fn with_candidates<'a>(camera: &Camera, candidates: impl Iterator<Item = &'a Blo
     (camera, places)
 }
 
-/// A camera with two held pieces that add their parameter to inverse depth, before the depth model and behind it, and their places among
-/// its blocks.
+/// A camera with two held pieces that add their parameter to inverse depth, before the depth model and behind it, and their
+/// places among its blocks.
 pub(super) fn with_probes(camera: &Camera) -> (Camera, [usize; 2]) {
     let blocks = Of::ALL.map(|of| Block::new(Arc::new(Probe::new(of)) as Arc<dyn AnyPiece>));
     let (camera, places) = with_candidates(camera, blocks.iter());

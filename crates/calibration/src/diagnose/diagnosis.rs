@@ -23,8 +23,8 @@ pub struct Diagnosis {
     pub steps: Vec<Step>,
     /// Effects that may be missing too, but are not certain.
     pub possible: Vec<Possible>,
-    /// The residual of the last model, and the part of it that no model of the same covariates could remove; `None` where frames or
-    /// pixels are too few to tell.
+    /// The residual of the last model, and the part of it that no model of the same covariates could remove; `None` where frames
+    /// or pixels are too few to tell.
     pub pure_error: Option<PureError>,
     /// Findings and decision of every round.
     pub rounds: Vec<Round>,

@@ -140,8 +140,8 @@ pub fn distinguishing_frames(
     proposals
 }
 
-/// For a formula: the frame that would distinguish it best from each effect of the catalogue that it resembles, and from the best formula of
-/// other covariates, which the proposal names by its text. `register` has the formula.
+/// For a formula: the frame that would distinguish it best from each effect of the catalogue that it resembles, and from the best
+/// formula of other covariates, which the proposal names by its text. `register` has the formula.
 pub fn frames_against_rivals(
     fit: &Calibrated,
     mut register: Register,

@@ -1,8 +1,9 @@
 //! Whether an effect of the lens shows in the images alone.
 //!
-//! In the joint adjustment an unknown error of depth pulls at the poses, and a piece of the lens that turns the rays with them lowers the
-//! cost though no image calls for it. So where something is unexplained, the markers have to show an effect of the lens by themselves. Where
-//! nothing is, depth may be what shows it: K and the poses take up most of a tilted sensor in the image.
+//! In the joint adjustment an unknown error of depth pulls at the poses, and a piece of the lens that turns the rays with them
+//! lowers the cost though no image calls for it. So where something is unexplained, the markers have to show an effect of the
+//! lens by themselves. Where nothing is, depth may be what shows it: K and the poses take up most of a tilted sensor in the
+//! image.
 
 use std::iter::once;
 
@@ -16,7 +17,8 @@ use super::merit::significant;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
 
-/// Whether an effect is significant in the markers alone, given those of the `others` that act on the lens; true of effects at other hooks.
+/// Whether an effect is significant in the markers alone, given those of the `others` that act on the lens; true of effects at
+/// other hooks.
 ///
 /// # Errors
 ///

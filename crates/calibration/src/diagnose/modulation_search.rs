@@ -1,5 +1,5 @@
-//! Search for the modulation frequencies of a camera of which light goes astray: nothing in a dataset says them, and how the light of
-//! the scene turns a pixel's phase depends on them.
+//! Search for the modulation frequencies of a camera of which light goes astray: nothing in a dataset says them, and how the
+//! light of the scene turns a pixel's phase depends on them.
 
 use depthcal_io::ImageError;
 use depthcal_model::{Covariate, Modulation, PieceSpec, Register};
@@ -15,8 +15,8 @@ use crate::calibrate::Calibrated;
 use crate::observe::frame_light::relit;
 use crate::observe::{PixelRays, SampledFrame};
 
-/// Frequencies of common time-of-flight cameras, MHz, and single ones between them: the effect of a set is nearly that of a frequency
-/// about its mean.
+/// Frequencies of common time-of-flight cameras, MHz, and single ones between them: the effect of a set is nearly that of a
+/// frequency about its mean.
 const KNOWN_MHZ: [&[f64]; 12] = [
     &[16.0, 80.0, 120.0],
     &[10.0],
@@ -47,8 +47,8 @@ pub(super) enum ModulationError {
     Score(#[from] ScoreError),
 }
 
-/// The specs of an added effect with those known modulation frequencies that explain most, where any explains more than those that it has;
-/// none for effects that do not depend on them.
+/// The specs of an added effect with those known modulation frequencies that explain most, where any explains more than those
+/// that it has; none for effects that do not depend on them.
 ///
 /// # Errors
 ///

@@ -6,8 +6,8 @@ use crate::calibrate::CalibrateOptions;
 /// Options of a diagnosis.
 #[derive(Debug, Clone)]
 pub struct DiagnoseOptions {
-    /// The declared model: the one that is examined first. Its `frame_planes` are not used: planes of whole frames are tested, and
-    /// would otherwise hide effects that change from frame to frame.
+    /// The declared model: the one that is examined first. Its `frame_planes` are not used: planes of whole frames are tested,
+    /// and would otherwise hide effects that change from frame to frame.
     pub calibrate: CalibrateOptions,
     /// Number of cross-validation folds where no other dataset is given for verification.
     pub folds: usize,

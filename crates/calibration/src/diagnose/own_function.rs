@@ -1,5 +1,5 @@
-//! The free function of an effect's own covariate, in the effect's place and form: an effect of one covariate, or of the place in the
-//! image, is named only where it explains nearly all that any function there does.
+//! The free function of an effect's own covariate, in the effect's place and form: an effect of one covariate, or of the place in
+//! the image, is named only where it explains nearly all that any function there does.
 
 use std::iter::once;
 
@@ -74,7 +74,8 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
     COVARIATES.into_iter().find(depends_on_it_alone).filter(|_| largest > 0.0)
 }
 
-/// The free function that an effect is compared with, over an image of `size` columns and rows; `None` for effects of several covariates.
+/// The free function that an effect is compared with, over an image of `size` columns and rows; `None` for effects of several
+/// covariates.
 fn own_function(block: &Block, states: &ObservedStates, size: [usize; 2]) -> Option<FreeFunction> {
     let (along, on, of) = (own_covariate(block, states)?, form(block)?, block.placement().of);
     let axes = if along == Along::Pixel {
@@ -88,9 +89,9 @@ fn own_function(block: &Block, states: &ObservedStates, size: [usize; 2]) -> Opt
     Some(free_function("its own covariate", along, Action::Depth(of, on), axes))
 }
 
-/// Share that an effect explains, given the `others` that are added with it, of what it and the free function of its own covariate
-/// explain together on left-out frames, and that covariate; `None` for effects of several covariates, and where the function adds nothing
-/// that is significant.
+/// Share that an effect explains, given the `others` that are added with it, of what it and the free function of its own
+/// covariate explain together on left-out frames, and that covariate; `None` for effects of several covariates, and where the
+/// function adds nothing that is significant.
 ///
 /// # Errors
 ///

@@ -10,8 +10,8 @@ pub struct Possible {
     pub spec: PieceSpec,
     /// Fall of the weighted error on left-out frames, per cent, with its 95 % interval over frames.
     pub gain_percent: GainInterval,
-    /// Number of further frames like these with which the gain, if it is real, would be certain; `None` where it is no question of
-    /// certainty.
+    /// Number of further frames like these with which the gain, if it is real, would be certain; `None` where it is no question
+    /// of certainty.
     pub further_frames: Option<u64>,
 }
 

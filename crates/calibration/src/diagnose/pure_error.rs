@@ -149,8 +149,8 @@ mod tests {
         assert_eq!((first.along.as_slice(), first.scale), ([Along::Column].as_slice(), 1.0), "{:?}", found.shared);
         assert!((first.size_mm / (0.5 * noise_mm) - 1.0).abs() < 0.3, "{first:?}, noise {noise_mm} mm");
         assert!(found.ratio() > 1.05, "{}", found.ratio());
-        // The noise is that of the capture without the stripes, but for these being the same in mm and not in standard deviations: with
-        // them in the noise it would be 12 % more.
+        // The noise is that of the capture without the stripes, but for these being the same in mm and not in standard
+        // deviations: with them in the noise it would be 12 % more.
         let std_mm = |found: &PureError| found.noise.as_ref().unwrap().at[1].std_mm;
         let (with, without) = (std_mm(&found), std_mm(&striped(0.0, 7)));
         assert!((with / without - 1.0).abs() < 0.07, "{with} mm, without stripes {without} mm");

@@ -2,8 +2,8 @@
 //!
 //! Residuals r of a frame f contain what frames share, s, and what they do not. With the mean m of all *other* frames in the same
 //! cell, E[r²] − E[r m] is the variance of the rest, and E[r(p) r(p + h)] − E[r(p) m(p + h)] its covariance at the distance h: a
-//! pattern that all frames have is in both terms, and noise in the first alone. Residuals are in standard deviations; where the pattern is
-//! not the same in these at all depths, its part is exact on average over depths alone.
+//! pattern that all frames have is in both terms, and noise in the first alone. Residuals are in standard deviations; where the
+//! pattern is not the same in these at all depths, its part is exact on average over depths alone.
 
 use depthcal_io::DiagnosisNoiseAtDepth;
 use depthcal_statistics::nearest_rank;

@@ -14,8 +14,8 @@ pub(super) const CUBIC: usize = 3;
 /// Where a free function f acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Action {
-    /// On depth, in first order: ρ + f on inverse depth, ρ − ρ² f on depth, ρ (1 − f / z₀) as a factor, with the reference depth z₀
-    /// ([`REFERENCE_DEPTH_MM`]).
+    /// On depth, in first order: ρ + f on inverse depth, ρ − ρ² f on depth, ρ (1 − f / z₀) as a factor, with the reference depth
+    /// z₀ ([`REFERENCE_DEPTH_MM`]).
     Depth(Of, On),
     /// On the height of the board.
     Height,

@@ -24,8 +24,8 @@ pub struct Thresholds {
     /// Share that named effects must explain of what they and any free function explain together (0.75). Guards against naming
     /// an effect that resembles only a part of an unknown error.
     pub least_explained: f64,
-    /// Share that an effect of one covariate must explain of what it and any function of that covariate explain together in its place and
-    /// form (0.97). Guards against the name of an effect for another function of the same covariate.
+    /// Share that an effect of one covariate must explain of what it and any function of that covariate explain together in its
+    /// place and form (0.97). Guards against the name of an effect for another function of the same covariate.
     pub least_explained_of_own: f64,
     /// Share that named effects must explain of the planes by which single frames deviate (0.7). Guards against naming an
     /// effect where errors change from frame to frame.
@@ -36,9 +36,9 @@ pub struct Thresholds {
     /// Mean over standard error of the paired differences of two effects' gains that distinguishes them (2). Guards against
     /// presenting one of two indistinguishable effects as the only explanation.
     pub distinguishing_t: f64,
-    /// Share of its score statistic that an effect may lose in a place and form that still counts as not told apart from the best one
-    /// (0.01), and by which it has to explain more in another place and form than in that of its own equation to be added there.
-    /// Guards against a certain choice by what the effect's own shape leaves over.
+    /// Share of its score statistic that an effect may lose in a place and form that still counts as not told apart from the best
+    /// one (0.01), and by which it has to explain more in another place and form than in that of its own equation to be added
+    /// there. Guards against a certain choice by what the effect's own shape leaves over.
     pub least_placement_gain: f64,
     /// Minimum fraction of its own gain that an effect must retain when fitted jointly with a competing free function (0.25).
     /// Guards against naming an effect that only imitates an unknown map while something is unexplained.
@@ -70,8 +70,8 @@ pub struct Thresholds {
     /// verdict "unexplained" for what is certain but without practical importance.
     pub least_unexplained_share: f64,
 
-    /// Share of the mean squared residual that frames must share at the same values of a covariate for it to be reported (0.04: it
-    /// raises the error by 2 %). Guards against a verdict "unexplained" for what is certain but without practical importance.
+    /// Share of the mean squared residual that frames must share at the same values of a covariate for it to be reported (0.04:
+    /// it raises the error by 2 %). Guards against a verdict "unexplained" for what is certain but without practical importance.
     pub least_shared_share: f64,
 
     /// Gain in noise-weighted depth error and reprojection error together that counts as one, per cent (0.02). Guards against
@@ -81,9 +81,9 @@ pub struct Thresholds {
     /// improving near pixels, where noise is small, at the expense of far ones.
     pub most_unweighted_loss_percent: f64,
 
-    /// Share of the cost that an added effect gains in first order on left-out frames (0.01), and the mean of these gains per frame over
-    /// its standard error (5), from which it is plainly needed after others were added, without fits to parts of the frames. Bounds
-    /// the time.
+    /// Share of the cost that an added effect gains in first order on left-out frames (0.01), and the mean of these gains per
+    /// frame over its standard error (5), from which it is plainly needed after others were added, without fits to parts of the
+    /// frames. Bounds the time.
     pub plain_share: f64,
     /// See [`plain_share`](Self::plain_share).
     pub plain_t: f64,
@@ -141,11 +141,11 @@ pub struct Thresholds {
 
     /// Frames that a search for formulas needs (9): a third of them is set aside to confirm what is found.
     pub least_frames_for_formulas: usize,
-    /// Share of resamples of the frames in which the best of all terms has the covariates of a formula (0.8). Guards against formulas that a
-    /// few frames decide.
+    /// Share of resamples of the frames in which the best of all terms has the covariates of a formula (0.8). Guards against
+    /// formulas that a few frames decide.
     pub least_stability: f64,
-    /// Share that a formula explains of what the best free function of its covariates explains (0.75). Guards against formulas that only resemble
-    /// a part of what is there.
+    /// Share that a formula explains of what the best free function of its covariates explains (0.75). Guards against formulas
+    /// that only resemble a part of what is there.
     pub least_share_of_free_function: f64,
 }
 

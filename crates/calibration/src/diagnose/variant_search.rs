@@ -1,9 +1,9 @@
 //! Search for the variant of an effect that explains most: the value of its constant, its place and its form.
 //!
-//! A wave over depth has another period in the measured depth than in the true one wherever D scales depth, and another phase where
-//! D tilts it; in the wrong place no period explains it. So the constants of such effects are searched in both places. Forms
-//! only weight the effect over distance: they are compared at the best constant of each place, and the constant is refined in
-//! the best of them.
+//! A wave over depth has another period in the measured depth than in the true one wherever D scales depth, and another phase
+//! where D tilts it; in the wrong place no period explains it. So the constants of such effects are searched in both places.
+//! Forms only weight the effect over distance: they are compared at the best constant of each place, and the constant is refined
+//! in the best of them.
 
 use std::sync::Arc;
 
@@ -46,7 +46,8 @@ pub(super) struct BestVariant {
 /// Variants of one of several effects, by its number, with their score statistics.
 type Scored = (usize, Variant, f64);
 
-/// Tests variants of `effects`, each given with the number of its effect, and hands each linearisation with the tested ones to `read`.
+/// Tests variants of `effects`, each given with the number of its effect, and hands each linearisation with the tested ones to
+/// `read`.
 fn test<T: Send>(
     fit: &Calibrated,
     register: &Register,

@@ -18,8 +18,9 @@ pub struct MarkerPoint {
     pub inverse_depth: f64,
 }
 
-/// Markers of a frame with the depth measured at them, from the board pixels around (see [`crate::observe::board_pixels::board_pixels`]) under a camera
-/// and a pose from the image. `None` where the depth around a marker is missing.
+/// Markers of a frame with the depth measured at them, from the board pixels around (see
+/// [`crate::observe::board_pixels::board_pixels`]) under a camera and a pose from the image. `None` where the depth around a
+/// marker is missing.
 pub fn marker_points(
     frame: &DetectedFrame,
     pixels: &[BoardPixel],

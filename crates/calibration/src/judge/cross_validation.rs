@@ -23,8 +23,8 @@ pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture
     (capture.subset(|i, _| !held(i)), rest)
 }
 
-/// Errors of every frame of a fit under a model that was adjusted without it: the model of `options`, adjusted again without each of
-/// so many parts of the frames, starting from `fit`. Where it cannot be adjusted without a part, the part's frames are dropped
+/// Errors of every frame of a fit under a model that was adjusted without it: the model of `options`, adjusted again without each
+/// of so many parts of the frames, starting from `fit`. Where it cannot be adjusted without a part, the part's frames are dropped
 /// with the reason.
 ///
 /// # Errors
@@ -39,8 +39,8 @@ pub fn cross_validate(
     cross_validate_thinned(fit, parts, how, usize::MAX, options)
 }
 
-/// The same, judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames have the weight that they
-/// have with all their pixels.
+/// The same, judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames have the weight
+/// that they have with all their pixels.
 ///
 /// # Errors
 ///
@@ -214,15 +214,15 @@ pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInt
 }
 
 /// The same of depth weighted by the noise, so that near pixels, where noise is small, count as much as far ones, and of the
-/// reprojection error, together: the sum of their falls. Every frame counts alike, by the geometric mean of the frames' errors: a frame
-/// far outside the others' poses, which they do not determine, decides nothing alone.
+/// reprojection error, together: the sum of their falls. Every frame counts alike, by the geometric mean of the frames' errors: a
+/// frame far outside the others' poses, which they do not determine, decides nothing alone.
 pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
     let falls = weighted_falls(before, after, noise);
     gain_over(falls.len(), |drawn| mean_fall_percent(drawn.iter().map(|d| falls[*d])))
 }
 
-/// The same with its interval over blocks of consecutive frames, which are resampled whole: what a function of time takes up in one stretch
-/// of a recording may be anything that happened there.
+/// The same with its interval over blocks of consecutive frames, which are resampled whole: what a function of time takes up in
+/// one stretch of a recording may be anything that happened there.
 pub fn weighted_gain_of_blocks_percent(
     before: &Evaluated,
     after: &Evaluated,
@@ -239,8 +239,8 @@ fn mean_fall_percent(frames: impl Iterator<Item = [f64; 2]>) -> f64 {
     sum.map(|s: f64| 100.0 * (1.0 - (s / n).exp())).iter().sum()
 }
 
-/// Logarithms of the ratio of every frame's weighted depth errors after and before, and of its reprojection errors; in the order of the
-/// frames.
+/// Logarithms of the ratio of every frame's weighted depth errors after and before, and of its reprojection errors; in the order
+/// of the frames.
 fn weighted_falls(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Vec<[f64; 2]> {
     let logarithm = |[before, after]: [(f64, f64); 2]| {
         let ratio = pooled_rms([after].into_iter()) / pooled_rms([before].into_iter());
@@ -325,8 +325,8 @@ mod tests {
         one[7] = 0.0;
         let lucky = depth_gain_percent(&before, &evaluated(&one)).unwrap();
         assert!(lucky.low.abs() < 1e-9 && lucky.high > lucky.value && lucky.value > 0.0, "{lucky:?}");
-        // Nineteen frames improve by a fifth, the twentieth becomes three times as bad: the whole by less than its uncertainty, the
-        // frames for certain.
+        // Nineteen frames improve by a fifth, the twentieth becomes three times as bad: the whole by less than its uncertainty,
+        // the frames for certain.
         let noise = DepthNoise { a_per_mm: 1e-6, b_mm: 0.0 };
         let (mut before, mut after) = ([1.0; 20], [0.8; 20]);
         (before[3], after[3]) = (2.0, 6.0);

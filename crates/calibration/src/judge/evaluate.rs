@@ -148,7 +148,8 @@ impl<F: Sync> Evaluation<'_, F> {
         refined.map_or_else(|| estimate_pose(self.camera, target, &markers_of(frame)), Ok)
     }
 
-    /// Leaves out markers that were found in the wrong place, of frames that keep a pose without them, and estimates these poses anew.
+    /// Leaves out markers that were found in the wrong place, of frames that keep a pose without them, and estimates these poses
+    /// anew.
     fn leave_out_wrong_markers(&self, seen: &mut [(Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)]) {
         let distances = |(frame, pose): &(Cow<'_, DetectedFrame>, Result<PoseFit, StartError>)| {
             let Ok(pose) = pose else { return Vec::new() };

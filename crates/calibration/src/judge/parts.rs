@@ -8,8 +8,8 @@ pub enum Parts {
     /// Every n-th frame belongs to the same part.
     #[default]
     Interleaved,
-    /// Every part is a block of consecutive frames: neighbours of a sweep are alike, and a fit that has seen a frame's neighbours has
-    /// nearly seen the frame.
+    /// Every part is a block of consecutive frames: neighbours of a sweep are alike, and a fit that has seen a frame's neighbours
+    /// has nearly seen the frame.
     Blocks,
 }
 

@@ -2,8 +2,8 @@
 
 use depthcal_io::{BeforeAfter, DatasetEvaluation, MeanStd};
 
-/// Text of the thesis' table 6.1: errors of every dataset without and with correction, and the share of board pixels that were left
-/// out. The dataset with the name `marked`, to which the camera was fitted, gets an asterisk.
+/// Text of the thesis' table 6.1: errors of every dataset without and with correction, and the share of board pixels that were
+/// left out. The dataset with the name `marked`, to which the camera was fitted, gets an asterisk.
 pub fn table(records: &[DatasetEvaluation], marked: Option<&str>) -> String {
     use std::fmt::Write;
     let mut text = String::new();

@@ -1,7 +1,7 @@
 //! Detections that are kept from run to run, by the content of the dataset.
 //!
-//! A cached detection is `observations.json` of all frames, those without a board too, with a checksum among its settings. A file that is
-//! cut, changed, of another version or of another dataset is not used; the next detection replaces it.
+//! A cached detection is `observations.json` of all frames, those without a board too, with a checksum among its settings. A file
+//! that is cut, changed, of another version or of another dataset is not used; the next detection replaces it.
 
 use std::path::Path;
 

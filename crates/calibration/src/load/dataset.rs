@@ -1,5 +1,5 @@
-//! From a dataset on disk to the observations of its cameras: images are read, boards detected (or their cached detections read), depth
-//! images paired.
+//! From a dataset on disk to the observations of its cameras: images are read, boards detected (or their cached detections read),
+//! depth images paired.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,8 @@ pub struct LoadOptions {
     pub cache: Option<PathBuf>,
     /// Detects again even where a cached detection holds.
     pub refresh: bool,
-    /// File of markers that another program found, in mrcal's format of corners; the board is then not detected, and nothing is cached.
+    /// File of markers that another program found, in mrcal's format of corners; the board is then not detected, and nothing is
+    /// cached.
     pub markers: Option<PathBuf>,
     /// Pieces that the camera of circle refinement may have.
     pub register: Register,
@@ -221,7 +222,8 @@ impl LoadedCamera {
     }
 }
 
-/// Reads a dataset: images and depth images of every camera, and the board in every image. A camera without images has depth alone.
+/// Reads a dataset: images and depth images of every camera, and the board in every image. A camera without images has depth
+/// alone.
 ///
 /// # Errors
 ///
@@ -247,8 +249,8 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded, LoadError> {
     Ok(Loaded { name: dataset.name, cameras: dataset.cameras.into_iter().map(read).collect::<Result<_, _>>()? })
 }
 
-/// Reads a dataset of one camera whose markers were found by another program: positions by the names of frames. Frames without markers are
-/// dropped, as those are in which no board is found. Nothing is cached, and the diameter of dots is not measured.
+/// Reads a dataset of one camera whose markers were found by another program: positions by the names of frames. Frames without
+/// markers are dropped, as those are in which no board is found. Nothing is cached, and the diameter of dots is not measured.
 ///
 /// # Errors
 ///
@@ -303,8 +305,8 @@ fn read_camera(
     Ok(loaded)
 }
 
-/// A dataset from frames of one size and their markers, which come from `file` where another program found them, and the number of frames
-/// without a board, which come first among those that are dropped.
+/// A dataset from frames of one size and their markers, which come from `file` where another program found them, and the number
+/// of frames without a board, which come first among those that are dropped.
 pub(super) fn assemble(
     mut dataset: DatasetCamera,
     reference: FileReference,

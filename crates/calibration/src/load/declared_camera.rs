@@ -48,8 +48,9 @@ pub enum DeclaredCameraError {
     },
 }
 
-/// The camera that a dataset declares, for images of `width` by `height` px, from numbers or from a file; `None` where it declares no
-/// intrinsics. Where another lens model than that of the intrinsics is asked for, or declared, it starts at its nearest to them.
+/// The camera that a dataset declares, for images of `width` by `height` px, from numbers or from a file; `None` where it
+/// declares no intrinsics. Where another lens model than that of the intrinsics is asked for, or declared, it starts at its
+/// nearest to them.
 ///
 /// # Errors
 ///
@@ -98,8 +99,8 @@ pub fn declared_camera(
     Ok(Some(Camera::new(width, height, [fx, fy, cx, cy, camera.pinhole()[4]], blocks).fitted_to_rays(&rays, &pixels)))
 }
 
-/// Intrinsics from numbers. Without a lens of their own, up to five coefficients are those of Brown and Conrady, all of which are part of
-/// the camera.
+/// Intrinsics from numbers. Without a lens of their own, up to five coefficients are those of Brown and Conrady, all of which are
+/// part of the camera.
 fn of_numbers(numbers: &IntrinsicNumbers, lens: Option<&str>) -> Intrinsics {
     let k = &numbers.distortion;
     let fisheye = lens.is_some_and(|lens| lens.replace('-', "_") == "kannala_brandt");

@@ -24,9 +24,9 @@ const MEASURED_FRAMES: usize = 24;
 /// What no fit of one dot's grey values knows (uneven print, rounding), px: no marker counts as better than this.
 const FLOOR_PX: f64 = 0.02;
 
-/// Markers of every frame, in order; none where the board was not found. The diameter of dots is measured. Dots are refined as in Datta, Kim, Kanade 2009:
-/// calibrate, rectify with the camera, match, map back, again. Where the frames do not determine a camera (all boards
-/// parallel, too few frames), the rectification of each frame's own homography stays.
+/// Markers of every frame, in order; none where the board was not found. The diameter of dots is measured. Dots are refined as in
+/// Datta, Kim, Kanade 2009: calibrate, rectify with the camera, match, map back, again. Where the frames do not determine a
+/// camera (all boards parallel, too few frames), the rectification of each frame's own homography stays.
 pub(crate) fn find_markers(
     target: &Target,
     frames: &[RawFrame],
@@ -64,8 +64,8 @@ pub(crate) fn find_markers(
     Ok(Found { markers, circle_diameter, charuco_layout })
 }
 
-/// The layout of a ChArUco board, that of most frames. Frames in which another was seen, or no board, are searched again for this one: few
-/// tags can look like either.
+/// The layout of a ChArUco board, that of most frames. Frames in which another was seen, or no board, are searched again for this
+/// one: few tags can look like either.
 fn one_layout(
     target: &Target,
     frames: &[RawFrame],
@@ -218,8 +218,8 @@ fn refine(
     Ok(true)
 }
 
-/// The camera under which dots are fitted again: with the default lens; of wide images with that of two lenses for such that keeps more
-/// frames or leaves less.
+/// The camera under which dots are fitted again: with the default lens; of wide images with that of two lenses for such that
+/// keeps more frames or leaves less.
 fn any_lens(capture: &Capture, register: &Register) -> Option<Calibrated<PosedFrame>> {
     let with_lens = |lens: &str| {
         let options =

@@ -47,8 +47,8 @@ pub struct DatasetInMemory {
     pub frames: Vec<FrameInMemory>,
 }
 
-/// A dataset from memory, as [`load`](super::load) gives one from files. Its reference has the name as path, and a digest of everything
-/// that is given.
+/// A dataset from memory, as [`load`](super::load) gives one from files. Its reference has the name as path, and a digest of
+/// everything that is given.
 ///
 /// # Errors
 ///

@@ -1,8 +1,8 @@
-//! How the board moves about a frame, from its poses in the frames before and after: a camera that exposes a frame at another moment sees
-//! the board elsewhere.
+//! How the board moves about a frame, from its poses in the frames before and after: a camera that exposes a frame at another
+//! moment sees the board elsewhere.
 //!
-//! About the pose (R, t) of a frame, the board's is (R Exp(φ(s)), t + p(s)) s seconds later, with polynomials φ and p through the poses
-//! of up to two frames before and two after.
+//! About the pose (R, t) of a frame, the board's is (R Exp(φ(s)), t + p(s)) s seconds later, with polynomials φ and p through the
+//! poses of up to two frames before and two after.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, UnitQuaternion, Vector3};
 
@@ -45,8 +45,8 @@ impl Moved {
 }
 
 impl BoardMotion {
-    /// The motion about a pose through neighbours: how much later they are, s, and their poses. `None` unless there are neighbours on both
-    /// sides.
+    /// The motion about a pose through neighbours: how much later they are, s, and their poses. `None` unless there are
+    /// neighbours on both sides.
     pub fn through(pose: &Isometry3<f64>, neighbours: &[(f64, Isometry3<f64>)]) -> Option<Self> {
         let later = neighbours.iter().map(|n| n.0).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
         let earlier = neighbours.iter().map(|n| n.0).filter(|s| *s < 0.0).fold(f64::NEG_INFINITY, f64::max);

@@ -36,8 +36,8 @@ impl BoardPlane {
         (z > 0.0 && z.is_finite()).then_some(z)
     }
 
-    /// The state that depth pieces are given on a ray: x, y, inverse depth of the plane (1/mm), cosine of the angle of incidence; `None`
-    /// where the ray does not meet the plane.
+    /// The state that depth pieces are given on a ray: x, y, inverse depth of the plane (1/mm), cosine of the angle of incidence;
+    /// `None` where the ray does not meet the plane.
     pub fn depth_state(&self, ray: [f64; 2]) -> Option<[f64; 4]> {
         Some([ray[0], ray[1], 1.0 / self.depth(ray)?, self.cos_incidence(ray)])
     }
@@ -80,8 +80,8 @@ impl<'a> BoardSurface<'a> {
         let Some(heights) = self.heights else { return Some(depth) };
         let (rotation, origin) = &self.plane.board_from_camera;
         let direction = rotation * Vector3::new(ray[0], ray[1], 1.0);
-        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more, but for rays that
-        // graze the board or pass it far away, which meet no surface.
+        // Fixed-point iteration. Heights are millimetres on boards of hundreds: each round gains two digits or more, but for rays
+        // that graze the board or pass it far away, which meet no surface.
         let mut gap = f64::INFINITY;
         for _ in 0..MOST_ROUNDS {
             let at = origin + direction * depth;

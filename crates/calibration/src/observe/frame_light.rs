@@ -1,5 +1,5 @@
-//! The light of whole frames, for effects that depend on it. It is computed once per frame, when its depth is sampled, and kept with
-//! the frame: images leave memory, it is small.
+//! The light of whole frames, for effects that depend on it. It is computed once per frame, when its depth is sampled, and kept
+//! with the frame: images leave memory, it is small.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -24,8 +24,8 @@ pub(super) fn keep_light(capture: &mut Capture<PosedFrame>, rays: &PixelRays<'_>
     })
 }
 
-/// The light of a frame that the pieces of `rays` need: that which is kept with it, else computed. `None` where none is needed, or
-/// the frame has no image or no depth.
+/// The light of a frame that the pieces of `rays` need: that which is kept with it, else computed. `None` where none is needed,
+/// or the frame has no image or no depth.
 pub(super) fn light<'a>(frame: &OpenFrame<'a>, unit_mm: f64, rays: &PixelRays<'_>) -> Option<Cow<'a, FrameCovariates>> {
     let modulation = rays.modulation()?;
     match &frame.raw.light {

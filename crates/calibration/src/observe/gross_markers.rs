@@ -1,9 +1,9 @@
-//! Markers that are grossly wrong, found in one frame alone: whatever the lens, the map from board to image is smooth, and they are far from
-//! it.
+//! Markers that are grossly wrong, found in one frame alone: whatever the lens, the map from board to image is smooth, and they
+//! are far from it.
 //!
-//! The map is a homography times a smooth remainder; both together are a polynomial of the board's coordinates to within a pixel or so. It is
-//! fitted by iteratively reweighted least squares, first with the weights of least absolute deviations, then without the markers that are
-//! far off. A camera is not needed, so that the start values of one are not spoiled.
+//! The map is a homography times a smooth remainder; both together are a polynomial of the board's coordinates to within a pixel
+//! or so. It is fitted by iteratively reweighted least squares, first with the weights of least absolute deviations, then without
+//! the markers that are far off. A camera is not needed, so that the start values of one are not spoiled.
 
 use depthcal_model::Target;
 use depthcal_statistics::upper_median;
@@ -64,7 +64,8 @@ fn far_off(design: &DMatrix<f64>, pixels: &OMatrix<f64, Dyn, U2>) -> Option<FarO
     for _ in 0..ITERATIONS[1] {
         let fit = Fit::new(design, pixels, &weights)?;
         let (leverages, distances) = (fit.leverages(design), fit.distances);
-        // The median of a Rayleigh distribution is 1.18 standard deviations of a coordinate; the fit takes its share of the freedoms.
+        // The median of a Rayleigh distribution is 1.18 standard deviations of a coordinate; the fit takes its share of the
+        // freedoms.
         let freedoms = 1.0 - design.ncols() as f64 / design.nrows() as f64;
         let std_px = upper_median(&mut distances.clone())? / (2.0 * std::f64::consts::LN_2 * freedoms).sqrt();
         let limit = LEAST_PX.max(SIGMAS * std_px);
@@ -141,8 +142,8 @@ mod tests {
         (target.clone(), (0..target.len()).map(observe).collect())
     }
 
-    /// None on boards without wrong markers. Where a third is wrong, some are left for the checks after the fit: this one only has to spare
-    /// the start values.
+    /// None on boards without wrong markers. Where a third is wrong, some are left for the checks after the fit: this one only
+    /// has to spare the start values.
     #[test]
     fn wrong_markers_are_found_and_others_hardly_ever() {
         let mut random = StdRng::seed_from_u64(3);

@@ -10,8 +10,8 @@ use super::board_pixels::BoardPixel;
 const SUPPORT: f64 = 1.1;
 /// Fewest supporting pixels.
 const FEWEST_PIXELS: usize = 12;
-/// Most pixels that support a marker in the middle of the board, about: of more, a scattered part. Noise that is left of so many is a
-/// few per cent of a pixel's.
+/// Most pixels that support a marker in the middle of the board, about: of more, a scattered part. Noise that is left of so many
+/// is a few per cent of a pixel's.
 const MOST_PIXELS: f64 = 1000.0;
 /// Residuals beyond this many robust standard deviations are excluded from the fit.
 const GATE: f64 = 3.5;
@@ -169,8 +169,8 @@ mod tests {
     use super::*;
     use depthcal_model::{Context, Pattern};
 
-    /// A tilted plane with a hole at the marker and gross outliers: the plane's value there comes back exactly, from few pixels and
-    /// from so many that only a part of them supports the plane.
+    /// A tilted plane with a hole at the marker and gross outliers: the plane's value there comes back exactly, from few pixels
+    /// and from so many that only a part of them supports the plane.
     #[test]
     fn a_plane_is_interpolated_through_a_hole_despite_outliers() {
         let target = Target {

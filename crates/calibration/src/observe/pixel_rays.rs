@@ -10,8 +10,8 @@ use super::board_plane::BoardSurface;
 
 /// Distances of the exactly computed pixels that are tried, widest first, px. Where none is fine enough every pixel is exact.
 const STEPS: [usize; 4] = [16, 8, 4, 2];
-/// Largest error of an interpolated ray on the normalised image plane: some hundred-thousandths of a pixel, or a ten-thousandth of a
-/// millimetre at a metre.
+/// Largest error of an interpolated ray on the normalised image plane: some hundred-thousandths of a pixel, or a ten-thousandth
+/// of a millimetre at a metre.
 const TOLERANCE: f64 = 1e-7;
 /// Nodes to either side of a pixel that it is interpolated from.
 const REACH: usize = 3;
@@ -58,8 +58,8 @@ impl<'a> PixelRays<'a> {
         self.modulation
     }
 
-    /// Range over depth at the pixel with this row-major index, whatever the displacement of the depth image; 1 where the pixel has no
-    /// ray.
+    /// Range over depth at the pixel with this row-major index, whatever the displacement of the depth image; 1 where the pixel
+    /// has no ray.
     pub fn slant(&self, index: usize, depth_mm: f64) -> f64 {
         let width = self.camera.width.max(1);
         let exact = || self.camera.ray([(index % width) as f64, (index / width) as f64], 1.0 / depth_mm).ok();
@@ -231,8 +231,8 @@ mod tests {
 
     use super::*;
 
-    /// A mild and a strong lens, and one that folds within the image: the table is exact to the tolerance or empty-handed where the
-    /// camera is.
+    /// A mild and a strong lens, and one that folds within the image: the table is exact to the tolerance or empty-handed where
+    /// the camera is.
     #[test]
     fn the_table_has_the_rays_of_the_camera() {
         let target = Target { pattern: Pattern::Chessboard, columns: 9, rows: 6, spacing_mm: 25.0 };

@@ -67,8 +67,8 @@ impl<T> From<T> for Stored<T> {
     }
 }
 
-/// A number that is equal for equal depth images and different for others but by chance (1 in 2⁶⁴); `None` of an image without any
-/// measurement.
+/// A number that is equal for equal depth images and different for others but by chance (1 in 2⁶⁴); `None` of an image without
+/// any measurement.
 pub fn depth_digest(depth: &DepthFrame) -> Option<u64> {
     (0..depth.len()).any(|i| depth.measurement(i).is_some()).then(|| {
         let mut hasher = DefaultHasher::new();

@@ -1,7 +1,7 @@
 //! Markers that were found in the wrong place: on a speck, on a reflection, on the neighbour.
 //!
-//! Most markers are detected to a tenth of a pixel, but a few among thousands are a pixel or more off. A robust loss reduces their
-//! influence on the fit, but not on the reprojection error that is reported.
+//! Most markers are detected to a tenth of a pixel, but a few among thousands are a pixel or more off. A robust loss reduces
+//! their influence on the fit, but not on the reprojection error that is reported.
 
 use depthcal_statistics::upper_median;
 
@@ -11,7 +11,8 @@ use depthcal_io::MarkerObservation;
 const LEAST_PX: f64 = 1.0;
 /// … nor is one within so many standard deviations of a coordinate: Gaussian noise leaves these once in 3000 markers.
 const SIGMAS: f64 = 4.0;
-/// Where more than this share of all markers, and more than one, is so far off it is not the markers that are wrong but the model.
+/// Where more than this share of all markers, and more than one, is so far off it is not the markers that are wrong but the
+/// model.
 const LARGEST_SHARE: f64 = 0.02;
 
 /// Distance from the fit from which on a marker is wrong, px, given those of all markers; `None` where too many are.

@@ -28,8 +28,8 @@ pub const LENS_MODELS: [LensModel; 7] = [
 pub(crate) const KANNALA_BRANDT: &str = "kannala_brandt";
 const OPENCV: &str = "opencv_lens";
 
-/// The block of a lens model at its nominal values, by a name of [`LENS_MODELS`] or of a registered piece, with `-` or `_`; `None`
-/// for `none`.
+/// The block of a lens model at its nominal values, by a name of [`LENS_MODELS`] or of a registered piece, with `-` or `_`;
+/// `None` for `none`.
 ///
 /// # Errors
 ///

@@ -9,8 +9,8 @@ use super::frame_markers::FrameMarkers;
 use super::homography::homography;
 use crate::observe::MarkerObservation;
 
-/// Relative fall of the squared reprojection error in a step below which a pose has settled: it is then within some hundred-thousandth of
-/// its standard deviation.
+/// Relative fall of the squared reprojection error in a step below which a pose has settled: it is then within some
+/// hundred-thousandth of its standard deviation.
 const SETTLED: f64 = 1e-10;
 
 /// A pose with its reprojection error.
@@ -60,8 +60,8 @@ pub fn local_poses(camera: &Camera, target: &Target, frame: &FrameMarkers<'_>) -
     if fits.is_empty() { Err(no_pose()) } else { Ok(fits) }
 }
 
-/// K⁻¹H = λ (r₁ r₂ t), with the nearest rotation to (r₁, r₂, r₁ × r₂). The board's point `middle` (mm) lies in front of the camera;
-/// in wide images the board's origin need not.
+/// K⁻¹H = λ (r₁ r₂ t), with the nearest rotation to (r₁, r₂, r₁ × r₂). The board's point `middle` (mm) lies in front of the
+/// camera; in wide images the board's origin need not.
 fn from_homography(h: &Matrix3<f64>, middle: [f64; 2]) -> Option<Isometry3<f64>> {
     let scale = 2.0 / (h.column(0).norm() + h.column(1).norm());
     let depth = h.m31 * middle[0] + h.m32 * middle[1] + h.m33;
@@ -76,8 +76,8 @@ fn from_homography(h: &Matrix3<f64>, middle: [f64; 2]) -> Option<Isometry3<f64>>
     Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }
 
-/// The pose with the board's plane mirrored about the line of sight to the middle of the board that has this marker; `None` where the
-/// board is seen edge-on.
+/// The pose with the board's plane mirrored about the line of sight to the middle of the board that has this marker; `None` where
+/// the board is seen edge-on.
 fn mirror(pose: &Isometry3<f64>, target: &Target, marker: usize) -> Option<Isometry3<f64>> {
     let parts = target.parts();
     let points = parts.iter().find(|part| part.markers.contains(&marker))?.board.points();

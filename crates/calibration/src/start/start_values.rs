@@ -12,18 +12,18 @@ use super::pose::estimate_pose;
 use super::wide_angle::{equidistant, error_px, imitating, widest};
 use super::zhang::{check_tilts, pinhole_from_homographies};
 
-/// Reprojection error without lens, in image widths, from which a camera may be a wide one: 0.16 px at 640 px. Poses take up most of what a
-/// fisheye lens does to small boards.
+/// Reprojection error without lens, in image widths, from which a camera may be a wide one: 0.16 px at 640 px. Poses take up most
+/// of what a fisheye lens does to small boards.
 const BENT: f64 = 0.00025;
-/// Share of that error up to which an equidistant camera leaves of a wide lens. Of the barrel distortion of usual cameras it leaves about
-/// as much.
+/// Share of that error up to which an equidistant camera leaves of a wide lens. Of the barrel distortion of usual cameras it
+/// leaves about as much.
 const CLEARLY: f64 = 0.5;
-/// Angle between the optical axis and the image's corners, rad, from which a lens may be wide: an equidistant camera of a long focal length
-/// is only another description of weak barrel distortion.
+/// Angle between the optical axis and the image's corners, rad, from which a lens may be wide: an equidistant camera of a long
+/// focal length is only another description of weak barrel distortion.
 const WIDE_RADIANS: f64 = 0.85;
 
-/// A camera with the named lens model (`none` for no lens model), and one pose per frame, from the markers alone: start values for an
-/// adjustment. `width` and `height` are the images' size, px.
+/// A camera with the named lens model (`none` for no lens model), and one pose per frame, from the markers alone: start values
+/// for an adjustment. `width` and `height` are the images' size, px.
 ///
 /// # Errors
 ///
@@ -42,8 +42,8 @@ pub fn start_values(
     Ok((camera, poses))
 }
 
-/// The camera of [`start_values`] alone. Each frame counts as much as its markers determine its homography. Where straight lines are
-/// strongly bent, or the lens is a fisheye, it has a lens at start values of its own (`wide_angle`).
+/// The camera of [`start_values`] alone. Each frame counts as much as its markers determine its homography. Where straight lines
+/// are strongly bent, or the lens is a fisheye, it has a lens at start values of its own (`wide_angle`).
 ///
 /// # Errors
 ///

@@ -13,7 +13,8 @@ use super::pose::estimate_pose;
 
 /// Frames with the widest markers that are looked at.
 const FRAMES: usize = 6;
-/// Focal lengths that are tried, in image widths: from a fisheye whose image circle fills a third of the image to a telephoto lens.
+/// Focal lengths that are tried, in image widths: from a fisheye whose image circle fills a third of the image to a telephoto
+/// lens.
 const FOCAL_LENGTHS: [f64; 2] = [0.12, 2.5];
 /// The same in focal lengths of the pinhole, where there is one.
 const AROUND: [f64; 2] = [0.6, 1.7];
@@ -43,8 +44,8 @@ pub(super) fn widest<'a>(frames: &[FrameMarkers<'a>], width: usize, height: usiz
     sorted
 }
 
-/// The equidistant camera with its principal point in the image's middle that explains the frames best, and its error, px. Its focal
-/// length is looked for around that of a pinhole, where there is one.
+/// The equidistant camera with its principal point in the image's middle that explains the frames best, and its error, px. Its
+/// focal length is looked for around that of a pinhole, where there is one.
 ///
 /// # Errors
 ///

@@ -5,8 +5,8 @@ use depthcal_model::{Camera, Register};
 
 use super::error::TaskError;
 
-/// The camera with further effects from files of formulas, with the values that these have for their parameters; `option` is what the
-/// user calls the list.
+/// The camera with further effects from files of formulas, with the values that these have for their parameters; `option` is what
+/// the user calls the list.
 ///
 /// # Errors
 ///

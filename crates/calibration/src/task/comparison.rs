@@ -46,8 +46,8 @@ pub struct Compared {
 }
 
 impl CompareRequest {
-    /// Compares the models on every camera of `train` that has depth, by their errors on the same camera of `verify`; `base` has the register
-    /// and receives progress.
+    /// Compares the models on every camera of `train` that has depth, by their errors on the same camera of `verify`; `base` has
+    /// the register and receives progress.
     ///
     /// # Errors
     ///

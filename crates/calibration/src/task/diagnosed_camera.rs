@@ -59,7 +59,8 @@ pub struct CameraInRig {
 }
 
 impl DiagnosedCamera {
-    /// The diagnosis of camera number `camera` of a dataset, whose declared model is `model` in words, with everything that follows from it.
+    /// The diagnosis of camera number `camera` of a dataset, whose declared model is `model` in words, with everything that
+    /// follows from it.
     ///
     /// # Errors
     ///

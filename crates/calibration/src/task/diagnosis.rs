@@ -53,8 +53,8 @@ impl DiagnoseRequest {
         self.model.options(CalibrateOptions { register: register.clone(), ..CalibrateOptions::default() }).map(drop)
     }
 
-    /// Diagnoses a dataset, with errors on `verify` where that is given; `base` has the register, which knows the effects, and receives
-    /// progress.
+    /// Diagnoses a dataset, with errors on `verify` where that is given; `base` has the register, which knows the effects, and
+    /// receives progress.
     ///
     /// # Errors
     ///

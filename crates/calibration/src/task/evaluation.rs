@@ -32,8 +32,8 @@ pub struct Evaluations {
 }
 
 impl Evaluations {
-    /// Measures the errors on a dataset; returns the names of calibrated cameras that it does not have. A dataset of one camera is evaluated
-    /// with the camera of its name or, where the dataset or the calibration gives none, with the reference.
+    /// Measures the errors on a dataset; returns the names of calibrated cameras that it does not have. A dataset of one camera
+    /// is evaluated with the camera of its name or, where the dataset or the calibration gives none, with the reference.
     ///
     /// # Errors
     ///

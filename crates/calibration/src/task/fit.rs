@@ -72,7 +72,8 @@ pub struct HeldOut {
     pub how: &'static str,
     /// The errors.
     pub evaluated: EvaluatedRig,
-    /// The frames of one camera that were held out; `None` of a cross-validation, which has a camera for every part, and of a rig.
+    /// The frames of one camera that were held out; `None` of a cross-validation, which has a camera for every part, and of a
+    /// rig.
     pub capture: Option<Capture>,
 }
 
@@ -159,7 +160,8 @@ impl FitRequest {
         }
     }
 
-    /// Where there is no depth, and neither another model than `projective` nor effects are asked for, only camera and lens are fitted.
+    /// Where there is no depth, and neither another model than `projective` nor effects are asked for, only camera and lens are
+    /// fitted.
     fn fit_camera(
         &self,
         camera: &LoadedCamera,
@@ -297,8 +299,8 @@ impl Results for Fit {
     }
 }
 
-/// Writes `observations.json`, `calibration.json` and, where effects can be scored, `scores.json` of one camera into a folder; returns their
-/// names. `register` has the effects to score.
+/// Writes `observations.json`, `calibration.json` and, where effects can be scored, `scores.json` of one camera into a folder;
+/// returns their names. `register` has the effects to score.
 pub(super) fn write_calibration(
     record: &Calibration,
     result: &Calibrated,

@@ -1,6 +1,6 @@
-//! Whole tasks on datasets, as the command line and the Python package run them: options in words become options of the library, a
-//! dataset of one camera or of several is fitted, judged, diagnosed or evaluated, and the results have their files and what their report
-//! shows. Both callers give the same files because they share this module.
+//! Whole tasks on datasets, as the command line and the Python package run them: options in words become options of the library,
+//! a dataset of one camera or of several is fitted, judged, diagnosed or evaluated, and the results have their files and what
+//! their report shows. Both callers give the same files because they share this module.
 
 mod added_effects;
 mod comparison;

@@ -107,8 +107,8 @@ impl ModelRequest {
         Ok(CalibrateOptions { lens: lens_of(asked, declared), camera, ..options })
     }
 
-    /// The model of `base` replaced by this one for all cameras of a rig. Effects, held parameters and time offsets of one camera begin with
-    /// its name: `CAMERA:NAME`, `fixed:CAMERA:PIECE.PARAMETER`, `CAMERA:time_offset`.
+    /// The model of `base` replaced by this one for all cameras of a rig. Effects, held parameters and time offsets of one camera
+    /// begin with its name: `CAMERA:NAME`, `fixed:CAMERA:PIECE.PARAMETER`, `CAMERA:time_offset`.
     ///
     /// # Errors
     ///

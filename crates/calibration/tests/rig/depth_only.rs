@@ -60,8 +60,8 @@ fn few_frames_say_less_and_too_few_are_refused() {
     assert!(error.to_string().contains("frames"), "{error}");
 }
 
-/// Boards at one distance with small tilts leave the pinhole open: with declared intrinsics the fit stays near them, and says what the
-/// boards did not determine. The same boards at many distances and tilts leave nothing open.
+/// Boards at one distance with small tilts leave the pinhole open: with declared intrinsics the fit stays near them, and says
+/// what the boards did not determine. The same boards at many distances and tilts leave nothing open.
 #[test]
 fn what_small_tilts_at_one_distance_leave_open_is_named() {
     let poses: Vec<Pose> = (0..14)

@@ -9,9 +9,9 @@ use depthcal_model::{Block, Context, Register};
 use depthcal_solver::{Graph, Loss, Values, check_jacobians};
 use nalgebra::{DVector, Isometry3, Vector3};
 
-/// Derivatives by both poses, by the drift of the place, by the offset of the time and by the camera's parameters are those of finite
-/// differences, for markers and for depth, of the reference and of another camera, whose place drifts or not, and before which the board
-/// moves or not.
+/// Derivatives by both poses, by the drift of the place, by the offset of the time and by the camera's parameters are those of
+/// finite differences, for markers and for depth, of the reference and of another camera, whose place drifts or not, and before
+/// which the board moves or not.
 #[test]
 fn derivatives_are_those_of_finite_differences() {
     let register = Register::builtin();

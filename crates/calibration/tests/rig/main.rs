@@ -1,4 +1,5 @@
-//! Tests of several cameras on one rigid body, one module per subject: `cargo test -p depthcal-calibration --test rig depth_only` runs those of one module.
+//! Tests of several cameras on one rigid body, one module per subject: `cargo test -p depthcal-calibration --test rig depth_only`
+//! runs those of one module.
 
 mod depth_only;
 mod jacobians;

@@ -15,8 +15,8 @@ fn fitted(points: &RigPoints) -> RigCalibrated {
     calibrate_rig(&rig_capture(points), &RigOptions::default()).expect("a calibration")
 }
 
-/// A camera's own calibration and that of a rig that has no other differ only in where the noise law of depth is evaluated: by a small part of
-/// every parameter's standard deviation.
+/// A camera's own calibration and that of a rig that has no other differ only in where the noise law of depth is evaluated: by a
+/// small part of every parameter's standard deviation.
 #[test]
 fn a_camera_alone_is_a_rig_of_one() {
     let points = observed(3);
@@ -32,9 +32,9 @@ fn a_camera_alone_is_a_rig_of_one() {
     assert_eq!(alone.capture.frames.len(), in_rig.capture.frames.len());
 }
 
-/// eᵀ Σ⁻¹ e has as many degrees of freedom as there are parameters: over 20 captures with some 14 parameters its mean per degree of freedom
-/// has a standard deviation of √(2 / 280) = 0.085. While samples had the standard deviation of their measured depth it was larger, since
-/// those that noise moves away then weigh less than those that it moves near.
+/// eᵀ Σ⁻¹ e has as many degrees of freedom as there are parameters: over 20 captures with some 14 parameters its mean per degree
+/// of freedom has a standard deviation of √(2 / 280) = 0.085. While samples had the standard deviation of their measured depth it
+/// was larger, since those that noise moves away then weigh less than those that it moves near.
 #[test]
 fn errors_are_as_large_as_their_covariance_says() {
     const SEEDS: u64 = 20;

@@ -33,8 +33,8 @@ fn errors_of(capture: &RigCapture, truth: &RigPoints) -> Vec<(String, f64, f64)>
     errors.iter().map(with_sigma).collect()
 }
 
-/// Offset, extrinsics and intrinsics are within three standard deviations of the truth, and the offset is known to a small part of
-/// itself, for cameras that expose earlier and later.
+/// Offset, extrinsics and intrinsics are within three standard deviations of the truth, and the offset is known to a small part
+/// of itself, for cameras that expose earlier and later.
 #[test]
 fn the_offset_of_a_moving_board_is_found() {
     for (seed, offset_s) in [(1, 0.012), (2, -0.025)] {

@@ -1,4 +1,5 @@
-//! Rigs with an effect on one camera that is not declared: the diagnosis names this camera and this effect, and no other camera has any.
+//! Rigs with an effect on one camera that is not declared: the diagnosis names this camera and this effect, and no other camera
+//! has any.
 
 use crate::support;
 use depthcal_calibration::calibrate::rig::RigOptions;

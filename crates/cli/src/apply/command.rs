@@ -42,9 +42,9 @@ use crate::voice::{complaint, is_json, say};
 pub(crate) struct Apply {
     /// A calibration.json.
     calibration: PathBuf,
-    /// Depth images (16-bit PNG, TIFF, NPY, NPZ or PGM, floating-point TIFF, NPY, NPZ or EXR), folders of them, or datasets: folders with a dataset.toml, from which depth unit, images, times and
-    /// temperatures of the frames are then taken.
-    /// `-` alone reads raw frames from standard input and writes them, corrected, to standard output.
+    /// Depth images (16-bit PNG, TIFF, NPY, NPZ or PGM, floating-point TIFF, NPY, NPZ or EXR), folders of them, or datasets:
+    /// folders with a dataset.toml, from which depth unit, images, times and temperatures of the frames are then taken. `-` alone
+    /// reads raw frames from standard input and writes them, corrected, to standard output.
     #[arg(required = true)]
     depth: Vec<PathBuf>,
     /// Folder for the results; created if it does not exist. An interrupted run continues where it ended.
@@ -54,8 +54,8 @@ pub(crate) struct Apply {
     stream: StreamArgs,
     #[command(flatten)]
     written: Written,
-    /// Millimetres per step of depth images, or per unit of floating-point ones (1000 for metres), outside datasets [default: as in the dataset that the calibration was fitted
-    /// to].
+    /// Millimetres per step of depth images, or per unit of floating-point ones (1000 for metres), outside datasets [default: as
+    /// in the dataset that the calibration was fitted to].
     #[arg(long, value_name = "X")]
     unit_mm: Option<f64>,
     /// Infrared image of the depth image with the same name (without extension), or a folder of such images; may be given
@@ -66,8 +66,8 @@ pub(crate) struct Apply {
     /// colours of the point cloud; may be given several times.
     #[arg(long, value_name = "PATH", requires = "cloud")]
     color: Vec<PathBuf>,
-    /// Resamples the corrected depth of a rig's cameras into this camera's images, its colours onto their pixels, and writes clouds (--cloud) in the
-    /// frame of the rig. DEPTH are then datasets of the rig.
+    /// Resamples the corrected depth of a rig's cameras into this camera's images, its colours onto their pixels, and writes
+    /// clouds (--cloud) in the frame of the rig. DEPTH are then datasets of the rig.
     #[arg(long, value_name = "CAMERA", conflicts_with_all = ["image", "color", "unit_mm"])]
     register: Option<String>,
 }

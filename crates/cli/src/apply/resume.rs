@@ -1,9 +1,9 @@
 //! Finds out which frames of an interrupted `apply` are complete.
 //!
-//! During a run, a hidden file in the folder of the results lists the frames whose results are in their places, each with a digest of
-//! everything that they depend on: program, calibration, settings, and the contents of the frame's files. Dates are not looked at: a
-//! clock that was set back, or files that were copied with their dates, would make results of another input look complete. The file is
-//! removed at the end of a run; where it is, the folder is not complete.
+//! During a run, a hidden file in the folder of the results lists the frames whose results are in their places, each with a
+//! digest of everything that they depend on: program, calibration, settings, and the contents of the frame's files. Dates are not
+//! looked at: a clock that was set back, or files that were copied with their dates, would make results of another input look
+//! complete. The file is removed at the end of a run; where it is, the folder is not complete.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};

@@ -20,10 +20,11 @@ pub(super) enum Written {
     U16,
     /// Corrected depth in 32-bit floating-point mm.
     F32,
-    /// Points: x y z of every pixel, 32-bit floating-point mm; NaN where there is no depth. With --register in the frame of the rig.
+    /// Points: x y z of every pixel, 32-bit floating-point mm; NaN where there is no depth. With --register in the frame of the
+    /// rig.
     Xyz,
-    /// The same points, each followed by red, green, blue and 255 in 8 bits, four zeros where another surface hides it from the camera
-    /// of --register or there is no depth.
+    /// The same points, each followed by red, green, blue and 255 in 8 bits, four zeros where another surface hides it from the
+    /// camera of --register or there is no depth.
     Xyzrgb,
 }
 

@@ -1,4 +1,5 @@
-//! `apply - --register`: raw frames of a rig from standard input, resampled into another camera or as points in the frame of the rig.
+//! `apply - --register`: raw frames of a rig from standard input, resampled into another camera or as points in the frame of the
+//! rig.
 
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::observe::Taken;

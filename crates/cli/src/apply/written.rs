@@ -49,8 +49,8 @@ impl CloudFormat {
 /// Options of what is written.
 #[derive(Debug, Args)]
 pub(super) struct Written {
-    /// Also writes a point cloud of every frame in mm, with the image's values as intensity where there is an image: --cloud (PLY) or
-    /// --cloud=pcd.
+    /// Also writes a point cloud of every frame in mm, with the image's values as intensity where there is an image: --cloud
+    /// (PLY) or --cloud=pcd.
     #[arg(long, value_name = "FORMAT", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "ply")]
     pub(super) cloud: Option<CloudFormat>,
     /// Format of the corrected images [default: that of the originals; NPY for NPZ].
@@ -80,8 +80,8 @@ impl Written {
         }
     }
 
-    /// Corrects depth in units of `unit_mm`, into the type of values that is written. Floating-point pixels without a measurement keep
-    /// their value; what cannot be corrected is 0.
+    /// Corrects depth in units of `unit_mm`, into the type of values that is written. Floating-point pixels without a measurement
+    /// keep their value; what cannot be corrected is 0.
     pub(super) fn correct(
         &self,
         depth: &DepthFrame,

@@ -6,7 +6,8 @@ const AMPLITUDE0: Constant =
 const K: Constant =
     Constant::new("k", "k", "mm", 1000.0);
 
-/// Depth depends on direction x of the ray, distance from the camera (mm), infrared amplitude (steps) and infrared amplitude around the pixel (steps) by a formula.
+/// Depth depends on direction x of the ray, distance from the camera (mm), infrared amplitude (steps) and infrared amplitude
+/// around the pixel (steps) by a formula.
 #[derive(Debug, Clone, Copy)]
 pub struct AmplitudeBias {
     /// Constant amplitude0 of the formula.

@@ -4,7 +4,8 @@ use crate::piece::{Constant, Context, Options, Parameter, Piece, Scalar};
 const K: Constant =
     Constant::new("k", "k", "mm", 1000.0);
 
-/// The place in the image depends on direction x of the ray, direction y of the ray, depth (mm) and inverse depth (1/mm) by a formula.
+/// The place in the image depends on direction x of the ray, direction y of the ray, depth (mm) and inverse depth (1/mm) by a
+/// formula.
 #[derive(Debug, Clone, Copy)]
 pub struct Tangents {
     /// Constant k of the formula, mm.

@@ -27,8 +27,8 @@ const LENS: Field = Field {
 };
 const FIXED: Field = Field { key: "fixed", remedy: "write true to hold these values, false to start from them" };
 
-/// Intrinsics and lens in `dataset.toml`: intrinsics, in numbers or from a file of another program, and the lens model of a fit. At least one of
-/// them is given.
+/// Intrinsics and lens in `dataset.toml`: intrinsics, in numbers or from a file of another program, and the lens model of a fit.
+/// At least one of them is given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct CameraHint {
     /// Pinhole and Brown–Conrady coefficients in numbers.
@@ -58,8 +58,8 @@ pub struct IntrinsicNumbers {
     pub cy: f64,
     /// Skew, px; 0 where the file has none.
     pub skew: f64,
-    /// OpenCV's coefficients in their order, 4, 5, 8, 12 or 14 of them; with `lens = "kannala-brandt"` the four of a fisheye lens. Empty
-    /// where the file has none.
+    /// OpenCV's coefficients in their order, 4, 5, 8, 12 or 14 of them; with `lens = "kannala-brandt"` the four of a fisheye
+    /// lens. Empty where the file has none.
     pub distortion: Vec<f64>,
 }
 

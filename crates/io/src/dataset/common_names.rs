@@ -9,8 +9,9 @@ use super::error::DatasetError;
 use super::frame::{Frame, Frames};
 use super::pairing;
 
-/// Gives frames of different cameras that were taken together, by nearest time or by their names, the name that the first of these cameras has
-/// for it. Frames that only one camera has keep their names, with that of the camera before it where another frame has it.
+/// Gives frames of different cameras that were taken together, by nearest time or by their names, the name that the first of
+/// these cameras has for it. Frames that only one camera has keep their names, with that of the camera before it where another
+/// frame has it.
 ///
 /// # Errors
 /// [`DatasetError::NoTime`] where frames are paired by time and one has none.

@@ -22,19 +22,19 @@ pub const CAMERA: &str = "camera";
 
 /// The contents of `dataset.toml`.
 ///
-/// One camera is declared in sections `[frames]`, `[depth]` and `[camera]`, several in sections `[cameras.NAME]`: the first form is short for one
-/// camera of the name [`CAMERA`].
+/// One camera is declared in sections `[frames]`, `[depth]` and `[camera]`, several in sections `[cameras.NAME]`: the first form
+/// is short for one camera of the name [`CAMERA`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct DatasetFile {
     /// The board, or several; the diameter of dots is 0 where it is not declared.
     pub board: Target,
-    /// Name of a table with one row per frame (frame,timestamp_s,temperature_c,…), and with the files of every frame where it has columns
-    /// `image` and `depth`, of several cameras `NAME.image` and `NAME.depth`.
+    /// Name of a table with one row per frame (frame,timestamp_s,temperature_c,…), and with the files of every frame where it has
+    /// columns `image` and `depth`, of several cameras `NAME.image` and `NAME.depth`.
     pub metadata: Option<String>,
     /// Name of a list of pairs with lines `time image time depth`, as TUM's `associate.py` writes it; of one camera.
     pub associations: Option<String>,
-    /// Images and depth, and files of different cameras, are one frame where their times are nearest and at most this far apart, s; times are
-    /// from lists or file names.
+    /// Images and depth, and files of different cameras, are one frame where their times are nearest and at most this far apart,
+    /// s; times are from lists or file names.
     pub within_s: Option<f64>,
     /// The cameras in the order of the file; the first is the reference. There is at least one.
     pub cameras: Vec<CameraSection>,
@@ -43,8 +43,8 @@ pub struct DatasetFile {
 /// The kinds of files of a frame, by the keys of their globs and the names of their columns.
 pub(super) const FILES: [&str; 2] = ["image", "depth"];
 
-/// The declaration of a camera. Globs are relative to the dataset's folder. At least one of `image` and `depth` is given, or the dataset has
-/// `associations` or `metadata`.
+/// The declaration of a camera. Globs are relative to the dataset's folder. At least one of `image` and `depth` is given, or the
+/// dataset has `associations` or `metadata`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraSection {
     /// The camera's name.
@@ -53,7 +53,8 @@ pub struct CameraSection {
     pub image: Option<String>,
     /// Glob of the depth images, or a list of them with times; they are paired with the images by their names.
     pub depth: Option<String>,
-    /// Millimetres per step of the depth image, or per unit where it holds floating-point numbers: 1000 for metres. Required where there is depth.
+    /// Millimetres per step of the depth image, or per unit where it holds floating-point numbers: 1000 for metres. Required
+    /// where there is depth.
     pub unit_mm: Option<f64>,
     /// Intrinsics, as start values or constants, and the lens.
     pub camera: Option<CameraHint>,
@@ -193,7 +194,8 @@ impl CameraSection {
         self.missing(UNIT, path)
     }
 
-    /// The error of a file at `path` that declares no frames of this camera: its table has no columns of files, and there is no glob.
+    /// The error of a file at `path` that declares no frames of this camera: its table has no columns of files, and there is no
+    /// glob.
     pub(super) fn files_missing(&self, path: &Path) -> DatasetError {
         self.missing(IMAGE, path)
     }

@@ -120,7 +120,8 @@ impl DatasetCamera {
         self.frames.iter().any(|frame| frame.depth.is_some())
     }
 
-    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may have no end.
+    /// Checks that the file of intrinsics, the one file that may lie outside of the folder, is no device and no pipe: these may
+    /// have no end.
     fn check_intrinsics(&self) -> Result<(), DatasetError> {
         match self.intrinsics_file() {
             Some(path) if path.exists() && !path.is_file() => {

@@ -47,7 +47,8 @@ pub(crate) struct FrameTable {
     pub files: BTreeSet<String>,
 }
 
-/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c`, those of `files`, which name files, and any others.
+/// Reads a table with the columns `frame` (required), `timestamp_s`, `temperature_c`, those of `files`, which name files, and any
+/// others.
 pub(crate) fn read(path: &Path, files: &[String]) -> Result<FrameTable, DatasetError> {
     let file = File::open(path).map_err(|error| DatasetError::Read { path: path.to_owned(), error })?;
     parse(path, io::BufReader::new(file), files)

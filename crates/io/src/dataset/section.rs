@@ -39,8 +39,9 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Refuses keys of `table` other than `known`. `section` is the table's name, empty for the file itself. A key of the same name in another
-    /// section (`everywhere` has the keys of all sections) is suggested first, then the nearest key of this section.
+    /// Refuses keys of `table` other than `known`. `section` is the table's name, empty for the file itself. A key of the same
+    /// name in another section (`everywhere` has the keys of all sections) is suggested first, then the nearest key of this
+    /// section.
     pub fn deny_unknown(
         &self,
         table: &DeTable<'_>,

@@ -19,17 +19,17 @@ use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
 /// A calibrated depth camera or rig of cameras: the pieces in chain order, their covariance, the noise models, and the fit.
 ///
-/// The file of one camera without a name has it in the fields `camera`, `noise` and `depth_unit_mm`; that of a rig lists all in `cameras`, and
-/// has the reference in those fields too. It carries `"format": "depthcal-calibration"` and `"version": 2`, that of a rig 3. Files of version 1 have
-/// no formulas and are read as well.
+/// The file of one camera without a name has it in the fields `camera`, `noise` and `depth_unit_mm`; that of a rig lists all in
+/// `cameras`, and has the reference in those fields too. It carries `"format": "depthcal-calibration"` and `"version": 2`, that
+/// of a rig 3. Files of version 1 have no formulas and are read as well.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// The camera; of a rig the reference, whose frame is the rig's.
     pub camera: CameraRecord,
     /// The other cameras of a rig; empty for one camera.
     pub others: Vec<CameraRecord>,
-    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their extrinsics, and names begin
-    /// with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
+    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their extrinsics,
+    /// and names begin with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
     pub covariance: Option<CovarianceRecord>,
     /// Quality and course of the fit.
     pub fit: FitRecord,
@@ -131,9 +131,9 @@ impl Calibration {
         write_versioned(path.as_ref(), self, false)
     }
 
-    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was evaluated:
-    /// the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is `None` for a
-    /// camera file of another program, and `name` is what the message calls the evaluated one.
+    /// Checks, before an evaluation is written into a folder, that the folder has no calibration other than the one that was
+    /// evaluated: the evaluation and report of that one would be replaced, and the new ones be taken for its own. `evaluated` is
+    /// `None` for a camera file of another program, and `name` is what the message calls the evaluated one.
     ///
     /// # Errors
     /// [`FileError::OtherCalibration`]; a `calibration.json` that cannot be read counts as another.
@@ -145,7 +145,8 @@ impl Calibration {
         }
     }
 
-    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to none.
+    /// Whether both are of the same fit, wherever its observations were kept: a calibration that was not saved yet refers to
+    /// none.
     fn is_same_fit(&self, other: &Self) -> bool {
         let without_observations = |c: &Self| Self { observations: None, ..c.clone() };
         without_observations(self) == without_observations(other)

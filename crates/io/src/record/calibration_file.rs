@@ -12,15 +12,15 @@ use super::reference::FileReference;
 
 /// A calibrated depth camera: its pieces in chain order, their covariance, the noise model, and the fit.
 ///
-/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields; that of a rig has version 3. Files of
-/// version 1 have no formulas and are read as well.
+/// The file carries `"format": "depthcal-calibration"` and `"version": 2` in addition to these fields; that of a rig has version
+/// 3. Files of version 1 have no formulas and are read as well.
 #[derive(Serialize, Deserialize, schemars::JsonSchema)]
 #[schemars(rename = "Calibration")]
 struct CalibrationFile {
     /// The camera; of a rig the reference.
     camera: Chain,
-    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their places, and names begin
-    /// with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
+    /// Covariance of the free parameters, where the estimator gives one. Of a rig they are all cameras' with their places, and
+    /// names begin with the camera's, `colour/pinhole.fx`, `colour/camera_from_rig.rx`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     covariance: Option<CovarianceRecord>,
     /// Noise of the measurements, estimated from the data.

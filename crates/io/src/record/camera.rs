@@ -40,7 +40,8 @@ pub struct CameraRecord {
     /// Root mean square of its depth residuals, mm; absent without depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_mm: Option<f64>,
-    /// Parameters, `PIECE.PARAMETER`, that the boards leave open and that are therefore held or have a prior, each with the reason.
+    /// Parameters, `PIECE.PARAMETER`, that the boards leave open and that are therefore held or have a prior, each with the
+    /// reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_open: Vec<LeftOpen>,
 }

@@ -105,7 +105,8 @@ pub struct DiagnosisFormula {
     pub covariates_not_told_apart: Vec<DiagnosisExchange>,
     /// Place and form.
     pub place: DiagnosisPlace,
-    /// Share of resamples of the frames in which the best of all terms has these covariates, or ones that are not told apart from them.
+    /// Share of resamples of the frames in which the best of all terms has these covariates, or ones that are not told apart from
+    /// them.
     pub stability: f64,
     /// Whether frames that the search did not see confirm sign and size; else it is a candidate.
     pub confirmed: bool,

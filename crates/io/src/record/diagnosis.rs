@@ -15,7 +15,8 @@ use crate::file::{FileError, read_json, write_json};
 
 /// Result of `depthcal diagnose`.
 ///
-/// The file of one camera without a name is its diagnosis alone ([`CameraDiagnosis`]); that of a rig lists the diagnoses of its cameras.
+/// The file of one camera without a name is its diagnosis alone ([`CameraDiagnosis`]); that of a rig lists the diagnoses of its
+/// cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagnosis {
     /// The dataset.

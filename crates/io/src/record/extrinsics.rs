@@ -30,7 +30,8 @@ pub enum DriftOver {
     Temperature,
 }
 
-/// Extrinsics (R, t) that change in proportion to time or temperature x: (R Exp(s ω), t + s τ) with s = (x − `reference`) / `range`.
+/// Extrinsics (R, t) that change in proportion to time or temperature x: (R Exp(s ω), t + s τ) with s = (x − `reference`) /
+/// `range`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DriftRecord {
     /// x.

@@ -304,7 +304,8 @@ fn proposed_frame(frame: &DiagnosisProposedFrame) -> String {
     format!("a frame with the board {} away, {place}, {tilt}{warmer}", quantity(frame.distance_mm / 1000.0, "m"))
 }
 
-/// Where and how an effect of depth acts, with the places and forms that the captures cannot tell from it; `None` for other effects.
+/// Where and how an effect of depth acts, with the places and forms that the captures cannot tell from it; `None` for other
+/// effects.
 pub fn place(step: &DiagnosisStep) -> Option<String> {
     let words = |p: &DiagnosisPlace| format!("{}, {}", p.of.words(), p.on.words());
     let mut text = format!("acts {}", words(step.place.as_ref()?));

@@ -298,8 +298,8 @@ fn weigh(loss: &Loss, dim: usize, residuals: &mut [f64], mut jacobian: Option<(&
     cost
 }
 
-/// Multiplies blocks by √ρ′ and returns the cost of a group of `count` residuals in lanes. A block has `size` lanes, of which the first
-/// `dim` are the rows of the residual.
+/// Multiplies blocks by √ρ′ and returns the cost of a group of `count` residuals in lanes. A block has `size` lanes, of which the
+/// first `dim` are the rows of the residual.
 fn weigh_lanes(loss: &Loss, dim: usize, blocks: &mut [Lane], size: usize, count: usize) -> f64 {
     let mut cost = 0.0;
     for (block, first) in blocks.chunks_exact_mut(size).zip((0..count).step_by(LANES)) {

@@ -18,9 +18,9 @@ use crate::problem::values::Values;
 /// Factors of one type with one noise model and one loss.
 ///
 /// Consecutive factors with the same keys form a group, which the solver evaluates in one call and accumulates as one matrix
-/// product. Add factors with the same keys one after the other. Groups of 16 or more factors are evaluated together, which becomes
-/// vector instructions where [`residual`](Factor::residual) is `#[inline(always)]`, does not branch on data and calls nothing that is
-/// not inlined.
+/// product. Add factors with the same keys one after the other. Groups of 16 or more factors are evaluated together, which
+/// becomes vector instructions where [`residual`](Factor::residual) is `#[inline(always)]`, does not branch on data and calls
+/// nothing that is not inlined.
 pub struct Batch<F: Factor<M>, const M: usize> {
     name: String,
     factors: Vec<F>,

@@ -231,8 +231,8 @@ fn columns<F: Factor<M> + ?Sized, const M: usize>(
 
 /// The residual with its derivative in the direction of one column.
 ///
-/// Dual numbers that do not depend on the direction carry no derivative, so that what does not is computed once for all columns, as a real
-/// number. Wider dual numbers would do more, not less.
+/// Dual numbers that do not depend on the direction carry no derivative, so that what does not is computed once for all columns,
+/// as a real number. Wider dual numbers would do more, not less.
 #[inline(always)]
 fn direction<F: Factor<M> + ?Sized, const M: usize>(
     factor: &F,

@@ -1,7 +1,7 @@
 //! Loops of few turns that are written out.
 //!
-//! A compiler unrolls such a loop too late, or not at all, and dual numbers then stay in memory: it does not see which of them have no
-//! derivative.
+//! A compiler unrolls such a loop too late, or not at all, and dual numbers then stay in memory: it does not see which of them
+//! have no derivative.
 
 /// Turns that are written out.
 pub(crate) const UNROLLED: usize = 12;

@@ -33,7 +33,8 @@ const RANK: usize = 2;
 const LEAST_SEEN: f64 = 1e-3;
 /// Values of a covariate, in groups of equally many pixels, between which a free function of it may change.
 const STEPS: usize = 24;
-/// A covariate of a product is visible where what no function of the other one explains is this many times as large as the capture can show.
+/// A covariate of a product is visible where what no function of the other one explains is this many times as large as the
+/// capture can show.
 const VISIBLE: f64 = 2.0;
 /// Board pixels of a frame, about, on which errors without the function are judged.
 const JUDGED_PIXELS: usize = 16_000;
@@ -209,8 +210,8 @@ struct Seen {
 
 impl Seen {
     /// By what camera and poses leave of the function when they are fitted jointly: the same capture with and without it, noise
-    /// included. What the noise of neighbouring pixels has in common makes the function harder to see: the variance of its score is that from
-    /// frame to frame.
+    /// included. What the noise of neighbouring pixels has in common makes the function harder to see: the variance of its score
+    /// is that from frame to frame.
     fn of(given: GivenEffect, covariates: &[&'static str], seed: u64) -> Result<Self, Failure> {
         // Planes of whole frames would take up part of the effect.
         let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
@@ -317,7 +318,8 @@ fn detectable_share(pixels: &[Change]) -> Result<f64, Failure> {
 
 type Shape = Box<dyn Fn(f64) -> f64 + Send + Sync>;
 
-/// A function on −1 … 1 that is not in the library of the search: bumps, sigmoids, roots, triangles, saturation, waves with a phase.
+/// A function on −1 … 1 that is not in the library of the search: bumps, sigmoids, roots, triangles, saturation, waves with a
+/// phase.
 fn shape(rng: &mut ChaCha8Rng) -> (Shape, String) {
     let middle = rng.random_range(-0.5..0.5);
     let width = rng.random_range(0.15..0.5);

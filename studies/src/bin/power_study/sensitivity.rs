@@ -111,8 +111,8 @@ struct Outcome {
 }
 
 impl Study {
-    /// The captures of the study: an effect of the catalogue in each at the first of the factors, effects that it lacks, none, and none
-    /// but frames that do not belong.
+    /// The captures of the study: an effect of the catalogue in each at the first of the factors, effects that it lacks, none,
+    /// and none but frames that do not belong.
     fn captures(&self) -> Vec<(Lacking, Capture)> {
         let factor = self.factors.first().copied().unwrap_or(4.0);
         let known = catalogue().iter().filter(|e| self.wants(e.name)).map(|e| Drawn::Known(e.name));

@@ -2,10 +2,11 @@
 //!
 //! `cargo run --release -p depthcal-studies --bin robustness -- [--seeds N] [--frames N] [--cases a,b]`
 //!
-//! Every capture is rendered, spoiled, written as a dataset, detected, calibrated and diagnosed as by the command line. A fit is *right* where
-//! all free parameters together are within three standard deviations of the truth (χ² at 0.27 %). A *warning* is an error instead of a
-//! result, a frame or a marker that is left out and listed, or, of `diagnose`, a bad frame, a declaration that cannot be right, or any verdict but `adequate`. What
-//! counts is the last column but one: results that are not right and say nothing.
+//! Every capture is rendered, spoiled, written as a dataset, detected, calibrated and diagnosed as by the command line. A fit is
+//! *right* where all free parameters together are within three standard deviations of the truth (χ² at 0.27 %). A *warning* is an
+//! error instead of a result, a frame or a marker that is left out and listed, or, of `diagnose`, a bad frame, a declaration that
+//! cannot be right, or any verdict but `adequate`. What counts is the last column but one: results that are not right and say
+//! nothing.
 
 mod case;
 mod outcome;

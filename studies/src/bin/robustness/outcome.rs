@@ -51,7 +51,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// `usual` is what becomes of the capture where nothing is wrong: a frame or a marker more that is left out, with words, is a warning.
+    /// `usual` is what becomes of the capture where nothing is wrong: a frame or a marker more that is left out, with words, is a
+    /// warning.
     pub fn of(rendered: &Rendered, case: &Case, usual: &Self) -> Result<Self, Failure> {
         let folder = tempfile::tempdir()?;
         let mut rng = ChaCha8Rng::seed_from_u64(rendered.seed);

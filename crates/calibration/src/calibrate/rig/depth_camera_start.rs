@@ -33,7 +33,8 @@ pub struct DepthStart {
 ///
 /// # Errors
 ///
-/// [`CalibrateError::DepthStart`] where planes are lacking or parallel, [`CalibrateError::Camera`] where no depth lies on the boards.
+/// [`CalibrateError::DepthStart`] where planes are lacking or parallel, [`CalibrateError::Camera`] where no depth lies on the
+/// boards.
 pub fn start_depth_camera(
     camera: &CameraCapture,
     rig_from_board: &BTreeMap<&str, Isometry3<f64>>,

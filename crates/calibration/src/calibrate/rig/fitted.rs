@@ -71,8 +71,8 @@ impl CameraFit {
 }
 
 impl RigCalibrated {
-    /// `CAMERA/PIECE.PARAMETER`, `CAMERA/camera_from_rig.rx`, `CAMERA/extrinsics_drift.rx` or `CAMERA/time_offset.dt` of every row
-    /// of the covariance, and whether it is free.
+    /// `CAMERA/PIECE.PARAMETER`, `CAMERA/camera_from_rig.rx`, `CAMERA/extrinsics_drift.rx` or `CAMERA/time_offset.dt` of every
+    /// row of the covariance, and whether it is free.
     pub fn parameters(&self) -> Vec<(String, bool)> {
         let mut names = Vec::new();
         for camera in &self.cameras {

@@ -40,8 +40,8 @@ pub struct RigOptions {
     pub held: Vec<HeldOf>,
     /// Cameras whose place changes with time or temperature, and how; the change is where the fit starts.
     pub drifts: Vec<(String, PlaceDrift)>,
-    /// Cameras, but the reference, that expose at other moments than their times say: by how much is estimated, from frames in which the board
-    /// moves.
+    /// Cameras, but the reference, that expose at other moments than their times say: by how much is estimated, from frames in
+    /// which the board moves.
     pub time_offsets: Vec<String>,
 }
 

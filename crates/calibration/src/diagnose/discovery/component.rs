@@ -1,5 +1,5 @@
-//! What a formula describes: the residuals without it and its own value, averaged over bins of its first covariate (component and residual
-//! plot; Larsen and McCleary 1972).
+//! What a formula describes: the residuals without it and its own value, averaged over bins of its first covariate (component and
+//! residual plot; Larsen and McCleary 1972).
 
 use depthcal_formula::{FormulaCovariate as C, FormulaEffect};
 use depthcal_io::{

@@ -25,8 +25,8 @@ impl Replication {
     }
 }
 
-/// The replication of a term that was found in the frames that are not set aside; `None` where it cannot be estimated, as without frames
-/// that are.
+/// The replication of a term that was found in the frames that are not set aside; `None` where it cannot be estimated, as without
+/// frames that are.
 pub(super) fn replicate(all: &Observations, term: &Term) -> Option<Replication> {
     let (searched, shared) = (all.searched(), all.shared);
     all.frames.iter().any(|frame| frame.is_set_aside).then_some(())?;

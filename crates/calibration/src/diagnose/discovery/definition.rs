@@ -128,8 +128,8 @@ fn product_text(product: &Product, parameters: &[&str], constants: &mut Constant
     }
 }
 
-/// The formula of a term under a name. `sizes` are typical deviations of its parameters from zero, where they are known: the captured
-/// range may lie beyond the usual one.
+/// The formula of a term under a name. `sizes` are typical deviations of its parameters from zero, where they are known: the
+/// captured range may lie beyond the usual one.
 pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<FormulaEffect, FormulaError> {
     let mut constants = Constants::default();
     let mut parameters = BTreeMap::new();

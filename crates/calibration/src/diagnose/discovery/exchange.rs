@@ -52,8 +52,8 @@ impl Exchange {
     }
 }
 
-/// The covariates that may stand for one of a chosen term's: the frames do not tell the best term with it from the chosen one, and one of
-/// the two covariates rises or falls with the other.
+/// The covariates that may stand for one of a chosen term's: the frames do not tell the best term with it from the chosen one,
+/// and one of the two covariates rises or falls with the other.
 pub(super) fn exchanges(
     observations: &Observations,
     chosen: &Term,
@@ -76,8 +76,8 @@ pub(super) fn exchanges(
     found
 }
 
-/// Standard errors over frames by which one term is better than another: on frames that are left out, or in what they explain of those that
-/// they are estimated from, whichever is less certain.
+/// Standard errors over frames by which one term is better than another: on frames that are left out, or in what they explain of
+/// those that they are estimated from, whichever is less certain.
 fn certainty(observations: &Observations, term: &Term, other: &Term) -> f64 {
     let judged = |term: &Term| Judged::new(observations, term.clone());
     let held_out = mean_to_standard_error(&judged(term).lost_by(&judged(other)));

@@ -1,13 +1,13 @@
 //! Formulas for what the catalogue leaves unexplained.
 //!
-//! Smooth functions of one covariate and of two say which covariates a formula would have (`which_covariates`). A typed library of terms of one
-//! and two covariates (`library`, `term`) is scored against the rows of a fit from which poses are
-//! eliminated (`observations`, `screening`); the best are refined and compared on left-out frames, and the simpler of equals wins
-//! (`selection`). What is found has to be better than the best of so many terms would be by chance, and to have the same covariates in other
-//! frames (`significance`), where covariates that rise and fall together count as one (`exchange`); it has to explain nearly what any function of
-//! its covariates does (`free`). Places and forms that the frames
-//! cannot tell from its own are listed (`places`). Frames that the search has not seen confirm its sign and size, or do not
-//! (`confirmation`). Drawn is what the formula describes of the residuals (`component`).
+//! Smooth functions of one covariate and of two say which covariates a formula would have (`which_covariates`). A typed library
+//! of terms of one and two covariates (`library`, `term`) is scored against the rows of a fit from which poses are eliminated
+//! (`observations`, `screening`); the best are refined and compared on left-out frames, and the simpler of equals wins
+//! (`selection`). What is found has to be better than the best of so many terms would be by chance, and to have the same
+//! covariates in other frames (`significance`), where covariates that rise and fall together count as one (`exchange`); it has to
+//! explain nearly what any function of its covariates does (`free`). Places and forms that the frames cannot tell from its own
+//! are listed (`places`). Frames that the search has not seen confirm its sign and size, or do not (`confirmation`). Drawn is
+//! what the formula describes of the residuals (`component`).
 
 mod component;
 mod confirmation;
@@ -60,7 +60,8 @@ pub struct Discovery {
     pub effect: FormulaEffect,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
-    /// Covariates that may stand for one of these: the formula's own, and the other one. The frames do not tell which of them it is.
+    /// Covariates that may stand for one of these: the formula's own, and the other one. The frames do not tell which of them it
+    /// is.
     pub covariates_not_told_apart: Vec<[String; 2]>,
     /// Place and form.
     pub place: DiagnosisPlace,
@@ -68,7 +69,8 @@ pub struct Discovery {
     pub places_not_told_apart: Vec<DiagnosisPlace>,
     /// How often the best of all terms explains as much where the signs of the frames are drawn at random.
     pub p_value: f64,
-    /// Share of resamples of the frames in which the best term has the same covariates, or ones that are not told apart from them.
+    /// Share of resamples of the frames in which the best term has the same covariates, or ones that are not told apart from
+    /// them.
     pub stability: f64,
     /// Whether the frames that the search did not see confirm sign and size.
     pub confirmed: bool,
@@ -139,12 +141,13 @@ pub(super) const RUNNER_UP: &str = "runner_up";
 /// Share by which the range of inverse depth is extended when it is checked that depth stays monotone.
 const EXTENDED: f64 = 1.3;
 
-/// Level of the chance test, over that of acceptance, up to which a search of two thirds of the frames is repeated with all of them.
+/// Level of the chance test, over that of acceptance, up to which a search of two thirds of the frames is repeated with all of
+/// them.
 const REPEATED: f64 = 10.0;
 
-/// Searches a formula for what a fit leaves unexplained. Frames of another capture, sampled under the same camera, confirm it; without
-/// them a third of the frames is set aside. Where the others show something, but not what, the search is repeated with all frames: what it
-/// finds then nothing confirms.
+/// Searches a formula for what a fit leaves unexplained. Frames of another capture, sampled under the same camera, confirm it;
+/// without them a third of the frames is set aside. Where the others show something, but not what, the search is repeated with
+/// all frames: what it finds then nothing confirms.
 pub fn search(
     fit: &Calibrated,
     chance: Chance<'_>,
@@ -214,7 +217,8 @@ struct Given<'a> {
     thresholds: &'a Thresholds,
 }
 
-/// The terms without what a smooth function of the best term's covariates explains: this would count as chance for all terms else.
+/// The terms without what a smooth function of the best term's covariates explains: this would count as chance for all terms
+/// else.
 fn without_best(searched: &Observations, screened: &[Screened]) -> Option<Vec<Screened>> {
     let merit = |s: &Screened| s.merit(|_| 1.0);
     let best = screened.iter().max_by(|a, b| merit(a).total_cmp(&merit(b)))?;
@@ -223,8 +227,8 @@ fn without_best(searched: &Observations, screened: &[Screened]) -> Option<Vec<Sc
 
 /// A formula for the residuals of the frames that are not set aside, and how often chance explains as much.
 ///
-/// Where a smooth function of some covariates is best for certain, the formula is searched among the functions of these, or all their products;
-/// else, or where none of these will do, among all terms of the library.
+/// Where a smooth function of some covariates is best for certain, the formula is searched among the functions of these, or all
+/// their products; else, or where none of these will do, among all terms of the library.
 fn search_among(all: &AllFrames, by_chance: Option<&Observations>, given: Given<'_>) -> (f64, Search) {
     let thresholds = given.thresholds;
     let searched = all.observations.searched();
@@ -280,8 +284,8 @@ struct Chosen {
     terms: usize,
 }
 
-/// The best function of a covariate that is known, or product of functions of two; what speaks for them is that a smooth function of them is
-/// best.
+/// The best function of a covariate that is known, or product of functions of two; what speaks for them is that a smooth function
+/// of them is best.
 fn chosen_of_set(
     searched: &Observations,
     screened: &[Screened],
@@ -313,8 +317,8 @@ fn chosen_of_set(
     Ok(Chosen { judged: chosen, of_free_function, others: judged, exchanges: Vec::new(), p_value, stability, terms })
 }
 
-/// The formula that is chosen of all screened terms, where its covariates are stable: in other frames it would have them too, or a smooth
-/// function of them would be the best.
+/// The formula that is chosen of all screened terms, where its covariates are stable: in other frames it would have them too, or
+/// a smooth function of them would be the best.
 fn chosen_of_all(
     frames: &AllFrames,
     searched: &Observations,

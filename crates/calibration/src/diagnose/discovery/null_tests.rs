@@ -66,8 +66,8 @@ fn scores_of_frames_have_the_variance_of_noise() {
     assert!((0.75..1.25).contains(&mean), "{means:?}");
 }
 
-/// Without any effect p-values are spread over 0 … 1. Where frames have planes of their own that are far beyond the noise they are smaller,
-/// but not below the level at which a formula is accepted.
+/// Without any effect p-values are spread over 0 … 1. Where frames have planes of their own that are far beyond the noise they
+/// are smaller, but not below the level at which a formula is accepted.
 #[test]
 fn p_values_are_those_of_chance() {
     let level = Thresholds::default().level;

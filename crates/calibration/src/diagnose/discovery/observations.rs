@@ -1,5 +1,5 @@
-//! The depth observations of a fit as rows of a linear problem from which poses have been eliminated: what a column added to them would
-//! explain, frame by frame.
+//! The depth observations of a fit as rows of a linear problem from which poses have been eliminated: what a column added to them
+//! would explain, frame by frame.
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::chain::POSE;
@@ -42,8 +42,8 @@ pub(super) struct Sample {
 #[derive(Debug, Clone)]
 pub(super) struct FrameRows {
     pub samples: Vec<Sample>,
-    /// One row per sample: the pose's columns, orthonormal in the metric of the frame's whole information; the shared columns without
-    /// what the pose takes up; the residuals without it.
+    /// One row per sample: the pose's columns, orthonormal in the metric of the frame's whole information; the shared columns
+    /// without what the pose takes up; the residuals without it.
     matrix: DMatrix<f64>,
     /// Normal matrix and gradient of the shared columns, the pose eliminated.
     hessian: DMatrix<f64>,
@@ -162,8 +162,8 @@ impl Observations {
         (frames.len() > 2).then_some(Self { frames, shared })
     }
 
-    /// The same with frames that are set aside: those of another capture under the same camera where there is one, else blocks of its
-    /// own.
+    /// The same with frames that are set aside: those of another capture under the same camera where there is one, else blocks of
+    /// its own.
     pub fn with_set_aside(mut self, other: Option<Self>) -> Self {
         let count = self.frames.len();
         match other {

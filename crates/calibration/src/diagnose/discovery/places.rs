@@ -9,8 +9,8 @@ use super::selection::Judged;
 use super::term::Term;
 use crate::diagnose::thresholds::Thresholds;
 
-/// Places and forms other than the term's own that the frames do not tell from it: there it explains nearly as much, or the difference on
-/// left-out frames is not certain. A searched constant may have another value there.
+/// Places and forms other than the term's own that the frames do not tell from it: there it explains nearly as much, or the
+/// difference on left-out frames is not certain. A searched constant may have another value there.
 pub(super) fn places_not_told_apart(
     observations: &Observations,
     term: &Term,

@@ -53,8 +53,8 @@ pub(super) fn estimate(normals: &[Normal], shared: usize) -> Option<DVector<f64>
     Some(step.rows(shared, step.len() - shared).into_owned())
 }
 
-/// Fall of the cost ½ Σ r² of every frame when the columns after the first `shared` are estimated from all other frames, over that with
-/// the shared columns alone. `prior` is added to the columns' normal matrix.
+/// Fall of the cost ½ Σ r² of every frame when the columns after the first `shared` are estimated from all other frames, over
+/// that with the shared columns alone. `prior` is added to the columns' normal matrix.
 pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&DMatrix<f64>>) -> Vec<f64> {
     let Some(mut whole) = sum(normals) else { return Vec::new() };
     let more = whole.gradient.len() - shared;
@@ -105,8 +105,8 @@ pub(super) fn smooth_gains(normals: &[Normal], shared: usize, prior: &DMatrix<f6
     Some(best_strength(normals, &sum(normals)?, shared, prior).0)
 }
 
-/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of the shared
-/// columns first; `None` where nothing is gained.
+/// The largest total gain over some strengths of a prior, relative to the columns' own information, and the estimates with it, of
+/// the shared columns first; `None` where nothing is gained.
 pub(super) fn smooth_estimate(normals: &[Normal], shared: usize, prior: &DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     let mut whole = sum(normals)?;
     let (gains, prior) = best_strength(normals, &whole, shared, prior);
@@ -145,7 +145,8 @@ impl Score {
         Some(Self { parts: normals.iter().map(part).collect(), information, carried })
     }
 
-    /// The share of the information that the normal equations of a part have: H_cc − H_cs A − Aᵀ H_sc + Aᵀ H_ss A, with A = H_ss⁻¹ H_sc of all.
+    /// The share of the information that the normal equations of a part have: H_cc − H_cs A − Aᵀ H_sc + Aᵀ H_ss A, with A =
+    /// H_ss⁻¹ H_sc of all.
     pub fn information_of(&self, part: &Normal, shared: usize) -> DMatrix<f64> {
         let more = part.gradient.len() - shared;
         let of_shared = part.hessian.view((0, 0), (shared, shared));
@@ -155,8 +156,8 @@ impl Score {
         own - &taken - taken.transpose() + self.carried.tr_mul(&(of_shared * &self.carried))
     }
 
-    /// The score of every part when the shared columns are estimated from the others. What they have been fitted to has smaller residuals than
-    /// noise (jackknife; MacKinnon, Nielsen, Webb 2023).
+    /// The score of every part when the shared columns are estimated from the others. What they have been fitted to has smaller
+    /// residuals than noise (jackknife; MacKinnon, Nielsen, Webb 2023).
     pub fn parts_left_out(&self, normals: &[Normal], shared: usize) -> Vec<DVector<f64>> {
         let Some(whole) = sum(normals) else { return Vec::new() };
         let left_out = |(normal, part): (&Normal, &DVector<f64>)| {

@@ -48,8 +48,8 @@ impl Screened {
         })
     }
 
-    /// A term with its score in groups of frames; `None` where the shared columns leave too little of a column, of whose square they
-    /// take up so much, or where its two columns are one.
+    /// A term with its score in groups of frames; `None` where the shared columns leave too little of a column, of whose square
+    /// they take up so much, or where its two columns are one.
     pub fn of_parts(term: Term, parts: &[Part], taken: impl Fn(usize) -> f64) -> Option<Self> {
         let (inverse, unexplained) = explained(parts, |c| LEAST_LEFT * taken(c))?;
         let parts = parts.iter().map(|part| part.gradient).collect();
@@ -91,7 +91,8 @@ impl Screened {
         self.statistic(weight) - self.penalty()
     }
 
-    /// What the term, estimated from the other frames, leaves of the score of each frame or group: without what frames have in common.
+    /// What the term, estimated from the other frames, leaves of the score of each frame or group: without what frames have in
+    /// common.
     pub fn unexplained(&self) -> &[[f64; MOST_COLUMNS]] {
         &self.unexplained
     }
@@ -121,8 +122,9 @@ pub(super) struct Part {
     pub columns: usize,
 }
 
-/// Inverse of the information of a term, and what it leaves of every part when it is estimated from the other groups, as far as these agree
-/// (James, Stein 1961). `None` where the shared columns leave less of a column than `least`, or where its two columns are one.
+/// Inverse of the information of a term, and what it leaves of every part when it is estimated from the other groups, as far as
+/// these agree (James, Stein 1961). `None` where the shared columns leave less of a column than `least`, or where its two columns
+/// are one.
 fn explained(parts: &[Part], least: impl Fn(usize) -> f64) -> Option<([f64; 3], Vec<[f64; MOST_COLUMNS]>)> {
     let mut information = [0.0; 3];
     let mut score = [0.0; MOST_COLUMNS];
@@ -145,7 +147,8 @@ fn explained(parts: &[Part], least: impl Fn(usize) -> f64) -> Option<([f64; 3], 
     let unexplained = parts.iter().map(|part| {
         let own = part.gradient;
         let of_others = [score[0] - own[0], score[1] - own[1]];
-        // As far as the other groups agree with each other: not at all where they show no more than the best of many terms by chance.
+        // As far as the other groups agree with each other: not at all where they show no more than the best of many terms by
+        // chance.
         let agreement = statistic(of_others) / (total - statistic(own)).max(f64::MIN_POSITIVE);
         let shrunk = (1.0 - LEAST_AGREEMENT / agreement).max(0.0);
         let information = [0, 1, 2].map(|i| information[i] - part.information[i]);

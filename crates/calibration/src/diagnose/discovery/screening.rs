@@ -19,7 +19,8 @@ const COVARIATES: [C; 12] =
 /// Those that others are multiplied with.
 const FACTORS: [C; 7] = [C::X, C::Y, C::R, C::Incidence, C::Amplitude, C::Time, C::Temperature];
 
-/// The functions whose products are screened together: all functions of other covariates, times one factor, in one place and form.
+/// The functions whose products are screened together: all functions of other covariates, times one factor, in one place and
+/// form.
 struct Job<'a> {
     of: Of,
     on: On,
@@ -74,7 +75,8 @@ pub(super) fn screen(observations: &Observations) -> Vec<Screened> {
         .collect()
 }
 
-/// Products of functions of two covariates, all with their scores: any function of one times any of the other, one of them a wave at most.
+/// Products of functions of two covariates, all with their scores: any function of one times any of the other, one of them a wave
+/// at most.
 pub(super) fn screen_products(observations: &Observations, first: C, second: C) -> Vec<Screened> {
     let Some(of_shared) = observations.shared_hessian().cholesky() else { return Vec::new() };
     let groups = Groups::of(observations);
@@ -100,8 +102,8 @@ pub(super) fn screen_products(observations: &Observations, first: C, second: C) 
     screened
 }
 
-/// Values of functions at the samples of every frame. Products with every factor, place and form share them: they differ by a weight of
-/// each sample.
+/// Values of functions at the samples of every frame. Products with every factor, place and form share them: they differ by a
+/// weight of each sample.
 struct Columns {
     functions: Vec<Function>,
     /// The first column of every function, and the number of all columns.

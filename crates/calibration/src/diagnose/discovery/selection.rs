@@ -26,8 +26,8 @@ const MOST_COLUMNS: usize = 3;
 const LEAST_RISE: f64 = 0.08;
 /// … and how certain the rise has to be, in standard errors over frames.
 const LEAST_RISE_T: f64 = 3.0;
-/// A simpler term wins where it is worse by less than this many standard errors over frames and explains this share of what the better one
-/// does, or where it is worse by less than the second share.
+/// A simpler term wins where it is worse by less than this many standard errors over frames and explains this share of what the
+/// better one does, or where it is worse by less than the second share.
 const TIE_T: f64 = 1.0;
 const LEAST_TIE_SHARE: f64 = 0.9;
 const TIE_SHARE: f64 = 0.02;
@@ -144,8 +144,8 @@ const SUMMED: usize = 16;
 /// Sums that are compared on left-out frames.
 const SUMS: usize = 6;
 
-/// The best sums of two functions without searched constants, of different covariates, in one place and form: neither may explain much
-/// without the other. One of them may be an offset; the sum of both directions in the image may have one too.
+/// The best sums of two functions without searched constants, of different covariates, in one place and form: neither may explain
+/// much without the other. One of them may be an offset; the sum of both directions in the image may have one too.
 fn sums(observations: &Observations, order: &[&Screened]) -> Vec<Judged> {
     let mut plain: Vec<&Term> = Vec::new();
     let mut count: BTreeMap<String, usize> = BTreeMap::new();
@@ -224,7 +224,8 @@ fn refined(observations: &Observations, term: Term) -> Term {
     }
 }
 
-/// The term with the constant of a function that fits best, of those that `with` makes; `None` where its constant is not searched.
+/// The term with the constant of a function that fits best, of those that `with` makes; `None` where its constant is not
+/// searched.
 fn best_constant(
     observations: &Observations,
     function: &Function,
@@ -284,8 +285,8 @@ fn golden(mut low: f64, mut high: f64, value: impl Fn(f64) -> f64) -> f64 {
 /// Terms that are tried as a further product.
 const FURTHER: usize = 6;
 
-/// The term with further products of its own covariates, the other axis of the image or none, in its place and form, while they raise the
-/// gain for certain; then without those that became needless.
+/// The term with further products of its own covariates, the other axis of the image or none, in its place and form, while they
+/// raise the gain for certain; then without those that became needless.
 fn extended(observations: &Observations, chosen: Judged, order: &[&Screened]) -> Judged {
     let mut allowed = chosen.term.families();
     // A direction in the image is as likely between its axes as along one.

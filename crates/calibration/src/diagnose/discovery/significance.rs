@@ -1,5 +1,5 @@
-//! Whether the best of all terms is more than the best of so many would be by chance, and whether other frames would have shown the
-//! same covariates.
+//! Whether the best of all terms is more than the best of so many would be by chance, and whether other frames would have shown
+//! the same covariates.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,12 +27,13 @@ const TIE_T: f64 = 2.0;
 /// … and not by more than this share.
 const LEAST_SHARE: f64 = 0.8;
 
-/// p-value of the best of all terms: how often any term is as good where the signs of the frames' scores are drawn at random, without what
-/// the term itself explains of them. What frames do not share stays; what they share is left out, so that an effect does not hide itself
-/// (unrestricted wild cluster bootstrap; Cameron, Gelbach, Miller 2008; MacKinnon, Webb 2018).
+/// p-value of the best of all terms: how often any term is as good where the signs of the frames' scores are drawn at random,
+/// without what the term itself explains of them. What frames do not share stays; what they share is left out, so that an effect
+/// does not hide itself (unrestricted wild cluster bootstrap; Cameron, Gelbach, Miller 2008; MacKinnon, Webb 2018).
 ///
-/// `by_chance` are the same terms under a model that leaves nothing but pure error, where there is one: its residuals are then what signs
-/// are drawn for. Under a model that lacks an effect every term shares the effect's residuals, and chance seems to explain more.
+/// `by_chance` are the same terms under a model that leaves nothing but pure error, where there is one: its residuals are then
+/// what signs are drawn for. Under a model that lacks an effect every term shares the effect's residuals, and chance seems to
+/// explain more.
 pub(super) fn p_value(screened: &[Screened], by_chance: Option<&[Screened]>) -> f64 {
     let best = screened.par_iter().map(|s| s.merit(|_| 1.0)).reduce(|| f64::MIN, f64::max);
     let by_chance = by_chance.filter(|terms| !terms.is_empty()).unwrap_or(screened);
@@ -83,15 +84,15 @@ fn best_by_chance(terms: &[Screened], signs: &DMatrix<f64>) -> Vec<f64> {
     sums.column_iter().map(of_draw).collect()
 }
 
-/// The best term for weights of the frames; of terms that are nearly as good one with the fewest covariates. A simpler shape is no reason to
-/// take other covariates.
+/// The best term for weights of the frames; of terms that are nearly as good one with the fewest covariates. A simpler shape is
+/// no reason to take other covariates.
 fn best(screened: &[&Screened], weights: &[f64]) -> Option<usize> {
     let merits: Vec<f64> = screened.iter().map(|s| s.merit(|i| weights[i])).collect();
     fewest_of_equals(&merits, |i| screened[i].term.families().len(), |i| screened[i].contributions(weights))
 }
 
-/// The best of candidates with these merits; of those that are nearly as good one of the fewest covariates. `covariates` is a candidate's
-/// number of covariates, `contributions` what every group of frames contributes to its merit.
+/// The best of candidates with these merits; of those that are nearly as good one of the fewest covariates. `covariates` is a
+/// candidate's number of covariates, `contributions` what every group of frames contributes to its merit.
 pub(super) fn fewest_of_equals(
     merits: &[f64],
     covariates: impl Fn(usize) -> usize,
@@ -139,8 +140,9 @@ impl Stability {
         Self { resamples: resamples(groups).into_par_iter().filter_map(of_resample).collect() }
     }
 
-    /// Share of resamples in which the best term has the same families of covariates as a term, or with one of the exchanges those that
-    /// these frames do not tell from them. For a sum of products those resamples count in which it is better than any other term.
+    /// Share of resamples in which the best term has the same families of covariates as a term, or with one of the exchanges
+    /// those that these frames do not tell from them. For a sum of products those resamples count in which it is better than any
+    /// other term.
     pub fn of(&self, observations: &Observations, found: &Term, exchanges: &[Exchange]) -> f64 {
         let of_sum =
             (found.products.len() > 1).then(|| Score::of(&observations.normals(found), observations.shared)).flatten();

@@ -1,6 +1,6 @@
-//! Which covariates a function of what is left would be of, whatever its shape: smooth functions of one covariate and of two together,
-//! compared on left-out frames. A product of two shapes resembles no term of the library enough to win among thousands, but a smooth function
-//! of its two covariates does.
+//! Which covariates a function of what is left would be of, whatever its shape: smooth functions of one covariate and of two
+//! together, compared on left-out frames. A product of two shapes resembles no term of the library enough to win among thousands,
+//! but a smooth function of its two covariates does.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -41,7 +41,8 @@ pub struct CovariateSet {
 }
 
 impl CovariateSet {
-    /// Whether it is more than chance, in other frames too, and not negligible. Formulas are accepted in two ways: half of the level is for each.
+    /// Whether it is more than chance, in other frames too, and not negligible. Formulas are accepted in two ways: half of the
+    /// level is for each.
     pub(super) fn is_certain(&self, thresholds: &Thresholds) -> bool {
         self.p_value <= 0.5 * thresholds.level
             && self.stability >= thresholds.least_stability
@@ -178,8 +179,9 @@ struct Chance<'a> {
 }
 
 impl Chance<'_> {
-    /// What the groups' scores have in common, Σ uᵢᵀ (V + P)⁻¹ uⱼ over i ≠ j, as observed and for random signs of what the function, estimated from the other groups, leaves of each
-    /// group's score (as [`p_value`](super::significance::p_value) of terms).
+    /// What the groups' scores have in common, Σ uᵢᵀ (V + P)⁻¹ uⱼ over i ≠ j, as observed and for random signs of what the
+    /// function, estimated from the other groups, leaves of each group's score (as [`p_value`](super::significance::p_value) of
+    /// terms).
     fn statistics(&self, signs: &DMatrix<f64>) -> Option<(f64, Vec<f64>)> {
         let whole = (&self.score.information + self.prior).cholesky()?;
         let statistic = |u: &DVector<f64>| u.dot(&whole.solve(u));

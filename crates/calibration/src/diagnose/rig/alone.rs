@@ -15,8 +15,8 @@ use crate::observe::CameraCapture;
 /// Markers from which on a frame has a pose.
 const FEWEST: usize = 8;
 
-/// The frames of a camera that the rig's calibration used. Those of a camera without images have markers where the rig's poses put
-/// them in its image ([`with_projected_markers`]).
+/// The frames of a camera that the rig's calibration used. Those of a camera without images have markers where the rig's poses
+/// put them in its image ([`with_projected_markers`]).
 pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &RigCalibrated) -> Capture {
     let used = |name: &str| fit.calibrated.capture.frames.iter().any(|f| f.name == name);
     let own = capture.capture.subset(|_, frame| used(&frame.name));
@@ -28,8 +28,8 @@ pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &RigCalibrated) -> C
     with_projected_markers(&own, &fit.calibrated.camera, &poses)
 }
 
-/// What a camera is examined with alone: its frames ([`alone`]), and what to fit to them. A camera without images keeps pinhole and lens
-/// of the rig's fit. `None` where the rig's fit lacks the camera.
+/// What a camera is examined with alone: its frames ([`alone`]), and what to fit to them. A camera without images keeps pinhole
+/// and lens of the rig's fit. `None` where the rig's fit lacks the camera.
 ///
 /// # Errors
 ///
@@ -47,8 +47,8 @@ pub fn examined(
     Ok(Some((alone(capture, fit, rig), calibrate)))
 }
 
-/// A capture with markers where the board's poses in the camera, by the frames' names, put them in the image. Frames whose board lies
-/// outside the image, or that have no pose, are left out.
+/// A capture with markers where the board's poses in the camera, by the frames' names, put them in the image. Frames whose board
+/// lies outside the image, or that have no pose, are left out.
 pub fn with_projected_markers(
     capture: &Capture,
     camera: &Camera,

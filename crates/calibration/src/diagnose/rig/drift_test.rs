@@ -35,12 +35,12 @@ pub struct DriftTest {
     pub certain: bool,
 }
 
-/// Tests every camera but the reference for a place that changes with time, and with temperature, given a calibration without such
-/// changes.
+/// Tests every camera but the reference for a place that changes with time, and with temperature, given a calibration without
+/// such changes.
 ///
-/// The change is a part of the joint adjustment; its size is held against its covariance (Wald). Where that is significant, the rig
-/// is adjusted without every fifth frame, with the change and without, and the camera's markers (depth pixels, of a camera without
-/// images) on these frames are compared with where a board that only the other cameras place must be.
+/// The change is a part of the joint adjustment; its size is held against its covariance (Wald). Where that is significant, the
+/// rig is adjusted without every fifth frame, with the change and without, and the camera's markers (depth pixels, of a camera
+/// without images) on these frames are compared with where a board that only the other cameras place must be.
 ///
 /// # Errors
 ///

@@ -50,8 +50,8 @@ pub struct CameraDiagnosis {
     pub capture: crate::observe::Capture,
     /// The loop's result on these frames.
     pub diagnosis: Diagnosis,
-    /// Of a camera without images, effects that the joint adjustment showed, in which its pinhole and place are free; `diagnosis` is given
-    /// these.
+    /// Of a camera without images, effects that the joint adjustment showed, in which its pinhole and place are free; `diagnosis`
+    /// is given these.
     pub in_rig: Vec<EffectInRig>,
     /// The effects that the joint adjustment took over, as for `calibrate --with`.
     pub effects: Vec<PieceSpec>,
@@ -95,7 +95,8 @@ pub struct RigDiagnosis {
 ///
 /// # Errors
 ///
-/// [`DiagnoseError`] of the calibrations, [`DiagnoseError::Camera`] of a camera's loop, [`DiagnoseError::NoDepth`] where no camera has depth.
+/// [`DiagnoseError`] of the calibrations, [`DiagnoseError::Camera`] of a camera's loop, [`DiagnoseError::NoDepth`] where no
+/// camera has depth.
 pub fn diagnose_rig(
     capture: &RigCapture,
     verify: Option<&RigCapture>,
@@ -243,8 +244,8 @@ fn of_depth_alone(calibrate: &CalibrateOptions) -> Register {
     others.into_iter().fold(whole.clone(), |register, name| register.without(name))
 }
 
-/// Adds the formulas of all cameras to a register. A name means one formula: where two cameras found different ones of a name, the
-/// joint adjustment takes the first over.
+/// Adds the formulas of all cameras to a register. A name means one formula: where two cameras found different ones of a name,
+/// the joint adjustment takes the first over.
 fn register_formulas(cameras: &mut [CameraDiagnosis], register: &mut Register) {
     let mut taken: Vec<String> = Vec::new();
     for camera in cameras {

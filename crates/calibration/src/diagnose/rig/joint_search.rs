@@ -1,8 +1,9 @@
 //! Effects of one camera, tested with all parameters of the rig free.
 //!
-//! The loop of one camera holds pinhole, lens and place of a camera without images. These come from its depth alone: what its depth
-//! model lacks has bent them, and the constant that explains the rest best is not that of the effect. Here the problem of the rig
-//! is linearised with every candidate held at its nominal values, so that a score is what pinhole, lens, place and poses cannot take up.
+//! The loop of one camera holds pinhole, lens and place of a camera without images. These come from its depth alone: what its
+//! depth model lacks has bent them, and the constant that explains the rest best is not that of the effect. Here the problem of
+//! the rig is linearised with every candidate held at its nominal values, so that a score is what pinhole, lens, place and poses
+//! cannot take up.
 
 use crate::calibrate::Calibrated;
 use crate::diagnose::Thresholds;
@@ -36,8 +37,8 @@ pub(super) struct JointEvidence {
 /// One of the searched effects, by its number, in one variant.
 type Variant = (usize, PieceSpec, Option<f64>, Placement);
 
-/// The effects of `register` that a camera lacks, by falling score statistic, each in its best variant. `fit` is the camera's part of the fit
-/// that `state` holds.
+/// The effects of `register` that a camera lacks, by falling score statistic, each in its best variant. `fit` is the camera's
+/// part of the fit that `state` holds.
 ///
 /// # Errors
 ///

@@ -13,8 +13,8 @@ use crate::diagnose::DiagnoseError;
 /// Decrease of the cost by a step below which an adjustment ends.
 pub(super) const DECREASE: f64 = 1e-4;
 
-/// Errors of two models of a rig, whose frames are the same, on frames that are left out, one in so many as there are folds at a time.
-/// `None` where no other camera places the board.
+/// Errors of two models of a rig, whose frames are the same, on frames that are left out, one in so many as there are folds at a
+/// time. `None` where no other camera places the board.
 ///
 /// # Errors
 ///
@@ -54,8 +54,8 @@ pub(super) fn left_out(models: [&State; 2], camera: usize, folds: usize) -> Resu
     }))
 }
 
-/// Squared whitened residuals of a camera, summed, and their number, of every frame of `held` whose board other cameras place; all
-/// cameras as `fitted` has them.
+/// Squared whitened residuals of a camera, summed, and their number, of every frame of `held` whose board other cameras place;
+/// all cameras as `fitted` has them.
 fn errors_given_the_others(
     held: &State,
     fitted: &State,

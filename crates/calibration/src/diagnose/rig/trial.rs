@@ -1,7 +1,8 @@
 //! Effects of depth without images, tried in the joint adjustment.
 //!
-//! Pinhole, lens and place of such a camera come from its depth alone, so that they take up what its depth model lacks. While they are
-//! held, as in the loop of one camera, an effect explains only what they left of it; here they are fitted jointly with it.
+//! Pinhole, lens and place of such a camera come from its depth alone, so that they take up what its depth model lacks. While
+//! they are held, as in the loop of one camera, an effect explains only what they left of it; here they are fitted jointly with
+//! it.
 
 use crate::diagnose::Thresholds;
 use depthcal_io::RigLeftOut;
@@ -42,8 +43,8 @@ pub(super) struct Tried<'a> {
     pub thresholds: &'a Thresholds,
 }
 
-/// Of the effects whose joint score tests are significant, the one with which the rig predicts left-out frames of the camera best, where
-/// that is certainly better than without; with the rig that has it.
+/// Of the effects whose joint score tests are significant, the one with which the rig predicts left-out frames of the camera
+/// best, where that is certainly better than without; with the rig that has it.
 ///
 /// # Errors
 ///

@@ -29,7 +29,8 @@ pub struct Node<'a> {
     pub camera: &'a Camera,
     /// Its frames.
     pub capture: &'a mut Capture<PosedFrame>,
-    /// By how much it exposes later than its times say, s, where it exposes at other moments than the reference and the board moves.
+    /// By how much it exposes later than its times say, s, where it exposes at other moments than the reference and the board
+    /// moves.
     pub offset_s: Option<f64>,
 }
 
@@ -106,8 +107,8 @@ fn shared_frames(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> V
     frames.filter_map(|(i, frame)| Some([i, *places.get(frame.name.as_str())?])).collect()
 }
 
-/// Of shared frames those about which the board's motion is known, and the first camera's part of them with the board where it is when
-/// the second camera exposes.
+/// Of shared frames those about which the board's motion is known, and the first camera's part of them with the board where it is
+/// when the second camera exposes.
 fn when_the_second_exposes(
     [first, second]: [&Node<'_>; 2],
     shared: &[[usize; 2]],
@@ -144,8 +145,8 @@ fn moving_views(
     shared.iter().filter_map(view).collect()
 }
 
-/// By how much the second camera exposes later than its times say against the first, s, by the poses of single images; `None` where the two
-/// share too few frames about which the board's motion is known.
+/// By how much the second camera exposes later than its times say against the first, s, by the poses of single images; `None`
+/// where the two share too few frames about which the board's motion is known.
 pub fn offset_between(first: &Capture<PosedFrame>, second: &Capture<PosedFrame>) -> Option<f64> {
     let views = moving_views(first, second, &shared_frames(first, second));
     time_offset(&first.target, &views.into_iter().map(|(_, view)| view).collect::<Vec<_>>())

@@ -25,8 +25,9 @@ pub struct MovingView {
     pub second_from_board: Isometry3<f64>,
 }
 
-/// By how much the second camera exposes later than its times say, s: among the offsets for which the board stays between the frames before and
-/// after, that with which the median view differs least from the mean of all relative poses. `None` with too few views.
+/// By how much the second camera exposes later than its times say, s: among the offsets for which the board stays between the
+/// frames before and after, that with which the median view differs least from the mean of all relative poses. `None` with too
+/// few views.
 pub fn time_offset(target: &Target, views: &[MovingView]) -> Option<f64> {
     if views.len() < FEWEST_VIEWS {
         return None;
@@ -50,8 +51,8 @@ pub fn time_offset(target: &Target, views: &[MovingView]) -> Option<f64> {
     best(coarse - STEP_S, coarse + STEP_S, STEP_S / 10.0)
 }
 
-/// Median over the views of the distance between corners of the board as the second camera sees them and where the first does, with the mean
-/// relative pose, mm.
+/// Median over the views of the distance between corners of the board as the second camera sees them and where the first does,
+/// with the mean relative pose, mm.
 fn disagreement_mm(views: &[MovingView], corners: &[Point3<f64>], offset_s: f64) -> Option<f64> {
     let moved: Vec<Isometry3<f64>> =
         views.iter().map(|view| view.motion.after(offset_s + view.later_s).of(&view.first_from_board)).collect();
