@@ -142,15 +142,17 @@ impl Calibrate {
     }
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let cameras = camera_count(&self.dataset)?;
         let request = self.request()?;
+        // Options that mean nothing are named first, also where there is no dataset.
+        let cameras = camera_count(&self.dataset);
+        request.check(*cameras.as_ref().unwrap_or(&1), &session.register)?;
+        let cameras = cameras?;
         if cameras > 1 {
             self.recording.refuse_for_rig()?;
             if !self.score.is_empty() {
                 return Err(Failure::Input("--score is for one camera: leave it out for a rig".to_owned()));
             }
         }
-        request.check(cameras, &session.register)?;
         self.recording.check()?;
         self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;

@@ -68,7 +68,6 @@ impl Diagnose {
     }
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
-        let cameras = camera_count(&self.dataset)?;
         let request = DiagnoseRequest {
             model: ModelRequest {
                 names: OptionNames::COMMAND_LINE,
@@ -79,10 +78,12 @@ impl Diagnose {
             folds: usize::from(self.folds),
             formulas: !self.no_discovery,
         };
-        if cameras > 1 {
+        // Options that mean nothing are named first, also where there is no dataset.
+        let cameras = camera_count(&self.dataset);
+        request.check(*cameras.as_ref().unwrap_or(&1), &session.register)?;
+        if cameras? > 1 {
             self.recording.refuse_for_rig()?;
         }
-        request.check(cameras, &session.register)?;
         self.recording.check()?;
         self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
