@@ -4,7 +4,6 @@ pub mod adjustment;
 pub mod blocks;
 mod camera_keys;
 pub mod camera_prior;
-pub mod depth_sigma;
 pub mod depth_weight;
 pub mod factors;
 pub(crate) mod field_cells;

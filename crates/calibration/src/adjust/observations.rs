@@ -10,7 +10,6 @@ use rayon::prelude::*;
 
 use super::blocks::{BlockKeys, is_depth_only};
 use super::camera_keys::CameraKeys;
-use super::depth_sigma::DepthSigma;
 use super::factors::{BlockVariables, CameraVariables, FrameGroup, FrameView, ObservationBatch, Observations};
 use super::field_cells::{cell_chain, cell_groups};
 use super::problem::CameraProblem;
@@ -97,15 +96,13 @@ struct DepthSigmas<'a, F> {
 }
 
 impl<F> DepthSigmas<'_, F> {
-    /// Depth samples with the standard deviations that the noise law gives them.
+    /// Depth samples with the standard deviations that the noise law gives them at the inverse depth that the start values
+    /// predict: at the measured one, samples with an error towards far would weigh more than those towards near.
     fn observations(&self, samples: &[DepthSample]) -> Observations {
         let inverse_depths: Vec<f64> = samples.iter().map(|s| 1.0 / s.depth_mm).collect();
         let queries: Vec<DepthQuery> =
             samples.iter().map(|s| DepthQuery { board_seed: s.board_seed, context: s.context }).collect();
-        let predicted = match self.problem.depth_sigma {
-            DepthSigma::AtMeasured => None,
-            DepthSigma::AtPredicted => self.predicted(&queries),
-        };
+        let predicted = self.predicted(&queries);
         let noise = &self.problem.noise.depth;
         let sigmas = predicted.as_ref().unwrap_or(&inverse_depths).iter().map(|rho| noise.sigma(*rho)).collect();
         Observations::Depth { queries, inverse_depths, sigmas }

@@ -3,7 +3,6 @@
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
 
-use super::depth_sigma::DepthSigma;
 use super::state::{CameraState, State};
 use crate::observe::board_motion::BoardMotion;
 use crate::observe::noise::NoiseModel;
@@ -31,8 +30,6 @@ pub struct CameraProblem<'a, F> {
     pub views: Vec<View>,
     /// Whether its depth samples take part; without them its pieces of depth are held.
     pub with_depth: bool,
-    /// At which inverse depth the standard deviation of a depth sample is taken.
-    pub depth_sigma: DepthSigma,
     /// Its extrinsics; `None` for the reference.
     pub extrinsics: Option<Extrinsics>,
 }
@@ -64,9 +61,7 @@ impl<'a, F: AdjustableFrame> Problem<'a, F> {
     pub fn of_camera(capture: &'a Capture<F>, camera: &'a Camera, noise: &'a NoiseModel, with_depth: bool) -> Self {
         let frames = capture.frames.iter().map(|f| (f.posed().name.as_str(), f.posed().camera_from_board)).collect();
         let views = (0..capture.frames.len()).map(|frame| View { frame, drifted: 0.0, moving: None }).collect();
-        let depth_sigma = DepthSigma::AtMeasured;
-        let camera =
-            CameraProblem { name: None, camera, noise, capture, views, with_depth, depth_sigma, extrinsics: None };
+        let camera = CameraProblem { name: None, camera, noise, capture, views, with_depth, extrinsics: None };
         Self { frames, cameras: vec![camera] }
     }
 
@@ -95,7 +90,6 @@ impl<'a, F: AdjustableFrame> Problem<'a, F> {
                 capture: &camera.capture,
                 views: camera.capture.frames.iter().zip(&camera.frames).map(view).collect(),
                 with_depth: with_depth && camera.has_depth(),
-                depth_sigma: state.depth_sigma,
                 extrinsics: (number > 0).then_some(extrinsics),
             }
         };

@@ -1,7 +1,6 @@
 //! The state of a calibration: cameras with their extrinsics, and frames with the board's poses.
 
 use super::camera_prior::CameraPrior;
-use super::depth_sigma::DepthSigma;
 use super::smoothness_prior::Smoothness;
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture, RawFrame, SampledFrame};
@@ -101,8 +100,6 @@ pub struct State<F = SampledFrame> {
     pub frames: Vec<RigFrame>,
     /// The cameras; the first is the reference.
     pub cameras: Vec<CameraState<F>>,
-    /// At which inverse depth the standard deviations of depth samples are taken.
-    pub depth_sigma: DepthSigma,
 }
 
 impl RigFrame {
@@ -151,7 +148,7 @@ impl<F: AdjustableFrame> CameraState<F> {
 impl<F: AdjustableFrame> State<F> {
     /// The state of one camera: a rig of one, whose frames are the camera's.
     pub fn of_camera(camera: CameraState<F>) -> Self {
-        let mut state = Self { frames: Vec::new(), cameras: vec![camera], depth_sigma: DepthSigma::AtMeasured };
+        let mut state = Self { frames: Vec::new(), cameras: vec![camera] };
         state.take_frames();
         state
     }
@@ -192,11 +189,7 @@ impl<F: AdjustableFrame> State<F> {
             frames: camera.frames.iter().filter_map(|f| renumbered[*f]).collect(),
             ..camera.clone()
         };
-        Self {
-            frames: frames.collect(),
-            cameras: self.cameras.iter().map(camera).collect(),
-            depth_sigma: self.depth_sigma,
-        }
+        Self { frames: frames.collect(), cameras: self.cameras.iter().map(camera).collect() }
     }
 
     /// Rows of every camera in the joint covariance of the cameras' parameters

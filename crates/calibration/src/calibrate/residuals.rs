@@ -1,7 +1,6 @@
 //! Depth residuals in their own units, and the samples that no noise explains.
 
 use crate::adjust::adjustment::AdjustedCamera;
-use crate::adjust::depth_sigma::DepthSigma;
 use crate::adjust::state::CameraState;
 use crate::observe::AdjustableFrame;
 use crate::observe::noise::NoiseModel;
@@ -12,7 +11,7 @@ const OUTLIER: f64 = 8.0;
 /// The residual of a depth sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DepthResidual {
-    /// Inverse depth that the noise belongs to, 1/mm.
+    /// Predicted inverse depth, at which the noise law is taken, 1/mm.
     pub rho: f64,
     /// Predicted minus measured inverse depth, 1/mm.
     pub residual: f64,
@@ -24,18 +23,14 @@ pub(super) struct DepthResidual {
 pub(super) fn depth_residuals<F: AdjustableFrame>(
     camera: &CameraState<F>,
     adjusted: &AdjustedCamera,
-    at: DepthSigma,
 ) -> Vec<DepthResidual> {
     let samples = camera.capture.frames.iter().flat_map(|f| f.samples().iter());
     samples
         .zip(adjusted.inverse_depth_residuals())
         .map(|(sample, residual)| {
             let measured = 1.0 / sample.depth_mm;
-            let rho = match at {
-                DepthSigma::AtMeasured => measured,
-                DepthSigma::AtPredicted => measured + residual,
-            };
-            DepthResidual { rho, residual, depth_mm: 1.0 / measured - 1.0 / (measured + residual) }
+            let rho = measured + residual;
+            DepthResidual { rho, residual, depth_mm: 1.0 / measured - 1.0 / rho }
         })
         .collect()
 }

@@ -120,10 +120,9 @@ fn update_noise<F: AdjustableFrame>(
     rules: &Rules<'_, F>,
     rounds: &Rounds,
 ) -> bool {
-    let depth_sigma = state.depth_sigma;
     let camera = &mut state.cameras[number];
     let used = camera.noise;
-    let residuals = depth_residuals(camera, adjusted, depth_sigma);
+    let residuals = depth_residuals(camera, adjusted);
     let redundancies = covariance.map(|covariance| adjustment.redundancies(number, covariance));
     camera.noise = estimate_noise(&used, &adjusted.image_residuals, &residuals, redundancies, &rules.freedom);
     let noise = camera.noise;

@@ -23,7 +23,7 @@ impl<F: AdjustableFrame> Settled<F> {
             .as_ref()
             .map(|covariance| covariance.view((blocks.start, blocks.start), (blocks.len(), blocks.len())).into_owned());
         let with_depth = self.with_depth && camera.has_depth();
-        let depth = || depth_residuals(camera, adjusted, self.state.depth_sigma).into_iter().map(|r| r.depth_mm);
+        let depth = || depth_residuals(camera, adjusted).into_iter().map(|r| r.depth_mm);
         Calibrated {
             covariance,
             foreign_depth: Vec::new(),

@@ -10,7 +10,6 @@ use nalgebra::Isometry3;
 use super::depth_camera_prior::priors_of;
 use super::depth_camera_start::{DepthStart, start_depth_camera};
 use super::options::RigOptions;
-use crate::adjust::depth_sigma::DepthSigma;
 use crate::adjust::state::{CameraState, RigFrame, State};
 use crate::calibrate::CalibrateError;
 use crate::observe::Taken;
@@ -104,8 +103,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
         });
         alone.push(prepared);
     }
-    let depth_sigma = DepthSigma::AtPredicted;
-    let mut state = State { frames, cameras: states, depth_sigma };
+    let mut state = State { frames, cameras: states };
     drop_frames_without_motion(&mut state)?;
     Ok(Started { state, pairs: places.pairs, alone, is_declared })
 }
