@@ -61,7 +61,15 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
         assert_eq!(comparison.models[0].model, "projective", "{camera}");
     }
 
-    fails(["calibrate", &rig, "--cross-validate", "3", "--out", &result], &["--hold-out"]);
+    let validated = folder.arg("validated");
+    succeeds(["calibrate", &rig, "--cross-validate", "3", "--out", &validated]);
+    let errors = Evaluation::read(folder.path("validated/evaluation.json")).unwrap();
+    let names: Vec<&str> = errors.datasets.iter().map(|d| d.name.as_str()).collect();
+    let both = ["rig/infrared", "rig/colour"].map(|name| [name.to_owned(), format!("{name} (cross-validated)")]);
+    assert!(both.iter().flatten().all(|name| names.contains(&name.as_str())), "{names:?}");
+    // Every camera with depth is a unit of a fleet of its type.
+    assert!(folder.path("validated/infrared/calibration.json").is_file());
+    assert!(folder.path("validated/infrared/scores.json").is_file() && !folder.path("validated/colour").exists());
     let refused = ["apply", &file, &rig, "--register", "colour", "--stream-output", "u16", "--out", &out];
     fails(refused, &["--stream-output", "standard input"]);
     let other = ["apply", &file, "-", "--register", "colour", "--stream-camera", "colour", "--stream-output", "u16"];

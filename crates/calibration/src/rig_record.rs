@@ -159,16 +159,3 @@ pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<
 pub fn unnamed_camera(camera: Camera) -> PlacedCamera {
     PlacedCamera { name: CAMERA.to_owned(), camera, camera_from_rig: Isometry3::identity(), drift: None }
 }
-
-impl RigCalibrated {
-    /// The cameras with their extrinsics.
-    pub fn placed(&self) -> Vec<PlacedCamera> {
-        let placed = |camera: &CameraFit| PlacedCamera {
-            name: camera.name.clone(),
-            camera: camera.calibrated.camera.clone(),
-            camera_from_rig: camera.camera_from_rig,
-            drift: camera.drift.map(|(drift, _)| drift),
-        };
-        self.cameras.iter().map(placed).collect()
-    }
-}

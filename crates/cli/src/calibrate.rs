@@ -1,6 +1,6 @@
 //! `calibrate`: fits a camera to a dataset.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use depthcal_io::{Calibration, LensComparison, Prior};
@@ -19,7 +19,7 @@ use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::calibrate::Estimator;
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::task::{Fit, FitRequest, Fitted, HoldOut, LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{Fit, FitRequest, Fitted, GivenPrior, HoldOut, LENSES, ModelRequest, OptionNames};
 use depthcal_report::fit_sentences;
 use depthcal_report::format::{number, quantity};
 
@@ -69,9 +69,9 @@ pub(super) struct Calibrate {
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior,
-    /// and the fit starts at its mean, so that few frames are enough.
-    #[arg(long, value_name = "FILE")]
-    prior: Option<PathBuf>,
+    /// and the fit starts at its mean, so that few frames are enough. Of a camera of a rig: CAMERA:FILE.
+    #[arg(long, value_delimiter = ',', value_name = "FILE")]
+    prior: Vec<String>,
     /// Formulas that are scored in scores.json without being fitted: whether this unit confirms what another one found.
     #[arg(long, value_delimiter = ',', value_name = "FILE,…")]
     score: Vec<String>,
@@ -104,11 +104,15 @@ pub(super) struct Calibrate {
 
 impl Calibrate {
     fn request(&self) -> Result<FitRequest, Failure> {
-        let prior = self.prior.as_deref().map(|path| {
-            let prior = Prior::read(path).map_err(input)?;
-            Ok::<_, Failure>((path.display().to_string(), prior))
+        let priors = self.prior.iter().map(|text| {
+            // A file whose name has a colon is one; else what is before the colon names a camera.
+            let (camera, path) = match text.split_once(':') {
+                Some((camera, path)) if !Path::new(text).exists() => (Some(camera.to_owned()), path),
+                _ => (None, text.as_str()),
+            };
+            Ok::<_, Failure>(GivenPrior { camera, name: path.to_owned(), prior: Prior::read(path).map_err(input)? })
         });
-        let prior = prior.transpose()?;
+        let priors = priors.collect::<Result<_, _>>()?;
         Ok(FitRequest {
             model: ModelRequest {
                 names: OptionNames::COMMAND_LINE,
@@ -120,7 +124,7 @@ impl Calibrate {
             hold_out: self.hold_out,
             cross_validate: self.cross_validate.map(usize::from),
             parts: if self.blocks { Parts::Blocks } else { Parts::Interleaved },
-            prior,
+            priors,
         })
     }
 
@@ -156,8 +160,8 @@ impl Calibrate {
         self.recording.check()?;
         self.output.check()?;
         let loaded = self.reading.load(&self.dataset, session)?;
-        if let Some((_, prior)) = request.prior.as_ref().filter(|(_, prior)| !prior.with.is_empty()) {
-            say!("the prior's units have these effects in their models: --with {}", prior.with.join(","));
+        for GivenPrior { name, prior, .. } in request.priors.iter().filter(|given| !given.prior.with.is_empty()) {
+            say!("the units of {name} have these effects in their models: --with {}", prior.with.join(","));
         }
         let busy = Progress::busy("fitting");
         let fit = request.fit(&loaded, session.calibrate_options())?;

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::task::{Fit as Fitted, FitRequest, Made};
-use depthcal_io::Prior;
+use depthcal_calibration::task::{Fit as Fitted, FitRequest, GivenPrior, Made};
 use depthcal_report::prior_sentences;
 use pyo3::prelude::*;
 
@@ -26,7 +25,7 @@ pub(crate) struct Fit {
 
 /// Fits a dataset and judges the fit.
 #[pyfunction]
-#[pyo3(signature = (dataset, model, with, effects, lens, estimator, hold_out, cross_validate, blocks, prior, call, progress))]
+#[pyo3(signature = (dataset, model, with, effects, lens, estimator, hold_out, cross_validate, blocks, priors, call, progress))]
 #[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn calibrate(
     py: Python<'_>,
@@ -39,7 +38,7 @@ pub(crate) fn calibrate(
     hold_out: Option<(usize, usize)>,
     cross_validate: Option<usize>,
     blocks: bool,
-    prior: Option<(String, String)>,
+    priors: Vec<(Option<String>, String, String)>,
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Fit> {
@@ -51,20 +50,18 @@ pub(crate) fn calibrate(
     }
     let hold_out = hold_out_of(hold_out)?;
     let mut register = register_with(&effects)?;
-    let prior: Option<(String, Prior)> = match prior {
-        None => None,
-        Some((name, text)) => {
-            let prior = serde_json::from_str(&text).map_err(|e| input(format!("{name}: {e}")))?;
-            Some((name, prior))
-        }
+    let read = |(camera, name, text): (Option<String>, String, String)| {
+        let prior = serde_json::from_str(&text).map_err(|e| input(format!("{name}: {e}")))?;
+        Ok::<_, PyErr>(GivenPrior { camera, name, prior })
     };
+    let priors = priors.into_iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let request = FitRequest {
         model: model_request(model, with, lens, &mut register)?,
         estimator: estimator_of(estimator)?,
         hold_out,
         cross_validate,
         parts: if blocks { Parts::Blocks } else { Parts::Interleaved },
-        prior,
+        priors,
     };
     let loaded = dataset.loaded.clone();
     run(py, progress.as_ref(), move |progress| {

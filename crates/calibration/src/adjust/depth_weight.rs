@@ -14,11 +14,11 @@ use super::smoothness_selection::{FrameInformation, solve_scaled};
 /// Parts, blocks of consecutive frames, of which one is left out at a time.
 const PARTS: usize = 5;
 
-/// Whether depth with its weight divided by `design_effect` predicts the depth of left-out frames better than with its whole
-/// weight, with which `adjustment` was solved: both linearised there, poses of left-out frames from their images alone.
-pub fn less_predicts_better(adjustment: &Adjustment, design_effect: f64) -> bool {
-    let whole = adjustment.frame_information(Curvature::OfWeights, 1.0);
-    let less = adjustment.frame_information(Curvature::OfWeights, 1.0 / design_effect);
+/// Whether the depth of a camera with its weight divided by `design_effect` predicts the depth of left-out frames better than with
+/// its whole weight, with which `adjustment` was solved: both linearised there, poses of left-out frames from everything else.
+pub fn less_predicts_better(adjustment: &Adjustment, camera: usize, design_effect: f64) -> bool {
+    let information = |weight| adjustment.frame_information_of_depth(camera, Curvature::OfWeights, weight);
+    let (whole, less) = (information(1.0), information(1.0 / design_effect));
     let cost = |fitted: &[FrameInformation]| held_out_cost(fitted, &whole);
     cost(&less) < cost(&whole)
 }

@@ -104,18 +104,36 @@ impl Adjustment {
     }
 
     /// What every frame says of the free parameters that all frames share, priors left out, with residuals weighted
-    /// by their losses, and with the weight of depth where frames are fitted multiplied by `depth_weight`. Frames that cannot be
-    /// evaluated say nothing.
-    pub fn frame_information(&self, curvature: Curvature, depth_weight: f64) -> Vec<FrameInformation> {
+    /// by their losses. Frames that cannot be evaluated say nothing.
+    pub fn frame_information(&self, curvature: Curvature) -> Vec<FrameInformation> {
+        self.information_of_parts([&self.image_batches(), &self.depth_batches()], curvature, 1.0)
+    }
+
+    /// [`Adjustment::frame_information`] where only the depth of one camera is judged, and counts `weight` times as much where
+    /// frames are fitted.
+    pub fn frame_information_of_depth(
+        &self,
+        camera: usize,
+        curvature: Curvature,
+        weight: f64,
+    ) -> Vec<FrameInformation> {
+        let judged = self.cameras[camera].depth;
+        let mut others = self.image_batches();
+        others.extend(self.depth_batches().into_iter().filter(|id| Some(*id) != judged));
+        self.information_of_parts([&others, judged.as_slice()], curvature, weight)
+    }
+
+    /// Information of frames from batches that give poses where a frame is held out, and from batches that are then judged; these
+    /// count `weight` times where frames are fitted.
+    fn information_of_parts(&self, parts: [&[BatchId]; 2], curvature: Curvature, weight: f64) -> Vec<FrameInformation> {
         let shared = SharedParameters::of(self);
         let size = POSE + shared.free.len();
         self.poses
             .par_iter()
             .map(|pose| {
-                // Image and depth apart: poses of frames that are judged come from the image alone.
-                let parts = [self.image_batches(), self.depth_batches()].map(|batches| {
+                let parts = parts.map(|batches| {
                     let mut sum = (DMatrix::zeros(size, size), DVector::zeros(size));
-                    for batch in batches.into_iter().filter_map(|b| self.graph.batch(b)) {
+                    for batch in batches.iter().filter_map(|b| self.graph.batch(*b)) {
                         for group in groups_of(batch, pose.id()) {
                             if let Some(rows) = self.weighted_rows(batch, group, &shared, &shared.free) {
                                 add_information(rows, curvature, &mut sum);
@@ -124,7 +142,7 @@ impl Adjustment {
                     }
                     sum
                 });
-                FrameInformation::new(&parts[0], &parts[1], POSE, depth_weight)
+                FrameInformation::new(&parts[0], &parts[1], POSE, weight)
             })
             .collect()
     }

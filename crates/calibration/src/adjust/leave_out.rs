@@ -34,7 +34,7 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
     if adjustment.by_node() || camera.theta().len() > MOST_PARAMETERS {
         return vec![None; parts];
     }
-    let frames = adjustment.frame_information(Curvature::OfLoss, 1.0);
+    let frames = adjustment.frame_information(Curvature::OfLoss);
     let (mut precision, mut pull) = prior(camera, smoothness, &frames);
     if let Some((more, further)) = of_camera.and_then(|p| p.of(camera)).map(|p| p.normal(camera)) {
         precision += more;

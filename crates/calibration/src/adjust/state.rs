@@ -13,7 +13,7 @@ use depthcal_model::chain::POSE;
 use nalgebra::Isometry3;
 
 use crate::observe::board_motion::{BoardMotion, motions};
-use crate::observe::{PlaceDrift, Taken};
+use crate::observe::{PlaceDrift, PlacedCamera, Taken};
 
 /// Name of a camera that is alone.
 pub const REFERENCE: &str = "camera";
@@ -151,6 +151,17 @@ impl<F: AdjustableFrame> State<F> {
         let mut state = Self { frames: Vec::new(), cameras: vec![camera] };
         state.take_frames();
         state
+    }
+
+    /// The cameras with their extrinsics.
+    pub fn placed(&self) -> Vec<PlacedCamera> {
+        let placed = |camera: &CameraState<F>| PlacedCamera {
+            name: camera.name.clone(),
+            camera: camera.camera.clone(),
+            camera_from_rig: camera.camera_from_rig,
+            drift: camera.drift,
+        };
+        self.cameras.iter().map(placed).collect()
     }
 
     /// Takes frames and poses from the only camera, whose frames were changed.

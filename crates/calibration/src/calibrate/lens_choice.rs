@@ -151,7 +151,7 @@ struct Compared {
 /// The orders on left-out frames, by the adjustment linearised at the fit of the highest: the lens is linear in its parameters.
 fn compare_orders(fit: &Calibrated<PosedFrame>, orders: &[LensOrder]) -> Vec<Compared> {
     let adjustment = Adjustment::new(&fit.capture, &fit.camera, &fit.noise, false);
-    let frames = adjustment.frame_information(Curvature::OfWeights, 1.0);
+    let frames = adjustment.frame_information(Curvature::OfWeights);
     let present: Vec<f64> = (0..frames.len())
         .map(|i| adjustment.frame_rows(0, i).map_or(0.0, |rows| 0.5 * rows.residuals.norm_squared()))
         .collect();

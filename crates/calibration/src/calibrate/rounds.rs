@@ -36,17 +36,19 @@ struct FramePlanes {
 impl Rounds {
     /// The rounds of a state that has not been adjusted.
     pub fn new<F: AdjustableFrame>(state: &State<F>, rules: &Rules<'_, F>, options: &CalibrateOptions) -> Self {
-        let is_alone = state.cameras.len() == 1;
         let has_fields = |number: usize| !state.cameras[number].smoothness.fields.is_empty();
         // The choice of smoothness and the noise depend on each other.
-        let chooses_smoothness = rules.chooses_smoothness && is_alone && has_fields(0);
+        let chooses_smoothness = rules.chooses_smoothness && state.cameras.len() == 1 && has_fields(0);
         let most =
             if chooses_smoothness { rules.most_rounds.max(options.smoothness_rounds) } else { rules.most_rounds };
         // What a field leaves over while it is too smooth is no scatter of the frames, but would keep it smooth if it counted as
         // one.
-        let may_have_planes = options.frame_planes && rules.with_depth && is_alone;
+        let may_have_planes = options.frame_planes && rules.with_depth;
         let planes = |number: usize| FramePlanes {
-            weigh: if may_have_planes && !(rules.chooses_smoothness && has_fields(number)) {
+            weigh: if may_have_planes
+                && state.cameras[number].has_depth()
+                && !(rules.chooses_smoothness && has_fields(number))
+            {
                 None
             } else {
                 Some(false)
@@ -106,7 +108,7 @@ impl Rounds {
                 continue;
             }
             let scatter = plane_scatter(state, number, weighted_by);
-            let less = scatter != PlaneScatter::NONE && less_predicts_better(adjustment, scatter.design_effect);
+            let less = scatter != PlaneScatter::NONE && less_predicts_better(adjustment, number, scatter.design_effect);
             self.planes[number] = FramePlanes { weigh: Some(less), scatter };
             state.cameras[number].noise.planes = self.planes_in_weights(number);
             weighs_less |= less;

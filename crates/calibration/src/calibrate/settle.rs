@@ -179,7 +179,7 @@ fn choose_smoothness<F: AdjustableFrame>(state: &mut State<F>, adjustment: &Adju
     let (true, [camera]) = (rounds.chooses_smoothness && rounds.number < rounds.most, &mut state.cameras[..]) else {
         return true;
     };
-    let frames = adjustment.frame_information(Curvature::OfWeights, 1.0);
+    let frames = adjustment.frame_information(Curvature::OfWeights);
     let chosen = smoothness_selection::choose(&camera.camera, &camera.smoothness, &frames);
     let settled = chosen.close_to(&camera.smoothness);
     camera.smoothness = chosen;

@@ -6,5 +6,6 @@ pub mod evaluate;
 mod linearity;
 pub mod parts;
 pub mod rig;
+pub mod rig_cross_validation;
 pub mod table;
 pub mod transfer;

@@ -39,6 +39,35 @@ pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig 
 }
 
 impl EvaluatedRig {
+    /// No frames of the cameras with images.
+    pub(super) fn empty(capture: &RigCapture) -> Self {
+        let cameras = capture.cameras.iter().filter(|camera| camera.has_markers()).map(|camera| Evaluated {
+            name: format!("{}/{}", capture.name, camera.name),
+            frames: Vec::new(),
+            dropped: Vec::new(),
+        });
+        Self { cameras: cameras.collect(), transfers: Vec::new(), name: capture.name.clone() }
+    }
+
+    /// Adds the errors of other frames of the same rig.
+    pub(super) fn extend(&mut self, other: Self) {
+        for camera in other.cameras {
+            match self.cameras.iter_mut().find(|known| known.name == camera.name) {
+                Some(known) => {
+                    known.frames.extend(camera.frames);
+                    known.dropped.extend(camera.dropped);
+                }
+                None => self.cameras.push(camera),
+            }
+        }
+        for transfer in other.transfers {
+            match self.transfers.iter_mut().find(|known| known.from == transfer.from && known.to == transfer.to) {
+                Some(known) => known.points.extend(transfer.points),
+                None => self.transfers.push(transfer),
+            }
+        }
+    }
+
     /// The records of the cameras for `evaluation.json`.
     pub fn records(&self) -> Vec<DatasetEvaluation> {
         self.cameras.iter().map(Evaluated::record).collect()

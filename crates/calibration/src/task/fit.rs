@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use depthcal_io::{Calibration, Evaluation, FileError, FileReference, Prior};
+use depthcal_io::{Calibration, Evaluation, FileError, FileReference, Scores};
 use depthcal_model::{ModelSpec, Register};
 use tracing::warn;
 
@@ -11,9 +11,10 @@ use super::error::TaskError;
 use super::evaluated::{evaluation_of, extend, of_camera};
 use super::made::Made;
 use super::model_request::ModelRequest;
-use super::prior::prior_for;
+use super::prior::GivenPrior;
 use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
+use crate::adjust::camera_prior::CameraPrior;
 use crate::calibrate::rig::{RigCalibrated, calibrate_rig};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::calibration_record::calibration_record;
@@ -22,6 +23,7 @@ use crate::judge::cross_validation::{cross_validate, split};
 use crate::judge::evaluate::evaluate;
 use crate::judge::parts::Parts;
 use crate::judge::rig::{EvaluatedRig, evaluate_rig};
+use crate::judge::rig_cross_validation::cross_validate_rig;
 use crate::judge::table::table;
 use crate::load::{Loaded, LoadedCamera};
 use crate::observe::Capture;
@@ -52,8 +54,8 @@ pub struct FitRequest {
     pub cross_validate: Option<usize>,
     /// How frames are divided into these parts.
     pub parts: Parts,
-    /// What other units of the camera's type say of this one, and the name of its file.
-    pub prior: Option<(String, Prior)>,
+    /// What other units of a camera's type say of it, at most one of every camera.
+    pub priors: Vec<GivenPrior>,
 }
 
 /// The cameras of a fit.
@@ -120,26 +122,25 @@ impl FitRequest {
     ///
     /// [`TaskError::Option`], [`TaskError::OneCamera`].
     pub fn check(&self, cameras: usize, register: &Register) -> Result<(), TaskError> {
+        let names = self.model.names;
         if cameras == 1 {
+            self.priors.iter().find_map(|given| given.camera.as_ref()).map_or(Ok(()), |camera| {
+                Err(TaskError::option(
+                    names.prior,
+                    camera,
+                    "names a camera, but the dataset has one: give the file alone",
+                ))
+            })?;
             return self
                 .options(CalibrateOptions { register: register.clone(), ..CalibrateOptions::default() })
                 .map(drop);
         }
-        let names = self.model.names;
         self.model.depth_model(register)?;
-        let given = [
-            (self.cross_validate.is_some(), names.cross_validate, format!("hold frames out with {}", names.hold_out)),
-            (self.prior.is_some(), names.prior, "leave it out".to_owned()),
-            (
-                self.estimator != Estimator::Joint,
-                names.estimator,
-                "all are fitted by the joint one, leave it out".to_owned(),
-            ),
-        ];
-        match given.into_iter().find(|(is_given, ..)| *is_given) {
-            Some((_, option, remedy)) => Err(TaskError::OneCamera { option, remedy }),
-            None => Ok(()),
+        if self.estimator != Estimator::Joint {
+            let remedy = "all are fitted by the joint one, leave it out".to_owned();
+            return Err(TaskError::OneCamera { option: names.estimator, remedy });
         }
+        Ok(())
     }
 
     /// Options of the fit of one camera: those of `base` with what is asked for.
@@ -178,7 +179,7 @@ impl FitRequest {
         };
         let mut options = self.model.for_camera(self.options(base)?, camera)?;
         let size = [capture.width, capture.height];
-        let prior = self.prior.as_ref().map(|(name, prior)| prior_for(name, prior, size)).transpose()?;
+        let prior = self.priors.first().map(|given| given.for_size(size)).transpose()?;
         options.prior = prior.map(Arc::new);
         let images_only = !capture.has_depth() && self.model.model == "projective" && self.model.with.is_empty();
         if images_only {
@@ -209,9 +210,29 @@ impl FitRequest {
         Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
     }
 
+    /// The priors of a rig's cameras.
+    fn priors_of_rig(&self, loaded: &Loaded) -> Result<Vec<(String, Arc<CameraPrior>)>, TaskError> {
+        let option = self.model.names.prior;
+        let names = || loaded.cameras.iter().map(LoadedCamera::name).collect::<Vec<_>>().join(", ");
+        let prior = |given: &GivenPrior| {
+            let camera = given.camera.as_deref();
+            let camera = loaded.cameras.iter().find(|loaded| Some(loaded.name()) == camera).ok_or_else(|| {
+                TaskError::option(
+                    option,
+                    &given.name,
+                    format!("say of which camera it is, CAMERA:FILE; there are {}", names()),
+                )
+            })?;
+            let prior = given.for_size([camera.capture.width, camera.capture.height])?;
+            Ok((camera.name().to_owned(), Arc::new(prior)))
+        };
+        self.priors.iter().map(prior).collect()
+    }
+
     fn fit_rig(&self, loaded: &Arc<Loaded>, base: CalibrateOptions) -> Result<Fit, TaskError> {
         let (register, progress) = (base.register.clone(), base.progress.clone());
-        let options = self.model.rig_options(base, loaded)?;
+        let mut options = self.model.rig_options(base, loaded)?;
+        options.priors = self.priors_of_rig(loaded)?;
         let all = loaded.capture(&register)?;
         let (capture, held) = match self.hold_out {
             Some(HoldOut { every, first }) => {
@@ -225,9 +246,16 @@ impl FitRequest {
         let placed = result.placed();
         let stage = progress.stage("evaluation");
         let on_fitted = evaluate_rig(&placed, &capture);
-        let held_out =
-            held.map(|held| HeldOut { how: "held out", evaluated: evaluate_rig(&placed, &held), capture: None });
+        let on_held = held.map(|held| ("held out", evaluate_rig(&placed, &held)));
         drop(stage);
+        let held_out = match (on_held, self.cross_validate) {
+            (Some(held), _) => Some(held),
+            (None, Some(parts)) => {
+                Some(("cross-validated", cross_validate_rig(&result, &capture, parts, self.parts, &progress)?))
+            }
+            (None, None) => None,
+        };
+        let held_out = held_out.map(|(how, evaluated)| HeldOut { how, evaluated, capture: None });
         let evaluation = evaluation_record(&on_fitted, held_out.as_ref());
         // A dataset without cameras has not been fitted.
         let no_cameras = || CalibrateError::NoImages { dataset: loaded.name.clone() };
@@ -255,6 +283,38 @@ impl Fit {
     }
 }
 
+impl Fit {
+    /// Writes a folder for every camera with depth, with its own `calibration.json` and `scores.json`, as a fleet of cameras of its
+    /// type takes them.
+    fn write_scores_of_cameras(&self, folder: &Path) -> Result<Vec<PathBuf>, FileError> {
+        let mut written = Vec::new();
+        for (evaluated, (name, camera)) in self.on_fitted.cameras.iter().filter_map(|evaluated| {
+            let of_this = |(name, _): &(&str, &Calibrated)| evaluated.name.ends_with(&format!("/{name}"));
+            self.fitted.cameras().into_iter().find(of_this).map(|camera| (evaluated, camera))
+        }) {
+            let Some(loaded) = self.loaded.cameras.iter().find(|l| l.name() == name && camera.with_depth) else {
+                continue;
+            };
+            let Some(scores) = scores_of(camera, &self.register, loaded) else { continue };
+            let own = folder.join(name);
+            std::fs::create_dir_all(&own).map_err(|error| FileError::Write { path: own.clone(), error })?;
+            calibration_record(camera, evaluated, loaded.reference.clone(), None)
+                .write(own.join("calibration.json"))?;
+            scores.write(own.join("scores.json"))?;
+            written.extend(["calibration.json", "scores.json"].map(|file| Path::new(name).join(file)));
+        }
+        Ok(written)
+    }
+}
+
+/// The scores of the effects that a camera's model lacks; `None` where none can be scored: a calibration is as good without.
+fn scores_of(result: &Calibrated, register: &Register, camera: &LoadedCamera) -> Option<Scores> {
+    effect_scores(result, register, camera.reference.clone()).unwrap_or_else(|error| {
+        warn!("no scores.json: {error}");
+        None
+    })
+}
+
 impl Results for Fit {
     fn main_file(&self) -> &'static str {
         "calibration.json"
@@ -267,7 +327,9 @@ impl Results for Fit {
             }
             _ => {
                 self.record.write(folder.join("calibration.json"))?;
-                vec![PathBuf::from("calibration.json")]
+                let mut written = vec![PathBuf::from("calibration.json")];
+                written.extend(self.write_scores_of_cameras(folder)?);
+                written
             }
         };
         self.evaluation.write(folder.join("evaluation.json"))?;
@@ -312,12 +374,7 @@ pub(super) fn write_calibration(
     let observations = FileReference { path: OBSERVATIONS.to_owned(), digest: camera.reference.digest.clone() };
     Calibration { observations: Some(observations), ..record.clone() }.write(folder.join("calibration.json"))?;
     let mut written = ["calibration.json", OBSERVATIONS].map(PathBuf::from).to_vec();
-    // A calibration is as good without scores.
-    let scores = effect_scores(result, register, camera.reference.clone()).unwrap_or_else(|error| {
-        warn!("no scores.json: {error}");
-        None
-    });
-    if let Some(scores) = scores {
+    if let Some(scores) = scores_of(result, register, camera) {
         scores.write(folder.join("scores.json"))?;
         written.push(PathBuf::from("scores.json"));
     }

@@ -276,7 +276,7 @@ def calibrate(
     hold_out: tuple[int, int] | None,
     cross_validate: int | None,
     blocks: bool,
-    prior: tuple[str, str] | None,
+    priors: Sequence[tuple[str | None, str, str]],
     call: str,
     progress: Show,
     /,

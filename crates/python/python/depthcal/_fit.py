@@ -17,7 +17,8 @@ from ._evaluate import Judged
 from ._fleet import Fleet
 
 Prior = Union[Fleet, str, "os.PathLike[str]", Mapping[str, Any], None]
-"""What other units say of a camera: a fleet, the path of a ``prior.json``, or its contents."""
+"""What other units say of a camera: a fleet, the path of a ``prior.json``, or its contents. Of a rig a dictionary of these, by the names
+of its cameras."""
 
 
 class Fitted(Judged):
@@ -80,8 +81,8 @@ def calibrate(
     of one camera of several begin with its name and a colon, ``"infrared:cyclic_depth"`` or ``"fixed:colour:brown_conrady.k3"``.
     ``lens`` is as ``--lens`` takes it: brown-conrady, opencv8, kannala-brandt, auto, …
     ``hold_out=4`` holds out every fourth frame, ``(4, 2)`` beginning with the second; ``cross_validate=3`` judges every frame by
-    a fit that did not use it, in ``blocks`` of consecutive frames where asked for (of one camera).
-    ``prior`` is what a fleet says of its next unit (:func:`fleet`, docs/fleets.md).
+    a fit that did not use it, in ``blocks`` of consecutive frames where asked for.
+    ``prior`` is what a fleet says of its next unit (:func:`fleet`, docs/fleets.md); of a rig ``{"infrared": …}``, by camera.
     ``progress``: True shows bars of tqdm, a function receives the events; None shows them where somebody watches.
 
     The result is that of the command line, to the byte. Ctrl-C ends the fit.
@@ -111,17 +112,24 @@ def calibrate(
         held,
         cross_validate,
         blocks,
-        _prior_in_words(prior),
+        _priors_in_words(prior),
         call,
         _progress.show(progress),
     )
     return Fit(native)
 
 
-def _prior_in_words(prior: Prior) -> tuple[str, str] | None:
-    """Name and JSON of a prior."""
+def _priors_in_words(prior: Prior) -> list[tuple[str | None, str, str]]:
+    """Camera, name and JSON of every prior."""
     if prior is None:
-        return None
+        return []
+    if isinstance(prior, Mapping) and "format" not in prior:
+        return [(camera, *_prior_in_words(of_camera)) for camera, of_camera in prior.items()]
+    return [(None, *_prior_in_words(prior))]
+
+
+def _prior_in_words(prior: Fleet | str | os.PathLike[str] | Mapping[str, Any]) -> tuple[str, str]:
+    """Name and JSON of a prior."""
     if isinstance(prior, Fleet):
         return "prior", prior._native.prior()
     if isinstance(prior, (str, os.PathLike)):

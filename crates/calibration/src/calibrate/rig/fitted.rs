@@ -5,7 +5,7 @@ use depthcal_io::LeftOpen;
 use nalgebra::{DMatrix, Isometry3};
 
 use crate::adjust::state::{RigFrame, State};
-use crate::observe::PlaceDrift;
+use crate::observe::{PlaceDrift, PlacedCamera};
 use crate::start::views::PairSummary;
 
 /// A calibrated rig.
@@ -89,6 +89,11 @@ impl RigCalibrated {
             names.extend(own.into_iter().map(|(name, free)| (format!("{}/{name}", camera.name), free)));
         }
         names
+    }
+
+    /// The cameras with their extrinsics.
+    pub fn placed(&self) -> Vec<PlacedCamera> {
+        self.state.placed()
     }
 
     /// The camera of this name.

@@ -1,6 +1,9 @@
 //! What to fit to a rig, and how.
 
+use std::sync::Arc;
+
 use crate::adjust::blocks::is_depth_only;
+use crate::adjust::camera_prior::CameraPrior;
 use crate::calibrate::{CalibrateOptions, HeldParameter};
 use depthcal_model::{ModelSpec, PieceSpec};
 
@@ -38,6 +41,8 @@ pub struct RigOptions {
     pub effects: Vec<EffectOf>,
     /// Held parameters of single cameras or of all.
     pub held: Vec<HeldOf>,
+    /// Priors of single cameras from other units of their types.
+    pub priors: Vec<(String, Arc<CameraPrior>)>,
     /// Cameras whose place changes with time or temperature, and how; the change is where the fit starts.
     pub drifts: Vec<(String, PlaceDrift)>,
     /// Cameras, but the reference, that expose at other moments than their times say: by how much is estimated, from frames in
@@ -55,6 +60,7 @@ impl RigOptions {
         let has_depth = camera.capture.has_depth();
         let mut options =
             CalibrateOptions { effects: Vec::new(), camera: camera.declared.clone(), ..self.each.clone() };
+        options.prior = self.priors.iter().find(|(name, _)| *name == camera.name).map(|(_, prior)| prior.clone());
         let lens = self.lens.as_ref().or(camera.lens.as_ref());
         options.lens = lens.unwrap_or(&self.each.lens).clone();
         if !has_depth {

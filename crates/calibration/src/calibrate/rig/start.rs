@@ -99,7 +99,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             correlation_length_px: prepared.correlation_length_px,
             outliers: prepared.outliers,
             priors,
-            prior: None,
+            prior: own.prior.clone(),
         });
         alone.push(prepared);
     }

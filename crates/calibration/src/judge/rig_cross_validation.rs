@@ -1,0 +1,90 @@
+//! Cross-validation of a rig: errors on frames that its adjustment did not see.
+
+use rayon::prelude::*;
+use tracing::warn;
+
+use super::parts::{Parts, parts_of};
+use super::rig::{EvaluatedRig, evaluate_rig};
+use crate::adjust::adjustment::Adjustment;
+use crate::adjust::state::State;
+use crate::calibrate::CalibrateError;
+use crate::calibrate::rig::RigCalibrated;
+use crate::observe::{DroppedFrame, PlacedCamera, RigCapture};
+use crate::progress::ProgressHandle;
+
+/// Decrease of the cost below which an adjustment ends: what is left is a small part of a standard deviation.
+const DECREASE: f64 = 1e-3;
+
+/// Errors of every frame of a rig under cameras and extrinsics that were adjusted without it: without each of so many parts of the
+/// frames, with the noise of all. A frame is left out of all cameras. Where the others do not determine the rig, the part's frames
+/// are dropped with the reason.
+///
+/// # Errors
+///
+/// [`CalibrateError`] where the rig can be adjusted without none of the parts.
+pub fn cross_validate_rig(
+    fit: &RigCalibrated,
+    capture: &RigCapture,
+    parts: usize,
+    how: Parts,
+    progress: &ProgressHandle,
+) -> Result<EvaluatedRig, CalibrateError> {
+    let job = progress.steps("cross-validating", parts);
+    let state = &fit.state;
+    let part_of = parts_of(&markers_of_frames(state), parts, how);
+    let of_part = |part: usize| {
+        let rest = state.subset(|frame| part_of[frame] != part);
+        let is_held = |name: &str| state.frames.iter().zip(&part_of).any(|(f, of)| *of == part && f.name == name);
+        let held = capture.subset(is_held);
+        let evaluated = adjusted(rest).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| (error, held));
+        job.advance();
+        evaluated
+    };
+    let evaluated: Vec<_> = (0..parts).into_par_iter().map(of_part).collect();
+    let mut all = EvaluatedRig::empty(capture);
+    let mut failure = None;
+    for part in evaluated {
+        match part {
+            Ok(part) => all.extend(part),
+            Err((error, held)) => {
+                let reason = format!("without its part of the frames the rig cannot be fitted: {error}");
+                warn!("{} frames are not judged: {reason}", held.frame_names().len());
+                for camera in &mut all.cameras {
+                    let own = held.cameras.iter().filter(|c| camera.name.ends_with(&format!("/{}", c.name)));
+                    let frames = own.flat_map(|c| &c.capture.frames);
+                    camera
+                        .dropped
+                        .extend(frames.map(|f| DroppedFrame { name: f.name.clone(), reason: reason.clone() }));
+                }
+                failure = Some(error);
+            }
+        }
+    }
+    if let Some(failure) = failure.filter(|_| all.cameras.iter().all(|camera| camera.frames.is_empty())) {
+        return Err(failure);
+    }
+    all.cameras.iter_mut().for_each(|camera| camera.frames.sort_by(|a, b| a.name.cmp(&b.name)));
+    Ok(all)
+}
+
+/// Numbers of the markers of every frame that all cameras see.
+fn markers_of_frames(state: &State) -> Vec<usize> {
+    let mut markers = vec![0; state.frames.len()];
+    for camera in &state.cameras {
+        for (frame, number) in camera.capture.frames.iter().zip(&camera.frames) {
+            markers[*number] += frame.markers.len();
+        }
+    }
+    markers
+}
+
+/// The cameras that some frames determine, from the values of the adjustment of all.
+fn adjusted(mut state: State) -> Result<Vec<PlacedCamera>, CalibrateError> {
+    state.take_motions();
+    let adjusted = Adjustment::of_state(&state, true)?.solve_within(DECREASE)?;
+    if !adjusted.has_converged() {
+        return Err(CalibrateError::NotConverged { reason: adjusted.report.termination.to_string() });
+    }
+    adjusted.give(&mut state);
+    Ok(state.placed())
+}
