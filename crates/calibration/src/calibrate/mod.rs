@@ -50,6 +50,6 @@ pub use lens_comparison::AUTO;
 pub use lens_order::{LensCandidate, LensChoice, LensOrder, lens_named};
 pub use options::{CalibrateOptions, Estimator};
 pub use parameter_names::parameter_names;
-pub use readjust::{has_fields, readjust};
+pub use readjust::{effects_in_images, has_fields, readjust};
 pub use sampled::sampled_under;
 pub use undetermined::UndeterminedModel;

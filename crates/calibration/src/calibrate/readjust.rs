@@ -50,6 +50,21 @@ pub fn has_fields(options: &CalibrateOptions) -> Result<bool, RegisterError> {
     Ok(depth_blocks(options)?.iter().any(|b| b.piece().is_some_and(|p| p.field().is_some())))
 }
 
+/// Names of the effects of a model that images show, not only depth.
+///
+/// # Errors
+///
+/// [`RegisterError`] where one is unknown.
+pub fn effects_in_images(options: &CalibrateOptions) -> Result<Vec<String>, RegisterError> {
+    let mut effects = Vec::new();
+    for effect in &options.effects {
+        if !is_depth_only(&options.register.make(effect, None)?) {
+            effects.push(effect.name.clone());
+        }
+    }
+    Ok(effects)
+}
+
 /// The camera with the depth model and the effects of `options`, in the order in which a calibration puts them. Parameters that
 /// both have keep their values.
 fn with_model(

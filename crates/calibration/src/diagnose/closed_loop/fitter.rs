@@ -10,8 +10,8 @@ use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::refinement::refined;
 use crate::calibrate::{
-    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, light_of_samples, readjust,
-    sampled_under,
+    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, effects_in_images, has_fields,
+    light_of_samples, readjust, sampled_under,
 };
 use crate::diagnose::discovery::{self, Chance, Search};
 use crate::diagnose::examination::{EffectTest, Examination, examine, test_effect};
@@ -70,6 +70,9 @@ struct Basis {
     last: Calibrated,
     /// Modulation frequencies for which the samples have the light of their frames.
     light: Option<Modulation>,
+    /// Names of the effects of its model that images show. What is decided by images alone, the order of the lens above all, is decided
+    /// under them.
+    in_images: Vec<String>,
 }
 
 impl Basis {
@@ -105,12 +108,16 @@ impl Bench for OnFrames<'_> {
         }
     }
 
-    /// The first fit samples the depth; later ones start from the one before, with the same samples.
+    /// The first fit samples the depth; later ones start from the one before, with the same samples, unless other effects are in
+    /// the images: then the order of the lens and the gross markers are decided anew.
     fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
         self.report("fitting", model);
         let mut basis = self.fitter.basis.borrow_mut();
         let light = light_of_samples(model)?;
-        let last = basis.as_ref().filter(|b| b.light == light && !has_fields(model).unwrap_or(false));
+        let in_images = effects_in_images(model)?;
+        let can_start_from =
+            |b: &&Basis| b.light == light && b.in_images == in_images && !has_fields(model).unwrap_or(false);
+        let last = basis.as_ref().filter(can_start_from);
         let from_last = last.and_then(|b| Some(readjust(&b.last, b.samples_of(self.frames)?, model)));
         match (from_last, &mut *basis) {
             (Some(Ok(fit)), Some(basis)) => {
@@ -122,7 +129,7 @@ impl Bench for OnFrames<'_> {
             _ => {}
         }
         let (fit, samples) = calibrate_keeping_samples(self.frames, model)?;
-        *basis = Some(Basis { samples, last: fit.clone(), light });
+        *basis = Some(Basis { samples, last: fit.clone(), light, in_images });
         Ok(fit)
     }
 
