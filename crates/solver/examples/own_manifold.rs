@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p depthcal-solver --example own_manifold` finds the turn, the scale and the shift between two sets of
 //! points. Unlike an angle it does not jump at ±π. A line or a camera with a lens of one's own is written in the same way.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 

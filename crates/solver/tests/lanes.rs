@@ -177,6 +177,5 @@ fn a_variable_of_many_components_has_all_its_columns() {
         graph.add_batch(batch);
         let error = check_jacobians(&graph, &values, 1e-5).unwrap();
         assert!(error.iter().all(|e| e.error < 1e-7), "{error:?}");
-        assert!(minimize(&graph, values, &Options::default()).unwrap().report.cost < 1e-12);
     }
 }
