@@ -21,7 +21,7 @@ use super::voice::{self, say};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal formula row_gain.toml                              is it right? what are its units?
-  depthcal formula row_gain.toml --rust > row_gain.rs         the Rust file of a piece
+  depthcal formula row_gain.toml --rust > row_gain.rs         a Rust file that adds it to a program
   depthcal formula effects.toml --latex --plot --out paper/   NAME.tex and NAME.svg of every effect
   depthcal calibrate captures/ --with row_gain.toml --out r/  fits it")]
 pub(super) struct Formula {
@@ -30,7 +30,7 @@ pub(super) struct Formula {
     /// Only the effect of this name.
     #[arg(long, value_name = "NAME")]
     effect: Option<String>,
-    /// The Rust file of a piece, for crates/model/src/HOOK/NAME.rs.
+    /// A Rust file that adds the effects to the register of a program.
     #[arg(long)]
     rust: bool,
     /// The equation as LaTeX, without dollar signs.

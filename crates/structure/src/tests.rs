@@ -229,7 +229,11 @@ fn crates_depend_on_lower_ones_only() {
         ("depthcal-io", "[build-dependencies]\ndepthcal-simulate = \"1\"", "not below it"),
         ("depthcal-model", "[target.'cfg(unix)'.dependencies]\ndepthcal = \"1\"", "not below it"),
         ("depthcal-solver", "[dependencies]\ndepthcal-model = \"1\"", "must not know each other"),
-        ("depthcal", "[dependencies]\nopencv = { version = \"1\", optional = true }", "for depthcal-detect, depthcal-studies only"),
+        (
+            "depthcal",
+            "[dependencies]\nopencv = { version = \"1\", optional = true }",
+            "for depthcal-detect, depthcal-studies only",
+        ),
         ("depthcal-calibration", "[dependencies]\nindicatif = \"1\"", "for depthcal-cli, depthcal-report only"),
         ("depthcal", "[dependencies]\ndepthcal-structure = \"1\"", "for tests"),
     ] {
