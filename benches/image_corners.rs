@@ -7,6 +7,7 @@
 //! where the system tells, otherwise 0), `rms` (root mean square distance, px),
 //! `pinhole` (fx fy cx cy), `std_fx`, `lens`, `order` where the order of the lens was chosen, `frames` that were used.
 //! `benches/image_peers.py` runs it beside other programs.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::path::PathBuf;

@@ -5,6 +5,7 @@
 //! `hot` works on one frame again and again; `cold` on a ring of frames of more than 256 MB, so that every frame comes from
 //! memory. The camera is the thesis' camera 1, scaled to the size. `copy` and `triad` beside them are the machine's own: a
 //! copy of the depth image, and a + 3 b over f32 images of that size, on as many threads.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::hint::black_box;
 use std::time::Instant;

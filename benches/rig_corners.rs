@@ -9,6 +9,7 @@
 //! cameras, px, `pinhole`, `lens`, `rotation` and `translation_mm` of the second camera from the first, `boards`, the poses of
 //! the boards in the first as rotation vector and translation in mm, and `adjust` and `adjust_cpus`, the times of that adjustment
 //! alone from a start one per cent off.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::collections::BTreeSet;
 use std::error::Error;

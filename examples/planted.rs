@@ -3,6 +3,7 @@
 //! `cargo run --release --example planted -- DATASET [--effects cyclic_depth=4,temporal_drift=6,depth_registration=2]`
 //!
 //! Frames get times of 10 s each where the dataset has none, so that drifts have something to follow.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::path::Path;

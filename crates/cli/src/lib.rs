@@ -17,6 +17,8 @@
 //! run. `voice` is the only module that writes to standard output or standard error, except for progress bars (`progress`) and
 //! log messages (`tracing`).
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line is what prints")]
+
 mod apply;
 mod arguments;
 mod board;
@@ -28,6 +30,8 @@ mod demo;
 mod detect;
 mod diagnose;
 mod diagnosis_output;
+#[cfg(test)]
+mod documented_commands;
 mod evaluate;
 mod export;
 mod failure;

@@ -5,6 +5,7 @@
 //!
 //! Units are cameras whose pinhole, lens and depth distortion scatter about those of a published camera. Captures are simulated
 //! as points: markers and depths with noise, without images. The simulator shares no code with the pieces that are fitted.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::sync::Arc;

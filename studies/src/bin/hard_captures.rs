@@ -9,6 +9,7 @@
 //!
 //! One table: how many captures calibrate, and in how many of them every parameter is within three standard deviations of
 //! the truth. Captures that fail or are not are also a line on standard error.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::time::Instant;

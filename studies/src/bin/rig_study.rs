@@ -13,6 +13,7 @@
 //! `clouds`: several depth cameras around one board, captured in so many frames, and by how much their clouds of the board miss
 //! each other. `offset`: a colour camera that exposes later, before a board that is waved. `open`: whether what boards at one
 //! distance leave open is named. `cost`: time of a rig of two cameras over that of one.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::time::Instant;

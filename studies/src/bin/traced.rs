@@ -3,6 +3,7 @@
 //!     cargo run --release -p depthcal-studies --bin traced -- FOLDER infrared,depth SEED depth:cyclic_depth=4
 //!
 //! Renders into FOLDER unless it is there, and prints what every camera lacks.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::path::Path;

@@ -15,6 +15,7 @@
 //! | `--first K` | number of the first of them (0): a study in parts, or one capture again |
 //!
 //! Every run is also a line on standard error, so that rows can be looked into; with `RUST_LOG=info` the loop's own messages too.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 mod beyond;
 mod coverage;

@@ -7,6 +7,7 @@
 //! error instead of a result, a frame or a marker that is left out and listed, or, of `diagnose`, a bad frame, a declaration that
 //! cannot be right, or any verdict but `adequate`. What counts is the last column but one: results that are not right and say
 //! nothing.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 mod case;
 mod outcome;
