@@ -4,12 +4,11 @@ use crate::effect::FormulaEffect;
 use crate::file::file_text;
 
 impl FormulaEffect {
-    /// A Rust file for a program with effects of its own: the definition as text, and a function `add` that adds it to a register.
-    ///
-    /// The formula is as fast as a piece in Rust would be, so the file has no code of its own for it.
+    /// A Rust file for a program with effects of its own: the definition as text, and a function `add` that adds it to a
+    /// register. A formula is evaluated as fast as a piece in Rust, so the file does not translate it.
     pub fn rust(&self) -> String {
         let (name, definition) = (self.name(), file_text(std::slice::from_ref(self)));
-        // As many as no text in the definition ends a string with.
+        // More `#` than follow any quotation mark of the definition, which then cannot end the string.
         let mut hashes = "#".to_owned();
         while definition.contains(&format!("\"{hashes}")) {
             hashes.push('#');
@@ -18,7 +17,8 @@ impl FormulaEffect {
         format!(
             "//! The effect `{name}`: {equation}
 //!
-//! `mod {name};` and `{name}::add(&mut register)?` in a program that runs `depthcal::cli::run(register)` make every command know it.
+//! With `mod {name};` and `{name}::add(&mut register)?` in a program that runs `depthcal::cli::run(register)`, every command
+//! knows it.
 
 use depthcal::Register;
 use depthcal::formula::FormulaFile;
@@ -31,7 +31,7 @@ const DEFINITION: &str = r{hashes}\"
 ///
 /// # Errors
 ///
-/// If a piece that is no formula has its name.
+/// If a piece that is not a formula has its name.
 pub fn add(register: &mut Register) -> Result<(), Box<dyn std::error::Error>> {{
     for effect in FormulaFile::parse(DEFINITION)?.effects() {{
         effect.register(register)?;
