@@ -88,7 +88,7 @@ pub struct DiagnosisStep {
     pub depth_rms_after_mm: Option<Interval>,
     /// Decrease of the held-out root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
-    /// What speaks for it, where it is a formula that was found in the residuals.
+    /// Evidence for it, where it is a formula that was found in the residuals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub formula: Option<DiagnosisFormula>,
 }
@@ -124,7 +124,7 @@ pub struct DiagnosisFormula {
     pub replaced: Vec<String>,
     /// The best formulas of other covariates.
     pub runners_up: Vec<DiagnosisRunnerUp>,
-    /// What it describes of the residuals; absent in files of earlier versions.
+    /// The parts of the residuals that it describes; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub components: Vec<DiagnosisComponent>,
     /// The effect whole, as `--with` takes it in a file.
@@ -156,7 +156,7 @@ pub struct DiagnosisRunnerUp {
     pub expression: String,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
-    /// What it explains on left-out frames, over what the winner does.
+    /// Its gain on left-out frames over that of the best formula.
     pub gain_share: f64,
 }
 
@@ -165,7 +165,7 @@ pub struct DiagnosisRunnerUp {
 pub struct DiagnosisPlace {
     /// The state from which it takes its covariates.
     pub of: Of,
-    /// What its shape is added to.
+    /// The quantity that its shape is added to.
     pub on: On,
 }
 
@@ -284,7 +284,7 @@ pub struct CameraDiagnosis {
     /// Effects that may be missing too, but are not certain; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub possible: Vec<DiagnosisPossible>,
-    /// What the last model leaves beside the pure error; absent where it cannot be told, and in files of earlier versions.
+    /// Errors of the last model beside the pure error; absent where it cannot be told, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pure_error: Option<DiagnosisPureError>,
     /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order
