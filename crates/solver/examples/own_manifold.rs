@@ -34,7 +34,7 @@ impl Variable for Turn {
     }
 }
 
-/// The same over dual numbers: only what is of first order in δ counts.
+/// A step over dual numbers, to first order in δ.
 impl AutoDiffVariable for Turn {
     const DIM: usize = 1;
     type Over<T: Scalar> = [T; 2];
