@@ -22,10 +22,10 @@ use crate::case::{Case, cases};
 use crate::outcome::{Outcome, row};
 use crate::rendered::Rendered;
 
-/// What may go wrong in a study.
+/// Any error of a study.
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// What the command line asks for.
+/// Options of the command line.
 struct Options {
     seeds: u64,
     frames: usize,
