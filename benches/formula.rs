@@ -17,10 +17,8 @@ mod piece {
     pub use depthcal_model::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar};
 }
 
-#[rustfmt::skip]
 #[path = "formula_pieces/amplitude_bias.rs"]
 mod amplitude_bias;
-#[rustfmt::skip]
 #[path = "formula_pieces/row_gain.rs"]
 mod row_gain;
 
