@@ -130,7 +130,12 @@ fn what_is_wrong_with_a_file_of_formulas_is_said_with_its_place() {
     refused(&ROW_GAIN.replace("formula =", "formla ="), &["unknown field `formla`", "line 7"]);
     refused("", &["has no effect"]);
     folder.write("wrong.toml", ROW_GAIN);
-    fails(["calibrate", "captures", "--with", &format!("{file}@rho1=3"), "--out", "r"], &["rho1", "rho0"]);
-    fails(["calibrate", "captures", "--with", "missing.toml", "--out", "r"], &["missing.toml"]);
+    // The names of effects are checked before images are read, but not before the cameras are counted.
+    let board = "kind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 25";
+    folder.write("captures/dataset.toml", &format!("[board]\n{board}\n[frames]\nimage = \"*.png\"\n"));
+    folder.write("captures/1.png", "");
+    let captures = folder.arg("captures");
+    fails(["calibrate", &captures, "--with", &format!("{file}@rho1=3"), "--out", "r"], &["rho1", "rho0"]);
+    fails(["calibrate", &captures, "--with", "missing.toml", "--out", "r"], &["missing.toml"]);
     fails(["simulate", "--with", &file, "--effect", "cyclic", "--out", "x"], &["cyclic"]);
 }
