@@ -103,15 +103,14 @@ def calibrate(
     call = f"depthcal.calibrate(depthcal.load({dataset._native.path!r}){words})"
     native = _depthcal.calibrate(
         dataset._native,
-        model_text,
-        texts,
-        natives + more,
-        lens,
-        estimator,
-        held,
-        cross_validate,
-        blocks,
-        _prior_in_words(prior),
+        {"model": model_text, "with": texts, "effects": natives + more, "lens": lens},
+        {
+            "estimator": estimator,
+            "hold_out": held,
+            "cross_validate": cross_validate,
+            "blocks": blocks,
+            "prior": _prior_in_words(prior),
+        },
         call,
         _progress.show(progress),
     )
