@@ -1,5 +1,4 @@
-//! Effects given as formulas beside the same effects in Rust, as `depthcal formula --rust` writes them: batches of a fit, and
-//! frames of `apply`.
+//! Effects given as formulas beside the same effects in Rust: batches of a fit, and frames of `apply`.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,11 +17,9 @@ mod piece {
     pub use depthcal_model::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar};
 }
 
-#[rustfmt::skip]
-#[path = "../crates/formula/tests/emitted/amplitude_bias.rs"]
+#[path = "formula_pieces/amplitude_bias.rs"]
 mod amplitude_bias;
-#[rustfmt::skip]
-#[path = "../crates/formula/tests/emitted/row_gain.rs"]
+#[path = "formula_pieces/row_gain.rs"]
 mod row_gain;
 
 const SIZE: (usize, usize) = (640, 480);
@@ -35,7 +32,7 @@ type Pair = (&'static str, [Arc<dyn AnyPiece>; 2], Vec<f64>);
 /// The effects as formulas and in Rust. The first has a table per pixel; the second depends on place and amplitude together and
 /// is inverted pixel by pixel.
 fn effects() -> Vec<Pair> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/formula/tests/emitted/all.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("formula_pieces/effects.toml");
     let file = FormulaFile::read(&path).unwrap();
     let none = Options::new();
     let formula = |name: &str| file.effects().iter().find(|e| e.name() == name).unwrap().piece(&none);

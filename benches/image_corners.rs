@@ -7,6 +7,7 @@
 //! where the system tells, otherwise 0), `rms` (root mean square distance, px),
 //! `pinhole` (fx fy cx cy), `std_fx`, `lens`, `order` where the order of the lens was chosen, `frames` that were used.
 //! `benches/image_peers.py` runs it beside other programs.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -18,8 +19,8 @@ use depthcal_io::record::Observations;
 
 /// The value after an argument, or the one given here.
 fn argument<T: std::str::FromStr>(name: &str, otherwise: T) -> Result<T, String> {
-    let mut rest = std::env::args().skip_while(|a| a != name).skip(1);
-    match rest.next() {
+    let mut values = std::env::args().skip_while(|a| a != name).skip(1);
+    match values.next() {
         Some(value) => value.parse().map_err(|_| format!("{name} cannot be {value}")),
         None => Ok(otherwise),
     }
@@ -28,8 +29,8 @@ fn argument<T: std::str::FromStr>(name: &str, otherwise: T) -> Result<T, String>
 /// The frames whose board was found.
 fn capture(observations: &Observations) -> Result<Capture, Box<dyn Error>> {
     let first = observations.frames.first().ok_or("the file has no frames")?;
-    let found = observations.frames.iter().filter(|f| !f.markers.is_empty());
-    let frames = found.map(|frame| {
+    let detected = observations.frames.iter().filter(|f| !f.markers.is_empty());
+    let frames = detected.map(|frame| {
         let raw = RawFrame { name: frame.name.clone(), ..RawFrame::default() };
         let markers =
             frame.markers.iter().map(|m| MarkerObservation { index: m.index, pixel: m.pixel, std_px: m.std_px });
@@ -49,10 +50,10 @@ fn capture(observations: &Observations) -> Result<Capture, Box<dyn Error>> {
 /// Processor time of all threads, s, as Linux tells it.
 fn processor_time() -> f64 {
     let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return 0.0 };
-    let of = |path: PathBuf| -> Option<f64> {
+    let time_of_thread = |path: PathBuf| -> Option<f64> {
         std::fs::read_to_string(path.join("schedstat")).ok()?.split(' ').next()?.parse().ok()
     };
-    let nanoseconds: f64 = threads.flatten().filter_map(|thread| of(thread.path())).sum();
+    let nanoseconds: f64 = threads.flatten().filter_map(|thread| time_of_thread(thread.path())).sum();
     1e-9 * nanoseconds
 }
 
@@ -78,10 +79,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut deviations = fit.std_devs().into_iter();
     let (mut lens, mut std_fx) = (Vec::new(), None);
     for block in fit.camera.blocks() {
-        let own: Vec<Option<f64>> = deviations.by_ref().take(block.theta.len()).collect();
+        let std_devs: Vec<Option<f64>> = deviations.by_ref().take(block.theta.len()).collect();
         match block.piece() {
             Some(_) => lens.extend_from_slice(&block.theta),
-            None => std_fx = own[0],
+            None => std_fx = std_devs[0],
         }
     }
     println!(

@@ -3,6 +3,7 @@
 //! The program runs itself under callgrind, once with few frames and once with more; the difference is that of the frames
 //! alone. Counts beyond the limits below fail. Valgrind has no AVX-512, so that these are the counts of the AVX2 loops.
 //! Without valgrind nothing is checked.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::hint::black_box;
 use std::process::{Command, ExitCode};

@@ -5,6 +5,7 @@
 //! `hot` works on one frame again and again; `cold` on a ring of frames of more than 256 MB, so that every frame comes from
 //! memory. The camera is the thesis' camera 1, scaled to the size. `copy` and `triad` beside them are the machine's own: a
 //! copy of the depth image, and a + 3 b over f32 images of that size, on as many threads.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -93,6 +94,7 @@ fn main() {
     }
 }
 
+/// Runs all cases of one size, mode and number of threads.
 fn run(bench: &Bench) {
     let (width, height) = bench.size;
     let n = width * height;
@@ -102,28 +104,43 @@ fn run(bench: &Bench) {
         DepthImage { width, height, data: (0..n).map(value).collect() }
     };
     let depth: Vec<DepthImage> = (0..ring).map(frame).collect();
-    let mut out = depth.clone();
-    let context = FrameContext::default();
+    memory(bench, &depth);
+    corrections(bench, &depth);
+    let camera = camera(width, height, "projective");
+    points(bench, &camera, &depth);
+    remaps(bench, &camera, &depth);
+    rays(bench, &camera, ring);
+}
 
+/// The machine's own speed: a copy of the frames, and a + 3 b over images of their size.
+fn memory(bench: &Bench, depth: &[DepthImage]) {
+    let (n, ring) = (depth[0].data.len(), depth.len());
+    let mut out = depth.to_vec();
     // As many parts as there are threads.
     let part = n.div_ceil(bench.threads);
     bench.case("copy", 4, |k| {
         let (to, from) = (&mut out[k % ring].data, black_box(&depth[k % ring].data));
         to.par_chunks_mut(part).zip(from.par_chunks(part)).for_each(|(to, from)| to.copy_from_slice(from));
     });
-    {
-        let (b, c) = (vec![vec![1.0f32; n]; ring], vec![vec![2.0f32; n]; ring]);
-        let mut a = b.clone();
-        bench.case("triad", 12, |k| {
-            let k = k % ring;
-            let (b, c) = (black_box(&b[k]), &c[k]);
-            let parts = a[k].par_chunks_mut(part).zip(b.par_chunks(part)).zip(c.par_chunks(part));
-            parts.for_each(|((a, b), c)| a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = b + 3.0 * c));
-        });
-    }
+    let (b, c) = (vec![vec![1.0f32; n]; ring], vec![vec![2.0f32; n]; ring]);
+    let mut a = b.clone();
+    bench.case("triad", 12, |k| {
+        let k = k % ring;
+        let (b, c) = (black_box(&b[k]), &c[k]);
+        let parts = a[k].par_chunks_mut(part).zip(b.par_chunks(part)).zip(c.par_chunks(part));
+        parts.for_each(|((a, b), c)| a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = b + 3.0 * c));
+    });
+}
 
+/// Bytes of a line of the cache.
+const LINE: usize = 64;
+
+/// Correction from 16 bits to 16 bits by the tables of several models.
+fn corrections(bench: &Bench, depth: &[DepthImage]) {
+    let (width, height) = bench.size;
+    let (n, ring) = (width * height, depth.len());
+    let context = FrameContext::default();
     // Frames one behind the other, from a line of the cache on, as drivers keep them.
-    const LINE: usize = 64;
     let mut buffers = [0, 1].map(|_| vec![0_u16; ring * n + LINE]);
     let starts = buffers.each_ref().map(|b| b.as_ptr().align_offset(LINE).min(LINE));
     for (k, frame) in depth.iter().enumerate() {
@@ -138,43 +155,45 @@ fn run(bench: &Bench) {
         ("correct_bspline", "bspline"),
     ];
     for (case, model) in models {
-        let mut camera = camera(width, height, model);
-        if model == "bspline" {
-            let theta: Vec<f64> =
-                camera.block("bspline").map(|b| b.theta.iter().map(|t| 1e-3 * t).collect()).unwrap_or_default();
-            camera = camera.map_blocks(|mut b| {
-                if b.name() == "bspline" {
-                    b.theta.clone_from(&theta);
-                }
-                b
-            });
-        }
+        let camera = camera(width, height, model).map_blocks(|mut block| {
+            if block.name() == "bspline" {
+                block.theta.iter_mut().for_each(|t| *t *= 1e-3);
+            }
+            block
+        });
         let corrector = Corrector::new(&camera).expect("a usable camera");
         assert!(corrector.has_tables(), "{model}");
         bench.case(case, 8, |k| {
-            let at = k % ring * n;
-            let (from, to) = (black_box(&buffer[starts[0] + at..][..n]), starts[1] + at);
+            let frame = k % ring * n;
+            let (from, to) = (black_box(&buffer[starts[0] + frame..][..n]), starts[1] + frame);
             corrector.correct_u16_buffer(from, 1.0, &context, &mut results[to..][..n]).expect("sizes agree");
         });
     }
+}
 
-    let camera = camera(width, height, "projective");
-    let corrector = Corrector::new(&camera).expect("a usable camera");
-    {
-        let mut points = vec![vec![0.0f32; 3 * n]; ring];
-        bench.case("correct_and_points", 22, |k| {
-            let k = k % ring;
-            let out = PointsMut::Interleaved(&mut points[k]);
-            corrector.correct_to_points(black_box(&depth[k]), 1.0, &context, out).expect("sizes agree");
-        });
-        bench.case("points", 22, |k| {
-            let k = k % ring;
-            let out = PointsMut::Interleaved(&mut points[k]);
-            corrector.points_into(black_box(&depth[k]), 1.0, out).expect("sizes agree");
-        });
-    }
+/// Points with and without correction.
+fn points(bench: &Bench, camera: &Camera, depth: &[DepthImage]) {
+    let (n, ring) = (depth[0].data.len(), depth.len());
+    let context = FrameContext::default();
+    let corrector = Corrector::new(camera).expect("a usable camera");
+    let mut points = vec![vec![0.0f32; 3 * n]; ring];
+    bench.case("correct_and_points", 22, |k| {
+        let k = k % ring;
+        let out = PointsMut::Interleaved(&mut points[k]);
+        corrector.correct_to_points(black_box(&depth[k]), 1.0, &context, out).expect("sizes agree");
+    });
+    bench.case("points", 22, |k| {
+        let k = k % ring;
+        let out = PointsMut::Interleaved(&mut points[k]);
+        corrector.points_into(black_box(&depth[k]), 1.0, out).expect("sizes agree");
+    });
+}
 
-    let remap = Remap::undistort(&camera);
+/// Undistorted images and depth.
+fn remaps(bench: &Bench, camera: &Camera, depth: &[DepthImage]) {
+    let ring = depth.len();
+    let remap = Remap::undistort(camera);
+    let mut out = depth.to_vec();
     bench.case("remap_nearest", 8, |k| {
         let k = k % ring;
         remap.nearest(black_box(&depth[k].data), &mut out[k].data).expect("sizes agree");
@@ -189,16 +208,20 @@ fn run(bench: &Bench) {
         let k = k % ring;
         remap.linear(black_box(&gray[k]), &mut gray_out[k]).expect("sizes agree");
     });
+}
 
-    let rays = Rays::new(&camera);
+/// Rays of all pixels in single and double precision, into `ring` images.
+fn rays(bench: &Bench, camera: &Camera, ring: usize) {
+    let n = bench.size.0 * bench.size.1;
+    let rays = Rays::new(camera);
     let mut single = vec![[vec![0.0f32; n], vec![0.0f32; n]]; ring];
     bench.case("rays", 8, |k| {
         let [x, y] = &mut single[k % ring];
         black_box(&rays).single([x, y]).expect("sizes agree");
     });
     drop(single);
-    let mut double = vec![[vec![0.0f64; n], vec![0.0f64; n]]; ring.min(32)];
-    let ring = double.len();
+    let ring = ring.min(32);
+    let mut double = vec![[vec![0.0f64; n], vec![0.0f64; n]]; ring];
     bench.case("rays_1e-9", 16, |k| {
         let [x, y] = &mut double[k % ring];
         black_box(&rays).double([x, y]).expect("sizes agree");

@@ -9,6 +9,7 @@
 //! cameras, px, `pinhole`, `lens`, `rotation` and `translation_mm` of the second camera from the first, `boards`, the poses of
 //! the boards in the first as rotation vector and translation in mm, and `adjust` and `adjust_cpus`, the times of that adjustment
 //! alone from a start one per cent off.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -44,14 +45,14 @@ fn simulated(frames: usize) -> Result<Value, Box<dyn Error>> {
     let mut written = Vec::new();
     for frame in &capture.cameras[0].capture.frames {
         let Some(other) = capture.cameras[1].capture.frames.iter().find(|f| f.name == frame.name) else { continue };
-        let of = |f: &DetectedFrame| f.markers.iter().map(|m| m.index).collect::<BTreeSet<usize>>();
-        let both: Vec<usize> = of(frame).intersection(&of(other)).copied().collect();
+        let indices = |f: &DetectedFrame| f.markers.iter().map(|m| m.index).collect::<BTreeSet<usize>>();
+        let both: Vec<usize> = indices(frame).intersection(&indices(other)).copied().collect();
         if both.len() < FEWEST {
             continue;
         }
         let pixels = |f: &DetectedFrame| -> Vec<[f64; 2]> {
-            let own = f.markers.iter().filter(|m| both.contains(&m.index));
-            own.map(|m| m.pixel.map(|c| f64::from(c as f32))).collect()
+            let shared = f.markers.iter().filter(|m| both.contains(&m.index));
+            shared.map(|m| m.pixel.map(|c| f64::from(c as f32))).collect()
         };
         written.push(json!({ "name": frame.name, "index": both, "pixels": [pixels(frame), pixels(other)] }));
     }

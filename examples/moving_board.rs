@@ -66,8 +66,8 @@ impl Hand {
     fn pose(&self, time_s: f64) -> Pose {
         let cycle = AT_REST_S + ON_THE_WAY_S;
         let (index, within) = ((time_s / cycle) as usize, time_s % cycle);
-        let at = |i: usize| self.poses[i % self.poses.len()];
-        let (from, to) = (at(index), at(index + 1));
+        let pose = |i: usize| self.poses[i % self.poses.len()];
+        let (from, to) = (pose(index), pose(index + 1));
         let s = ((within - AT_REST_S) / ON_THE_WAY_S).max(0.0);
         let s = s * s * (3.0 - 2.0 * s);
         let rotation = |pose: &Pose| Rotation3::from_matrix_unchecked(pose.matrix());

@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! cargo run --release --example own_depth_model -- calibrate captures/ --model projective+cubic_vignette --out result/
-//! cargo run --release --example own_depth_model -- compare captures/ --models projective,projective+cubic_vignette --out compared/
+//! cargo run --release --example own_depth_model -- compare captures/ \
+//!     --models projective,projective+cubic_vignette --out compared/
 //! cargo run --release --example own_depth_model -- diagnose captures/ --out diagnosed/
 //! cargo run --release --example own_depth_model -- apply result/calibration.json captures/ --out corrected/
 //! ```

@@ -3,6 +3,7 @@
 //! `cargo run --release --example planted -- DATASET [--effects cyclic_depth=4,temporal_drift=6,depth_registration=2]`
 //!
 //! Frames get times of 10 s each where the dataset has none, so that drifts have something to follow.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::path::Path;
@@ -13,6 +14,7 @@ use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal::calibration::simulated;
 use depthcal::io::FileReference;
+use depthcal::model::Register;
 use depthcal::report::diagnosis_text;
 use depthcal_simulate::Effect;
 
@@ -41,8 +43,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let d = diagnose(&planted, None, &DiagnoseOptions::default())?;
         println!("| {text} | {rms_mm:.2} | {}", row(&d));
-        let record = to_file(&d, FileReference::default(), "projective");
-        eprintln!("{text}\n{}", diagnosis_text(&record));
+        let record = to_file(&d, FileReference::default(), "projective".parse()?);
+        eprintln!("{text}\n{}", diagnosis_text(&record, &Register::builtin()));
     }
     Ok(())
 }

@@ -55,7 +55,7 @@
 //! | feature | what it adds |
 //! |---|---|
 //! | `cli` | the command line and its reports; with it `detect` |
-//! | `detect` | boards in images, found by code of this workspace; without it, [`load`] has only given or cached corners |
+//! | `detect` | boards in images, found by code of this workspace; without it, [`load`] fails on images without cached corners |
 //! | `import` | `depthcal import`: recordings (ROS bags, MCAP, Matroska) as datasets |
 //! | `opencv` | chessboards and tags by OpenCV as well, which has to be installed; with it `detect` |
 //! | `rerun` | `--rrd`: recordings for the rerun viewer, some 230 more crates |

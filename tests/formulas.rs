@@ -3,7 +3,11 @@
 
 #![cfg(all(feature = "cli", feature = "detect"))]
 
+use std::path::Path;
+
 use crate::support::{Folder, fails, stdout, succeeds};
+use depthcal::Register;
+use depthcal::formula::FormulaFile;
 use serde_json::Value;
 
 /// An effect that the catalogue lacks: rows differ, and the more so the nearer the board is.
@@ -82,15 +86,32 @@ fn the_command_shows_formulas_in_every_form() {
         "{words}"
     );
     let rust = stdout(&succeeds(["formula", &file, "--rust"]));
-    assert!(
-        rust.starts_with("use crate::hook::{Depth, DepthState};") && rust.contains("impl Piece<Depth, 1> for RowGain")
-    );
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/emitted/row_gain.rs");
+    if std::env::var_os("UPDATE_DOCS").is_some() {
+        std::fs::write(&path, &rust).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), rust, "run with UPDATE_DOCS=1");
     assert_eq!(
         stdout(&succeeds(["formula", &file, "--latex"])),
         "\\rho + a \\, y \\, \\ln\\left(\\frac{\\rho}{\\rho_{0}}\\right)\n"
     );
     succeeds(["formula", &file, "--plot", "--rust", "--out", &folder.arg("paper")]);
     assert_eq!(folder.names("paper"), ["row_gain.rs", "row_gain.svg"]);
+}
+
+/// The Rust file of the test above.
+#[rustfmt::skip]
+#[path = "emitted/row_gain.rs"]
+mod row_gain;
+
+#[test]
+fn the_rust_file_of_a_formula_adds_it_to_a_program() {
+    let mut register = Register::builtin();
+    row_gain::add(&mut register).unwrap();
+    let piece = register.find("row_gain").expect("a piece");
+    assert_eq!((&*piece.parameters()[0].name, piece.equation()), ("a", "ρ + a y ln(ρ/ρ₀)"));
+    let definition = FormulaFile::parse(ROW_GAIN).unwrap().effects()[0].definition().clone();
+    assert_eq!(piece.formula(), Some(&definition));
 }
 
 #[test]
@@ -109,7 +130,12 @@ fn what_is_wrong_with_a_file_of_formulas_is_said_with_its_place() {
     refused(&ROW_GAIN.replace("formula =", "formla ="), &["unknown field `formla`", "line 7"]);
     refused("", &["has no effect"]);
     folder.write("wrong.toml", ROW_GAIN);
-    fails(["calibrate", "captures", "--with", &format!("{file}@rho1=3"), "--out", "r"], &["rho1", "rho0"]);
-    fails(["calibrate", "captures", "--with", "missing.toml", "--out", "r"], &["missing.toml"]);
+    // The names of effects are checked before images are read, but not before the cameras are counted.
+    let board = "kind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 25";
+    folder.write("captures/dataset.toml", &format!("[board]\n{board}\n[frames]\nimage = \"*.png\"\n"));
+    folder.write("captures/1.png", "");
+    let captures = folder.arg("captures");
+    fails(["calibrate", &captures, "--with", &format!("{file}@rho1=3"), "--out", "r"], &["rho1", "rho0"]);
+    fails(["calibrate", &captures, "--with", "missing.toml", "--out", "r"], &["missing.toml"]);
     fails(["simulate", "--with", &file, "--effect", "cyclic", "--out", "x"], &["cyclic"]);
 }

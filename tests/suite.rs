@@ -1,5 +1,6 @@
 //! The tests of the whole program, one module per subject. One test program for all of them is linked once, and its tests run
 //! side by side: `cargo test --test suite crash_safety` runs those of one module.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "tests say what they measured")]
 
 mod apply_runs;
 mod apply_streams;
@@ -10,6 +11,7 @@ mod compare;
 mod crash_safety;
 mod diagnose;
 mod discovered;
+mod documented_toml;
 mod effects;
 mod estimators;
 mod fields;

@@ -18,7 +18,7 @@ pub fn follows(path: impl AsRef<Path>, name: &str) {
     assert!(faults.is_empty(), "{}: {}", path.display(), faults.join("\n"));
 }
 
-/// What contradicts a schema in the value at `place`; `root` has its definitions.
+/// The contradictions of the value at `place` to a schema; `root` has its definitions.
 fn faults(root: &Value, schema: &Value, value: &Value, place: &str) -> Vec<String> {
     let Value::Object(keywords) = schema else {
         return if schema == &Value::Bool(true) { Vec::new() } else { vec![format!("{place}: nothing may be here")] };
@@ -26,7 +26,7 @@ fn faults(root: &Value, schema: &Value, value: &Value, place: &str) -> Vec<Strin
     keywords.iter().flat_map(|(keyword, rule)| broken(root, keywords, (keyword, rule), value, place)).collect()
 }
 
-/// What contradicts one keyword of a schema.
+/// The contradictions of a value to one keyword of a schema.
 fn broken(
     root: &Value,
     keywords: &Map<String, Value>,

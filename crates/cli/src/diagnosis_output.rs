@@ -8,14 +8,15 @@ use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{Diagnosed, DiagnosedCamera, DiagnosedRig, Made};
 use depthcal_io::{Evaluation, GainInterval, RigFindings};
 use depthcal_report::diagnosis_text;
-use depthcal_report::format::{count, number};
+use depthcal_report::format::{count, interval, number, percent};
 use serde_json::{Value, json};
 
 use super::common::{frames_of, value_of};
 use super::failure::Failure;
+use super::parameters::{drift_range, print_cameras};
 use super::results::save;
-use super::rig_text::{drift_range, print_rig, print_transfers};
 use super::session::Session;
+use super::transfers::print_transfers;
 use super::voice::say;
 
 /// Prints a diagnosis and has its files written into a folder: record, calibration of the last model, errors, report; `record`
@@ -83,7 +84,7 @@ fn tell_files(camera: &DiagnosedCamera, folder: &Path) -> Vec<PathBuf> {
 fn print_camera(camera: &DiagnosedCamera) {
     let (used, all) = (camera.diagnosis.last.capture.frames.len(), camera.loaded_camera().capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
-    say!("\n{}", diagnosis_text(&camera.record));
+    say!("\n{}", diagnosis_text(&camera.record, &camera.register));
 }
 
 fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
@@ -94,10 +95,9 @@ fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
     print_camera(camera);
     let Some(in_rig) = &camera.in_rig else { return };
     for EffectInRig { spec, left_out } in &in_rig.before {
-        let GainInterval { value, low, high } = left_out.gain_percent;
+        let fall = fall(left_out.gain_percent);
         say!(
-            "{spec} was missing and was added in the joint adjustment: the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to \
-             {high:.1}); the diagnosis above is given it"
+            "{spec} was missing and was added in the joint adjustment: the error on left-out frames {fall}; the diagnosis above is given it"
         );
     }
     for spec in &in_rig.not_adjusted {
@@ -105,27 +105,33 @@ fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
     }
 }
 
-/// What was found of the cameras of a rig together.
+/// Findings about the cameras of a rig together.
 fn print_together(rig: &DiagnosedRig, findings: &RigFindings) {
     for name in &rig.found.without_depth {
         say!("\n[{name}]\nno depth: not examined");
     }
     print_drifts(&rig.found);
     say!("\nall cameras jointly, with what was added");
-    print_rig(&rig.found.last);
+    let last = &rig.found.last;
+    let cameras: Vec<_> = last.cameras.iter().map(|camera| (camera.name.as_str(), &camera.calibrated)).collect();
+    print_cameras(&cameras, Some(last));
     say!("\nheld-out frames, with the declared models");
     print_errors(&findings.held_out.before);
     say!("\nheld-out frames, with what was added");
     print_errors(&findings.held_out.after);
 }
 
+/// A change of an error in words: `falls by 12.3 % (95 % interval 8.10 to 16.0 %)`.
+fn fall(gain: GainInterval) -> String {
+    format!("falls by {} (95 % interval {})", percent(gain.value), interval(gain.low, gain.high, "%"))
+}
+
 fn print_drifts(found: &RigDiagnosis) {
     for test in &found.drifts {
         let (camera, over) = (&test.camera, drift_range(test.drift.over, test.drift.range));
-        let errors = test.left_out.map_or_else(String::new, |errors| {
-            let GainInterval { value, low, high } = errors.gain_percent;
-            format!(", the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to {high:.1})")
-        });
+        let errors = test
+            .left_out
+            .map_or_else(String::new, |errors| format!(", the error on left-out frames {}", fall(errors.gain_percent)));
         let added = if found.has_added(test) { "added" } else { "not added" };
         say!("\nextrinsics_drift of {camera} over {over}: {added}; p = {}{errors}", number(test.p_value));
     }

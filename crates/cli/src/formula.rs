@@ -21,7 +21,7 @@ use super::voice::{self, say};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal formula row_gain.toml                              is it right? what are its units?
-  depthcal formula row_gain.toml --rust > row_gain.rs         the Rust file of a piece
+  depthcal formula row_gain.toml --rust > row_gain.rs         a Rust file that adds it to a program
   depthcal formula effects.toml --latex --plot --out paper/   NAME.tex and NAME.svg of every effect
   depthcal calibrate captures/ --with row_gain.toml --out r/  fits it")]
 pub(super) struct Formula {
@@ -30,7 +30,7 @@ pub(super) struct Formula {
     /// Only the effect of this name.
     #[arg(long, value_name = "NAME")]
     effect: Option<String>,
-    /// The Rust file of a piece, for crates/model/src/HOOK/NAME.rs.
+    /// A Rust file that adds the effects to the register of a program.
     #[arg(long)]
     rust: bool,
     /// The equation as LaTeX, without dollar signs.
@@ -107,13 +107,13 @@ type Form = fn(&FormulaEffect) -> String;
 /// An effect in words.
 fn description(effect: &FormulaEffect) -> String {
     let definition = effect.definition();
-    let (quantity, of) = match effect.hook() {
+    let (quantity, state) = match effect.hook() {
         HookKind::Depth => ("measured depth", format!(", of the {} state", definition.of.name())),
         HookKind::Lens => ("normalised image coordinates", String::new()),
         HookKind::Pixel => ("pixel of the depth image", String::new()),
         HookKind::Board | HookKind::Pose => ("point of the board", String::new()),
     };
-    let mut text = format!("{}\n  {quantity}: {}{of}\n", effect.name(), effect.text());
+    let mut text = format!("{}\n  {quantity}: {}{state}\n", effect.name(), effect.text());
     let list = |text: &mut String, title: &str, items: Vec<String>| {
         for (i, item) in items.iter().enumerate() {
             let _ = writeln!(text, "  {:11} {item}", if i == 0 { title } else { "" });

@@ -15,7 +15,9 @@
 //! One file per command, a folder for `apply`. Every command takes datasets of one camera or of several. `arguments` has the list
 //! of commands, `common` the options and files that several share, `session` the register, the progress bars and the clock of one
 //! run. `voice` is the only module that writes to standard output or standard error, except for progress bars (`progress`) and
-//! log messages (`tracing`).
+//! log messages (`log_writer`).
+
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line is what prints")]
 
 mod apply;
 mod arguments;
@@ -28,6 +30,8 @@ mod demo;
 mod detect;
 mod diagnose;
 mod diagnosis_output;
+#[cfg(test)]
+mod documented_commands;
 mod evaluate;
 mod export;
 mod failure;
@@ -37,17 +41,18 @@ mod formula_files;
 mod given_camera;
 #[cfg(feature = "import")]
 mod import;
+mod log_writer;
 mod man;
 mod parameters;
 mod progress;
 mod recording;
 mod results;
-mod rig_text;
 mod run;
 mod schema;
 mod session;
 mod simulate;
 mod stage_table;
+mod transfers;
 mod voice;
 
 pub use run::run;

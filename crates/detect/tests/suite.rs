@@ -1,4 +1,5 @@
 //! The tests of the crate, one module per subject: `cargo test -p depthcal-detect --test suite batch` runs those of one module.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "tests say what they measured")]
 
 mod batch;
 mod bias;

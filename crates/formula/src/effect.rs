@@ -117,10 +117,4 @@ impl FormulaEffect {
     pub fn mathml(&self) -> String {
         print::mathml(&self.content)
     }
-
-    /// The Rust file of a piece in depthcal's own form, for `crates/model/src/HOOK/NAME.rs` and one line in the list of that
-    /// folder.
-    pub fn rust(&self) -> String {
-        print::piece_file(&self.content)
-    }
 }

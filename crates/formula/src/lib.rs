@@ -24,7 +24,7 @@
 //! The text is parsed into an expression ([`pest`] keeps the place of every part, so that messages can show it), checked for
 //! units, and put into a graph in which equal parts are one node. Derivatives are nodes of the same graph, so they are exact.
 //! What a fit needs is a sequence of instructions that runs over batches of observations: a [`FormulaEffect`] gives a piece like
-//! those written in Rust. It prints as a formula for people, and as the Rust file of a piece.
+//! those written in Rust. It prints as a formula for people, and as a Rust file that adds it to a program.
 //!
 //! Invariants: nothing is evaluated before it has been checked; a formula is zero at its nominal parameters; no text can make
 //! this crate panic, allocate without bound or recurse deeply.
@@ -42,6 +42,7 @@ mod named_files;
 mod piece;
 mod print;
 mod reader;
+mod rust_file;
 mod shape;
 mod syntax;
 mod units;

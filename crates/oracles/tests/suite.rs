@@ -1,4 +1,5 @@
 //! Calibrations beside OpenCV's, one module per function of OpenCV.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "tests say what they measured")]
 
 mod single;
 mod stereo;

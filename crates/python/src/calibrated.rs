@@ -81,10 +81,10 @@ impl Calibration {
 
     /// One camera of a rig as a calibration of its own, without what it has in common with the others: covariance, poses.
     fn camera(&self, name: &str) -> PyResult<Self> {
-        let found = self.record.cameras().find(|camera| camera.name == name && !self.record.is_short());
-        let found = found.ok_or_else(|| self.no_camera(name))?;
+        let camera = self.record.cameras().find(|camera| camera.name == name && !self.record.is_short());
+        let camera = camera.ok_or_else(|| self.no_camera(name))?;
         let (name, extrinsics) = (depthcal_io::CAMERA.to_owned(), ExtrinsicsRecord::REFERENCE);
-        let camera = CameraRecord { name, camera_from_rig: extrinsics, ..found.clone() };
+        let camera = CameraRecord { name, camera_from_rig: extrinsics, ..camera.clone() };
         let (covariance, frames, others) = (None, Vec::new(), Vec::new());
         let record = Record { camera, covariance, frames, others, ..(*self.record).clone() };
         Ok(Self::of_record(record, self.register.clone())?)

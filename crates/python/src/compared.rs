@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use depthcal_calibration::compare::tables::tables;
 use depthcal_calibration::task::{CompareRequest, Compared, Made};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::dataset::Dataset;
-use crate::effect::Effect;
 use crate::failure::{Failure, input};
-use crate::request::{base_options, json, model_request, register_with};
+use crate::request::{base_options, json, model_request};
 use crate::running::run;
 use crate::written::{html, save};
 
@@ -21,31 +22,31 @@ pub(crate) struct Comparison {
     made: Made,
 }
 
-/// Fits depth models to `train` and compares them on `verify`, or by cross-validation.
+/// Fits depth models to `train` and compares them on `verify`, or by cross-validation. `model` is as for [`model_request`], of
+/// which the depth model is not used; `options` are `models`, `folds`, `thesis` and `learning`.
 #[pyfunction]
-#[pyo3(signature = (train, verify, models, with, effects, lens, folds, thesis, learning, call, progress))]
-#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn compare(
     py: Python<'_>,
     train: &Dataset,
     verify: Vec<PyRef<'_, Dataset>>,
-    models: Vec<String>,
-    with: Vec<String>,
-    effects: Vec<PyRef<'_, Effect>>,
-    lens: Option<String>,
-    folds: usize,
-    thesis: bool,
-    learning: usize,
+    model: &Bound<'_, PyDict>,
+    options: &Bound<'_, PyDict>,
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Comparison> {
-    let mut register = register_with(&effects)?;
-    let request = model_request("projective".to_owned(), with, lens, &mut register)?;
+    let (model, mut register) = model_request(model)?;
+    let models: Vec<String> = argument(options, "models")?;
     let resolved = models.iter().map(|text| depthcal_formula::resolve_model("models", text, &mut register));
     let models = resolved.collect::<Result<Vec<_>, _>>().map_err(input)?;
     let specs = models.iter().map(|text| register.model_spec(text).map_err(|e| input(format!("models {text}: {e}"))));
     let models = specs.collect::<Result<Vec<_>, Failure>>()?;
-    let request = CompareRequest { model: request, models, folds, thesis, learning_fits: learning };
+    let request = CompareRequest {
+        model,
+        models,
+        folds: argument(options, "folds")?,
+        thesis: argument(options, "thesis")?,
+        learning_fits: argument(options, "learning")?,
+    };
     let train = train.loaded.clone();
     train.only_camera().map_err(input)?;
     let verify: Vec<_> = verify.iter().map(|dataset| dataset.loaded.clone()).collect();

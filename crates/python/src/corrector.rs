@@ -41,7 +41,7 @@ struct Given<'a, 'py> {
     temperature_c: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// What comes with the depth of a call, checked. Arrays stay borrowed while it lives.
+/// The inputs of a call besides depth, checked. Arrays stay borrowed while it lives.
 struct Call<'a, 'py> {
     given: Given<'a, 'py>,
     count: usize,
@@ -51,7 +51,7 @@ struct Call<'a, 'py> {
 }
 
 impl<'py> Call<'_, 'py> {
-    /// What the frames share, and what each has of its own, without the GIL.
+    /// The inputs of all frames besides depth, for use without the GIL.
     fn frames(&self) -> Result<Frames<'_>, Failure> {
         // Values of 8 bits are copied: tables of the correction have an entry per value of 16 bits.
         let amplitudes = match &self.amplitude {
@@ -69,7 +69,7 @@ impl<'py> Call<'_, 'py> {
     }
 }
 
-/// What the frames of a call share, and what each has of its own.
+/// The unit of depth of a call, and the inputs of its frames besides depth.
 struct Frames<'a> {
     unit_mm: f64,
     times: &'a [f64],

@@ -12,7 +12,9 @@ use depthcal_io::{CameraHint, DepthFrame, DepthValues, FrameMetadata, IntrinsicN
 use depthcal_model::{Register, Target};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::failure::{Failure, input};
 use crate::images::{depth_frame, gray_image};
 use crate::markers::{MarkerArrays, markers_of};
@@ -70,22 +72,17 @@ type FrameArrays<'py> =
 /// Focal lengths, centre, skew (px), distortion.
 type Intrinsics = (f64, f64, f64, f64, f64, Vec<f64>);
 
-/// A dataset from arrays.
+/// A dataset from arrays. `camera` has the arguments `size`, `unit_mm`, `intrinsics`, `lens` and `fixed`.
 #[pyfunction]
-#[pyo3(signature = (name, board, size, unit_mm, intrinsics, lens, fixed, frames))]
-#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn from_memory(
     py: Python<'_>,
     name: String,
     board: &str,
-    size: (usize, usize),
-    unit_mm: Option<f64>,
-    intrinsics: Option<Intrinsics>,
-    lens: Option<String>,
-    fixed: bool,
+    camera: &Bound<'_, PyDict>,
     frames: Vec<FrameArrays<'_>>,
 ) -> PyResult<Dataset> {
     let target = target_of(board)?;
+    let unit_mm: Option<f64> = argument(camera, "unit_mm")?;
     if let Some(unit) = unit_mm.filter(|unit| !(unit.is_finite() && *unit > 0.0)) {
         return Err(input(format!("unit_mm is {unit}: give the millimetres per step, such as 1 or 0.25")).into());
     }
@@ -105,12 +102,20 @@ pub(crate) fn from_memory(
         )
         .into());
     }
-    let numbers =
-        intrinsics.map(|(fx, fy, cx, cy, skew, distortion)| IntrinsicNumbers { fx, fy, cx, cy, skew, distortion });
-    let camera = (numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, intrinsics: None, lens, fixed });
-    let given = DatasetInMemory { name, target, size, depth_unit_mm: unit_mm, camera, frames };
+    let (size, hint) = (argument(camera, "size")?, camera_hint(camera)?);
+    let given = DatasetInMemory { name, target, size, depth_unit_mm: unit_mm, camera: hint, frames };
     let loaded = run(py, None, move |_| load_from_memory(given).map_err(input))?;
     Ok(Dataset { loaded: Arc::new(loaded) })
+}
+
+/// The intrinsics and the lens of the arguments; `None` where neither is given.
+fn camera_hint(camera: &Bound<'_, PyDict>) -> PyResult<Option<CameraHint>> {
+    let intrinsics: Option<Intrinsics> = argument(camera, "intrinsics")?;
+    let numbers =
+        intrinsics.map(|(fx, fy, cx, cy, skew, distortion)| IntrinsicNumbers { fx, fy, cx, cy, skew, distortion });
+    let lens: Option<String> = argument(camera, "lens")?;
+    let fixed = argument(camera, "fixed")?;
+    Ok((numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, intrinsics: None, lens, fixed }))
 }
 
 /// The depth of a frame, in a unit that its type of values can have.
@@ -170,9 +175,9 @@ impl Dataset {
 
     /// One camera as a dataset of its own.
     fn camera(&self, name: &str) -> PyResult<Self> {
-        let found = self.loaded.cameras.iter().find(|camera| camera.name() == name);
+        let camera = self.loaded.cameras.iter().find(|camera| camera.name() == name);
         let unknown = || input(format!("the dataset has no camera '{name}'; it has {}", self.cameras().join(", ")));
-        Ok(Self { loaded: Arc::new(Loaded::of_camera(found.ok_or_else(unknown)?.clone())) })
+        Ok(Self { loaded: Arc::new(Loaded::of_camera(camera.ok_or_else(unknown)?.clone())) })
     }
 
     /// Path as it was given, or the name of a dataset in memory.

@@ -1,4 +1,4 @@
-//! `diagnose`: what the models of a dataset's cameras lack.
+//! `diagnose`: effects that the models of a dataset's cameras lack.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,12 +7,14 @@ use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, DiagnosedCamera, Made, Results};
 use depthcal_report::{diagnosis_text, verdict_sentence};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
-use crate::request::{base_options, checked_folds, json, model_request, register_with};
+use crate::request::{base_options, checked_folds, json, model_request};
 use crate::running::run;
 use crate::written::{html, save};
 
@@ -25,27 +27,21 @@ pub(crate) struct Diagnosis {
     made: Made,
 }
 
-/// Finds what the models of a dataset's cameras lack.
+/// Finds effects that the models of a dataset's cameras lack. `model` is as for [`model_request`]; `options` are `folds` and
+/// `discovery`.
 #[pyfunction]
-#[pyo3(signature = (dataset, verify, model, with, effects, lens, folds, discovery, call, progress))]
-#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn diagnose(
     py: Python<'_>,
     dataset: &Dataset,
     verify: Option<PyRef<'_, Dataset>>,
-    model: String,
-    with: Vec<String>,
-    effects: Vec<PyRef<'_, Effect>>,
-    lens: Option<String>,
-    folds: usize,
-    discovery: bool,
+    model: &Bound<'_, PyDict>,
+    options: &Bound<'_, PyDict>,
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Diagnosis> {
-    let folds = checked_folds(folds)?;
-    let mut register = register_with(&effects)?;
-    let request =
-        DiagnoseRequest { model: model_request(model, with, lens, &mut register)?, folds, formulas: discovery };
+    let folds = checked_folds(argument(options, "folds")?)?;
+    let (model, register) = model_request(model)?;
+    let request = DiagnoseRequest { model, folds, formulas: argument(options, "discovery")? };
     let loaded = dataset.loaded.clone();
     let verify = verify.map(|dataset| dataset.loaded.clone());
     run(py, progress.as_ref(), move |progress| {
@@ -89,7 +85,7 @@ impl Diagnosis {
 
     /// The diagnosis of one camera.
     fn camera(&self, name: &str) -> PyResult<Self> {
-        let number = self.diagnosed.cameras.iter().position(|(own, _)| own == name);
+        let number = self.diagnosed.cameras.iter().position(|(camera, _)| camera == name);
         let unknown = || input(format!("no camera '{name}' was examined; these were: {}", self.cameras().join(", ")));
         let camera = Some(number.ok_or_else(unknown)?);
         Ok(Self { diagnosed: self.diagnosed.clone(), camera, made: self.made.clone() })
@@ -98,7 +94,7 @@ impl Diagnosis {
     /// The diagnosis in words.
     fn text(&self) -> String {
         if let Some(camera) = self.only_camera() {
-            return diagnosis_text(&camera.record);
+            return diagnosis_text(&camera.record, &camera.register);
         }
         let sentence =
             |(name, camera): &(String, DiagnosedCamera)| format!("[{name}] {}", verdict_sentence(&camera.record));

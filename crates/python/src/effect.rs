@@ -82,9 +82,9 @@ impl Effect {
     ) -> PyResult<Self> {
         let known = FormulaCovariate::at(HookKind::Depth);
         let covariate = |name: &String| {
-            let found = FormulaCovariate::of(name).filter(|covariate| known.contains(covariate));
+            let covariate = FormulaCovariate::of(name).filter(|covariate| known.contains(covariate));
             let names = || known.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
-            found.ok_or_else(|| input(format!("'{name}' is no covariate of depth; known are {}", names())))
+            covariate.ok_or_else(|| input(format!("'{name}' is no covariate of depth; known are {}", names())))
         };
         let covariates = covariates.iter().map(covariate).collect::<Result<Vec<_>, Failure>>()?;
         let adds_to = match adds_to {
@@ -93,7 +93,7 @@ impl Effect {
             "factor" => AddsTo::Factor,
             other => return Err(input(format!("adds_to is '{other}': give depth, inverse_depth or factor")).into()),
         };
-        let of = of.parse::<Of>().map_err(|_| input(format!("of is '{of}': give true or measured")))?;
+        let state = of.parse::<Of>().map_err(|_| input(format!("of is '{of}': give true or measured")))?;
         let parameters = parameters.into_iter().map(|(name, unit, nominal, scale, meaning)| Parameter {
             meaning: text(&meaning),
             ..Parameter::new(text(&name), text(&unit), nominal, scale)
@@ -107,7 +107,7 @@ impl Effect {
             covariates,
             function,
         );
-        Ok(Self(Kind::Function(Arc::new(content), of)))
+        Ok(Self(Kind::Function(Arc::new(content), state)))
     }
 
     #[getter]
@@ -159,15 +159,15 @@ impl Effect {
         match &self.0 {
             Kind::Formula(effect) => {
                 let all = effect.definition().parameters.iter().zip(effect.scales());
-                let of = |((name, parameter), scale): ((&String, &depthcal_model::FormulaParameter), &f64)| {
+                let row = |((name, parameter), scale): ((&String, &depthcal_model::FormulaParameter), &f64)| {
                     let table = parameter.table();
                     (name.clone(), table.unit, table.nominal, *scale)
                 };
-                all.map(of).collect()
+                all.map(row).collect()
             }
             Kind::Function(content, _) => {
-                let of = |p: &Parameter| (p.name.to_string(), p.unit.to_owned(), p.nominal, p.scale);
-                content.parameters.iter().map(of).collect()
+                let row = |p: &Parameter| (p.name.to_string(), p.unit.to_owned(), p.nominal, p.scale);
+                content.parameters.iter().map(row).collect()
             }
         }
     }

@@ -6,12 +6,13 @@ use depthcal_calibration::judge::parts::Parts;
 use depthcal_calibration::task::{Fit as Fitted, FitRequest, GivenPrior, Made};
 use depthcal_report::prior_sentences;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::calibrated::Calibration;
 use crate::dataset::Dataset;
-use crate::effect::Effect;
 use crate::failure::input;
-use crate::request::{base_options, estimator_of, hold_out_of, json, model_request, register_with};
+use crate::request::{base_options, estimator_of, hold_out_of, json, model_request};
 use crate::running::run;
 use crate::written::{html, save};
 
@@ -23,25 +24,19 @@ pub(crate) struct Fit {
     made: Made,
 }
 
-/// Fits a dataset and judges the fit.
+/// Fits a dataset and judges the fit. `model` is as for [`model_request`]; `options` are `estimator`, `hold_out`,
+/// `cross_validate`, `blocks` and `priors`: camera, name and JSON of a fleet's prior.
 #[pyfunction]
-#[pyo3(signature = (dataset, model, with, effects, lens, estimator, hold_out, cross_validate, blocks, priors, call, progress))]
-#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn calibrate(
     py: Python<'_>,
     dataset: &Dataset,
-    model: String,
-    with: Vec<String>,
-    effects: Vec<PyRef<'_, Effect>>,
-    lens: Option<String>,
-    estimator: &str,
-    hold_out: Option<(usize, usize)>,
-    cross_validate: Option<usize>,
-    blocks: bool,
-    priors: Vec<(Option<String>, String, String)>,
+    model: &Bound<'_, PyDict>,
+    options: &Bound<'_, PyDict>,
     call: String,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Fit> {
+    let hold_out: Option<(usize, usize)> = argument(options, "hold_out")?;
+    let cross_validate: Option<usize> = argument(options, "cross_validate")?;
     if hold_out.is_some() && cross_validate.is_some() {
         return Err(input("hold_out and cross_validate exclude each other: give one of them").into());
     }
@@ -49,18 +44,19 @@ pub(crate) fn calibrate(
         return Err(input("cross_validate is the number of parts: give at least 2").into());
     }
     let hold_out = hold_out_of(hold_out)?;
-    let mut register = register_with(&effects)?;
+    let (model, register) = model_request(model)?;
     let read = |(camera, name, text): (Option<String>, String, String)| {
         let prior = serde_json::from_str(&text).map_err(|e| input(format!("{name}: {e}")))?;
         Ok::<_, PyErr>(GivenPrior { camera, name, prior })
     };
+    let priors = argument::<Vec<(Option<String>, String, String)>>(options, "priors")?;
     let priors = priors.into_iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let request = FitRequest {
-        model: model_request(model, with, lens, &mut register)?,
-        estimator: estimator_of(estimator)?,
+        model,
+        estimator: estimator_of(&argument::<String>(options, "estimator")?)?,
         hold_out,
         cross_validate,
-        parts: if blocks { Parts::Blocks } else { Parts::Interleaved },
+        parts: if argument(options, "blocks")? { Parts::Blocks } else { Parts::Interleaved },
         priors,
     };
     let loaded = dataset.loaded.clone();
@@ -82,7 +78,7 @@ impl Fit {
         json(&self.fit.evaluation)
     }
 
-    /// What the prior of a fleet did, in sentences.
+    /// Changes by the prior of a fleet, in sentences.
     fn prior_sentences(&self) -> Vec<String> {
         self.fit.fitted.reference().map(prior_sentences).unwrap_or_default()
     }

@@ -1,4 +1,4 @@
-//! `fleet`: what the calibrations of one camera type say together.
+//! `fleet`: calibrations of one camera type joined.
 
 use std::path::PathBuf;
 
@@ -67,7 +67,7 @@ impl Fleet {
         json(&self.joined.fleet)
     }
 
-    /// What the units say of the next one, as JSON: `prior.json`.
+    /// The distribution of the next unit's parameters, as JSON: `prior.json`.
     fn prior(&self) -> PyResult<String> {
         json(&self.joined.prior)
     }

@@ -127,9 +127,9 @@ impl FunctionContent {
         let result = self.function.bind(py).call1((theta, arrays))?;
         let values = numbers(&format!("effect '{}': the function's result", self.name), &result)?.slice()?.to_vec();
         if values.len() != count {
-            let found = values.len();
+            let given = values.len();
             return Err(
-                input(format!("effect '{}': the function gave {found} values at {count} points", self.name)).into()
+                input(format!("effect '{}': the function gave {given} values at {count} points", self.name)).into()
             );
         }
         Ok(values)
@@ -259,12 +259,12 @@ impl AnyPiece for FunctionPiece {
         let parameters = theta.len();
         for (p, parameter) in content.parameters.iter().enumerate() {
             let step = STEP * parameter.scale.abs().max(theta[p].abs());
-            let at = |sign: f64| {
+            let values_moved = |sign: f64| {
                 let mut theta = theta.to_vec();
                 theta[p] += sign * step;
                 (theta[p], content.values(&theta, states, contexts))
             };
-            let ((above, up), (below, down)) = (at(1.0), at(-1.0));
+            let ((above, up), (below, down)) = (values_moved(1.0), values_moved(-1.0));
             for i in 0..count {
                 let slope = (up[i] - down[i]) / (above - below);
                 d_theta[i * parameters + p] = combined[i][2] * slope;

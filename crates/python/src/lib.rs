@@ -10,7 +10,7 @@
 //! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
 //! - `arrays`, `images`, `markers`, `units`: numpy arrays as the library takes them;
-//! - `request`, `failure`, `running`, `threads`: what all steps share.
+//! - `arguments`, `request`, `failure`, `running`, `threads`: arguments, models, errors and threads of all steps.
 //!
 //! Invariants: the GIL is released in every call that may reach the chain, because a piece may call Python from any thread;
 //! nothing runs in rayon's global pool, which a forked process does not have (`threads`); arrays are read and written through
@@ -18,6 +18,7 @@
 // The macros of PyO3 expand to `unsafe` code for Python's C interface; this crate has none of its own.
 #![allow(unsafe_code)]
 
+mod arguments;
 mod arrays;
 mod calibrated;
 mod compared;

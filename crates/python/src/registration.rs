@@ -9,7 +9,9 @@ use depthcal_correction::{
 use depthcal_io::{DepthValues, RgbImage};
 use numpy::{IntoPyArray, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::arrays::{array_of, exactly, type_name};
 use crate::calibrated::Calibration;
 use crate::failure::{Failure, input};
@@ -85,7 +87,7 @@ impl Registration {
     }
 }
 
-/// What registration gives: depth in the target's image, colours on the pixels of depth, and the number of pixels without depth.
+/// Depth in the target's image, colours on the pixels of depth, and the number of pixels without depth.
 type Registered<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, usize);
 
 #[pymethods]
@@ -93,36 +95,35 @@ impl Registration {
     #[new]
     fn new(py: Python<'_>, calibration: &Calibration, source: &str, target: &str) -> PyResult<Self> {
         let cameras = cameras_from_record(&calibration.record, &calibration.register).map_err(input)?;
-        let of = |name: &str| {
-            let found = cameras.iter().find(|camera| camera.name == name).cloned();
-            found.ok_or_else(|| calibration.no_camera(name))
+        let camera = |name: &str| {
+            let camera = cameras.iter().find(|camera| camera.name == name).cloned();
+            camera.ok_or_else(|| calibration.no_camera(name))
         };
-        let (source, target) = (of(source)?, of(target)?);
+        let (source, target) = (camera(source)?, camera(target)?);
         let camera = source.camera.clone();
         let corrector = run(py, None, move |_| Corrector::new(&camera).map_err(input))?;
         Ok(Self { source, target, corrector })
     }
 
     /// Depth of a frame in the target's image, of the type and unit of ``depth``, and colours of depth's pixels where an image
-    /// is given.
-    #[pyo3(signature = (depth, unit_mm, image, amplitude, time_s, temperature_c, timestamp_s))]
-    #[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
+    /// is given. ``conditions`` has the arguments ``amplitude``, ``time_s``, ``temperature_c`` and ``timestamp_s``.
     fn register<'py>(
         &self,
         py: Python<'py>,
         depth: &Bound<'py, PyAny>,
         unit_mm: f64,
         image: Option<Bound<'py, PyAny>>,
-        amplitude: Option<Bound<'py, PyAny>>,
-        time_s: Option<f64>,
-        temperature_c: Option<f64>,
-        timestamp_s: Option<f64>,
+        conditions: &Bound<'py, PyDict>,
     ) -> PyResult<Registered<'py>> {
         let (width, height) = (self.corrector.width(), self.corrector.height());
         let (across, down) = (self.target.camera.width, self.target.camera.height);
         let depth = self.depth_of(depth, unit_mm)?;
         let in_steps = matches!(depth, DepthValues::Steps(_));
+        let amplitude: Option<Bound<'py, PyAny>> = argument(conditions, "amplitude")?;
         let amplitude = amplitude.map(|array| self.amplitude_of(&array)).transpose()?;
+        let number = |name: &str| argument::<Option<f64>>(conditions, name);
+        let (time_s, temperature_c) = (number("time_s")?, number("temperature_c")?);
+        let timestamp_s = number("timestamp_s")?;
         let image = image.map(|array| self.image_of(&array)).transpose()?;
         let (registered, colours): (RegisteredDepth, Option<Vec<u8>>) = run(py, None, move |_| {
             let context = FrameContext {

@@ -1,11 +1,13 @@
-//! What is asked for: the register of a call, and the model in words.
+//! The arguments that several functions take: effects, the model in words, frames that are held out.
 
 use depthcal_calibration::calibrate::{CalibrateOptions, Estimator};
 use depthcal_calibration::progress::ProgressHandle;
 use depthcal_calibration::task::{HoldOut, LENSES, ModelRequest, OptionNames};
 use depthcal_model::Register;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::effect::Effect;
 use crate::failure::{Failure, input};
 
@@ -18,19 +20,18 @@ pub(crate) fn register_with(effects: &[PyRef<'_, Effect>]) -> PyResult<Register>
     Ok(register)
 }
 
-/// The model in words, with its files of formulas loaded into the register.
-pub(crate) fn model_request(
-    model: String,
-    with: Vec<String>,
-    lens: Option<String>,
-    register: &mut Register,
-) -> Result<ModelRequest, Failure> {
+/// The model of the arguments `model`, `with`, `effects` and `lens`, and a register with the given effects and those of its files
+/// of formulas.
+pub(crate) fn model_request(given: &Bound<'_, PyDict>) -> PyResult<(ModelRequest, Register)> {
+    let lens: Option<String> = argument(given, "lens")?;
+    let mut register = register_with(&argument::<Vec<PyRef<'_, Effect>>>(given, "effects")?)?;
     if let Some(lens) = lens.as_ref().filter(|lens| !LENSES.contains(&lens.as_str())) {
-        return Err(Failure::Input(format!("lens '{lens}' is unknown; known are {}", LENSES.join(", "))));
+        return Err(input(format!("lens '{lens}' is unknown; known are {}", LENSES.join(", "))).into());
     }
+    let (model, with) = (argument(given, "model")?, argument(given, "with")?);
     let mut request = ModelRequest { names: OptionNames::ARGUMENTS, model, with, lens };
-    request.load_formulas(register)?;
-    Ok(request)
+    request.load_formulas(&mut register).map_err(Failure::from)?;
+    Ok((request, register))
 }
 
 /// Default options with a register and progress.
@@ -50,7 +51,7 @@ pub(crate) fn estimator_of(name: &str) -> Result<Estimator, Failure> {
     all.into_iter().find(|estimator| estimator.name() == name).ok_or_else(known)
 }
 
-/// Frames that are held out: every so-manieth, beginning with this number from 1.
+/// Frames that are held out: `(every, first)` holds out every N-th frame, beginning with this number from 1.
 pub(crate) fn hold_out_of(given: Option<(usize, usize)>) -> Result<Option<HoldOut>, Failure> {
     match given {
         Some((every, first)) if every < 2 || first < 1 || first > every => {

@@ -17,11 +17,11 @@ use crate::threads::in_threads_of_its_own;
 /// How often the calling thread looks for signals.
 const LISTENING: Duration = Duration::from_millis(50);
 
-/// What the thread that works tells the one that called.
+/// A message of the thread that works to the one that called.
 enum Event {
     /// A job begins: its number, its name, its steps where they are known.
     Begin(usize, &'static str, Option<usize>),
-    /// What a job is doing.
+    /// A job does something else: its number, and words for it.
     Doing(usize, String),
     /// A step of a job is done.
     Advance(usize),
@@ -167,7 +167,7 @@ fn tell(py: Python<'_>, show: &Py<PyAny>, event: &Event) -> PyResult<()> {
     show.call1(py, told).map(drop)
 }
 
-/// What the thread that worked was unwound with, as an exception.
+/// The exception for the payload with which the thread that worked was unwound.
 fn exception_of(payload: Box<dyn Any + Send>) -> PyErr {
     let payload = match payload.downcast::<Raised>() {
         Ok(raised) => return raised.0,

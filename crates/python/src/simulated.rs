@@ -9,21 +9,16 @@ use depthcal_calibration::simulated::capture;
 use depthcal_io::{FileReference, digest_contents, write_json};
 use depthcal_simulate::{Board, CameraTruth, Effect, Kind, Pattern, PointOptions, Simulation};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::argument;
 use crate::dataset::Dataset;
-use crate::failure::{Failure, input};
+use crate::failure::input;
 use crate::running::run;
 
-/// A simulation from words.
-fn simulation(
-    camera: &str,
-    kind: &str,
-    effects: &[String],
-    seed: u64,
-    unit: u64,
-    frames: Option<usize>,
-    board: Option<&str>,
-) -> Result<Simulation, Failure> {
+/// The simulation of the arguments `camera`, `kind`, `effects`, `seed`, `unit`, `frames` and `board`.
+fn simulation(given: &Bound<'_, PyDict>) -> PyResult<Simulation> {
+    let (camera, kind): (String, String) = (argument(given, "camera")?, argument(given, "kind")?);
     let camera = if camera == "fisheye" {
         CameraTruth::fisheye_150()
     } else {
@@ -31,19 +26,21 @@ fn simulation(
         CameraTruth::published(number).map_err(|e| input(format!("camera: {e}")))?
     };
     let kind: Kind = kind.parse().map_err(|e| input(format!("kind: {e}")))?;
+    let effects: Vec<String> = argument(given, "effects")?;
     let effects = effects.iter().filter_map(|text| Effect::parse(text).transpose());
     let effects: Vec<Effect> = effects.collect::<Result<_, _>>().map_err(|e| input(format!("effects: {e}")))?;
-    let mut simulation = Simulation::new(camera, kind, &effects, seed).unit(unit);
-    match board {
+    let mut simulation =
+        Simulation::new(camera, kind, &effects, argument(given, "seed")?).unit(argument(given, "unit")?);
+    match argument::<Option<String>>(given, "board")?.as_deref() {
         None | Some("asymmetric-circles") => {}
         Some("chessboard") => {
             let board =
                 Board { pattern: Pattern::Chessboard, columns: 9, rows: 6, spacing_mm: 25.0, ..Board::default() };
             simulation = simulation.board(board);
         }
-        Some(other) => return Err(input(format!("board '{other}': write asymmetric-circles or chessboard"))),
+        Some(other) => return Err(input(format!("board '{other}': write asymmetric-circles or chessboard")).into()),
     }
-    if let Some(frames) = frames {
+    if let Some(frames) = argument(given, "frames")? {
         simulation = simulation.frames(frames);
     }
     // Errors of the simulation show before a folder is created.
@@ -51,23 +48,15 @@ fn simulation(
     Ok(simulation)
 }
 
-/// Renders a dataset into a new or empty folder; returns the number of frames.
+/// Renders the dataset of a [`simulation`] into a new or empty folder; returns the number of frames.
 #[pyfunction]
-#[pyo3(signature = (out, camera, kind, effects, seed, unit, frames, board, truth))]
-#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
 pub(crate) fn simulate(
     py: Python<'_>,
     out: PathBuf,
-    camera: &str,
-    kind: &str,
-    effects: Vec<String>,
-    seed: u64,
-    unit: u64,
-    frames: Option<usize>,
-    board: Option<&str>,
+    given: &Bound<'_, PyDict>,
     truth: Option<PathBuf>,
 ) -> PyResult<usize> {
-    let simulation = simulation(camera, kind, &effects, seed, unit, frames, board)?;
+    let simulation = simulation(given)?;
     let is_used = std::fs::read_dir(&out).is_ok_and(|mut entries| entries.next().is_some());
     if is_used {
         return Err(input(format!("{} is not empty: give a new or an empty folder", out.display())).into());
@@ -81,21 +70,11 @@ pub(crate) fn simulate(
     })
 }
 
-/// A dataset of simulated markers and depth pixels without images.
+/// A dataset of markers and `samples` depth pixels per frame of a [`simulation`], without images.
 #[pyfunction]
-#[pyo3(signature = (camera, kind, effects, seed, unit, frames, samples))]
-#[expect(clippy::too_many_arguments, reason = "called by one Python function, which names them")]
-pub(crate) fn simulate_points(
-    py: Python<'_>,
-    camera: &str,
-    kind: &str,
-    effects: Vec<String>,
-    seed: u64,
-    unit: u64,
-    frames: Option<usize>,
-    samples: usize,
-) -> PyResult<Dataset> {
-    let simulation = simulation(camera, kind, &effects, seed, unit, frames, None)?;
+pub(crate) fn simulate_points(py: Python<'_>, given: &Bound<'_, PyDict>, samples: usize) -> PyResult<Dataset> {
+    let (simulation, unit) = (simulation(given)?, argument::<u64>(given, "unit")?);
+    let seed: u64 = argument(given, "seed")?;
     run(py, None, move |_| {
         let options = PointOptions { depth_samples: samples, ..PointOptions::default() };
         let observed = simulation.observe_points(&options).map_err(input)?;

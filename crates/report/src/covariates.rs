@@ -1,6 +1,6 @@
 //! Quantities that a depth error may depend on, and the image as a grid.
 
-use super::input::ReportInput;
+use super::input::ReportCamera;
 use super::pool::Pool;
 use depthcal_calibration::judge::depth_errors::PixelError;
 
@@ -18,13 +18,13 @@ pub(super) struct Image {
 
 impl Image {
     /// From the calibrated camera; without one, from the pixels of the evaluated frames.
-    pub(super) fn of(input: &ReportInput<'_>) -> Self {
-        if let Some(c) = input.calibrated {
+    pub(super) fn of(camera: &ReportCamera<'_>) -> Self {
+        if let Some(c) = camera.calibrated {
             let [_, _, cx, cy, _] = c.camera.pinhole();
             let (width, height) = (c.camera.width as f64, c.camera.height as f64);
             return Self { width, height, centre: [cx, cy] };
         }
-        let pool = Pool::of(input, |_| true);
+        let pool = Pool::of(camera, |_| true);
         let markers = pool.frames.iter().flat_map(|f| f.frame.reprojection.iter().map(|e| [e[0], e[1]]));
         let seen =
             markers.chain(pool.pixels().map(|p| p.context.pixel)).filter(|p| p[0].is_finite() && p[1].is_finite());
@@ -46,8 +46,8 @@ impl Image {
 
     /// Middle of a cell, px.
     pub(super) fn middle(&self, [columns, rows]: [usize; 2], cell: usize) -> [f64; 2] {
-        let at = |i: usize, n: usize, size: f64| (i as f64 + 0.5) * size / n as f64 - 0.5;
-        [at(cell % columns, columns, self.width), at(cell / columns, rows, self.height)]
+        let middle = |i: usize, n: usize, size: f64| (i as f64 + 0.5) * size / n as f64 - 0.5;
+        [middle(cell % columns, columns, self.width), middle(cell / columns, rows, self.height)]
     }
 
     /// Where a pixel lies, in words.
@@ -71,7 +71,7 @@ pub(super) struct Covariate {
     /// As in "against the distance".
     pub name: &'static str,
     pub unit: &'static str,
-    /// What it is, and what a dependence on it indicates.
+    /// The quantity in words, and what a dependence on it indicates.
     pub hint: &'static str,
     pub value: Value,
 }

@@ -4,8 +4,8 @@ use depthcal_formula::{FormulaEffect, file_text};
 
 use crate::formula_plot::formula_plot;
 
-/// Names and texts of an effect's files: its definition for `--with` (`NAME.toml`), the Rust file of a piece (`NAME.rs`) and its
-/// picture (`NAME.svg`).
+/// Names and texts of an effect's files: its definition for `--with` (`NAME.toml`), a Rust file that adds it to a program
+/// (`NAME.rs`) and its picture (`NAME.svg`).
 pub fn effect_files(effect: &FormulaEffect) -> [(String, String); 3] {
     let name = effect.name();
     [

@@ -1,4 +1,5 @@
 //! Writes one simulated dataset: `render DIR [KIND] [CAMERA] [SEED] [EFFECT[=SIZE]]…`
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::time::Instant;

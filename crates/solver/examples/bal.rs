@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p depthcal-solver --example bal -- FILE --threads N` reads a problem of
 //! <https://grail.cs.washington.edu/projects/bal/>, plain or compressed by bzip2, and prints one line of JSON.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 #[path = "support/bal.rs"]
 mod problem;

@@ -1,4 +1,6 @@
 //! A board in front of a depth camera: image points and depths of many frames, joint adjustment of the camera and all poses.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
+
 mod support;
 
 use std::error::Error;

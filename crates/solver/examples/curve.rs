@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p depthcal-solver --example curve` fits y = a exp(b x) to 200 points, 40 of which are wrong, by least
 //! squares and with Cauchy's loss, and prints both with their standard deviations.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 

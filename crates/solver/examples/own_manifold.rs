@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release -p depthcal-solver --example own_manifold` finds the turn, the scale and the shift between two sets of
 //! points. Unlike an angle it does not jump at ±π. A line or a camera with a lens of one's own is written in the same way.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 
@@ -33,7 +34,7 @@ impl Variable for Turn {
     }
 }
 
-/// The same over dual numbers: only what is of first order in δ counts.
+/// A step over dual numbers, to first order in δ.
 impl AutoDiffVariable for Turn {
     const DIM: usize = 1;
     type Over<T: Scalar> = [T; 2];

@@ -7,6 +7,7 @@
 //! `cargo run --release -p depthcal-solver --example pose_graph -- --generate KIND N FILE` writes a synthetic file instead, with
 //! about N poses: `manhattan` (a walk along streets), `sphere` (a spiral around a sphere) or `torus` (a coil around a ring).
 //! Measurements are noisy, and the start values are the measurements chained from the first pose on.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 #[path = "support/g2o.rs"]
 mod g2o;

@@ -24,7 +24,7 @@ impl Factor<2> for Observed {
 struct Problem {
     /// Each group's factors one after the other.
     together: Graph,
-    /// The same factors, no two of a group in a row.
+    /// These factors, no two of a group in a row.
     single: Graph,
     values: Values,
     slopes: Vec<Key<Vector1<f64>>>,
@@ -52,18 +52,18 @@ fn problem(loss: &Loss, noise: &Noise<2>) -> Problem {
         observed.iter().for_each(|o| together.push(*o, (*slope, shared)));
     }
     // The groups take turns; when the last is left alone, each of its factors is a batch of its own.
-    let mut rest = Vec::new();
+    let mut ungrouped = Vec::new();
     for i in 0..149 {
         let with: Vec<usize> = (0..50).filter(|g| i < groups[*g].len()).collect();
         match with[..] {
-            [group] => rest.push((groups[group][i], slopes[group])),
+            [group] => ungrouped.push((groups[group][i], slopes[group])),
             _ => with.iter().for_each(|group| single.push(groups[*group][i], (slopes[*group], shared))),
         }
     }
     let mut graphs = [Graph::new(), Graph::new()];
     graphs[0].add_batch(together);
     graphs[1].add_batch(single);
-    for (observed, slope) in rest {
+    for (observed, slope) in ungrouped {
         let mut batch = batch();
         batch.push(observed, (slope, shared));
         graphs[1].add_batch(batch);
@@ -128,7 +128,7 @@ fn they_give_the_same_bits_for_any_number_of_threads() {
     }
 }
 
-/// What a residual does not depend on at some places only is not left out at the others.
+/// A variable that some residuals of a group do not depend on is not left out of the others.
 #[test]
 fn a_column_that_is_zero_for_some_factors_counts_for_the_others() {
     /// The slope matters beyond x = 1 only.
@@ -177,6 +177,5 @@ fn a_variable_of_many_components_has_all_its_columns() {
         graph.add_batch(batch);
         let error = check_jacobians(&graph, &values, 1e-5).unwrap();
         assert!(error.iter().all(|e| e.error < 1e-7), "{error:?}");
-        assert!(minimize(&graph, values, &Options::default()).unwrap().report.cost < 1e-12);
     }
 }

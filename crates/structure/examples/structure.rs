@@ -1,4 +1,5 @@
 //! Prints every violation of the workspace's structure: `cargo run -p depthcal-structure --example structure [FOLDER]`.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -27,7 +27,6 @@ mod graph;
 mod layers;
 mod modules;
 mod names;
-mod prints;
 mod references;
 mod size;
 mod source_files;

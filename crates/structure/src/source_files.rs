@@ -8,8 +8,8 @@ use proc_macro2::{TokenStream, TokenTree};
 use crate::error::StructureError;
 use crate::sources::read_text;
 
-/// Folders without sources that a person wrote: products of builds, of the demo and of the printer of formulas, and the fuzzers'
-/// inputs.
+/// Folders without sources that a person wrote: products of builds, of the demo and of `depthcal formula --rust`, and the
+/// fuzzers' inputs.
 const SKIPPED: [&str; 4] = ["target", "demo", "emitted", "corpus"];
 
 /// A file and its tokens.

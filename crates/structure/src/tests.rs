@@ -209,16 +209,6 @@ fn modules_are_found_at_paths_and_inside_inline_modules() {
 }
 
 #[test]
-fn printing_is_seen_outside_tests_only() {
-    let lib = "fn f() {\n  println!();\n  std::eprint!(\"\");\n  with(|| vec![{ dbg!(1) }]);\n  write!(out, \"println!\");\n}\n\
-               #[test]\nfn t() { println!() }\n#[cfg(test)]\nmod more { fn f() { print!() } }";
-    assert_eq!(
-        check(&[("src/lib.rs", lib)]).prints,
-        ["src/lib.rs:2: println!", "src/lib.rs:3: eprint!", "src/lib.rs:4: dbg!"]
-    );
-}
-
-#[test]
 fn crates_depend_on_lower_ones_only() {
     let violations = |package: &str, text: &str| check_manifest(package, text).unwrap();
     let fine = "[dependencies]\ndepthcal-solver.workspace = true\nfaer = \"1\"\n[dev-dependencies]\ndepthcal-cli = \"1\"\nopencv = \"1\"";

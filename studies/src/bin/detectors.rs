@@ -5,6 +5,7 @@
 //!
 //! FRAMES is the number of rendered frames per row, 40 by default. Measured captures are looked for in `DEPTHCAL_DATA`. Without
 //! the feature `opencv` there are no columns of OpenCV.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 #![allow(
     unexpected_cfgs,
     reason = "what it shares with tests of depthcal-detect asks for the configuration of that crate"

@@ -1,10 +1,11 @@
-//! What a fleet of simulated units tells: a shared effect that no unit shows alone, how many frames a prior saves, and outliers.
+//! Fleets of simulated units: a shared effect that no unit shows alone, how many frames a prior saves, and outliers.
 //!
 //! `cargo run --release -p depthcal-studies --bin fleet_study -- [shared] [prior] [outliers] [--repeats N]`; without words, all
 //! three.
 //!
 //! Units are cameras whose pinhole, lens and depth distortion scatter about those of a published camera. Captures are simulated
 //! as points: markers and depths with noise, without images. The simulator shares no code with the pieces that are fitted.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::sync::Arc;
@@ -88,9 +89,9 @@ fn fleet(fleet: u64, effects: &[Effect], change: impl Fn(usize, &mut CameraTruth
         .into_par_iter()
         .map(|i| {
             let seed = 1000 * fleet + i as u64;
-            let mut own = camera(&mut ChaCha8Rng::seed_from_u64(seed))?;
-            change(i, &mut own);
-            let fit = calibrate(&capture(own, effects, FRAMES, 77_000 + seed)?, &same_lens())?;
+            let mut truth = camera(&mut ChaCha8Rng::seed_from_u64(seed))?;
+            change(i, &mut truth);
+            let fit = calibrate(&capture(truth, effects, FRAMES, 77_000 + seed)?, &same_lens())?;
             unit(&format!("unit{i:02}"), &fit)
         })
         .collect();
@@ -104,10 +105,10 @@ fn detectable_size() -> Result<f64, Failure> {
     let thresholds = Thresholds::default();
     let fit = calibrate(&capture(CameraTruth::published(1)?, &[], FRAMES, 5)?, &same_lens())?;
     let scores = effect_scores(&fit, &Register::builtin(), FileReference::default())?.ok_or("no scores")?;
-    let at = scores.effects.iter().position(|e| e.effect == SHARED).ok_or("the effect is not scored")?;
-    let place: usize = scores.effects[..at].iter().map(|e| e.parameters.len()).sum();
+    let effect = scores.effects.iter().position(|e| e.effect == SHARED).ok_or("the effect is not scored")?;
+    let column: usize = scores.effects[..effect].iter().map(|e| e.parameters.len()).sum();
     let sufficient = noncentrality(1, thresholds.level / scores.effects.len() as f64, thresholds.power);
-    Ok((sufficient / scores.information[place][place]).sqrt())
+    Ok((sufficient / scores.information[column][column]).sqrt())
 }
 
 /// Fleets without an effect, and with a shared one at a quarter and at half of what one unit detects; the last with two planted
@@ -122,7 +123,7 @@ fn shared(repeats: u64) -> Result<(), Failure> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (factor, planted) in [(0.0, false), (0.25, false), (0.5, true)] {
-        let (mut found, mut others, mut instead) = (0, 0, 0);
+        let (mut detected, mut others, mut instead) = (0, 0, 0);
         let (mut p, mut sizes, mut alone) = (Vec::new(), Vec::new(), Vec::new());
         let mut outliers = Outliers::default();
         for repeat in 0..repeats {
@@ -136,7 +137,7 @@ fn shared(repeats: u64) -> Result<(), Failure> {
             let named: Vec<&str> =
                 joined.fleet.effects.iter().filter(|e| e.shared).map(|e| e.effect.as_str()).collect();
             let (has_it, has_another) = (named.contains(&SHARED), named.iter().any(|n| *n != SHARED));
-            found += usize::from(has_it);
+            detected += usize::from(has_it);
             others += usize::from(has_it && has_another);
             instead += usize::from(!has_it && has_another);
             if let Some(e) = joined.fleet.effects.iter().find(|e| e.effect == SHARED) {
@@ -163,7 +164,7 @@ fn shared(repeats: u64) -> Result<(), Failure> {
             }
         }
         println!(
-            "| {factor} | {repeats} | {} | {found} | {others} | {instead} | {:.1e} | {:.2} | {} |",
+            "| {factor} | {repeats} | {} | {detected} | {others} | {instead} | {:.1e} | {:.2} | {} |",
             median(&mut alone),
             median(&mut p),
             median(&mut sizes),
@@ -249,11 +250,11 @@ fn prior(repeats: u64) -> Result<(), Failure> {
                 .map(|repeat| run(repeat, with).inspect_err(|e| eprintln!("{frames} frames, {with}: {e}")).ok())
                 .collect();
             let failed = runs.iter().filter(|r| r.is_none()).count();
-            let of = |i: usize| {
+            let rms_error = |i: usize| {
                 let squares: Vec<f64> = runs.iter().flatten().map(|r| r[i] * r[i]).collect();
                 (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
             };
-            format!("{:.3} | {:.3} | {failed}", of(0), of(1))
+            format!("{:.3} | {:.3} | {failed}", rms_error(0), rms_error(1))
         };
         println!("| {frames} | {} | {} |", column(false), column(true));
     }
@@ -272,16 +273,16 @@ fn outliers(repeats: u64) -> Result<(), Failure> {
     println!("\n| fleets | planted | found | in the planted parameter | falsely |");
     println!("|---|---|---|---|---|");
     for planted in [true, false] {
-        let mut found = Outliers::default();
+        let mut outliers = Outliers::default();
         for repeat in 0..repeats {
             let joined = fleet(200 + repeat, &[], |i, camera| {
                 if planted {
                     plant(i, camera);
                 }
             })?;
-            found.add(&joined, planted);
+            outliers.add(&joined, planted);
         }
-        println!("| {repeats} | {} |", found.columns(if planted { 2 * repeats } else { 0 }));
+        println!("| {repeats} | {} |", outliers.columns(if planted { 2 * repeats } else { 0 }));
     }
     Ok(())
 }
@@ -294,7 +295,7 @@ fn median(values: &mut [f64]) -> f64 {
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let repeats = match arguments.iter().position(|a| a == "--repeats") {
-        Some(at) => arguments.get(at + 1).ok_or("--repeats needs a number")?.parse()?,
+        Some(option) => arguments.get(option + 1).ok_or("--repeats needs a number")?.parse()?,
         None => 10,
     };
     let wants = |what: &str| {

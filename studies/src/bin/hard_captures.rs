@@ -9,6 +9,7 @@
 //!
 //! One table: how many captures calibrate, and in how many of them every parameter is within three standard deviations of
 //! the truth. Captures that fail or are not are also a line on standard error.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::time::Instant;
@@ -25,7 +26,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// What a sensor reports for a pixel without depth that it does not mark as invalid, in units of depth.
+/// Value of a pixel without depth that the sensor does not mark as invalid, in units of depth.
 const END_OF_RANGE: f64 = 65535.0;
 /// Shares of depth pixels there and at the background.
 const LYING: [f64; 2] = [0.01, 0.02];
@@ -93,7 +94,7 @@ fn make_hard(capture: &mut Capture, hardness: Hardness, seed: u64) {
     }
 }
 
-/// What came of a capture.
+/// Result of the fit of a capture: whether all parameters are within three standard deviations, and the frames left out.
 struct Outcome {
     within: bool,
     dropped: usize,
@@ -125,8 +126,8 @@ fn run(seed: u64, hardness: Hardness, lens: &str, folds: usize) -> Result<Outcom
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let value = |key: &str, default: &str| {
-        let at = arguments.iter().position(|a| a == key);
-        at.and_then(|i| arguments.get(i + 1)).cloned().unwrap_or_else(|| default.to_owned())
+        let key = arguments.iter().position(|a| a == key);
+        key.and_then(|i| arguments.get(i + 1)).cloned().unwrap_or_else(|| default.to_owned())
     };
     let captures: u64 = value("--captures", "200").parse().unwrap_or(200);
     let lens = value("--lens", "brown-conrady");

@@ -13,6 +13,7 @@
 //! `clouds`: several depth cameras around one board, captured in so many frames, and by how much their clouds of the board miss
 //! each other. `offset`: a colour camera that exposes later, before a board that is waved. `open`: whether what boards at one
 //! distance leave open is named. `cost`: time of a rig of two cameras over that of one.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::time::Instant;
@@ -165,9 +166,9 @@ fn offset(seeds: u64) -> Result<(), Box<dyn Error>> {
             failed += 1;
             continue;
         };
-        let found = fit.cameras[1].time_offset.ok_or("no offset")?;
-        off.push((found.value_s - offset_s) / found.std_dev_s);
-        sigmas.push(1e3 * found.std_dev_s);
+        let offset = fit.cameras[1].time_offset.ok_or("no offset")?;
+        off.push((offset.value_s - offset_s) / offset.std_dev_s);
+        sigmas.push(1e3 * offset.std_dev_s);
         let (value, n) = squared_error(&fit, &errors(&fit, &points.truth)).ok_or("singular covariance")?;
         squared += value;
         freedom += n;
@@ -197,7 +198,7 @@ fn left_open(seeds: u64) -> Result<(), Box<dyn Error>> {
         let fit = calibrate_rig(&capture, &options(None))?;
         Ok(fit.camera("depth").ok_or("no camera")?.left_open.iter().map(|open| open.parameter.clone()).collect())
     };
-    let (mut found, mut false_names, mut failed) = (0, 0, 0);
+    let (mut true_names, mut false_names, mut failed) = (0, 0, 0);
     let mut random = ChaCha8Rng::seed_from_u64(5);
     for seed in 0..seeds {
         let (distance_mm, tilt) = (random.random_range(600.0..1400.0), random.random_range(0.03..0.14));
@@ -213,7 +214,7 @@ fn left_open(seeds: u64) -> Result<(), Box<dyn Error>> {
         match (named(seed, Some(poses)), named(seed, None)) {
             (Ok(narrow), Ok(wide)) => {
                 let pinhole = ["pinhole.fx", "pinhole.fy", "pinhole.cx", "pinhole.cy"];
-                found += pinhole.iter().filter(|name| narrow.iter().any(|open| open == *name)).count();
+                true_names += pinhole.iter().filter(|name| narrow.iter().any(|open| open == *name)).count();
                 false_names += wide.len();
             }
             (narrow, wide) => {
@@ -223,7 +224,7 @@ fn left_open(seeds: u64) -> Result<(), Box<dyn Error>> {
         }
     }
     println!("{seeds} seeds, {failed} without a fit");
-    println!("{found} of {} parameters that are left open are named", 4 * (seeds - failed));
+    println!("{true_names} of {} parameters that are left open are named", 4 * (seeds - failed));
     println!("{false_names} are named where boards at all distances and tilts leave none open");
     Ok(())
 }

@@ -3,6 +3,7 @@
 //!     cargo run --release -p depthcal-studies --bin traced -- FOLDER infrared,depth SEED depth:cyclic_depth=4
 //!
 //! Renders into FOLDER unless it is there, and prints what every camera lacks.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 use std::error::Error;
 use std::path::Path;
@@ -17,12 +18,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [folder, names, seed, effect] = &words[..] else {
         return Err("say FOLDER, CAMERA,…, SEED and CAMERA:EFFECT=SIZE".into());
     };
-    let (of, effect) = effect.split_once(':').ok_or("the effect is CAMERA:EFFECT=SIZE")?;
+    let (faulty, effect) = effect.split_once(':').ok_or("the effect is CAMERA:EFFECT=SIZE")?;
     let (effect, size_mm) = effect.split_once('=').ok_or("the effect is CAMERA:EFFECT=SIZE")?;
     let mut cameras = Vec::new();
     for name in names.split(',') {
         let camera = RigCamera::usual(name, 1)?.ok_or("a camera without a usual form")?;
-        cameras.push(match name == of {
+        cameras.push(match name == faulty {
             true => camera.effect(Effect::new(effect, size_mm.parse()?)?),
             false => camera,
         });
@@ -31,13 +32,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         RigSimulation::new(cameras, Kind::General(1), seed.parse()?).frames(20).write_dataset(folder)?;
     }
     let rig = load(Path::new(folder), &LoadOptions { cache: None, ..LoadOptions::default() })?;
-    let found = diagnose_rig(
+    let diagnosis = diagnose_rig(
         &rig.capture(&Register::builtin())?,
         None,
         &RigDiagnoseOptions { formulas: false, ..RigDiagnoseOptions::default() },
     )?;
-    println!("verdict: {:?}", found.verdict);
-    for camera in &found.cameras {
+    println!("verdict: {:?}", diagnosis.verdict);
+    for camera in &diagnosis.cameras {
         let effects: Vec<String> = camera.effects.iter().map(ToString::to_string).collect();
         println!("{}: {} ({:?})", camera.name, effects.join(", "), camera.verdict());
         for shown in &camera.in_rig {

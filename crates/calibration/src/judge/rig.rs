@@ -10,8 +10,8 @@ use crate::observe::RigCapture;
 /// Errors of a rig on a capture.
 #[derive(Debug, Clone)]
 pub struct EvaluatedRig {
-    /// Errors of every camera with images, as those of one camera alone: poses come from its own images.
-    pub cameras: Vec<Evaluated>,
+    /// Errors of every camera with images and its name, as those of one camera alone: poses come from its own images.
+    pub cameras: Vec<(String, Evaluated)>,
     /// Errors from every camera with depth to every other one with images.
     pub transfers: Vec<Transfer>,
     /// The dataset's name.
@@ -26,7 +26,7 @@ pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig 
         own.has_markers().then_some((placed, own))
     });
     let both: Vec<_> = both.collect();
-    let cameras: Vec<Evaluated> = both
+    let evaluated: Vec<Evaluated> = both
         .iter()
         .map(|(placed, own)| {
             let mut evaluated = evaluate(&placed.camera, &own.capture);
@@ -34,30 +34,30 @@ pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig 
             evaluated
         })
         .collect();
-    let transfers = transfers(&both, &cameras);
+    let transfers = transfers(&both, &evaluated);
+    let cameras = both.iter().map(|(placed, _)| placed.name.clone()).zip(evaluated).collect();
     EvaluatedRig { cameras, transfers, name: capture.name.clone() }
 }
 
 impl EvaluatedRig {
     /// No frames of the cameras with images.
     pub(super) fn empty(capture: &RigCapture) -> Self {
-        let cameras = capture.cameras.iter().filter(|camera| camera.has_markers()).map(|camera| Evaluated {
-            name: format!("{}/{}", capture.name, camera.name),
-            frames: Vec::new(),
-            dropped: Vec::new(),
+        let cameras = capture.cameras.iter().filter(|camera| camera.has_markers()).map(|camera| {
+            let name = format!("{}/{}", capture.name, camera.name);
+            (camera.name.clone(), Evaluated { name, frames: Vec::new(), dropped: Vec::new() })
         });
         Self { cameras: cameras.collect(), transfers: Vec::new(), name: capture.name.clone() }
     }
 
     /// Adds the errors of other frames of the same rig.
     pub(super) fn extend(&mut self, other: Self) {
-        for camera in other.cameras {
-            match self.cameras.iter_mut().find(|known| known.name == camera.name) {
-                Some(known) => {
+        for (name, camera) in other.cameras {
+            match self.cameras.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, known)) => {
                     known.frames.extend(camera.frames);
                     known.dropped.extend(camera.dropped);
                 }
-                None => self.cameras.push(camera),
+                None => self.cameras.push((name, camera)),
             }
         }
         for transfer in other.transfers {
@@ -68,9 +68,20 @@ impl EvaluatedRig {
         }
     }
 
+    /// The errors of one camera on its dataset, as those of a rig of one.
+    pub fn of_camera(camera: &str, evaluated: Evaluated) -> Self {
+        let name = evaluated.name.clone();
+        Self { name, cameras: vec![(camera.to_owned(), evaluated)], transfers: Vec::new() }
+    }
+
+    /// The errors of a camera; `None` where it has no images, or is not part of the capture.
+    pub fn camera(&self, name: &str) -> Option<&Evaluated> {
+        self.cameras.iter().find(|(camera, _)| camera == name).map(|(_, evaluated)| evaluated)
+    }
+
     /// The records of the cameras for `evaluation.json`.
     pub fn records(&self) -> Vec<DatasetEvaluation> {
-        self.cameras.iter().map(Evaluated::record).collect()
+        self.cameras.iter().map(|(_, evaluated)| evaluated.record()).collect()
     }
 
     /// The records of the transfer errors for `evaluation.json`.

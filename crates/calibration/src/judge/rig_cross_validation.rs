@@ -49,8 +49,8 @@ pub fn cross_validate_rig(
             Err((error, held)) => {
                 let reason = format!("without its part of the frames the rig cannot be fitted: {error}");
                 warn!("{} frames are not judged: {reason}", held.frame_names().len());
-                for camera in &mut all.cameras {
-                    let own = held.cameras.iter().filter(|c| camera.name.ends_with(&format!("/{}", c.name)));
+                for (name, camera) in &mut all.cameras {
+                    let own = held.cameras.iter().filter(|c| c.name == *name);
                     let frames = own.flat_map(|c| &c.capture.frames);
                     camera
                         .dropped
@@ -60,10 +60,10 @@ pub fn cross_validate_rig(
             }
         }
     }
-    if let Some(failure) = failure.filter(|_| all.cameras.iter().all(|camera| camera.frames.is_empty())) {
+    if let Some(failure) = failure.filter(|_| all.cameras.iter().all(|(_, camera)| camera.frames.is_empty())) {
         return Err(failure);
     }
-    all.cameras.iter_mut().for_each(|camera| camera.frames.sort_by(|a, b| a.name.cmp(&b.name)));
+    all.cameras.iter_mut().for_each(|(_, camera)| camera.frames.sort_by(|a, b| a.name.cmp(&b.name)));
     Ok(all)
 }
 

@@ -30,7 +30,7 @@ pub use made::Made;
 pub use model_request::{LENSES, ModelRequest, lens_of};
 pub use option_names::OptionNames;
 pub use prior::GivenPrior;
-pub use report_input::{ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
+pub use report_input::{ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
 pub use results::{Results, Shown};
 pub use rig_diagnosis::DiagnosedRig;
 pub use unlike_calibration::UnlikeCalibration;

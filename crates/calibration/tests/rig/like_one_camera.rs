@@ -36,7 +36,7 @@ fn frames_are_judged_by_a_rig_that_was_fitted_without_them() {
     let validated =
         cross_validate_rig(&fit, &capture, 4, Parts::Interleaved, &ProgressHandle::default()).expect("errors");
     let on_fitted = evaluate_rig(&fit.placed(), &capture);
-    for (validated, fitted) in validated.cameras.iter().zip(&on_fitted.cameras) {
+    for ((_, validated), (_, fitted)) in validated.cameras.iter().zip(&on_fitted.cameras) {
         let names = |frames: &[EvaluatedFrame]| frames.iter().map(|f| f.name.clone()).collect::<Vec<_>>();
         assert_eq!(validated.name, fitted.name);
         assert_eq!(names(&validated.frames), names(&fitted.frames));

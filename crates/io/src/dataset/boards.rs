@@ -97,7 +97,8 @@ fn several(source: Source<'_>, value: &Spanned<DeValue<'_>>) -> Result<Target, D
 /// The dictionary of a board's tags, and their numbers; `None` for boards without tags.
 fn tags_of(board: &Target, first_tag: usize) -> Option<(String, std::ops::Range<usize>)> {
     let (dictionary, count) = match &board.pattern {
-        Pattern::Charuco { dictionary, .. } => (dictionary.to_uppercase(), (board.columns * board.rows).div_ceil(2)),
+        // Tags are in the white squares, of which there is one less than black ones where both numbers are odd.
+        Pattern::Charuco { dictionary, .. } => (dictionary.to_uppercase(), board.columns * board.rows / 2),
         Pattern::Aprilgrid { .. } => ("DICT_APRILTAG_36H11".to_owned(), board.columns * board.rows),
         _ => return None,
     };

@@ -61,15 +61,15 @@ impl Dataset {
         let root = root_of(path.as_ref());
         let file_path = root.join(DATASET_FILE);
         let file = DatasetFile::read(&file_path)?;
-        let found = find_frames(root, &file_path, &file)?;
+        let frames_by_camera = find_frames(root, &file_path, &file)?;
         let (name, is_one) = (folder_name(root), file.cameras.len() == 1);
         let mut cameras = Vec::new();
-        for (declared, found) in file.cameras.into_iter().zip(found) {
-            if declared.unit_mm.is_none() && found.frames.iter().any(|frame| frame.depth.is_some()) {
+        for (declared, frames) in file.cameras.into_iter().zip(frames_by_camera) {
+            if declared.unit_mm.is_none() && frames.frames.iter().any(|frame| frame.depth.is_some()) {
                 return Err(declared.unit_missing(&file_path));
             }
             let title = if is_one { name.clone() } else { format!("{name}/{}", declared.name) };
-            let camera = DatasetCamera::new(root, title, &file.board, declared, found);
+            let camera = DatasetCamera::new(root, title, &file.board, declared, frames);
             camera.check_intrinsics()?;
             cameras.push(camera);
         }
@@ -89,8 +89,8 @@ impl Dataset {
 }
 
 impl DatasetCamera {
-    fn new(root: &Path, title: String, board: &Target, declared: CameraSection, found: Frames) -> Self {
-        let Frames { frames, pairing, strays, lists } = found;
+    fn new(root: &Path, title: String, board: &Target, declared: CameraSection, frames: Frames) -> Self {
+        let Frames { frames, pairing, strays, lists } = frames;
         Self {
             name: declared.name,
             title,

@@ -9,8 +9,8 @@ use super::pairing::{Pairing, Stray};
 /// One capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// What the stems of its files have in common, or its name in the table that names its files. Frames of several cameras that
-    /// were taken together have one name.
+    /// The part that the stems of its files have in common, or its name in the table that names its files. Frames of several
+    /// cameras that were taken together have one name.
     pub name: String,
     /// The image; `None` where the dataset declares none.
     pub image: Option<PathBuf>,

@@ -20,7 +20,7 @@ pub(super) fn find_frames(root: &Path, file: &Path, declared: &DatasetFile) -> R
     let table_path = declared.metadata.as_ref().map(|name| file_in(root, name));
     let table = table_path.as_deref().map(|path| frame_table::read(path, &columns)).transpose()?;
     let table = table_path.as_deref().zip(table);
-    let mut found = match (&declared.associations, &table) {
+    let mut frames = match (&declared.associations, &table) {
         (Some(list), _) => vec![associated(root, &file_in(root, list))?],
         (None, Some((path, table))) if !table.files.is_empty() => {
             let is_only = cameras.len() == 1;
@@ -29,20 +29,20 @@ pub(super) fn find_frames(root: &Path, file: &Path, declared: &DatasetFile) -> R
         }
         (None, _) => {
             let find = |camera| globbed(root, file, camera, declared.within_s);
-            let mut found = cameras.iter().map(find).collect::<Result<Vec<_>, _>>()?;
-            give_common_names(file, cameras, &mut found, declared.within_s)?;
-            found
+            let mut frames = cameras.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+            give_common_names(file, cameras, &mut frames, declared.within_s)?;
+            frames
         }
     };
     if let Some((path, table)) = &table
         && (table.files.is_empty() || declared.associations.is_some())
     {
-        assign_rows(path, &table.rows, &mut found)?;
+        assign_rows(path, &table.rows, &mut frames)?;
     }
-    for camera in &mut found {
+    for camera in &mut frames {
         camera.lists.extend(table_path.clone());
         camera.frames.sort_by(|a, b| natural::compare(&a.name, &b.name));
         camera.strays.sort_by(|a, b| natural::compare(&a.name, &b.name));
     }
-    Ok(found)
+    Ok(frames)
 }

@@ -1,7 +1,7 @@
 //! Files that globs and lists find, paired to frames.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::candidate::Candidate;
 use super::declaration::CameraSection;
@@ -22,41 +22,62 @@ pub(super) fn globbed(
     if camera.image.is_none() && camera.depth.is_none() {
         return Err(camera.files_missing(file));
     }
-    let mut found = Frames::default();
-    let mut find = |key, pattern: &Option<String>| -> Result<Option<Vec<Candidate>>, DatasetError> {
-        let Some(pattern) = pattern else { return Ok(None) };
-        if !is_list(pattern) {
-            return find_files(root, file, &camera.field(key), pattern).map(Some);
+    let mut frames = Frames::default();
+    let images = candidates(root, file, (camera, "image", &camera.image), &mut frames)?;
+    let depth = candidates(root, file, (camera, "depth", &camera.depth), &mut frames)?;
+    match (images, depth) {
+        (Some(images), Some(depth)) => {
+            // TUM's tool allows 20 ms where nothing else is said.
+            let within_s = within_s.or((!frames.lists.is_empty()).then_some(0.02));
+            add_pairs(root, file, camera, [&images, &depth], within_s, &mut frames)?;
         }
-        let list = file_in(root, pattern);
-        let (files, missing): (Vec<_>, Vec<_>) = read_list(root, &list)?.into_iter().partition(|f| f.path.is_file());
-        found.strays.extend(
-            missing
-                .iter()
-                .map(|f| Stray::file(root, &f.path, format!("{pattern} lists it, but there is no such file"))),
-        );
-        found.lists.push(list);
-        Ok(Some(files))
-    };
-    let images = find("image", &camera.image)?;
-    let depth = find("depth", &camera.depth)?;
-    // TUM's tool allows 20 ms where nothing else is said.
-    let lists = !found.lists.is_empty() && camera.image.is_some() && camera.depth.is_some();
-    let within_s = within_s.or(lists.then_some(0.02));
-    let (Some(images), Some(depth)) = (&images, &depth) else {
-        let are_images = images.is_some();
-        let single = images.or(depth).unwrap_or_default();
-        // Two files of one stem would be two frames of one name.
-        refuse_duplicates(file, &camera.field(if are_images { "image" } else { "depth" }), &single)?;
-        found.frames = single
-            .into_iter()
-            .map(|candidate| {
-                let (image, depth) = if are_images { (Some(&candidate), None) } else { (None, Some(&candidate)) };
+        (images, depth) => {
+            let are_images = images.is_some();
+            let files = images.or(depth).unwrap_or_default();
+            // Two files of one stem would be two frames of one name.
+            refuse_duplicates(file, &camera.field(if are_images { "image" } else { "depth" }), &files)?;
+            let single = |candidate: &Candidate| {
+                let (image, depth) = if are_images { (Some(candidate), None) } else { (None, Some(candidate)) };
                 frame(candidate.stem(), image, depth, candidate.time_s)
-            })
-            .collect();
-        return Ok(found);
-    };
+            };
+            frames.frames = files.iter().map(single).collect();
+        }
+    }
+    Ok(frames)
+}
+
+/// The files of a camera's glob or list `pattern` of the kind `key`; `None` without a pattern. A list, and the files that it
+/// names but that do not exist, are added to `frames`.
+fn candidates(
+    root: &Path,
+    file: &Path,
+    (camera, key, pattern): (&CameraSection, &str, &Option<String>),
+    frames: &mut Frames,
+) -> Result<Option<Vec<Candidate>>, DatasetError> {
+    let Some(pattern) = pattern else { return Ok(None) };
+    if !is_list(pattern) {
+        return find_files(root, file, &camera.field(key), pattern).map(Some);
+    }
+    let list = file_in(root, pattern);
+    let (files, missing): (Vec<_>, Vec<_>) = read_list(root, &list)?.into_iter().partition(|f| f.path.is_file());
+    let stray = |f: &Candidate| Stray::file(root, &f.path, format!("{pattern} lists it, but there is no such file"));
+    frames.strays.extend(missing.iter().map(stray));
+    frames.lists.push(list);
+    Ok(Some(files))
+}
+
+/// Pairs images with depth images, by time where `within_s` is given and else by name, and adds pairs and lone files to `frames`.
+///
+/// # Errors
+/// [`DatasetError::Unpaired`] if nothing pairs, files without a time, and names that occur twice.
+fn add_pairs(
+    root: &Path,
+    file: &Path,
+    camera: &CameraSection,
+    [images, depth]: [&[Candidate]; 2],
+    within_s: Option<f64>,
+    frames: &mut Frames,
+) -> Result<(), DatasetError> {
     let (pairing, pairs) = match within_s {
         Some(within_s) => {
             let no_time = |untimed| DatasetError::NoTime { path: file.to_owned(), file: untimed };
@@ -68,14 +89,11 @@ pub(super) fn globbed(
             pairing::by_name(images, depth)
         }
     };
-    let left = |files: &[Candidate], used: BTreeSet<usize>| -> Vec<PathBuf> {
-        (0..files.len()).filter(|i| !used.contains(i)).map(|i| files[i].path.clone()).collect()
-    };
-    let lone_images = left(images, pairs.iter().map(|pair| pair.1).collect());
-    let lone_depth = left(depth, pairs.iter().map(|pair| pair.2).collect());
+    let lone_images = unpaired(images, pairs.iter().map(|pair| pair.1).collect());
+    let lone_depth = unpaired(depth, pairs.iter().map(|pair| pair.2).collect());
     if pairs.is_empty() {
-        let names = |files: &[PathBuf]| {
-            files.iter().map(|f| f.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
+        let names = |paths: &[&Path]| {
+            paths.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect()
         };
         return Err(DatasetError::Unpaired {
             path: file.to_owned(),
@@ -83,18 +101,20 @@ pub(super) fn globbed(
             depth_without_image: names(&lone_depth),
         });
     }
-    found.strays.extend(lone_images.iter().map(|path| Stray::file(root, path, "no depth image pairs with it")));
-    found.strays.extend(lone_depth.iter().map(|path| Stray::file(root, path, "no image pairs with it")));
-    let timed = within_s.is_some();
-    found.frames = pairs
-        .into_iter()
-        .map(|(name, i, d)| {
-            let time_s = if timed { images[i].time_s() } else { None };
-            frame(name, Some(&images[i]), Some(&depth[d]), time_s)
-        })
-        .collect();
-    found.pairing = pairing;
-    Ok(found)
+    frames.strays.extend(lone_images.iter().map(|path| Stray::file(root, path, "no depth image pairs with it")));
+    frames.strays.extend(lone_depth.iter().map(|path| Stray::file(root, path, "no image pairs with it")));
+    let paired = |(name, i, d): (String, usize, usize)| {
+        let time_s = if within_s.is_some() { images[i].time_s() } else { None };
+        frame(name, Some(&images[i]), Some(&depth[d]), time_s)
+    };
+    frames.frames = pairs.into_iter().map(paired).collect();
+    frames.pairing = pairing;
+    Ok(())
+}
+
+/// Paths of the files whose positions are not in `paired`.
+fn unpaired(files: &[Candidate], paired: BTreeSet<usize>) -> Vec<&Path> {
+    (0..files.len()).filter(|i| !paired.contains(i)).map(|i| files[i].path.as_path()).collect()
 }
 
 /// Files that match the glob, in natural order.

@@ -15,11 +15,11 @@ use super::time_list::{is_list, read_associations};
 
 /// Frames of TUM's associations.
 pub(super) fn associated(root: &Path, list: &Path) -> Result<Frames, DatasetError> {
-    let mut found = Frames { pairing: Pairing::Table, lists: vec![list.to_owned()], ..Frames::default() };
+    let mut camera_frames = Frames { pairing: Pairing::Table, lists: vec![list.to_owned()], ..Frames::default() };
     let mut names = BTreeSet::new();
     for (image, depth) in read_associations(root, list)? {
         if let Some(missing) = [&image, &depth].into_iter().find(|file| !file.path.is_file()) {
-            found.strays.push(Stray::file(
+            camera_frames.strays.push(Stray::file(
                 root,
                 &missing.path,
                 "the list of pairs names it, but there is no such file",
@@ -28,20 +28,20 @@ pub(super) fn associated(root: &Path, list: &Path) -> Result<Frames, DatasetErro
         }
         let name = image.stem();
         if !names.insert(name.clone()) {
-            found.strays.push(Stray::file(
+            camera_frames.strays.push(Stray::file(
                 root,
                 &depth.path,
                 format!("the image {name} has another depth image already"),
             ));
             continue;
         }
-        found.frames.push(frame(name, Some(&image), Some(&depth), image.time_s));
+        camera_frames.frames.push(frame(name, Some(&image), Some(&depth), image.time_s));
     }
-    if found.frames.is_empty() {
+    if camera_frames.frames.is_empty() {
         let problem = "none of the files that it names exists: write paths relative to this list's folder";
         return Err(DatasetError::Table { path: list.to_owned(), line: 1, problem: problem.into() });
     }
-    Ok(found)
+    Ok(camera_frames)
 }
 
 /// Frames of a camera whose files a table names. Files that its globs find besides are strays.
@@ -51,7 +51,7 @@ pub(super) fn tabled(
     table: &FrameTable,
     is_only: bool,
 ) -> Result<Frames, DatasetError> {
-    let mut found = Frames { pairing: Pairing::Table, ..Frames::default() };
+    let mut camera_frames = Frames { pairing: Pairing::Table, ..Frames::default() };
     let image = Kind { key: "image", words: "image", glob: &camera.image };
     let depth = Kind { key: "depth", words: "depth image", glob: &camera.depth };
     let find = |kind: &Kind<'_>| kind.found_by_glob([root, file], camera, table);
@@ -72,8 +72,8 @@ pub(super) fn tabled(
         match lacks(&image, &image_file).or_else(|| lacks(&depth, &depth_file)) {
             // A frame that this camera missed, and another has.
             Some(_) if !is_only && image_file.is_none() && depth_file.is_none() => {}
-            Some(reason) => found.strays.push(Stray { name: format!("row {}", row.frame), reason }),
-            None => found.frames.push(Frame {
+            Some(reason) => camera_frames.strays.push(Stray { name: format!("row {}", row.frame), reason }),
+            None => camera_frames.frames.push(Frame {
                 name: row.frame.clone(),
                 image: image_file,
                 depth: depth_file,
@@ -81,9 +81,11 @@ pub(super) fn tabled(
             }),
         }
     }
-    if found.frames.is_empty() {
-        let reason =
-            found.strays.first().map_or_else(String::new, |stray| format!(" ({}: {})", stray.name, stray.reason));
+    if camera_frames.frames.is_empty() {
+        let reason = camera_frames
+            .strays
+            .first()
+            .map_or_else(String::new, |stray| format!(" ({}: {})", stray.name, stray.reason));
         let [image, depth] = FILES.map(|kind| camera.column(kind));
         let problem = format!(
             "no row names the files of a frame in `{image}` or `{depth}`{reason}: write paths relative to this table's folder"
@@ -92,15 +94,16 @@ pub(super) fn tabled(
     }
     for (pattern, key) in [(&camera.image, "image"), (&camera.depth, "depth")] {
         let Some(pattern) = pattern.as_ref().filter(|pattern| !is_list(pattern)) else { continue };
-        let used: BTreeSet<&PathBuf> = found.frames.iter().flat_map(|f| f.image.iter().chain(&f.depth)).collect();
+        let used: BTreeSet<&PathBuf> =
+            camera_frames.frames.iter().flat_map(|f| f.image.iter().chain(&f.depth)).collect();
         let lone: Vec<Candidate> = find_files(root, file, &camera.field(key), pattern)?
             .into_iter()
             .filter(|file| !used.contains(&file.path))
             .collect();
         let reason = "no row of the table names it";
-        found.strays.extend(lone.iter().map(|candidate| Stray::file(root, &candidate.path, reason)));
+        camera_frames.strays.extend(lone.iter().map(|candidate| Stray::file(root, &candidate.path, reason)));
     }
-    Ok(found)
+    Ok(camera_frames)
 }
 
 /// Images or depth images in a table.

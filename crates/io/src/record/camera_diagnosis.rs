@@ -1,10 +1,11 @@
 //! The diagnosis of one camera: the effects that its model lacked, those that were added, and the errors before and after.
 
-use depthcal_model::{FormulaDefinition, Of, On};
+use depthcal_model::{FormulaDefinition, ModelSpec, Of, On, PieceSpec};
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
 use super::component::DiagnosisComponent;
+use super::covariate::DiagnosisCovariate;
 use super::decision::{DiagnosisDecision, DiagnosisRefuted};
 use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
@@ -65,7 +66,8 @@ pub struct DiagnosisStep {
     /// Names of effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
     /// The effect as given to `calibrate --with`, constants included.
-    pub with: String,
+    #[schemars(with = "String")]
+    pub with: PieceSpec,
     /// Where and how it acts, for an effect of depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<DiagnosisPlace>,
@@ -88,7 +90,7 @@ pub struct DiagnosisStep {
     pub depth_rms_after_mm: Option<Interval>,
     /// Decrease of the held-out root mean square depth error, per cent.
     pub depth_gain_percent: Option<GainInterval>,
-    /// What speaks for it, where it is a formula that was found in the residuals.
+    /// Evidence for it, where it is a formula that was found in the residuals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub formula: Option<DiagnosisFormula>,
 }
@@ -124,7 +126,7 @@ pub struct DiagnosisFormula {
     pub replaced: Vec<String>,
     /// The best formulas of other covariates.
     pub runners_up: Vec<DiagnosisRunnerUp>,
-    /// What it describes of the residuals; absent in files of earlier versions.
+    /// The parts of the residuals that it describes; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub components: Vec<DiagnosisComponent>,
     /// The effect whole, as `--with` takes it in a file.
@@ -156,7 +158,7 @@ pub struct DiagnosisRunnerUp {
     pub expression: String,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
-    /// What it explains on left-out frames, over what the winner does.
+    /// Its gain on left-out frames over that of the best formula.
     pub gain_share: f64,
 }
 
@@ -165,7 +167,7 @@ pub struct DiagnosisRunnerUp {
 pub struct DiagnosisPlace {
     /// The state from which it takes its covariates.
     pub of: Of,
-    /// What its shape is added to.
+    /// The quantity that its shape is added to.
     pub on: On,
 }
 
@@ -189,7 +191,8 @@ pub struct DiagnosisPossible {
     /// Its name.
     pub effect: String,
     /// The effect as given to `calibrate --with`, constants included.
-    pub with: String,
+    #[schemars(with = "String")]
+    pub with: PieceSpec,
     /// Decrease of the weighted error on left-out frames, per cent.
     pub gain_percent: GainInterval,
     /// Number of further frames like these with which the gain, if it is real, would be certain; absent where the reason is
@@ -203,6 +206,9 @@ pub struct DiagnosisPossible {
 pub struct DiagnosisCandidate {
     /// Its name.
     pub effect: String,
+    /// Covariate of a free function; absent of effects, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<DiagnosisCovariate>,
     /// p-value of the score test, corrected for the number of values tried for its constant.
     pub p_value: f64,
     /// Root mean square size at the parameters that the data give it, mm; absent when these captures do not determine
@@ -276,7 +282,8 @@ pub struct CameraDiagnosis {
     /// The dataset.
     pub dataset: FileReference,
     /// The declared depth model.
-    pub model: String,
+    #[schemars(with = "String")]
+    pub model: ModelSpec,
     /// The outcome.
     pub verdict: Verdict,
     /// The effects that were added, in order.
@@ -284,7 +291,7 @@ pub struct CameraDiagnosis {
     /// Effects that may be missing too, but are not certain; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub possible: Vec<DiagnosisPossible>,
-    /// What the last model leaves beside the pure error; absent where it cannot be told, and in files of earlier versions.
+    /// Errors of the last model beside the pure error; absent where it cannot be told, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pure_error: Option<DiagnosisPureError>,
     /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order

@@ -29,7 +29,7 @@ pub struct Diagnosis {
     pub rig: Option<RigFindings>,
 }
 
-/// What concerns the cameras of a rig together.
+/// Findings on the cameras of a rig together.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct RigFindings {
     /// Cameras without depth, which are not examined.
@@ -122,7 +122,7 @@ pub struct RigHeldOut {
     pub after: Evaluation,
 }
 
-/// What tells the file of a rig from that of one camera.
+/// The field that only the file of a rig has, by which it is told from that of one camera.
 #[derive(Deserialize)]
 struct Form {
     cameras: Option<IgnoredAny>,

@@ -19,7 +19,7 @@ pub struct ExtrinsicsRecord {
     pub drift: Option<DriftRecord>,
 }
 
-/// What a drift depends on.
+/// The quantity that a drift depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub enum DriftOver {
     /// The frames' `timestamp_s`.

@@ -128,13 +128,8 @@ def compare(
     native = _depthcal.compare(
         train._native,
         [dataset._native for dataset in others],
-        words,
-        texts,
-        unique,
-        lens,
-        folds,
-        thesis,
-        learning,
+        {"model": "projective", "with": texts, "effects": unique, "lens": lens},
+        {"models": words, "folds": folds, "thesis": thesis, "learning": learning},
         call,
         _progress.show(progress),
     )

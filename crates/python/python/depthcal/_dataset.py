@@ -197,7 +197,8 @@ class Dataset:
                 *(float(n) for n in numbers),
                 _depthcal.real_numbers("distortion", distortion).reshape(-1).tolist(),
             )
-        return cls(_depthcal.from_memory(name, board._json(), size, unit_mm, given, lens, fixed, listed))
+        camera = {"size": size, "unit_mm": unit_mm, "intrinsics": given, "lens": lens, "fixed": fixed}
+        return cls(_depthcal.from_memory(name, board._json(), camera, listed))
 
     @property
     def name(self) -> str:

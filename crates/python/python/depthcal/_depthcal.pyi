@@ -1,6 +1,6 @@
 """The native module. Its users are the other files of this package; :class:`Corrector` and the exceptions are public."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Optional, Union, overload
 
 import numpy as np
@@ -11,6 +11,8 @@ has_detection: bool
 """Whether this package was built with detection of boards in images."""
 
 Show = Optional[Callable[[str, int, str, int | None], None]]
+Arguments = Mapping[str, Any]
+"""Named arguments that belong together."""
 Markers = Optional[tuple[Any, Any, Any]]
 """Numbers or None, positions (n, 2) in px, standard deviations in px or None."""
 Depth = Union[npt.NDArray[np.uint16], npt.NDArray[np.float32]]
@@ -210,10 +212,7 @@ class Registration:
         depth: np.ndarray,
         unit_mm: float,
         image: np.ndarray | None,
-        amplitude: np.ndarray | None,
-        time_s: float | None,
-        temperature_c: float | None,
-        timestamp_s: float | None,
+        conditions: Arguments,
     ) -> tuple[np.ndarray, np.ndarray | None, int]: ...
 
 class Fleet:
@@ -259,27 +258,15 @@ def load(
 def from_memory(
     name: str,
     board: str,
-    size: tuple[int, int],
-    unit_mm: float | None,
-    intrinsics: tuple[Any, ...] | None,
-    lens: str | None,
-    fixed: bool,
+    camera: Arguments,
     frames: Sequence[tuple[Any, ...]],
 ) -> Dataset: ...
 def calibrate(
     dataset: Dataset,
-    model: str,
-    with_: Sequence[str],
-    effects: Sequence[Effect],
-    lens: str | None,
-    estimator: str,
-    hold_out: tuple[int, int] | None,
-    cross_validate: int | None,
-    blocks: bool,
-    priors: Sequence[tuple[str | None, str, str]],
+    model: Arguments,
+    options: Arguments,
     call: str,
     progress: Show,
-    /,
 ) -> Fit: ...
 def evaluate(
     calibration: Calibration,
@@ -293,48 +280,19 @@ def evaluate(
 def compare(
     train: Dataset,
     verify: Sequence[Dataset],
-    models: Sequence[str],
-    with_: Sequence[str],
-    effects: Sequence[Effect],
-    lens: str | None,
-    folds: int,
-    thesis: bool,
-    learning: int,
+    model: Arguments,
+    options: Arguments,
     call: str,
     progress: Show,
-    /,
 ) -> Comparison: ...
 def diagnose(
     dataset: Dataset,
     verify: Dataset | None,
-    model: str,
-    with_: Sequence[str],
-    effects: Sequence[Effect],
-    lens: str | None,
-    folds: int,
-    discovery: bool,
+    model: Arguments,
+    options: Arguments,
     call: str,
     progress: Show,
-    /,
 ) -> Diagnosis: ...
 def fleet(calibrations: Sequence[str], level: float, effects: Sequence[Effect], call: str, progress: Show) -> Fleet: ...
-def simulate(
-    out: str,
-    camera: str,
-    kind: str,
-    effects: Sequence[str],
-    seed: int,
-    unit: int,
-    frames: int | None,
-    board: str | None,
-    truth: str | None,
-) -> int: ...
-def simulate_points(
-    camera: str,
-    kind: str,
-    effects: Sequence[str],
-    seed: int,
-    unit: int,
-    frames: int | None,
-    samples: int,
-) -> Dataset: ...
+def simulate(out: str, given: Arguments, truth: str | None) -> int: ...
+def simulate_points(given: Arguments, samples: int) -> Dataset: ...

@@ -170,12 +170,8 @@ def diagnose(
     native = _depthcal.diagnose(
         dataset._native,
         None if verify is None else verify._native,
-        model_text,
-        texts,
-        every,
-        lens,
-        folds,
-        discovery,
+        {"model": model_text, "with": texts, "effects": every, "lens": lens},
+        {"folds": folds, "discovery": discovery},
         call,
         _progress.show(progress),
     )

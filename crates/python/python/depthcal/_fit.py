@@ -104,15 +104,14 @@ def calibrate(
     call = f"depthcal.calibrate(depthcal.load({dataset._native.path!r}){words})"
     native = _depthcal.calibrate(
         dataset._native,
-        model_text,
-        texts,
-        natives + more,
-        lens,
-        estimator,
-        held,
-        cross_validate,
-        blocks,
-        _priors_in_words(prior),
+        {"model": model_text, "with": texts, "effects": natives + more, "lens": lens},
+        {
+            "estimator": estimator,
+            "hold_out": held,
+            "cross_validate": cross_validate,
+            "blocks": blocks,
+            "priors": _priors_in_words(prior),
+        },
         call,
         _progress.show(progress),
     )

@@ -50,4 +50,10 @@ class Registration:
         """Registers a frame. ``depth`` (height, width) is as measured, as :meth:`Corrector.correct` takes it; ``image`` the target's image
         (height, width, 3), RGB, uint8. ``time_s`` is since the start of the recording, for effects; ``timestamp_s`` as in the dataset, for a
         place that changes with time. Raises :class:`InputError`."""
-        return Registered(*self._native.register(depth, unit_mm, image, amplitude, time_s, temperature_c, timestamp_s))
+        conditions = {
+            "amplitude": amplitude,
+            "time_s": time_s,
+            "temperature_c": temperature_c,
+            "timestamp_s": timestamp_s,
+        }
+        return Registered(*self._native.register(depth, unit_mm, image, conditions))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from . import _depthcal
 from ._dataset import Dataset
@@ -29,7 +30,8 @@ def simulate(
     effects have other phases and shapes. The same arguments give the same bytes.
     """
     native_truth = None if truth is None else os.fspath(truth)
-    _depthcal.simulate(os.fspath(out), str(camera), kind, list(effects), seed, unit, frames, board, native_truth)
+    given = _arguments(camera, kind, effects, seed, unit, frames)
+    _depthcal.simulate(os.fspath(out), {**given, "board": board}, native_truth)
     return Path(out)
 
 
@@ -44,4 +46,19 @@ def simulate_points(
     samples: int = 500,
 ) -> Dataset:
     """A dataset of simulated markers and ``samples`` depth pixels per frame, without images: fast, for studies and examples."""
-    return Dataset(_depthcal.simulate_points(str(camera), kind, list(effects), seed, unit, frames, samples))
+    given = _arguments(camera, kind, effects, seed, unit, frames)
+    return Dataset(_depthcal.simulate_points({**given, "board": None}, samples))
+
+
+def _arguments(
+    camera: int | str, kind: str, effects: Sequence[str], seed: int, unit: int, frames: int | None
+) -> dict[str, Any]:
+    """A simulation as the native module takes it, without its board."""
+    return {
+        "camera": str(camera),
+        "kind": kind,
+        "effects": list(effects),
+        "seed": seed,
+        "unit": unit,
+        "frames": frames,
+    }

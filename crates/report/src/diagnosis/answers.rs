@@ -2,15 +2,17 @@
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 
-use super::sentences::{capture, declaration, left_over, possible, pure_noise};
+use super::sentences::{capture, covariate, declaration, left_over, possible, pure_noise};
 use crate::checks::Level;
-use crate::format::{self, capital, count, join, number, percent, pieces};
-use crate::headline::interval;
-use crate::input::{ReportDiagnosis, ReportInput};
+use crate::format::{self, capital, count, join, number, percent};
+use crate::headline::certainty;
+use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::left_out;
-use crate::parameters::{free_function, summary};
+use crate::parameters::summary;
 use crate::pool::Pool;
-use depthcal_statistics::{Estimate, quantile};
+use crate::statistics::Change;
+use depthcal_model::{ModelSpec, PieceSpec};
+use depthcal_statistics::quantile;
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
 const WORTH_PERCENT: f64 = 0.5;
@@ -28,42 +30,40 @@ pub(crate) struct Answer {
 
 /// The declared model in words: `K, lens and D`, or its name.
 fn declared_model(d: &ReportDiagnosis<'_>) -> String {
-    match d.record.model.as_str() {
-        "projective" => "K, lens and D".to_owned(),
-        "none" => "K and lens without a depth model".to_owned(),
-        other => format!("the declared model ({})", pieces(other)),
+    if d.record.model.is_none() {
+        "K and lens without a depth model".to_owned()
+    } else if d.record.model == ModelSpec::of(PieceSpec::new("projective")) {
+        "K, lens and D".to_owned()
+    } else {
+        format!("the declared model ({})", d.register.model_words(&d.record.model))
     }
 }
 
-fn with_interval(e: &Estimate, unit: &str) -> String {
-    match interval(e, unit) {
-        Some(i) => format!("{} {unit} ({i})", number(e.value)),
-        None => format!("{} {unit}", number(e.value)),
-    }
+fn with_interval(change: &Change) -> String {
+    format!("{} mm rms ({})", number(change.before.value), certainty(&change.before, "mm", change.frames))
 }
 
 /// The headline: depth error as measured, under the declared model, and under the last one.
-pub(crate) fn sentence(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let Some(change) = Pool::last(input).depth_rms() else {
+pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let Some(change) = Pool::last(camera).depth_rms() else {
         return "No frame with depth could be evaluated.".to_owned();
     };
     let declared = Pool::declared(d).depth_rms().map_or(f64::NAN, |c| c.after.value);
-    let frames = count(change.frames, "frame");
-    let sure = interval(&change.after, "mm").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
+    let sure = certainty(&change.after, "mm", change.frames);
     let model = declared_model(d);
     let added = d.added();
     let (raw, now) = (number(change.before.value), number(change.after.value));
     match (d.record.verdict, added.is_empty()) {
         (Verdict::Adequate, _) => format!(
-            "The depth error was {raw} mm rms as measured. With {model} it is {now} mm on held-out frames ({sure}), and \
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {now} mm on held-out frames ({sure}), and \
              these captures show nothing that is missing.",
         ),
         (_, true) => format!(
-            "The depth error was {raw} mm rms as measured. With {model} it is {now} mm on held-out frames ({sure}): \
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {now} mm on held-out frames ({sure}): \
              something is left that no known effect explains."
         ),
         (_, false) => format!(
-            "The depth error was {raw} mm rms as measured. With {model} it is {} mm on held-out frames; with {} it is \
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {} mm on held-out frames; with {} it is \
              {now} mm ({sure}).",
             number(declared),
             join(&added)
@@ -88,26 +88,26 @@ pub(crate) fn pill(d: &ReportDiagnosis<'_>) -> (Level, String) {
 }
 
 /// All questions with their answers; `coverage` lists gaps in the coverage of image, distances and tilts.
-pub(crate) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) -> Vec<Answer> {
+pub(crate) fn answers(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) -> Vec<Answer> {
     let new = |question, answer: String, more| Answer { question, answer, more };
     let mut list = Vec::new();
     if !d.record.declarations.is_empty() {
         list.push(new("Is the dataset file right?", sentences(&words(&d.record.declarations, declaration)), "next"));
     }
-    list.push(new("How wrong was the depth?", how_wrong(input), "datasets"));
-    list.push(new("Where?", place(input, d), "where"));
+    list.push(new("How wrong was the depth?", how_wrong(camera), "datasets"));
+    list.push(new("Where?", place(camera, d), "where"));
     list.push(new("Why?", why(d), "candidates"));
     list.push(new("What was added?", added(d), "steps"));
-    list.push(new("How wrong is it now?", now(input, d), "where"));
-    list.push(new("How certain is that?", sure(input, d), "trust"));
+    list.push(new("How wrong is it now?", now(camera, d), "where"));
+    list.push(new("How certain is that?", sure(camera, d), "trust"));
     list.push(new("What to capture next?", next(d, coverage), "next"));
     list
 }
 
-fn how_wrong(input: &ReportInput<'_>) -> String {
-    let pool = Pool::last(input);
+fn how_wrong(camera: &ReportCamera<'_>) -> String {
+    let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
-    let mut text = format!("By {} rms as measured, over the board's depth pixels", with_interval(&depth.before, "mm"));
+    let mut text = format!("As measured by {}, relative to the board's pose", with_interval(&depth));
     if let Some(plane) = pool.plane_error() {
         text += &format!("; the mean plane error is {} mm", number(plane.before.value));
     }
@@ -118,10 +118,10 @@ fn how_wrong(input: &ReportInput<'_>) -> String {
     text
 }
 
-fn place(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let pool = Pool::last(input);
-    let at = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
-    let (low, high) = (at(0.05), at(0.95));
+fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(camera);
+    let error_mm = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
+    let (low, high) = (error_mm(0.05), error_mm(0.95));
     let side = match (low > 0.0, high < 0.0) {
         (true, _) => "nearly everywhere too far",
         (_, true) => "nearly everywhere too near",
@@ -132,7 +132,7 @@ fn place(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
     let mut seen: Vec<&str> = Vec::new();
     let mut words: Vec<String> = Vec::new();
     for free in round.free.iter().filter(|f| f.held_out_gain_percent > WORTH_PERCENT) {
-        let name = free_function(&free.effect).trim_end_matches(" (in depth)");
+        let Some(name) = free.along.map(covariate) else { continue };
         if !seen.contains(&name) && seen.len() < 3 {
             seen.push(name);
             words.push(format!("{name} ({})", percent(free.held_out_gain_percent)));
@@ -206,11 +206,11 @@ fn added(d: &ReportDiagnosis<'_>) -> String {
 
 /// Effects that may be missing, with a space before; empty where there are none.
 fn not_certain(d: &ReportDiagnosis<'_>) -> String {
-    let words: Vec<String> = d.record.possible.iter().map(possible).collect();
+    let words: Vec<String> = d.record.possible.iter().map(|effect| possible(effect, d.register)).collect();
     if words.is_empty() { String::new() } else { format!(" Possible, but not certain: {}.", words.join(". ")) }
 }
 
-/// What of the error no model could remove, with a space before; empty where that is not known.
+/// The part of the error that no model could remove, with a space before; empty where that is not known.
 fn pure_error(d: &ReportDiagnosis<'_>) -> String {
     d.record.pure_error.as_ref().map_or_else(String::new, |found| {
         let noise = found.noise.as_ref().map_or_else(String::new, |noise| format!(" {}.", capital(&pure_noise(noise))));
@@ -224,8 +224,8 @@ fn pure_error(d: &ReportDiagnosis<'_>) -> String {
     })
 }
 
-fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let pool = Pool::last(input);
+fn now(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
     let dots =
         pool.dot_error().map_or(String::new(), |c| format!("; the mean dot error is {} mm", number(c.after.value)));
@@ -236,12 +236,11 @@ fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
     text + &pure_error(d)
 }
 
-fn sure(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let pool = Pool::last(input);
+fn sure(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "Unknown: no depth could be evaluated.".to_owned() };
-    let sure = interval(&depth.after, "mm").unwrap_or_else(|| "too few frames for an interval".to_owned());
-    let mut text =
-        format!("{sure}, over {}, each evaluated by a fit without it.", count(depth.frames, "held-out frame"));
+    let sure = certainty(&depth.after, "mm", depth.frames);
+    let mut text = format!("{}, each evaluated by a fit without it.", capital(&sure));
     let unsure: Vec<String> = d
         .record
         .steps
@@ -265,19 +264,19 @@ fn smallest(d: &ReportDiagnosis<'_>) -> Option<String> {
     let seen = |c: &&DiagnosisCandidate| c.minimal_detectable_mm.is_some_and(|m| m > 0.0);
     let sizes: Vec<f64> = round.effects.iter().filter(seen).filter_map(|c| c.minimal_detectable_mm).collect();
     let blind = round.effects.len() - sizes.len();
-    let of = |q: f64| number(quantile(sizes.iter().copied(), q));
+    let size = |q: f64| number(quantile(sizes.iter().copied(), q));
     let blind =
         if blind == 0 { String::new() } else { format!("; {} would not be found at any size", count(blind, "effect")) };
     (!sizes.is_empty()).then(|| {
         format!(
             "Effects below {} to {} mm rms, depending on the effect, would have been missed{blind}.",
-            of(0.0),
-            of(1.0)
+            size(0.0),
+            size(1.0)
         )
     })
 }
 
-/// What to capture next: first what separates effects, then gaps in the coverage.
+/// Captures to make next: first what separates effects, then gaps in the coverage.
 fn next(d: &ReportDiagnosis<'_>, coverage: &[String]) -> String {
     let proposals = d.record.capture_next.iter().take(NEXT).map(capture);
     let list: Vec<String> = proposals.chain(coverage.iter().cloned()).collect();
@@ -293,15 +292,7 @@ fn words<T>(items: &[T], word: impl Fn(&T) -> String) -> Vec<String> {
     items.iter().map(word).collect()
 }
 
-/// Sentences from the record, which has them without capital and full stop.
+/// Sentences from words without capital and full stop.
 fn sentences(list: &[String]) -> String {
-    let one = |s: &String| {
-        let mut chars = s.chars();
-        // Names of effects keep their small letter.
-        let name = s.split(':').next().is_some_and(|w| w.contains('_'));
-        let first: String =
-            chars.next().map_or(String::new(), |c| if name { c.to_string() } else { c.to_uppercase().collect() });
-        format!("{first}{}.", chars.as_str().trim_end_matches('.'))
-    };
-    list.iter().map(one).collect::<Vec<_>>().join(" ")
+    list.iter().map(|words| format!("{}.", capital(words.trim_end_matches('.')))).collect::<Vec<_>>().join(" ")
 }

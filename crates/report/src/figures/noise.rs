@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::figure::Figure;
 use super::plotly::{AFTER, NEUTRAL, plain, short, shorts};
 use crate::format::number;
-use crate::input::ReportInput;
+use crate::input::ReportCamera;
 use crate::pool::{Pool, usable};
 use depthcal_calibration::observe::noise::clipped_sigma;
 use depthcal_statistics::median;
@@ -14,9 +14,9 @@ use depthcal_statistics::median;
 const FEWEST: usize = 30;
 
 /// Scatter of each frame's pixels about its own median against the distance; `None` without depth noise.
-pub(crate) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
-    let c = input.calibrated.filter(|c| c.with_depth)?;
-    let pool = Pool::of(input, |_| true);
+pub(crate) fn noise(camera: &ReportCamera<'_>) -> Option<Figure> {
+    let c = camera.calibrated.filter(|c| c.with_depth)?;
+    let pool = Pool::of(camera, |_| true);
     let frames: Vec<(String, f64, f64)> = pool
         .frames
         .iter()
@@ -42,7 +42,7 @@ pub(crate) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
         "y": shorts(z.iter().map(|z| c.noise.depth.sigma(1.0 / z) * z * z)), "line": {"color": AFTER, "width": 2},
         "hovertemplate": "%{x:.0f} mm: %{y:.3~g} mm<extra>noise law</extra>",
     });
-    let found = json!({
+    let measured = json!({
         "type": "scatter", "mode": "markers", "name": "frames",
         "x": frames.iter().map(|f| short(f.1)).collect::<Value>(), "y": frames.iter().map(|f|
          short(f.2)).collect::<Value>(),
@@ -54,10 +54,16 @@ pub(crate) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
         "xaxis": {"title": {"text": "distance / mm"}},
         "yaxis": {"title": {"text": "noise / mm"}, "rangemode": "tozero"},
     });
-    let at = |z: f64| number(c.noise.depth.sigma(1.0 / z) * z * z);
-    let told = format!("{} mm at {} mm and {} mm at {} mm", at(ends[0]), number(ends[0]), at(ends[1]), number(ends[1]));
+    let noise_mm = |z: f64| number(c.noise.depth.sigma(1.0 / z) * z * z);
+    let told = format!(
+        "{} mm at {} mm and {} mm at {} mm",
+        noise_mm(ends[0]),
+        number(ends[0]),
+        noise_mm(ends[1]),
+        number(ends[1])
+    );
     Some(
-        Figure::new("noise", "Noise of depth", vec![found, law], layout)
+        Figure::new("noise", "Noise of depth", vec![measured, law], layout)
             .caption(format!(
                 "Standard deviation of a depth pixel: the fitted law ({told}), and the scatter of each frame about its median. \
                  Frames far above the law have systematic errors."

@@ -11,7 +11,7 @@ use depthcal_model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use serde_json::Value;
 
-use super::super::{Made, ReportDataset, ReportDiagnosis, ReportInput, Role, render};
+use super::super::{Made, ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, Role, render};
 use super::{figure_ids, own_part};
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
@@ -35,7 +35,7 @@ pub(super) fn diagnosed() -> &'static Diagnosed {
             depthcal_calibration::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
         let diagnosis = diagnose(&capture, None, &DiagnoseOptions::default()).unwrap();
         let dataset = FileReference { path: "captures".to_owned(), digest: "00".to_owned() };
-        let mut account = to_file(&diagnosis, dataset, "projective");
+        let mut account = to_file(&diagnosis, dataset, "projective".parse().unwrap());
         account.separability = Some(separability(&diagnosis, &Register::builtin()).unwrap());
         let fitted = evaluate(&diagnosis.last.camera, &diagnosis.last.capture);
         Diagnosed { diagnosis, account, fitted }
@@ -48,16 +48,21 @@ impl Diagnosed {
             ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
             ReportDataset { evaluated: &self.diagnosis.after.evaluated, role: Role::HeldOut },
         ];
-        let input = ReportInput {
-            title: "Camera 1".to_owned(),
-            made: Made { command_line: "depthcal diagnose captures --out result".to_owned(), ..Made::default() },
+        let register = Register::builtin();
+        let camera = ReportCamera {
             calibrated: Some(&self.diagnosis.last),
             evaluations: datasets.to_vec(),
             diagnosis: Some(ReportDiagnosis {
                 record: account,
                 before: &self.diagnosis.before.evaluated,
-                register: &Register::builtin(),
+                register: &register,
             }),
+            ..ReportCamera::default()
+        };
+        let input = ReportInput {
+            title: "Camera 1".to_owned(),
+            made: Made { command_line: "depthcal diagnose captures --out result".to_owned(), ..Made::default() },
+            cameras: vec![camera],
             ..ReportInput::default()
         };
         render(&input).unwrap()
@@ -65,8 +70,8 @@ impl Diagnosed {
 }
 
 fn figures(html: &str) -> Vec<Value> {
-    let (_, rest) = html.split_once("id=\"figure-data\">").unwrap();
-    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+    let (_, data) = html.split_once("id=\"figure-data\">").unwrap();
+    serde_json::from_str(data.split_once("</script>").unwrap().0).unwrap()
 }
 
 #[test]
@@ -153,14 +158,14 @@ fn the_fitted_effect_runs_through_what_the_declared_model_leaves() {
         trace[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
     };
     let (left, line) = (&figure["data"][0], &figure["data"][2]);
-    let (at, values, half) = (numbers(left, "x"), numbers(left, "y"), numbers(&left["error_y"], "array"));
+    let (depths, values, half) = (numbers(left, "x"), numbers(left, "y"), numbers(&left["error_y"], "array"));
     let (line_at, line) = (numbers(line, "x"), numbers(line, "y"));
     let nearest = |x: f64| {
         let by = |a: &&usize, b: &&usize| (line_at[**a] - x).abs().total_cmp(&(line_at[**b] - x).abs());
         line[*(0..line.len()).collect::<Vec<_>>().iter().min_by(by).unwrap()]
     };
-    let used: Vec<usize> = (0..at.len()).filter(|i| half[*i].is_finite()).collect();
-    let off = used.iter().map(|i| (values[*i] - nearest(at[*i])).powi(2)).sum::<f64>();
+    let used: Vec<usize> = (0..depths.len()).filter(|i| half[*i].is_finite()).collect();
+    let off = used.iter().map(|i| (values[*i] - nearest(depths[*i])).powi(2)).sum::<f64>();
     let all: f64 = used.iter().map(|i| values[*i].powi(2)).sum();
     assert!(used.len() > 5 && off < 0.1 * all, "{off} of {all} mm² is not the effect's: {values:?} {line:?}");
 }
@@ -220,12 +225,12 @@ fn what_an_account_says_cannot_become_markup() {
     let d = diagnosed();
     let evil = "</script><script>alert('x')</script>".to_owned();
     let mut account = d.account.clone();
-    account.model = evil.clone();
+    account.model = depthcal_model::ModelSpec::of(depthcal_model::PieceSpec::new(evil.clone()));
     account.capture_next =
         vec![DiagnosisCapture::Record { covariate: DiagnosisCovariate::Time, effects: vec![evil.clone()] }];
     account.rounds[0].decision = DiagnosisDecision::Add {
         effect: evil.clone(),
-        spec: evil.clone(),
+        spec: depthcal_model::PieceSpec::new(evil.clone()),
         with: vec![evil.clone()],
         explained_share: 1.0,
         of_frame_planes: None,
@@ -234,7 +239,7 @@ fn what_an_account_says_cannot_become_markup() {
     };
     account.rounds[0].effects[0].effect = evil.clone();
     account.steps[0].effects[0] = evil.clone();
-    account.steps[0].with = evil.clone();
+    account.steps[0].with = depthcal_model::PieceSpec::new(evil.clone());
     account.bad_frames =
         vec![DiagnosisFrame { name: evil.clone(), cause: DiagnosisFrameCause::ExchangedDepth { with: evil.clone() } }];
     account.separability.as_mut().unwrap().effects[0] = evil;

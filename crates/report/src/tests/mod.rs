@@ -6,7 +6,7 @@ mod diagnosis;
 mod fixture;
 
 use super::headline;
-use super::{ReportDataset, ReportError, ReportInput, Role, covariates, leftover, render};
+use super::{ReportCamera, ReportDataset, ReportError, ReportInput, Role, covariates, leftover, render};
 use depthcal_calibration::judge::depth_errors::DepthErrors;
 use depthcal_calibration::stage_clock::{StageTime, StageTimes};
 use fixture::{Fixture, evaluated, image_only};
@@ -17,10 +17,10 @@ fn report(fixture: &Fixture) -> String {
 
 /// The page without the embedded library, in which anything may occur.
 fn own_part(html: &str) -> String {
-    let (before, rest) = html.split_once("<script type=\"application/json\"").unwrap();
-    let (figures, rest) = rest.split_once("</script>").unwrap();
-    let (_, rest) = rest.split_once("</script>").unwrap();
-    format!("{before}{figures}{rest}")
+    let (before, scripts) = html.split_once("<script type=\"application/json\"").unwrap();
+    let (figures, scripts) = scripts.split_once("</script>").unwrap();
+    let (_, after) = scripts.split_once("</script>").unwrap();
+    format!("{before}{figures}{after}")
 }
 
 fn figure_ids(html: &str) -> Vec<&str> {
@@ -28,7 +28,7 @@ fn figure_ids(html: &str) -> Vec<&str> {
 }
 
 #[test]
-fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
+fn a_full_report_has_every_figure_and_a_verdict() {
     let fixture = Fixture::simulated(&[]);
     let html = report(&fixture);
     let ids = figure_ids(&html);
@@ -59,8 +59,13 @@ fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
     ] {
         assert!(ids.contains(&id), "{id} is missing among {ids:?}");
     }
-    assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[])));
-    assert!(html.contains("95\u{a0}% interval") && html.contains("over 9 frames"));
+    assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[]).cameras[0]));
+    let sentence = headline::sentence(&fixture.input(&[]).cameras[0]);
+    // Errors grow with distance, so that the interval from nine frames spans more than a factor of five.
+    assert!(
+        sentence.ends_with("(not determined by these frames: the errors of 9 frames differ too much)."),
+        "{sentence}"
+    );
     assert!(html.contains("the board was not found"), "dropped frames have reasons");
     assert!(html.contains("A true camera was simulated."));
     assert!(html.contains("A board cannot tell apart what D takes up"));
@@ -81,20 +86,59 @@ fn a_large_capture_gives_a_small_file_in_a_short_time() {
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
 }
 
+/// The input of a page of one camera.
+fn page_of(camera: ReportCamera<'_>) -> ReportInput<'_> {
+    ReportInput { cameras: vec![camera], ..ReportInput::default() }
+}
+
+/// A page of several cameras has the sections and figures of each, below a verdict on each.
+#[test]
+fn every_camera_has_the_sections_of_a_page_of_one() {
+    let fixture = Fixture::simulated(&[]);
+    let single = fixture.input(&[]);
+    let named = |name: &str| ReportCamera { name: name.to_owned(), ..single.cameras[0].clone() };
+    let html = render(&ReportInput { cameras: ["left", "r<ght"].map(named).to_vec(), ..single.clone() }).unwrap();
+    let of_one = fixture.render(&[]);
+    let mut expected: Vec<String> = Vec::new();
+    for number in 1..=2 {
+        expected.extend(figure_ids(&of_one).iter().map(|id| format!("camera-{number}-{id}")));
+        for id in ["verdict", "trust", "where", "parameters", "uncertainty", "dropped"] {
+            assert!(html.contains(&format!("<section id=\"camera-{number}-{id}\"")), "{id} of camera {number}");
+        }
+    }
+    assert_eq!(figure_ids(&html), expected);
+    assert!(html.contains("2 cameras: left and r&lt;ght"));
+    assert_eq!(html.matches("How the numbers are defined").count(), 1);
+    let ids: Vec<&str> = own_part_of(&html, " id=\"");
+    let mut unique = ids.clone();
+    unique.sort_unstable();
+    unique.dedup();
+    assert_eq!(unique.len(), ids.len(), "every element has an id of its own");
+    for link in own_part_of(&html, "href=\"#") {
+        assert!(ids.contains(&link), "#{link} leads nowhere");
+    }
+}
+
+/// Values of an attribute in the page, from its beginning to the scripts.
+fn own_part_of<'a>(html: &'a str, attribute: &str) -> Vec<&'a str> {
+    let (body, _) = html.split_once("<script").unwrap();
+    body.split(attribute).skip(1).filter_map(|text| text.split('"').next()).collect()
+}
+
 #[test]
 fn nothing_is_loaded_from_anywhere() {
-    let own = own_part(&report(&Fixture::simulated(&[])));
+    let page = own_part(&report(&Fixture::simulated(&[])));
     for forbidden in ["src=", "http://", "https://", "url(", "@import", "<link", "<iframe"] {
-        assert!(!own.contains(forbidden), "{forbidden} in the page");
+        assert!(!page.contains(forbidden), "{forbidden} in the page");
     }
-    assert!(own.contains("default-src 'none'"), "the page forbids itself to load anything");
+    assert!(page.contains("default-src 'none'"), "the page forbids itself to load anything");
 }
 
 #[test]
 fn every_figure_has_data_a_caption_and_a_text_for_those_who_cannot_see_it() {
     let html = report(&Fixture::simulated(&[]));
-    let (_, rest) = html.split_once("id=\"figure-data\">").unwrap();
-    let (json, _) = rest.split_once("</script>").unwrap();
+    let (_, data) = html.split_once("id=\"figure-data\">").unwrap();
+    let (json, _) = data.split_once("</script>").unwrap();
     let figures: Vec<serde_json::Value> = serde_json::from_str(json).unwrap();
     let drawn: Vec<&str> = figures.iter().map(|f| f["id"].as_str().unwrap()).collect();
     assert_eq!(drawn, figure_ids(&html));
@@ -121,8 +165,8 @@ fn what_users_write_cannot_become_markup() {
 #[test]
 fn what_is_left_is_found_and_what_is_not_there_is_not() {
     let mut fixture = Fixture::simulated(&[]);
-    let image = covariates::Image::of(&fixture.input(&[]));
-    let clean = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
+    let image = covariates::Image::of(&fixture.input(&[]).cameras[0]);
+    let clean = leftover::Leftover::of(&fixture.input(&[]).cameras[0], &image).unwrap();
     assert_eq!(clean.found().count(), 0, "{}", clean.sentence());
     assert!(clean.sentence().starts_with("Nothing is left"));
 
@@ -133,11 +177,11 @@ fn what_is_left_is_found_and_what_is_not_there_is_not() {
         }
         frame.depth = DepthErrors::of(&frame.pixels);
     }
-    let dirty = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
-    assert!(dirty.found().any(|f| f.over == "the position in the image"), "{}", dirty.sentence());
+    let dirty = leftover::Leftover::of(&fixture.input(&[]).cameras[0], &image).unwrap();
+    assert!(dirty.found().any(|f| f.over.to_string() == "the position in the image"), "{}", dirty.sentence());
     assert!(dirty.sentence().starts_with("Something is left that this model does not describe"));
     // The error is added towards the right edge, 9 mm at most: it has to be found in the right column of cells, too far.
-    let over_image = dirty.findings.iter().find(|f| f.over == "the position in the image").unwrap();
+    let over_image = dirty.findings.iter().find(|f| f.over.to_string() == "the position in the image").unwrap();
     assert!(over_image.worst.contains("right part of the image"), "{}", over_image.worst);
     assert!(over_image.worst.ends_with("too far"), "{}", over_image.worst);
     let html = fixture.render(&[]);
@@ -148,18 +192,19 @@ fn what_is_left_is_found_and_what_is_not_there_is_not() {
 /// tests. Twenty whose depth waves by 6 mm, ten times what noise gives a frame: nearly all are found.
 #[test]
 fn false_alarms_are_rare_and_real_effects_are_seen() {
-    let found = |effects: &[depthcal_simulate::Effect]| {
+    let alarms = |effects: &[depthcal_simulate::Effect]| {
         let alarm = |seed: &u64| {
             let fixture = Fixture::seeded(effects, *seed);
             let input = fixture.input(&[]);
-            let left = leftover::Leftover::of(&input, &covariates::Image::of(&input)).unwrap();
+            let camera = &input.cameras[0];
+            let left = leftover::Leftover::of(camera, &covariates::Image::of(camera)).unwrap();
             eprintln!("seed {seed}: {}", left.sentence());
             left.found().next().is_some()
         };
         (100..120).filter(alarm).count()
     };
-    let false_alarms = found(&[]);
-    let waves = found(&[depthcal_simulate::Effect::new("cyclic_depth", 6.0).unwrap()]);
+    let false_alarms = alarms(&[]);
+    let waves = alarms(&[depthcal_simulate::Effect::new("cyclic_depth", 6.0).unwrap()]);
     assert!(false_alarms <= 4, "{false_alarms} of 20");
     assert!(waves >= 18, "{waves} of 20");
 }
@@ -192,9 +237,9 @@ fn numbers_that_are_not_spoil_nothing() {
     fixture.held.frames[2].dots.clear();
     let html = fixture.render(&[]);
     assert!(html.contains("Held-out depth error fell from"));
-    let own = own_part(&html);
+    let page = own_part(&html);
     for word in ["NaN", ">inf", "Infinity"] {
-        assert!(!own.replace("Number.isNaN", "").contains(word), "{word} is shown");
+        assert!(!page.replace("Number.isNaN", "").contains(word), "{word} is shown");
     }
 }
 
@@ -202,7 +247,8 @@ fn numbers_that_are_not_spoil_nothing() {
 fn without_calibration_the_errors_are_still_told() {
     let fixture = Fixture::simulated(&[]);
     let evaluations = [ReportDataset { evaluated: &fixture.held, role: Role::Other }];
-    let input = ReportInput { title: "other".to_owned(), evaluations: evaluations.to_vec(), ..ReportInput::default() };
+    let camera = ReportCamera { evaluations: evaluations.to_vec(), ..ReportCamera::default() };
+    let input = ReportInput { title: "other".to_owned(), ..page_of(camera) };
     let html = render(&input).unwrap();
     let ids = figure_ids(&html);
     assert!(ids.contains(&"map-before") && ids.contains(&"difference-after") && ids.contains(&"poses"));
@@ -214,28 +260,41 @@ fn without_calibration_the_errors_are_still_told() {
 fn an_image_only_calibration_speaks_of_pixels() {
     let (calibrated, evaluated) = image_only();
     let evaluations = [ReportDataset { evaluated: &evaluated, role: Role::Fitted }];
-    let input =
-        ReportInput { calibrated: Some(&calibrated), evaluations: evaluations.to_vec(), ..ReportInput::default() };
-    let html = render(&input).unwrap();
+    let camera = ReportCamera { calibrated: Some(&calibrated), ..ReportCamera::default() };
+    let html = render(&page_of(ReportCamera { evaluations: evaluations.to_vec(), ..camera.clone() })).unwrap();
     let ids = figure_ids(&html);
     assert!(html.contains("reprojection error is") && html.contains("Calibration report"));
     assert!(ids.contains(&"reprojection-field") && ids.contains(&"coverage") && !ids.contains(&"map-before"));
     assert!(html.contains("brown") || html.contains("Brown"));
 
-    let alone = ReportInput { calibrated: Some(&calibrated), ..ReportInput::default() };
-    assert!(render(&alone).unwrap().contains("not evaluated on any frame"));
+    assert!(render(&page_of(camera)).unwrap().contains("not evaluated on any frame"));
 }
 
 #[test]
 fn frames_that_were_all_dropped_are_listed_and_nothing_at_all_is_an_error() {
     let mut empty = evaluated("empty", &[]);
     let nothing = [ReportDataset { evaluated: &empty, role: Role::Other }];
-    let input = ReportInput { evaluations: nothing.to_vec(), ..ReportInput::default() };
-    assert_eq!(render(&input), Err(ReportError::Nothing));
+    let camera = ReportCamera { evaluations: nothing.to_vec(), ..ReportCamera::default() };
+    assert_eq!(render(&page_of(camera)), Err(ReportError::Nothing));
     empty.dropped.push(depthcal_calibration::observe::DroppedFrame { name: "f1".into(), reason: "blurred".into() });
     let dropped = [ReportDataset { evaluated: &empty, role: Role::Other }];
-    let html = render(&ReportInput { evaluations: dropped.to_vec(), ..ReportInput::default() }).unwrap();
+    let camera = ReportCamera { evaluations: dropped.to_vec(), ..ReportCamera::default() };
+    let html = render(&page_of(camera)).unwrap();
     assert!(html.contains("No frame could be evaluated.") && html.contains("blurred"));
+}
+
+/// Frames of a cross-validation are fitted and held out, and are one frame each in every count.
+#[test]
+fn a_frame_that_is_fitted_and_held_out_counts_once() {
+    let fixture = Fixture::simulated(&[]);
+    let roles = [Role::Fitted, Role::HeldOut].map(|role| ReportDataset { evaluated: &fixture.fitted, role });
+    let input = fixture.input(&roles);
+    let frames = fixture.fitted.frames.len();
+    assert_eq!(super::pool::Pool::of(&input.cameras[0], |_| true).frame_count(), frames);
+    let html = render(&input).unwrap();
+    assert!(html.contains(&format!("1 of {} frames; the reasons are listed below.", frames + 1)));
+    assert!(html.contains("(fitted): all frames") && html.contains("(held out): all frames"));
+    assert!(html.contains("relative to the board's pose"));
 }
 
 #[test]
@@ -247,7 +306,7 @@ fn one_frame_and_two_frames_make_no_claims() {
     assert!(fixture.render(&[]).contains("too few frames for an interval"));
 }
 
-/// What was left out stands beside the errors that it is not in, and a frame of which much was left out is named.
+/// The share that was left out stands beside the errors that it is not in, and a frame of which much was left out is named.
 #[test]
 fn the_share_that_was_left_out_is_told() {
     let mut fixture = Fixture::simulated(&[]);

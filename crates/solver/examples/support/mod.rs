@@ -1,4 +1,4 @@
-//! What the benchmark examples share: arguments, timing, the line of JSON.
+//! Arguments, timing and the line of JSON of the benchmark examples.
 
 use std::error::Error;
 use std::time::Instant;

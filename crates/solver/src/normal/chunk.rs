@@ -157,12 +157,11 @@ impl Chunk {
             let (count, size) = (rows / dim, size as usize);
             let blocks = &mut self.scratch.lanes[..count.div_ceil(LANES) * size];
             lanes.evaluate_lanes(index, values, blocks, true)?;
-            let weighted = (!info.loss.is_trivial()).then(|| weigh_lanes(&info.loss, dim, blocks, size, count));
+            let cost = weigh_lanes(&info.loss, dim, blocks, size, count);
             let (gram, gradient) = (&mut gram[..m * m], &mut gradient[..m]);
             let (keep, present) = (scatter.keep.as_deref(), &mut self.scratch.present);
-            let products = LaneProducts { blocks, count, dim, columns, keep, m, present, gram, gradient };
-            let squares = Arch::new().dispatch(products);
-            weighted.unwrap_or(squares)
+            Arch::new().dispatch(LaneProducts { blocks, count, dim, columns, keep, m, present, gram, gradient });
+            cost
         } else {
             let r = &mut self.scratch.residuals[..rows];
             let jacobian = &mut self.scratch.jacobian[..rows * columns];

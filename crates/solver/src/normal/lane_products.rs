@@ -14,7 +14,7 @@ pub(crate) struct LaneColumn {
     column: u32,
 }
 
-/// Computes JᵀJ, Jᵀr and ½ ‖r‖² of a group in lanes.
+/// Computes JᵀJ and Jᵀr of a group in lanes.
 ///
 /// A column that is zero in a row of all residuals, since the row does not depend on it, is left out of that row's products.
 pub(crate) struct LaneProducts<'a> {
@@ -42,16 +42,15 @@ pub(crate) struct LaneProducts<'a> {
 const TILE: (usize, usize) = (2, 4);
 
 impl WithSimd for LaneProducts<'_> {
-    type Output = f64;
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> f64 {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self { blocks, count, dim, columns: width, keep, m, present, gram, gradient } = self;
         let size = dim * (1 + width);
         let blocks = Blocks { lanes: blocks, size, count };
         gram.fill(0.0);
         gradient.fill(0.0);
-        let mut squares = 0.0;
         for row in 0..dim {
             present.clear();
             let first = (dim + row * width) as u32;
@@ -77,15 +76,12 @@ impl WithSimd for LaneProducts<'_> {
                                 gram[columns[i + di].column as usize * m + columns[j + dj].column as usize] += sum;
                             } else if j + dj < last {
                                 gradient[columns[j + dj].column as usize] += sum;
-                            } else {
-                                squares += sum;
                             }
                         }
                     }
                 }
             }
         }
-        0.5 * squares
     }
 }
 

@@ -140,7 +140,23 @@ impl<F: Factor<M>, const M: usize> FactorBatch for Batch<F, M> {
         let factors = &self.factors[self.start(group)..self.groups[group].end];
         let variables = self.variables_of(group, values)?;
         let noise = &self.noise;
-        Arch::new().dispatch(Evaluation { factors, variables, noise, residuals, jacobian });
+        let rows = factors.iter().zip(residuals.chunks_exact_mut(M));
+        match jacobian {
+            None => {
+                for (factor, r) in rows {
+                    r.copy_from_slice(noise.whiten(value(factor, &variables)).as_slice());
+                }
+            }
+            // One residual at a time does not fill vectors, so there is no version for each instruction set.
+            Some(jacobian) => {
+                let dim = F::Variables::DIM;
+                for ((factor, r), j) in rows.zip(jacobian.chunks_exact_mut(M * dim)) {
+                    let e = F::Variables::differentiate(factor, &variables, j.as_chunks_mut::<1>().0, 0);
+                    r.copy_from_slice(noise.whiten(SVector::from(e)).as_slice());
+                    noise.whiten_rows(j, dim);
+                }
+            }
+        }
         Ok(())
     }
 
@@ -236,40 +252,6 @@ fn clear_last(block: &mut [Lane], used: usize) {
     for lane in block {
         if let Some(last) = lane[used / 8 * 8..].first_chunk_mut::<8>() {
             *last = [0.0; 8];
-        }
-    }
-}
-
-/// The evaluation of one group, compiled for the vector instructions of the machine.
-struct Evaluation<'a, F: Factor<M>, const M: usize> {
-    factors: &'a [F],
-    variables: Borrowed<'a, F::Variables>,
-    noise: &'a Noise<M>,
-    residuals: &'a mut [f64],
-    jacobian: Option<&'a mut [f64]>,
-}
-
-impl<F: Factor<M>, const M: usize> WithSimd for Evaluation<'_, F, M> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Self { factors, variables, noise, residuals, jacobian } = self;
-        let rows = factors.iter().zip(residuals.chunks_exact_mut(M));
-        match jacobian {
-            None => {
-                for (factor, r) in rows {
-                    r.copy_from_slice(noise.whiten(value(factor, &variables)).as_slice());
-                }
-            }
-            Some(jacobian) => {
-                let dim = F::Variables::DIM;
-                for ((factor, r), j) in rows.zip(jacobian.chunks_exact_mut(M * dim)) {
-                    let e = F::Variables::differentiate(factor, &variables, j.as_chunks_mut::<1>().0, 0);
-                    r.copy_from_slice(noise.whiten(SVector::from(e)).as_slice());
-                    noise.whiten_rows(j, dim);
-                }
-            }
         }
     }
 }

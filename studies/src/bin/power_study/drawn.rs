@@ -17,7 +17,7 @@ pub fn drawn(effects: &[Effect], seed: u64) -> Result<Drawn, Failure> {
     drawn_of(effects, seed, None)
 }
 
-/// The same with a given number of frames.
+/// As [`drawn`], with a number of frames where it is given.
 pub fn drawn_of(effects: &[Effect], seed: u64, frames: Option<usize>) -> Result<Drawn, Failure> {
     let mut rng = ChaCha8Rng::seed_from_u64(7000 + seed);
     let camera = CameraTruth::published(rng.random_range(1..=4))?;

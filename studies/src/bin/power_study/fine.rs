@@ -103,9 +103,9 @@ fn plant(path: &Path, fit: &Calibrated, noise: &Noise, pattern: Pattern, period:
                 }
                 let Some(ray) = rays.ray(&context, z) else { continue };
                 let Some(board_depth) = plane.depth(ray) else { continue };
-                let at = plane.to_board(ray, board_depth);
+                let point = plane.to_board(ray, board_depth);
                 let size = SHARE_OF_NOISE * noise.depth.sigma_rho(1.0 / z) * z * z;
-                *raw = ((z + size * pattern.sign([u, v], [at.x, at.y], period)) / unit_mm).round() as u16;
+                *raw = ((z + size * pattern.sign([u, v], [point.x, point.y], period)) / unit_mm).round() as u16;
             }
         }
         write_depth(&file, &depth)?;

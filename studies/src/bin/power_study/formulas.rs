@@ -39,10 +39,10 @@ const VISIBLE: f64 = 2.0;
 /// Board pixels of a frame, about, on which errors without the function are judged.
 const JUDGED_PIXELS: usize = 16_000;
 
-/// What became of one capture.
+/// Result of the diagnosis of one capture.
 pub(super) struct Run {
     /// Covariates of the formula and of the effects that were named, families merged; `None` where there is neither.
-    pub found: Option<BTreeSet<&'static str>>,
+    pub covariates: Option<BTreeSet<&'static str>>,
     /// Whether there is a formula.
     formula: bool,
     confirmed: bool,
@@ -76,11 +76,11 @@ pub(super) fn family(covariate: &str) -> &'static str {
 
 impl Run {
     pub fn new(d: &Diagnosis, truth: &[&str], place: Option<DiagnosisPlace>, ratio: f64) -> Self {
-        let found = (!d.steps.is_empty()).then(|| covariates_found(d, &names_of_catalogue(d)));
+        let covariates = (!d.steps.is_empty()).then(|| covariates_found(d, &names_of_catalogue(d)));
         let truth: BTreeSet<&str> = truth.iter().map(|c| family(c)).collect();
         Self {
-            right: found.as_ref().is_some_and(|found| *found == truth),
-            wrong: found.as_ref().is_some_and(|found| !found.is_subset(&truth)),
+            right: covariates.as_ref().is_some_and(|covariates| *covariates == truth),
+            wrong: covariates.as_ref().is_some_and(|covariates| !covariates.is_subset(&truth)),
             place: place.is_some_and(|place| {
                 d.steps.iter().any(|s| s.place == Some(place) || s.places_not_told_apart.contains(&place))
             }),
@@ -88,7 +88,7 @@ impl Run {
             confirmed: d.formulas.iter().all(|f| f.confirmed),
             named: d.steps.len() - d.formulas.len(),
             kind: (truth.len(), true),
-            found,
+            covariates,
             ratio,
         }
     }
@@ -104,7 +104,7 @@ fn table(title: &str, runs: &[&Run]) {
         "| {title} | {n} | {} | {} | {} | {} | {} | {} | {} | {} | {:.3} |",
         count(&|r| r.right),
         count(&|r| r.place),
-        count(&|r| r.found.is_some() && !r.right && !r.wrong),
+        count(&|r| r.covariates.is_some() && !r.right && !r.wrong),
         count(&|r| r.wrong),
         count(&|r| r.formula),
         count(&|r| r.formula && r.confirmed),
@@ -256,7 +256,7 @@ impl Seen {
     }
 }
 
-/// What a function changes at a pixel.
+/// Change of a pixel's depth by a function.
 #[derive(Clone)]
 struct Change {
     frame: usize,
@@ -363,9 +363,9 @@ fn random_function(rng: &mut ChaCha8Rng, size_mm: f64) -> (GivenEffect, Vec<&'st
     let words: Vec<String> = covariates.iter().zip(&shapes).map(|(c, (_, words))| format!("{c}: {words}")).collect();
     let place = Place::ALL[rng.random_range(0..2)];
     let form = Form::ALL[rng.random_range(0..3)];
-    let of = covariates.clone();
+    let arguments = covariates.clone();
     let function =
-        move |o: &Observation| -> f64 { of.iter().zip(&shapes).map(|(c, (f, _))| f(scaled(c, o))).product() };
+        move |o: &Observation| -> f64 { arguments.iter().zip(&shapes).map(|(c, (f, _))| f(scaled(c, o))).product() };
     // Scaled to its size over the usual ranges, without its mean, which D takes up in part.
     let mut samples = Vec::new();
     for _ in 0..4000 {

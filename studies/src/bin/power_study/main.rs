@@ -7,7 +7,8 @@
 //! | option | |
 //! |---|---|
 //! | `--level points` or `images` | observations with noise, or images and depth images that are rendered and detected |
-//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables; on request also `faultless`, `nature`, `fine`, `formulas`, `rediscovered`, `coverage` and `sensitivity` |
+//! | `--what single,placed,clean,heavy,bad,beyond,absent,pairs` | which tables |
+//! | `--what faultless,nature,fine,formulas,rediscovered,coverage,sensitivity` | tables that are made on request only |
 //! | `--effects a,b` | these effects only |
 //! | `--thresholds a,b` | these thresholds only, in `sensitivity` |
 //! | `--factors 1,2,4` | sizes, in units of the detectable size |
@@ -15,6 +16,7 @@
 //! | `--first K` | number of the first of them (0): a study in parts, or one capture again |
 //!
 //! Every run is also a line on standard error, so that rows can be looked into; with `RUST_LOG=info` the loop's own messages too.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 mod beyond;
 mod coverage;
@@ -53,7 +55,7 @@ coverage, sensitivity";
 /// Anything that can go wrong in a run: it is said, and the run is left out.
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// What is studied.
+/// Options of a study.
 struct Study {
     images: bool,
     first: u64,
@@ -128,8 +130,8 @@ fn main() {
         return;
     }
     let value = |key: &str, default: &str| -> String {
-        let at = arguments.iter().position(|a| a == key);
-        at.and_then(|i| arguments.get(i + 1)).cloned().unwrap_or_else(|| default.to_owned())
+        let key = arguments.iter().position(|a| a == key);
+        key.and_then(|i| arguments.get(i + 1)).cloned().unwrap_or_else(|| default.to_owned())
     };
     let list = |text: String| -> Vec<String> { text.split(',').filter(|t| !t.is_empty()).map(str::to_owned).collect() };
     let study = Study {

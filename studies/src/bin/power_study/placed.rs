@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::single::{declared, detectable, last_s, placement};
 use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
 
-/// What became of one capture.
+/// Result of the diagnosis of one capture.
 struct Run {
     name: &'static str,
     names: Vec<String>,

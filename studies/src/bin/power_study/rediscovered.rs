@@ -20,7 +20,7 @@ use super::{Failure, Study, depth_rms_mm, median, names, percent, simulation};
 struct Known {
     name: &'static str,
     covariates: &'static [&'static str],
-    /// What the text of a formula of the same form has in it; none where no formula of the search has the form.
+    /// A part of the text of formulas of the same form; `None` where no formula of the search has the form.
     form: Option<&'static str>,
 }
 
@@ -61,7 +61,7 @@ const EQUIVALENT: f64 = 1.05;
 /// Distances of the captures to which models are extrapolated, over those that they were fitted to.
 const BEYOND: f64 = 1.3;
 
-/// What became of one capture.
+/// Result of the diagnosis of one capture.
 struct Run {
     /// Whether the covariates of formulas and names are the effect's; whether one has no part in it.
     right: bool,
@@ -125,10 +125,10 @@ impl Study {
         let folds = DiagnoseOptions::default().folds;
         let held_out = errors(&cross_validate(&oracle, folds, Parts::Interleaved, &told)?);
         let far = self.capture(&beyond(near, &truth.frames.iter().map(|f| f.pose).collect::<Vec<_>>()))?;
-        let of = |camera| errors(&evaluate(camera, &far)).depth_rms_mm.unwrap_or(f64::NAN);
+        let rms_far = |camera| errors(&evaluate(camera, &far)).depth_rms_mm.unwrap_or(f64::NAN);
         let ratios = [
             depth_rms_mm(&d.after) / held_out.depth_rms_mm.unwrap_or(f64::NAN),
-            of(&d.last.camera) / of(&oracle.camera),
+            rms_far(&d.last.camera) / rms_far(&oracle.camera),
         ];
         let run = Run::new(known, &d, ratios);
         let texts: Vec<String> = d.formulas.iter().map(|f| f.effect.text()).collect();
@@ -144,7 +144,7 @@ impl Study {
     }
 }
 
-/// The same capture with the board at so many times the distance.
+/// A capture with the board at [`BEYOND`] times the distance.
 fn beyond(near: Simulation, poses: &[Pose]) -> Simulation {
     let far = poses.iter().map(|pose| Pose { translation: pose.translation.map(|t| BEYOND * t), ..*pose });
     near.poses(far.collect())
@@ -154,12 +154,12 @@ impl Run {
     fn new(known: &Known, d: &Diagnosis, ratios: [f64; 2]) -> Self {
         let formulas = &d.formulas;
         let named = names_of_catalogue(d);
-        let found = covariates_found(d, &named);
+        let covariates = covariates_found(d, &named);
         let truth: BTreeSet<&str> = known.covariates.iter().map(|c| family(c)).collect();
         Self {
-            right: found == truth,
-            wrong: !found.is_subset(&truth),
-            described: !found.is_empty(),
+            right: covariates == truth,
+            wrong: !covariates.is_subset(&truth),
+            described: !covariates.is_empty(),
             exact: known.form.is_some_and(|form| formulas.iter().any(|f| f.effect.text().contains(form))),
             formula: !formulas.is_empty(),
             verdict: d.verdict,

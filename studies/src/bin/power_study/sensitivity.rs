@@ -94,7 +94,7 @@ enum Drawn {
     Exchanged,
 }
 
-/// What a capture has that the model lacks.
+/// The part of a capture that the model lacks.
 enum Lacking {
     Nothing,
     /// Nothing, but so many frames do not belong.
@@ -151,15 +151,15 @@ impl Study {
         let options = DiagnoseOptions { thresholds, formulas: false, ..DiagnoseOptions::default() };
         let outcome = |(lacking, capture): &(Lacking, Capture)| {
             let d = diagnose(capture, None, &options).inspect_err(|e| eprintln!("{e}")).ok()?;
-            let found: Vec<String> =
+            let added: Vec<String> =
                 names(&d).into_iter().filter(|n| n != depthcal::calibration::diagnose::FREE_MAP).collect();
             let (right, expected) = match lacking {
                 Lacking::Nothing => (d.verdict == Verdict::Adequate, None),
                 Lacking::Frames(count) => (d.bad_frames.len() == *count, None),
-                Lacking::Known(name) => (found.first().is_some_and(|n| n == name), Some(*name)),
+                Lacking::Known(name) => (added.first().is_some_and(|n| n == name), Some(*name)),
                 Lacking::Unknown => (d.verdict == Verdict::Unexplained, None),
             };
-            Some(Outcome { right, false_name: found.iter().any(|n| Some(n.as_str()) != expected) })
+            Some(Outcome { right, false_name: added.iter().any(|n| Some(n.as_str()) != expected) })
         };
         captures.par_iter().map(outcome).collect()
     }

@@ -21,14 +21,14 @@ pub fn detectable_size(name: &str, seed: u64) -> Result<f64, Failure> {
     detectable(name, None, seed)
 }
 
-/// The same in a place and a form.
+/// As [`detectable_size`], of an effect in a place and a form.
 pub fn detectable(name: &str, place: Option<(Place, Form)>, seed: u64) -> Result<f64, Failure> {
     let mut size = Effect::with_default_size(name)?.size;
     // Planes of whole frames would take up part of the effect.
     let options = CalibrateOptions { frame_planes: false, ..CalibrateOptions::default() };
     let thresholds = Thresholds::default();
     let level = thresholds.level / catalogue().len() as f64;
-    let mut found = (1.0, 1);
+    let (mut lambda, mut rank) = (1.0, 1);
     for _ in 0..6 {
         let effect = Effect { place, ..Effect::new(name, size)? };
         let simulation = simulation(&[effect], seed)?;
@@ -37,27 +37,26 @@ pub fn detectable(name: &str, place: Option<(Place, Form)>, seed: u64) -> Result
         let spec = declared(truth, last_s(&observed.truth), 1.0).placed(placement(truth));
         let fit = calibrate(&simulated::capture(&observed), &options)?;
         let score = scores(&fit, &options.register, &[spec])?.remove(0);
-        let lambda = (score.statistic - score.rank as f64).max(1.0);
-        found = (lambda, score.rank);
+        lambda = (score.statistic - score.rank as f64).max(1.0);
+        rank = score.rank;
         if (200.0..800.0).contains(&lambda) {
             break;
         }
         size *= (400.0 / lambda).sqrt().clamp(0.1, 10.0);
     }
-    let (lambda, rank) = found;
     Ok(size * (noncentrality(rank, level, thresholds.power) / lambda).sqrt())
 }
 
 /// Place and form of an effect, as the model has them.
 pub fn placement(truth: &EffectTruth) -> Placement {
     truth.place.map_or_else(Placement::default, |(place, form)| {
-        let of = if place == Place::True { Of::True } else { Of::Measured };
+        let state = if place == Place::True { Of::True } else { Of::Measured };
         let on = match form {
             Form::Depth => On::Depth,
             Form::Factor => On::Factor,
             Form::InverseDepth => On::InverseDepth,
         };
-        Placement { of, on: Some(on) }
+        Placement { of: state, on: Some(on) }
     })
 }
 
@@ -66,7 +65,7 @@ pub fn last_s(truth: &Truth) -> f64 {
     truth.frames.iter().map(|f| f.conditions.time_s).fold(0.0, f64::max)
 }
 
-/// What became of one capture.
+/// Result of the diagnosis of one capture.
 struct Run {
     names: Vec<String>,
     verdict: Verdict,

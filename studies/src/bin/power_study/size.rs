@@ -26,8 +26,8 @@ impl Recovery {
     /// Of two vectors in the part that the columns of `others` cannot make.
     fn of(fitted: &DVector<f64>, truth: &DVector<f64>, others: DMatrix<f64>) -> Self {
         let q = others.qr().q();
-        let rest = |v: &DVector<f64>| v - &q * (q.transpose() * v);
-        let (fitted, truth) = (rest(fitted), rest(truth));
+        let remainder = |v: &DVector<f64>| v - &q * (q.transpose() * v);
+        let (fitted, truth) = (remainder(fitted), remainder(truth));
         Self { ratio: fitted.norm() / truth.norm(), deviation: (&fitted - &truth).norm() / truth.norm() }
     }
 }
@@ -80,8 +80,8 @@ pub fn recovery(
 fn bow(fit: &Calibrated, theta: &[f64], [a, b, c]: [f64; 3]) -> Recovery {
     let points = fit.capture.target.points();
     let span = |k: usize| {
-        let of = |pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
-        let (low, high) = (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY));
+        let extreme = |pick: fn(f64, f64) -> f64, start: f64| points.iter().map(|p| p[k]).fold(start, pick);
+        let (low, high) = (extreme(f64::min, f64::INFINITY), extreme(f64::max, f64::NEG_INFINITY));
         (0.5 * (low + high), 0.5 * (high - low))
     };
     let ((x0, wx), (y0, wy)) = (span(0), span(1));
@@ -128,7 +128,7 @@ fn depth(
     let mut contexts = simulated::capture(with);
     contexts.frames.iter_mut().flat_map(|f| f.depth_pixels_mut()).for_each(|s| s.context.amplitude *= full_scale);
     let mut states: Vec<[f64; 4]> = Vec::new();
-    let mut at: Vec<Context> = Vec::new();
+    let mut pixels: Vec<Context> = Vec::new();
     let mut truth = Vec::new();
     for ((a, b), frame) in with.frames.iter().zip(&without.frames).zip(&contexts.frames) {
         let mut pairs = Vec::new();
@@ -142,12 +142,12 @@ fn depth(
         for (point, change, context) in pairs {
             let cosine = (normal.dot(&point) / point.norm()).abs();
             states.push([point.x / point.z, point.y / point.z, 1.0 / point.z, cosine]);
-            at.push(context);
+            pixels.push(context);
             truth.push(change);
         }
     }
     let mut out = vec![0.0; states.len()];
-    piece.evaluate(&block.theta, states.as_flattened(), &at, &mut out);
+    piece.evaluate(&block.theta, states.as_flattened(), &pixels, &mut out);
     let fitted = DVector::from_iterator(states.len(), out.iter().zip(&states).map(|(o, s)| o - s[2]));
     let others = DMatrix::from_fn(states.len(), 4, |i, k| [1.0, states[i][0], states[i][1], 1000.0 * states[i][2]][k]);
     Ok(Recovery::of(&fitted, &DVector::from_vec(truth), others))

@@ -1,6 +1,6 @@
-//! The cases: what is wrong with a capture, and how much of it.
+//! The cases: faults of captures, and how much of a capture has them.
 
-/// What happens to a frame.
+/// A fault of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Spoiled {
     /// It shows a board of the same pattern that is 18 % larger.
@@ -19,7 +19,7 @@ pub enum Spoiled {
     RollingExposure,
 }
 
-/// What `dataset.toml` says wrongly.
+/// A wrong statement of `dataset.toml`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Declared {
     /// Spacing times a factor.
@@ -34,7 +34,7 @@ pub enum Declared {
     Start(f64),
 }
 
-/// What is wrong with a capture.
+/// A fault of a capture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
     Nothing,

@@ -7,6 +7,7 @@
 //! error instead of a result, a frame or a marker that is left out and listed, or, of `diagnose`, a bad frame, a declaration that
 //! cannot be right, or any verdict but `adequate`. What counts is the last column but one: results that are not right and say
 //! nothing.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 mod case;
 mod outcome;
@@ -21,10 +22,10 @@ use crate::case::{Case, cases};
 use crate::outcome::{Outcome, row};
 use crate::rendered::Rendered;
 
-/// What may go wrong in a study.
+/// Any error of a study.
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// What the command line asks for.
+/// Options of the command line.
 struct Options {
     seeds: u64,
     frames: usize,

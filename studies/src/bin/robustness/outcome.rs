@@ -34,7 +34,7 @@ const DEPTH_UNIT_MM: f64 = 0.125;
 /// Depth at random, mm.
 const DEPTH_MM: std::ops::Range<f64> = 300.0..3000.0;
 
-/// What became of a capture.
+/// Results of the commands on a capture.
 #[derive(Debug, Default)]
 pub struct Outcome {
     /// An error instead of a calibration.
@@ -240,7 +240,7 @@ fn move_markers(capture: &mut Capture, share: f64, rng: &mut ChaCha8Rng) {
     }
 }
 
-/// What a right fit has.
+/// The truth that a fit is held against.
 struct Truth {
     /// The parameters.
     theta: Vec<f64>,

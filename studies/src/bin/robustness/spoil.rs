@@ -1,4 +1,4 @@
-//! What spoils a rendered frame.
+//! Faults of rendered frames.
 
 use depthcal_simulate::{CameraTruth, Pose, RenderedFrame};
 
@@ -51,11 +51,11 @@ pub fn roll(frame: &mut RenderedFrame) {
         let (whole, part) = (shift.floor(), shift - shift.floor());
         let row = frame.image[v * width..(v + 1) * width].to_vec();
         let depth = frame.depth[v * width..(v + 1) * width].to_vec();
-        let at = |u: usize, more: isize| (u as isize - whole as isize - more).clamp(0, width as isize - 1) as usize;
+        let source = |u: usize, more: isize| (u as isize - whole as isize - more).clamp(0, width as isize - 1) as usize;
         for u in 0..width {
-            let mixed = (1.0 - part) * f64::from(row[at(u, 0)]) + part * f64::from(row[at(u, 1)]);
+            let mixed = (1.0 - part) * f64::from(row[source(u, 0)]) + part * f64::from(row[source(u, 1)]);
             frame.image[v * width + u] = mixed.round() as u16;
-            frame.depth[v * width + u] = depth[at(u, if part > 0.5 { 1 } else { 0 })];
+            frame.depth[v * width + u] = depth[source(u, if part > 0.5 { 1 } else { 0 })];
         }
     }
 }

@@ -239,6 +239,24 @@ fn several_boards_are_told_apart_by_the_numbers_of_their_tags() {
 }
 
 #[test]
+fn the_tags_of_a_charuco_board_are_as_many_as_its_white_squares() {
+    let board = |name: &str, rows: usize, first_tag: usize| {
+        format!(
+            "[boards.{name}]\nkind = \"charuco\"\ncolumns = 9\nrows = {rows}\nspacing_mm = 40\nmarker_mm = 30\n\
+             dictionary = \"DICT_5X5_250\"\nfirst_tag = {first_tag}\n"
+        )
+    };
+    // 63 squares, of which the first is black, and 54.
+    for (rows, tags) in [(7, 31), (6, 27)] {
+        parse(&(board("wall", rows, 0) + &board("floor", rows, tags) + FRAMES)).unwrap();
+        complains(
+            &(board("wall", rows, 0) + &board("floor", rows, tags - 1) + FRAMES),
+            &["floor", "wall", "first_tag"],
+        );
+    }
+}
+
+#[test]
 fn boards_that_look_alike_are_refused() {
     complains(&(tags("wall", 0) + &tags("floor", 29) + FRAMES), &["floor", "wall", "first_tag"]);
     let plain = CHESSBOARD.replace("[board]", "[boards.wall]");

@@ -269,11 +269,11 @@ fn no_table_and_no_list_leads_out_of_the_folder() {
 #[test]
 fn absolute_paths_into_the_folder_and_parents_within_it_are_read() {
     let folder = make("[frames]\nmetadata = \"a/../frames.csv\"\n", &["ir/1.png"]);
-    let own = folder.path().join("ir/1.png");
-    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", own.display()))
+    let image = folder.path().join("ir/1.png");
+    fs::write(folder.path().join("frames.csv"), format!("frame,image\n1,{}\n2,ir/../ir/1.png\n", image.display()))
         .unwrap();
     let dataset = open(folder.path()).unwrap();
-    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&own)) && dataset.frames.len() == 2);
+    assert!(dataset.frames.iter().all(|frame| frame.image.as_ref() == Some(&image)) && dataset.frames.len() == 2);
 }
 
 /// A link in the folder is its owner's; a parent behind a link is taken out before the link could give it another meaning.
@@ -349,12 +349,12 @@ fn frames_of_cameras_are_matched_by_numbers_by_times_and_by_tables() {
     let table =
         "frame,timestamp_s,ir.image,ir.depth,rgb.image\na,1,ir/x.png,d/x.png,\nb,2,,,rgb/y.png\nc,3,ir/x.png,,\n";
     let tabled = format!("{TWO}{WITH_TABLE}");
-    let found = rig(&tabled, &["ir/x.png", "d/x.png", "rgb/y.png"], Some(table)).unwrap();
-    assert_eq!((names(&found, 0), names(&found, 1)), (vec!["a"], vec!["b"]));
+    let by_table = rig(&tabled, &["ir/x.png", "d/x.png", "rgb/y.png"], Some(table)).unwrap();
+    assert_eq!((names(&by_table, 0), names(&by_table, 1)), (vec!["a"], vec!["b"]));
     // As for one camera, what a row lacks is told; that another camera alone has the frame is none of it.
-    assert_eq!(strays(&found.cameras[0]), [("row c", "it names no depth image")]);
-    assert!(found.cameras[1].strays.is_empty());
-    let metadata = &found.cameras[1].frames[0].metadata;
+    assert_eq!(strays(&by_table.cameras[0]), [("row c", "it names no depth image")]);
+    assert!(by_table.cameras[1].strays.is_empty());
+    let metadata = &by_table.cameras[1].frames[0].metadata;
     assert!(metadata.timestamp_s == Some(2.0) && metadata.other.is_empty());
     let files = ["ir/x.png", "d/x.png", "rgb/y.png"];
     let lacking = rig(&tabled, &files, Some("frame,ir.image\nx,ir/x.png\n")).unwrap_err().to_string();
@@ -365,11 +365,11 @@ fn frames_of_cameras_are_matched_by_numbers_by_times_and_by_tables() {
 fn rows_belong_to_frames_of_any_camera() {
     let files = ["ir/1.png", "ir/2.png", "d/1.png", "d/2.png", "rgb/2.png", "rgb/3.png"];
     let tabled = format!("{TWO}{WITH_TABLE}");
-    let found = rig(&tabled, &files, Some("frame,temperature_c\n1,20\n3,30\n7,40\n")).unwrap();
-    assert_eq!((names(&found, 0), names(&found, 1)), (vec!["1"], vec!["3"]));
-    assert_eq!(found.cameras[1].frames[0].metadata.temperature_c, Some(30.0));
+    let dataset = rig(&tabled, &files, Some("frame,temperature_c\n1,20\n3,30\n7,40\n")).unwrap();
+    assert_eq!((names(&dataset, 0), names(&dataset, 1)), (vec!["1"], vec!["3"]));
+    assert_eq!(dataset.cameras[1].frames[0].metadata.temperature_c, Some(30.0));
     let expected = [("2", "frames.csv has no row of it"), ("row 7", "frames.csv has it, but there is no such frame")];
-    assert_eq!(strays(&found.cameras[0]), expected);
+    assert_eq!(strays(&dataset.cameras[0]), expected);
     let message = rig(&tabled, &files, Some("frame,temperature_c\n1,20\n")).unwrap_err().to_string();
     assert!(message.contains("frames without a row (\"2\", \"3\")"), "{message}");
 }

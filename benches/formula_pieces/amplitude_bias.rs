@@ -1,10 +1,10 @@
+//! The effect `amplitude_bias` of effects.toml in Rust.
+
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar};
 
-const AMPLITUDE0: Constant =
-    Constant::new("amplitude0", "amplitude0", "1", 1000.0);
-const K: Constant =
-    Constant::new("k", "k", "mm", 1000.0);
+const AMPLITUDE0: Constant = Constant::new("amplitude0", "amplitude0", "1", 1000.0);
+const K: Constant = Constant::new("k", "k", "mm", 1000.0);
 
 /// Depth depends on direction x of the ray, distance from the camera (mm), infrared amplitude (steps) and infrared amplitude
 /// around the pixel (steps) by a formula.
@@ -47,7 +47,13 @@ impl Piece<Depth, 2> for AmplitudeBias {
         let range = (s.x * s.x + s.y * s.y + 1.0).sqrt() / s.rho;
         let amplitude = c.amplitude;
         let surroundings = c.surround;
-        let e = (p_a * f64::sqrt(self.amplitude0 / amplitude)) + ((((b * (f64::ln(surroundings / self.amplitude0) * f64::from(u8::from(f64::ln(surroundings / self.amplitude0) > 0.0)))) * (x * x.re().signum()).powf(1.5)) * range) / self.k);
+        let e = (p_a * f64::sqrt(self.amplitude0 / amplitude))
+            + ((((b
+                * (f64::ln(surroundings / self.amplitude0)
+                    * f64::from(u8::from(f64::ln(surroundings / self.amplitude0) > 0.0))))
+                * (x * x.re().signum()).powf(1.5))
+                * range)
+                / self.k);
         s.rho / (e * s.rho + 1.0)
     }
     fn options(&self) -> Vec<(&'static str, f64)> {

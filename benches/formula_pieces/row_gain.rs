@@ -1,8 +1,9 @@
+//! The effect `row_gain` of effects.toml in Rust.
+
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Constant, Context, On, Options, Parameter, Piece, Scalar};
 
-const RHO0: Constant =
-    Constant::new("rho0", "rho0", "1/mm", 0.00125);
+const RHO0: Constant = Constant::new("rho0", "rho0", "1/mm", 0.00125);
 
 /// Disparity grows from row to row, with the logarithm of the distance.
 #[derive(Debug, Clone, Copy)]
@@ -23,9 +24,8 @@ impl Piece<Depth, 1> for RowGain {
     const SUMMARY: &'static str = "disparity grows from row to row, with the logarithm of the distance";
     const EQUATION: &'static str = "ρ + a y ln(ρ/ρ₀)";
     const SOURCE: &'static str = "a formula of the user";
-    const PARAMETERS: [Parameter; 1] = [
-        Parameter::new("a", "1/mm", 0.0, 6.16e-6).meaning("Parameter a of the formula a * y * log(rho / rho0)."),
-    ];
+    const PARAMETERS: [Parameter; 1] =
+        [Parameter::new("a", "1/mm", 0.0, 6.16e-6).meaning("Parameter a of the formula a * y * log(rho / rho0).")];
     const CONSTANTS: &'static [Constant] = &[RHO0];
     const FORM: On = On::InverseDepth;
 
