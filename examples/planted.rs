@@ -13,6 +13,7 @@ use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, diagnose};
 use depthcal::calibration::load::{LoadOptions, load};
 use depthcal::calibration::simulated;
 use depthcal::io::FileReference;
+use depthcal::model::Register;
 use depthcal::report::diagnosis_text;
 use depthcal_simulate::Effect;
 
@@ -41,8 +42,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         let d = diagnose(&planted, None, &DiagnoseOptions::default())?;
         println!("| {text} | {rms_mm:.2} | {}", row(&d));
-        let record = to_file(&d, FileReference::default(), "projective");
-        eprintln!("{text}\n{}", diagnosis_text(&record));
+        let record = to_file(&d, FileReference::default(), "projective".parse()?);
+        eprintln!("{text}\n{}", diagnosis_text(&record, &Register::builtin()));
     }
     Ok(())
 }

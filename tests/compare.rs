@@ -81,14 +81,17 @@ fn camera_2_has_the_thesis_pattern() {
     assert!(interval.low < interval.mean && interval.mean < interval.high && interval.mean < 3.0, "{interval:?}");
     // All subsets by the thesis' estimator and by the joint adjustment, with and without lens.
     let joint = |model: &str, lens: &str| {
-        let variant = comparison.variants.iter().find(|v| v.model == model && v.lens == lens && v.estimator == "joint");
+        let variant = comparison
+            .variants
+            .iter()
+            .find(|v| v.model.to_string() == model && v.lens == lens && v.estimator == "joint");
         variant.unwrap().held_out.dot_error_mm.unwrap().mean
     };
     assert!(joint("projective", "none") > 1.5 * joint("projective", "brown-conrady"), "without lens clearly worse");
     let stability = comparison.stability.as_ref().unwrap();
     assert_eq!(stability.degrees_of_freedom, 8);
     assert!(stability.p_value > 1e-3, "{:?}", stability.verdict);
-    assert!(comparison.learning_curve.iter().any(|p| p.model == "projective" && p.frames == 4));
+    assert!(comparison.learning_curve.iter().any(|p| p.model.to_string() == "projective" && p.frames == 4));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("comparison.json");
     comparison.write(&path).unwrap();
@@ -103,7 +106,7 @@ fn fields_win_where_the_truth_is_not_projective() {
     let options = CompareOptions { thesis: false, learning_fits: 0, ..options(&["projective", "projective+bspline"]) };
     let comparison = compare(&train, &[], &options).unwrap();
     println!("{}", comparison.verdict.join("\n"));
-    assert_eq!(comparison.models[0].model, "projective+bspline");
+    assert_eq!(comparison.models[0].model.to_string(), "projective+bspline");
     let plane = |name: &str| comparison.model(name).unwrap().held_out.plane_error_mm.unwrap().mean;
     println!("plane error {:.2} mm against {:.2} mm", plane("projective+bspline"), plane("projective"));
     assert!(plane("projective+bspline") < 0.95 * plane("projective"));

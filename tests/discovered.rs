@@ -47,7 +47,11 @@ fn a_product_of_two_covariates_is_found_with_its_place_and_form() {
     let deviation = (parameter.value - 10.0) / parameter.std.unwrap();
     assert!(deviation.abs() < 4.0, "{parameter:?}");
 
-    let record = to_file(&d, FileReference { path: "captures".to_owned(), digest: "00".to_owned() }, "projective");
+    let record = to_file(
+        &d,
+        FileReference { path: "captures".to_owned(), digest: "00".to_owned() },
+        "projective".parse().unwrap(),
+    );
     let written = record.steps[0].formula.as_ref().unwrap();
     assert_eq!((written.expression.as_str(), written.confirmed), ("a * y * incidence", true));
     assert_eq!(record.steps[0].effects[0], "found_y_incidence");

@@ -39,7 +39,7 @@ fn kinect2_maps_are_not_worse_than_d() {
     };
     let comparison = compare(&loaded.capture, &[], &options).unwrap();
     let dot = |name: &str| {
-        let model = comparison.models.iter().find(|m| m.model == name).unwrap();
+        let model = comparison.models.iter().find(|m| m.model.to_string() == name).unwrap();
         model.held_out.dot_error_mm.unwrap().mean
     };
     let d = dot("projective");

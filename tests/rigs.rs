@@ -58,7 +58,7 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
     succeeds(["compare", &rig, "--out", &compared].into_iter().chain(models));
     for camera in ["infrared", "depth"] {
         let comparison = Comparison::read(folder.path(&format!("compared/{camera}/comparison.json"))).unwrap();
-        assert_eq!(comparison.models[0].model, "projective", "{camera}");
+        assert_eq!(comparison.models[0].model.to_string(), "projective", "{camera}");
     }
 
     fails(["calibrate", &rig, "--cross-validate", "3", "--out", &result], &["--hold-out"]);

@@ -111,7 +111,7 @@ fn numbers(pose: &Isometry3<f64>) -> ([f64; 4], [f64; 3]) {
 fn frame_records(result: &RigCalibrated, fitted: &EvaluatedRig) -> Vec<FrameRecord> {
     // Distances of the markers of all cameras, and squares and numbers of their depth errors.
     let mut errors: BTreeMap<&str, (Vec<f64>, f64, usize)> = BTreeMap::new();
-    for frame in fitted.cameras.iter().flat_map(|camera| &camera.frames) {
+    for frame in fitted.cameras.iter().flat_map(|(_, evaluated)| &evaluated.frames) {
         let (distances, squares, pixels) = errors.entry(&frame.name).or_default();
         distances.extend(frame.reprojection.iter().map(|e| e[2].hypot(e[3])));
         if let Some(depth) = frame.depth.rms_mm() {

@@ -10,16 +10,16 @@ use serde_json::{Value, json};
 use super::common::{Output, Reading, camera_count, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
-use super::parameters::print_parameters;
+use super::parameters::print_cameras;
 use super::recording::Recording;
 use super::results::save;
-use super::rig_text::{print_rig, print_transfers};
 use super::session::Session;
+use super::transfers::print_transfers;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::calibrate::Estimator;
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::task::{Fit, FitRequest, Fitted, HoldOut, LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{Fit, FitRequest, HoldOut, LENSES, ModelRequest, OptionNames};
 use depthcal_report::fit_sentences;
 use depthcal_report::format::{number, quantity};
 
@@ -161,13 +161,14 @@ impl Calibrate {
         let fit = request.fit(&loaded, session.calibrate_options())?;
         drop(busy);
         print_fit(&fit);
-        for evaluated in &fit.on_fitted.cameras {
-            let is_camera = |name: &str| cameras == 1 || evaluated.name.ends_with(&format!("/{name}"));
-            let fitted = fit.fitted.cameras().into_iter().find(|(name, _)| is_camera(name));
+        let fitted = fit.fitted.cameras();
+        for (camera, evaluated) in &fit.on_fitted.cameras {
+            let fitted = fitted.iter().find(|(name, _)| name == camera);
             print_not_evaluated(evaluated, fitted.map_or(&[], |(_, result)| &result.capture.dropped));
         }
-        if let (Some(held_out), [loaded]) = (&fit.held_out, loaded.cameras.as_slice()) {
-            held_out.evaluated.cameras.iter().for_each(|e| print_not_evaluated(e, &loaded.capture.dropped));
+        for (camera, evaluated) in fit.held_out.iter().flat_map(|held_out| &held_out.evaluated.cameras) {
+            let loaded = loaded.cameras.iter().find(|loaded| cameras == 1 || loaded.name() == camera);
+            print_not_evaluated(evaluated, loaded.map_or(&[], |loaded| &loaded.capture.dropped));
         }
         say!("\n{}", fit.table());
         print_transfers(&fit.evaluation.transfer);
@@ -196,31 +197,30 @@ impl Calibrate {
 
     /// Writes the recording of one camera; cross-validation has a camera for every part.
     fn record(&self, fit: &Fit) -> Result<Option<PathBuf>, Failure> {
-        let (Fitted::Camera(result), [on_fitted]) = (&fit.fitted, fit.on_fitted.cameras.as_slice()) else {
+        let cameras = fit.fitted.cameras();
+        let ([(_, result)], [(_, on_fitted)]) = (cameras.as_slice(), fit.on_fitted.cameras.as_slice()) else {
             return Ok(None);
         };
         let detected = result.capture.detected();
         let mut recorded = vec![(&detected, on_fitted)];
         let held = fit.held_out.as_ref().and_then(|held| held.capture.as_ref().zip(held.evaluated.cameras.first()));
-        recorded.extend(held);
+        recorded.extend(held.map(|(capture, (_, evaluated))| (capture, evaluated)));
         self.recording.write(&result.camera, &recorded)
     }
 }
 
-/// Prints the cameras of a fit with their parameters, and what a reader has to know before its numbers.
+/// Prints the cameras of a fit with their parameters, and what a reader has to know before the numbers.
 fn print_fit(fit: &Fit) {
-    let result = match &fit.fitted {
-        Fitted::Camera(result) => result,
-        Fitted::Rig(rig) => return print_rig(rig),
-    };
     if fit.images_only {
         say!("no depth images: only camera and lens are fitted");
     }
-    if let Some(comparison) = &result.lens_comparison {
-        print_lenses(comparison);
+    let (cameras, rig) = (fit.fitted.cameras(), fit.fitted.rig());
+    cameras.iter().filter_map(|(_, result)| result.lens_comparison.as_ref()).for_each(print_lenses);
+    print_cameras(&cameras, rig);
+    for (name, result) in cameras {
+        let whose = if rig.is_some() { format!("{name}: ") } else { String::new() };
+        fit_sentences(result).iter().for_each(|sentence| say!("{whose}{sentence}"));
     }
-    print_parameters(result);
-    fit_sentences(result).iter().for_each(|sentence| say!("{sentence}"));
 }
 
 /// The comparison of lenses, as a table.

@@ -13,9 +13,10 @@ use serde_json::{Value, json};
 
 use super::common::{frames_of, value_of};
 use super::failure::Failure;
+use super::parameters::{drift_range, print_cameras};
 use super::results::save;
-use super::rig_text::{drift_range, print_rig, print_transfers};
 use super::session::Session;
+use super::transfers::print_transfers;
 use super::voice::say;
 
 /// Prints a diagnosis and has its files written into a folder: record, calibration of the last model, errors, report; `record`
@@ -83,7 +84,7 @@ fn tell_files(camera: &DiagnosedCamera, folder: &Path) -> Vec<PathBuf> {
 fn print_camera(camera: &DiagnosedCamera) {
     let (used, all) = (camera.diagnosis.last.capture.frames.len(), camera.loaded_camera().capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
-    say!("\n{}", diagnosis_text(&camera.record));
+    say!("\n{}", diagnosis_text(&camera.record, &camera.register));
 }
 
 fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
@@ -112,7 +113,9 @@ fn print_together(rig: &DiagnosedRig, findings: &RigFindings) {
     }
     print_drifts(&rig.found);
     say!("\nall cameras jointly, with what was added");
-    print_rig(&rig.found.last);
+    let last = &rig.found.last;
+    let cameras: Vec<_> = last.cameras.iter().map(|camera| (camera.name.as_str(), &camera.calibrated)).collect();
+    print_cameras(&cameras, Some(last));
     say!("\nheld-out frames, with the declared models");
     print_errors(&findings.held_out.before);
     say!("\nheld-out frames, with what was added");

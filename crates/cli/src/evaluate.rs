@@ -14,8 +14,8 @@ use super::formula_files;
 use super::given_camera::GivenCamera;
 use super::recording::Recording;
 use super::results::save;
-use super::rig_text::print_transfers;
 use super::session::Session;
+use super::transfers::print_transfers;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::load::Loaded;
@@ -98,7 +98,7 @@ impl Evaluate {
                 say!("  {name}: the dataset has no camera of this name");
             }
             let Some((evaluated, _)) = evaluations.datasets.last() else { continue };
-            for camera in &evaluated.cameras {
+            for (_, camera) in &evaluated.cameras {
                 let known = if loaded.cameras.len() == 1 { loaded.cameras[0].capture.dropped.as_slice() } else { &[] };
                 print_not_evaluated(camera, known);
                 frames.push(frames_of(&camera.name, camera.frames.len(), &camera.dropped));
@@ -135,7 +135,7 @@ impl Evaluate {
     fn record(&self, evaluations: &Evaluations, captures: &[Arc<Loaded>]) -> Result<Option<PathBuf>, Failure> {
         let [camera] = evaluations.cameras.as_slice() else { return Ok(None) };
         let pairs = captures.iter().zip(&evaluations.datasets);
-        let recorded = pairs.filter_map(|(l, (e, _))| Some((&l.cameras.first()?.capture, e.cameras.first()?)));
+        let recorded = pairs.filter_map(|(l, (e, _))| Some((&l.cameras.first()?.capture, &e.cameras.first()?.1)));
         self.recording.write(&camera.camera, &recorded.collect::<Vec<_>>())
     }
 }

@@ -42,12 +42,12 @@ mod parameters;
 mod progress;
 mod recording;
 mod results;
-mod rig_text;
 mod run;
 mod schema;
 mod session;
 mod simulate;
 mod stage_table;
+mod transfers;
 mod voice;
 
 pub use run::run;

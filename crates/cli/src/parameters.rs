@@ -1,21 +1,80 @@
-//! The parameters of a fit in words.
+//! The cameras of a fit in words: extrinsics where there are several, parameters, and how the fit went.
 
 use depthcal_calibration::adjust::smoothness_prior::indices;
 use depthcal_calibration::calibrate::Calibrated;
-use depthcal_model::{Block, Parameter};
-use depthcal_report::format::{Measured, count, interval, measured, number, quantity};
+use depthcal_calibration::calibrate::rig::{CameraFit, RigCalibrated, TimeOffset};
+use depthcal_io::DriftOver;
+use depthcal_model::Block;
+use depthcal_report::format::{count, interval, measured, number, quantity, shown_unit};
 
 use super::voice::say;
 
 /// Blocks of more parameters than this are printed by their fields.
 const MOST_PRINTED: usize = 24;
 
-/// One line: a name, a value, what is known about it, a unit.
-fn print_parameter(parameter: &Parameter, shown: &Measured, unknown: &str) {
-    let std = shown.std.as_ref().map_or_else(|| unknown.to_owned(), |std| format!("± {std}"));
-    let unit = if parameter.unit == "1" { "" } else { parameter.unit };
-    let line = format!("  {:6} {:>12} {std:<12} {unit}", parameter.name, shown.value);
+/// Prints the cameras with their parameters; of several also the relations between them.
+pub(super) fn print_cameras(cameras: &[(&str, &Calibrated)], rig: Option<&RigCalibrated>) {
+    for pair in rig.iter().flat_map(|rig| &rig.pairs) {
+        let [a, b] = &pair.cameras;
+        let contradicting = match pair.contradicting {
+            0 => String::new(),
+            n => format!(", {n} of which contradict"),
+        };
+        say!("{a} and {b} saw the board together in {}{contradicting}", count(pair.views, "frame"));
+    }
+    for (name, calibrated) in cameras {
+        let placed = rig.and_then(|rig| rig.camera(name));
+        if let Some(placed) = placed {
+            say!("\n[{name}]");
+            print_extrinsics(placed);
+        }
+        print_parameters(calibrated);
+        for open in placed.iter().flat_map(|placed| &placed.left_open) {
+            say!("left open by the boards: {} ({})", open.parameter, open.reason);
+        }
+    }
+}
+
+/// One line of the table: a name, a value, its standard deviation or why there is none, a unit.
+fn print_value(name: &str, value: f64, std: Option<f64>, unknown: &str, unit: &str) {
+    let shown = measured(value, std);
+    let std = shown.std.map_or_else(|| unknown.to_owned(), |std| format!("± {std}"));
+    let line = format!("  {name:6} {:>12} {std:<12} {}", shown.value, shown_unit(unit));
     say!("{}", line.trim_end());
+}
+
+/// The six values of a rigid motion: a rotation vector in radians, which is printed in degrees, and a translation, mm.
+fn print_motion(values: &[f64; 6], std_devs: &[f64; 6]) {
+    for (i, name) in ["rx", "ry", "rz", "tx", "ty", "tz"].into_iter().enumerate() {
+        let (scale, unit) = if i < 3 { (1_f64.to_degrees(), "°") } else { (1.0, "mm") };
+        print_value(name, scale * values[i], Some(scale * std_devs[i]), "fixed", unit);
+    }
+}
+
+fn print_extrinsics(camera: &CameraFit) {
+    let Some(std_devs) = camera.place_std_dev else {
+        say!("the reference: its frame is the rig's");
+        return;
+    };
+    let (turn, shift) = (camera.camera_from_rig.rotation.scaled_axis(), camera.camera_from_rig.translation.vector);
+    say!("camera_from_rig");
+    print_motion(&[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z], &std_devs);
+    if let Some(TimeOffset { value_s, std_dev_s }) = camera.time_offset {
+        let [value, std_dev] = [value_s, std_dev_s].map(|s| quantity(1e3 * s, "ms"));
+        say!("time_offset: it exposes {value} ± {std_dev} later than its times say");
+    }
+    if let Some((drift, std_devs)) = &camera.drift {
+        say!("extrinsics_drift over {}", drift_range(drift.over, drift.range));
+        print_motion(&drift.change, std_devs);
+    }
+}
+
+/// The quantity that a drift depends on, and the range of it over which the extrinsics change by the drift's values.
+pub(crate) fn drift_range(over: DriftOver, range: f64) -> String {
+    match over {
+        DriftOver::Time => format!("time, in {}", quantity(range, "s")),
+        DriftOver::Temperature => format!("temperature, in {}", quantity(range, "°C")),
+    }
 }
 
 /// Every field of a block: its range, its roughness, and how much of it the data determine; then the parameters that are the
@@ -36,12 +95,13 @@ fn print_fields(result: &Calibrated, block: &Block) {
         );
     }
     for i in layout.parameter_count() - layout.shared..layout.parameter_count() {
-        print_parameter(&block.parameters()[i], &measured(block.theta[i], None), "");
+        let parameter = &block.parameters()[i];
+        print_value(&parameter.name, block.theta[i], None, "", parameter.unit);
     }
 }
 
 /// Parameters with standard deviations, and how the fit went.
-pub(super) fn print_parameters(result: &Calibrated) {
+fn print_parameters(result: &Calibrated) {
     let stds = result.std_devs();
     for (block, range) in result.camera.blocks_with_ranges() {
         say!("{}", block.name());
@@ -51,8 +111,8 @@ pub(super) fn print_parameters(result: &Calibrated) {
         }
         let parameters = block.parameters().iter().zip(&block.theta).zip(&block.free).zip(&stds[range]);
         for (((parameter, value), free), std) in parameters {
-            let shown = measured(*value, *std);
-            print_parameter(parameter, &shown, if *free { "no std. dev." } else { "fixed" });
+            let unknown = if *free { "no std. dev." } else { "fixed" };
+            print_value(&parameter.name, *value, *std, unknown, parameter.unit);
         }
     }
     let noise = &result.noise;

@@ -98,7 +98,7 @@ impl Diagnosis {
     /// The diagnosis in words.
     fn text(&self) -> String {
         if let Some(camera) = self.only_camera() {
-            return diagnosis_text(&camera.record);
+            return diagnosis_text(&camera.record, &camera.register);
         }
         let sentence =
             |(name, camera): &(String, DiagnosedCamera)| format!("[{name}] {}", verdict_sentence(&camera.record));

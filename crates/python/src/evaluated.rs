@@ -71,7 +71,7 @@ impl Evaluation {
     /// (dataset, frame, reason) of every frame that could not be evaluated.
     fn dropped(&self) -> Vec<(String, String, String)> {
         let cameras = self.evaluations.datasets.iter().flat_map(|(rig, _)| &rig.cameras);
-        let frames = cameras.flat_map(|camera| camera.dropped.iter().map(move |frame| (camera, frame)));
+        let frames = cameras.flat_map(|(_, camera)| camera.dropped.iter().map(move |frame| (camera, frame)));
         frames.map(|(camera, f)| (camera.name.clone(), f.name.clone(), f.reason.clone())).collect()
     }
 

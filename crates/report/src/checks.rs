@@ -4,7 +4,7 @@ use super::covariates::Image;
 use super::format::join;
 use super::format::{count, fixed, number};
 use super::headline::{Direction, direction};
-use super::input::{ReportInput, Role};
+use super::input::{ReportCamera, Role};
 use super::left_out::sentence;
 use super::leftover::Leftover;
 use super::pool::Pool;
@@ -60,13 +60,13 @@ const IMAGE_COVERED: &str = "Is the image covered?";
 const RANGE_COVERED: &str = "Is the range of distances covered?";
 const BOARDS_TILTED: &str = "Were the boards tilted?";
 
-/// All checks that the input allows, the worst first. `leftover` is absent where too few frames have depth.
-pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&Leftover>) -> Vec<Check> {
+/// All checks that the camera allows, the worst first. `leftover` is absent where too few frames have depth.
+pub(super) fn checks(camera: &ReportCamera<'_>, image: &Image, leftover: Option<&Leftover>) -> Vec<Check> {
     let mut list = Vec::new();
     let mut add = |level, question, answer: String| list.push(Check { level, question, answer });
-    let (pool, role) = Pool::headline(input);
+    let (pool, role) = Pool::headline(camera);
     let depth = pool.depth_rms();
-    if let Some(c) = input.calibrated {
+    if let Some(c) = camera.calibrated {
         add(
             Level::Good,
             "Did the fit converge?",
@@ -100,7 +100,7 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         add(level, "Does the correction help?", answer.to_owned());
     }
     if let (Some(held_out), Role::HeldOut | Role::Other) = (&depth, role)
-        && let Some(fitted_error) = Pool::of(input, |r| r == Role::Fitted).depth_rms()
+        && let Some(fitted_error) = Pool::of(camera, |r| r == Role::Fitted).depth_rms()
     {
         let ratio = held_out.after.value / fitted_error.after.value;
         let overfit = ratio > OVERFIT && held_out.after.low > fitted_error.after.value;
@@ -125,8 +125,8 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         }
         None => {}
     }
-    coverage(input, image, &mut add);
-    if let Some(c) = input.calibrated {
+    coverage(camera, image, &mut add);
+    if let Some(c) = camera.calibrated {
         let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
         if c.with_depth && samples > 0 {
             let share = c.outliers as f64 / (samples + c.outliers) as f64;
@@ -135,9 +135,9 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
             add(level, "Were there many outliers?", answer);
         }
     }
-    left_out(&Pool::of(input, |_| true), &mut add);
-    let dropped: usize = super::tables::dropped(input).len();
-    let used = input.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(input, |_| true).frames.len());
+    left_out(&Pool::of(camera, |_| true), &mut add);
+    let dropped: usize = super::tables::dropped(camera).len();
+    let used = camera.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(camera, |_| true).frames.len());
     let share = dropped as f64 / (dropped + used).max(1) as f64;
     let level = if share <= 0.2 { Level::Good } else { Level::Care };
     let answer = match dropped {
@@ -145,7 +145,7 @@ pub(super) fn checks(input: &ReportInput<'_>, image: &Image, leftover: Option<&L
         n => format!("{} of {}; the reasons are listed below.", n, count(n + used, "frame")),
     };
     add(level, "Were frames excluded?", answer);
-    let lost: usize = Pool::of(input, |_| true).frames.iter().map(|f| f.frame.uncorrectable).sum();
+    let lost: usize = Pool::of(camera, |_| true).frames.iter().map(|f| f.frame.uncorrectable).sum();
     if lost > 0 {
         let answer = format!("No: the model cannot be inverted at {} of the board.", count(lost, "depth pixel"));
         add(Level::Care, "Can every pixel be corrected?", answer);
@@ -190,9 +190,9 @@ fn left_out(pool: &Pool<'_>, add: &mut impl FnMut(Level, &'static str, String)) 
     add(Level::Care, "Is all that was measured on the board the board?", answer);
 }
 
-fn coverage(input: &ReportInput<'_>, image: &Image, add: &mut impl FnMut(Level, &'static str, String)) {
-    let fitted = Pool::of(input, |r| r == Role::Fitted);
-    let fitted = if fitted.frames.is_empty() { Pool::of(input, |_| true) } else { fitted };
+fn coverage(camera: &ReportCamera<'_>, image: &Image, add: &mut impl FnMut(Level, &'static str, String)) {
+    let fitted = Pool::of(camera, |r| r == Role::Fitted);
+    let fitted = if fitted.frames.is_empty() { Pool::of(camera, |_| true) } else { fitted };
     let (mut pixels, mut poses): (Vec<[f64; 2]>, Vec<_>) = fitted
         .frames
         .iter()
@@ -202,7 +202,7 @@ fn coverage(input: &ReportInput<'_>, image: &Image, add: &mut impl FnMut(Level, 
             b.push(pose);
             (a, b)
         });
-    if let Some(c) = input.calibrated {
+    if let Some(c) = camera.calibrated {
         pixels = c.capture.frames.iter().flat_map(|f| f.markers.iter().map(|m| m.pixel)).collect();
         poses = c.capture.poses().collect();
     }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use depthcal_io::{Comparison, Interval};
 
 use super::content::Content;
-use super::format::{fixed, interval, number, percent, pieces};
+use super::format::{fixed, interval, number, percent};
 use super::html::escape;
 use super::input::{Made, ReportError};
 use super::left_out::share;
@@ -13,9 +13,11 @@ use super::made::made;
 use super::{figures, page};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::compare::tables::Table;
+use depthcal_model::Register;
 
 /// Renders a comparison as one self-contained HTML file. `tables` are the comparison's tables, the ranking first;
-/// `best` is the best model fitted to all training frames, whose correction is shown as maps.
+/// `best` is the best model fitted to all training frames, whose correction is shown as maps; `register` has the
+/// pieces of the models.
 ///
 /// # Errors
 ///
@@ -24,19 +26,20 @@ pub(super) fn render_comparison(
     c: &Comparison,
     tables: &[Table],
     best: Option<&Calibrated>,
+    register: &Register,
     how: &Made,
 ) -> Result<String, ReportError> {
     if c.models.is_empty() {
         return Err(ReportError::Nothing);
     }
     let mut content = Content::default();
-    first_screen(&mut content, c);
-    ranked(&mut content, c);
+    first_screen(&mut content, c, register);
+    ranked(&mut content, c, register);
     if !c.learning_curve.is_empty() {
         let intro = "Fits to some of the frames, evaluated on the others or on the other datasets. Where a line is level, \
                      more captures of this kind do not help.";
         content.open("learning", ["Learning curve", "How many captures does a model need?"], intro);
-        content.grid(&[figures::learning_curve(c)], "one");
+        content.grid(&[figures::learning_curve(c, register)], "one");
         content.close();
     }
     let maps = best.map(figures::correction_maps).unwrap_or_default();
@@ -50,29 +53,24 @@ pub(super) fn render_comparison(
     page::render(&format!("Depth models on {}", c.train), &made(how), &content)
 }
 
-fn first_screen(content: &mut Content, c: &Comparison) {
-    content.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
+fn first_screen(content: &mut Content, c: &Comparison, register: &Register) {
     let mut sentences = c.verdict.iter();
     let first = sentences.next().map_or("", String::as_str);
-    let rest: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
+    let others: String = sentences.map(|s| format!("<p>{}</p>\n", escape(s))).collect();
     let evaluated = if c.verify.is_empty() {
         format!("Evaluated on held-out frames of {}.", escape(&c.train))
     } else {
         format!("Evaluated on {}.", escape(&c.verify.join(", ")))
     };
-    let _ = writeln!(
-        content.body,
-        "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
-         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<div class=\"story\">{rest}<p>{evaluated}</p></div>",
-        escape(first)
-    );
-    let list = [figures::model_ranking(c)];
+    content.open_verdict(&escape(first));
+    let _ = writeln!(content.body, "<div class=\"story\">{others}<p>{evaluated}</p></div>");
+    let list = [figures::model_ranking(c, register)];
     content.picker("error-picker", "Error", &list, 0);
     content.grid(&list, "one");
     content.close();
 }
 
-fn ranked(content: &mut Content, c: &Comparison) {
+fn ranked(content: &mut Content, c: &Comparison, register: &Register) {
     let intro = "Errors on held-out data with 95 % intervals from resampled frames, best model first. Effective parameters: \
                  how many of the parameters the data determine, rather than the prior. AIC and BIC assume independent \
                  pixels, which they are not, and therefore favour models with many parameters.";
@@ -91,7 +89,7 @@ fn ranked(content: &mut Content, c: &Comparison) {
     };
     let mut rows = String::new();
     for m in &c.models {
-        let name = escape(&pieces(&m.model));
+        let name = escape(&register.model_words(&m.model));
         if let Some(reason) = &m.failed {
             let _ = writeln!(
                 rows,
@@ -129,7 +127,7 @@ fn ranked(content: &mut Content, c: &Comparison) {
         .models
         .iter()
         .filter(|m| m.not_correctable > 0.0)
-        .map(|m| format!("{} ({})", pieces(&m.model), percent(100.0 * m.not_correctable)))
+        .map(|m| format!("{} ({})", register.model_words(&m.model), percent(100.0 * m.not_correctable)))
         .collect();
     if !refused.is_empty() {
         let _ = writeln!(

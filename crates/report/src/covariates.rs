@@ -1,6 +1,6 @@
 //! Quantities that a depth error may depend on, and the image as a grid.
 
-use super::input::ReportInput;
+use super::input::ReportCamera;
 use super::pool::Pool;
 use depthcal_calibration::judge::depth_errors::PixelError;
 
@@ -18,13 +18,13 @@ pub(super) struct Image {
 
 impl Image {
     /// From the calibrated camera; without one, from the pixels of the evaluated frames.
-    pub(super) fn of(input: &ReportInput<'_>) -> Self {
-        if let Some(c) = input.calibrated {
+    pub(super) fn of(camera: &ReportCamera<'_>) -> Self {
+        if let Some(c) = camera.calibrated {
             let [_, _, cx, cy, _] = c.camera.pinhole();
             let (width, height) = (c.camera.width as f64, c.camera.height as f64);
             return Self { width, height, centre: [cx, cy] };
         }
-        let pool = Pool::of(input, |_| true);
+        let pool = Pool::of(camera, |_| true);
         let markers = pool.frames.iter().flat_map(|f| f.frame.reprojection.iter().map(|e| [e[0], e[1]]));
         let seen =
             markers.chain(pool.pixels().map(|p| p.context.pixel)).filter(|p| p[0].is_finite() && p[1].is_finite());

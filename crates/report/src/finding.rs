@@ -2,14 +2,29 @@
 
 use super::binned::Structure;
 
-/// The `over` of a finding about whole frames.
-pub(super) const WHOLE_FRAMES: &str = "whole frames";
+/// The data over which an error is systematic.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Over {
+    /// Frames, each of which is off as a whole.
+    WholeFrames,
+    /// A quantity that the errors were binned over: `the position in the image`, `the distance`.
+    Quantity(String),
+}
+
+impl std::fmt::Display for Over {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::WholeFrames => f.write_str("whole frames"),
+            Self::Quantity(words) => f.write_str(words),
+        }
+    }
+}
 
 /// The outcome of one test for a systematic error.
 #[derive(Debug, Clone)]
 pub(super) struct Finding {
-    /// The quantity that the errors were binned over: `the position in the image`, `the distance`.
-    pub over: String,
+    /// The data over which it was tested.
+    pub over: Over,
     /// Size and significance.
     pub structure: Structure,
     /// Where it is largest and the error there, in words.

@@ -3,8 +3,6 @@
 //! Records keep full precision; nothing here is meant to be parsed. Decimal numbers have a true minus sign (−); numbers in
 //! e-notation are ASCII throughout.
 
-use depthcal_model::{Of, On};
-
 /// Shown for a number that does not exist.
 const NONE: &str = "–";
 /// p-values below this are shown as a bound: the approximations behind them hold no further.
@@ -40,6 +38,11 @@ pub fn number(value: f64) -> String {
 pub fn quantity(value: f64, unit: &str) -> String {
     let text = number(value);
     if value.is_finite() && !unit.is_empty() { format!("{text} {unit}") } else { text }
+}
+
+/// A unit of the model or of a record as it is shown: that of numbers without a unit, `1`, is empty.
+pub fn shown_unit(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
 }
 
 /// [`number`] with a plus or minus sign; zero has none.
@@ -182,42 +185,6 @@ pub fn capital(text: &str) -> String {
     chars.next().map_or(String::new(), |c| c.to_uppercase().collect::<String>() + chars.as_str())
 }
 
-/// A piece or a stack of pieces as people read it: constants have three significant digits and a unit.
-///
-/// ```
-/// use depthcal_report::format::pieces;
-/// let shown = pieces("projective:xw+cyclic_depth@period_mm=299.90356313997415");
-/// assert_eq!(shown, "projective:xw + cyclic_depth (period 300 mm)");
-/// ```
-pub fn pieces(specification: &str) -> String {
-    specification.split('+').map(piece).collect::<Vec<_>>().join(" + ")
-}
-
-fn piece(specification: &str) -> String {
-    let mut parts = specification.split('@');
-    let name = parts.next().unwrap_or_default();
-    let constants: Vec<String> = parts
-        .map(|part| match part.split_once('=') {
-            Some(("of", place)) => place.parse().map_or_else(|_| part.to_owned(), |of: Of| of.words().to_owned()),
-            Some(("on", form)) => form.parse().map_or_else(|_| part.to_owned(), |on: On| on.words().to_owned()),
-            Some((key, value)) => value.parse().map_or_else(|_| part.to_owned(), |value| constant(key, value)),
-            None => part.to_owned(),
-        })
-        .collect();
-    if constants.is_empty() { name.to_owned() } else { format!("{name} ({})", constants.join(", ")) }
-}
-
-/// A constant of a piece, whose unit is the end of its name: `period_mm`, 299.9036 → `period 300 mm`.
-pub fn constant(name: &str, value: f64) -> String {
-    const UNITS: [(&str, &str); 5] = [("_per_mm", "1/mm"), ("_mm", "mm"), ("_px", "px"), ("_s", "s"), ("_c", "°C")];
-    let value = significant(value, 3);
-    let unit = UNITS.iter().find_map(|(end, unit)| Some((name.strip_suffix(end)?, unit)));
-    match unit {
-        Some((name, unit)) => format!("{} {value} {unit}", name.replace('_', " ")),
-        None => format!("{} {value}", name.replace('_', " ")),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -264,14 +231,6 @@ mod tests {
             ["0.500", "0.012", "3e-7", "< 1e-16", "< 1e-16", "–"]
         );
         assert_eq!((p_equals(0.5), p_equals(0.0)), ("p = 0.500".into(), "p < 1e-16".into()));
-    }
-
-    #[test]
-    fn pieces_have_constants_with_units() {
-        assert_eq!(pieces("bspline@columns=16@rows=12"), "bspline (columns 16, rows 12)");
-        assert_eq!(pieces("disparity_ripple@period_per_mm=0.00012345"), "disparity_ripple (period 1.23e-4 1/mm)");
-        assert_eq!(pieces("temporal_drift@tau_s=90"), "temporal_drift (tau 90 s)");
-        assert_eq!(pieces("projective"), "projective");
     }
 
     #[test]

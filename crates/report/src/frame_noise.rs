@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, SMatrix, SVector, Vector3};
 
 use super::binned::Structure;
-use super::finding::{Finding, WHOLE_FRAMES};
+use super::finding::{Finding, Over};
 use super::format::{number, signed};
 use super::pool::{Pool, Pooled, usable};
 use super::statistics::rms;
@@ -76,7 +76,7 @@ pub(super) fn offsets(c: &Calibrated, pool: &Pool<'_>, fewest: usize) -> Option<
     let off = rms(list.iter().map(|o| o.value));
     let worst = list.iter().max_by(|a, b| (a.value / a.allowed).abs().total_cmp(&(b.value / b.allowed).abs()))?;
     Some(Finding {
-        over: WHOLE_FRAMES.to_owned(),
+        over: Over::WholeFrames,
         structure: Structure {
             p_value: chi_squared_tail(ratio * n, list.len()),
             size_mm: (off.powi(2) - allowed.powi(2)).max(0.0).sqrt(),

@@ -1,7 +1,7 @@
 //! The verdict of a report without a diagnosis: one sentence about the errors before and after correction.
 
 use super::format::{self, count, number};
-use super::input::{ReportInput, Role};
+use super::input::{ReportCamera, Role};
 use super::pool::Pool;
 use super::statistics::Change;
 use depthcal_statistics::Estimate;
@@ -40,8 +40,8 @@ fn whose(role: Role) -> &'static str {
 }
 
 /// The sentence, about held-out frames where there are any.
-pub(super) fn sentence(input: &ReportInput<'_>) -> String {
-    let (pool, role) = Pool::headline(input);
+pub(super) fn sentence(camera: &ReportCamera<'_>) -> String {
+    let (pool, role) = Pool::headline(camera);
     let what = whose(role);
     if let Some(change) = pool.depth_rms() {
         let (before, after) = (number(change.before.value), number(change.after.value));
@@ -68,7 +68,7 @@ pub(super) fn sentence(input: &ReportInput<'_>) -> String {
             number(e.value)
         );
     }
-    match input.calibrated {
+    match camera.calibrated {
         Some(c) => format!(
             "A camera was fitted to {} with a reprojection error of {} px rms, but it was not evaluated on any frame.",
             count(c.capture.frames.len(), "frame"),

@@ -1,6 +1,8 @@
-//! What a report is made from, and why there may be none.
+//! The input of a report, and the reasons why there may be none.
 
-pub use depthcal_calibration::task::{Made, ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
+pub use depthcal_calibration::task::{
+    Made, ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role,
+};
 use thiserror::Error;
 
 /// Why there is no report.

@@ -5,11 +5,11 @@
 
 use super::binned::{Axis, Binned, smooth, smooth_over};
 use super::covariates::{BINS, Image, all};
-use super::finding::{Finding, WHOLE_FRAMES};
+use super::finding::{Finding, Over};
 use super::format::join;
 use super::format::{count, number, signed};
 use super::frame_noise::offsets;
-use super::input::{ReportInput, Role};
+use super::input::{ReportCamera, Role};
 use super::pool::Pool;
 use depthcal_calibration::judge::depth_errors::PixelError;
 
@@ -45,27 +45,27 @@ pub(super) struct Leftover {
 }
 
 /// Noise of a depth pixel in mm, from the calibration's noise law; 1 where there is none.
-pub(super) fn noise_mm(input: &ReportInput<'_>) -> impl Fn(&PixelError) -> f64 + Copy {
-    let noise = input.calibrated.filter(|c| c.with_depth).map(|c| c.noise.depth);
+pub(super) fn noise_mm(camera: &ReportCamera<'_>) -> impl Fn(&PixelError) -> f64 + Copy {
+    let noise = camera.calibrated.filter(|c| c.with_depth).map(|c| c.noise.depth);
     move |p| noise.map_or(1.0, |n| n.sigma(1.0 / p.board_depth_mm) * p.board_depth_mm.powi(2))
 }
 
 /// The frames of tests and maps: held-out ones where there are enough of them.
-pub(super) fn tested_frames<'a>(input: &ReportInput<'a>) -> Pool<'a> {
-    let held_out = Pool::of(input, |r| r != Role::Fitted);
-    if held_out.frames.len() >= ENOUGH_HELD_OUT { held_out } else { Pool::of(input, |_| true) }
+pub(super) fn tested_frames<'a>(camera: &ReportCamera<'a>) -> Pool<'a> {
+    let held_out = Pool::of(camera, |r| r != Role::Fitted);
+    if held_out.frames.len() >= ENOUGH_HELD_OUT { held_out } else { Pool::of(camera, |_| true) }
 }
 
 impl Leftover {
     /// Runs all tests; `None` without depth, or with too few frames.
-    pub(super) fn of(input: &ReportInput<'_>, image: &Image) -> Option<Self> {
-        let pool = tested_frames(input);
+    pub(super) fn of(camera: &ReportCamera<'_>, image: &Image) -> Option<Self> {
+        let pool = tested_frames(camera);
         let frames = pool.frames.iter().filter(|f| !f.frame.pixels.is_empty()).count();
         if frames < FEWEST_FRAMES {
             return None;
         }
         let total = pool.depth_rms()?.after.value;
-        let sigma = noise_mm(input);
+        let sigma = noise_mm(camera);
         let after = |p: &PixelError| p.after_mm;
         let mut findings = Vec::new();
 
@@ -91,7 +91,7 @@ impl Leftover {
             let basis = smooth(BINS, ORDER);
             findings.push(finding(&format!("the {}", covariate.name), &binned, &basis, place));
         }
-        findings.extend(input.calibrated.and_then(|c| offsets(c, &pool, FEWEST_FRAMES)));
+        findings.extend(camera.calibrated.and_then(|c| offsets(c, &pool, FEWEST_FRAMES)));
         let level = FALSE_ALARM / findings.len() as f64;
         for f in &mut findings {
             f.found = f.structure.p_value < level && f.structure.size_mm > WORTH * total;
@@ -139,10 +139,10 @@ impl Leftover {
             };
         };
         // A pattern says more about the cause than frames that are off as a whole.
-        let first = found.iter().find(|f| f.over != WHOLE_FRAMES).unwrap_or(first);
+        let first = found.iter().find(|f| f.over != Over::WholeFrames).unwrap_or(first);
         let size = number(first.structure.size_mm);
-        if first.over == WHOLE_FRAMES {
-            let patterns = self.findings.iter().filter(|f| f.over != WHOLE_FRAMES);
+        if first.over == Over::WholeFrames {
+            let patterns = self.findings.iter().filter(|f| f.over != Over::WholeFrames);
             let likely = patterns.min_by(|a, b| a.structure.p_value.total_cmp(&b.structure.p_value));
             let follows = match likely.filter(|f| f.structure.p_value < FALSE_ALARM) {
                 Some(f) => format!("It depends most on {}, but not significantly.", f.over),
@@ -158,7 +158,7 @@ impl Leftover {
             "Something is left that this model does not describe: a systematic error of {size} mm rms over {}, largest {}.",
             first.over, first.worst
         );
-        let others = || found.iter().filter(|f| f.over != first.over && f.over != WHOLE_FRAMES);
+        let others = || found.iter().filter(|f| f.over != first.over && f.over != Over::WholeFrames);
         if others().next().is_some() {
             let others: Vec<String> =
                 others().map(|f| format!("{} ({} mm rms)", f.over, number(f.structure.size_mm))).collect();
@@ -182,7 +182,7 @@ fn finding(over: &str, binned: &Binned, basis: &[Vec<f64>], place: impl Fn(usize
         format!("{}: {} ± {} mm, {side}", place(i), signed(c.value), number(c.half))
     });
     Finding {
-        over: over.to_owned(),
+        over: Over::Quantity(over.to_owned()),
         structure: binned.structure(basis),
         worst: worst.unwrap_or_else(|| "at no single place".to_owned()),
         found: false,

@@ -2,7 +2,8 @@
 //! frames; how certain these numbers are; and whether the calibration may be trusted.
 //!
 //! - [`SavedResults`] writes the files of a task's results with their report, [`report_of`] makes the report alone.
-//! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]), of one camera or of a rig.
+//! - [`render`] makes the report of a calibration, an evaluation or a diagnosis ([`ReportInput`]), of any
+//!   number of cameras.
 //! - [`FleetResults`] has the files and the report of a fleet, [`fleet_text`] words it for a terminal.
 //! - [`fit_sentences`] says what a reader of a fit has to know before its numbers; [`prior_sentences`], of these, what the prior
 //!   of a fleet did to a fit.
@@ -20,7 +21,8 @@
 //!
 //! # Where things are
 //!
-//! `sections` and `comparison` put a page together out of tables and figures (one file per kind in `figures/`);
+//! `render` puts a page together: `rig` for what several cameras have in common, `sections` for every camera; `comparison` and
+//! `fleet` make the pages of their own. Tables and figures (one file per kind in `figures/`) are built by these;
 //! `diagnosis/` words a diagnosis; `leftover` tests what is left after correction; `statistics` has quantiles, tails and
 //! resampling.
 
@@ -54,6 +56,7 @@ mod render;
 pub mod rerun;
 mod results;
 mod rig;
+mod scope;
 mod sections;
 mod statistics;
 mod tables;
@@ -64,7 +67,7 @@ pub use effect_files::effect_files;
 pub use fit_sentences::fit_sentences;
 pub use fleet::{FleetResults, fleet_text};
 pub use formula_plot::formula_plot;
-pub use input::{Made, ReportDataset, ReportDiagnosis, ReportError, ReportInput, ReportRig, Role};
+pub use input::{Made, ReportCamera, ReportDataset, ReportDiagnosis, ReportError, ReportInput, ReportRig, Role};
 pub use prior::prior_sentences;
 pub use render::render;
 pub use results::{SaveError, SavedResults, report_of};

@@ -1,6 +1,15 @@
-//! Names of effects and free functions in words.
+//! Models, effects and free functions in words.
 
+use depthcal_calibration::calibrate::Calibrated;
 use depthcal_model::Register;
+
+/// The depth model of a calibration in words: its pieces with the constants that they were given.
+pub(super) fn model_words(c: &Calibrated) -> String {
+    let piece = |name: &str| c.camera.blocks().iter().find(|block| block.name() == name)?.piece();
+    let words = c.model.pieces.iter().map(|spec| spec.words(piece(&spec.name).map(|piece| piece.as_ref())));
+    let words: Vec<String> = words.collect();
+    if words.is_empty() { c.model.to_string() } else { words.join(" + ") }
+}
 
 /// The meaning of a parameter of a piece; `None` where the register does not know it. Nodes of fields, `a[3,4]`, have the
 /// meaning of their field.
@@ -14,21 +23,4 @@ pub(super) fn meaning(register: &Register, piece: &str, parameter: &str) -> Opti
 /// What an effect is, in plain words that follow a name and a colon.
 pub(super) fn summary(register: &Register, effect: &str) -> &'static str {
     register.find(effect).map(|piece| piece.summary()).filter(|s| !s.is_empty()).unwrap_or("an effect of your own")
-}
-
-/// The quantity that a free function of the diagnosis depends on.
-pub(super) fn free_function(name: &str) -> &str {
-    match name {
-        "map" | "free_map" => "the position in the image",
-        "map of depth" => "the position in the image (in depth)",
-        "columns" => "the image column",
-        "rows" => "the image row",
-        "board" => "the position on the board",
-        "depth" => "the distance",
-        "amplitude" => "the infrared amplitude",
-        "incidence" => "the angle of incidence",
-        "time" => "the time",
-        "temperature" => "the temperature",
-        other => other,
-    }
 }

@@ -1,6 +1,6 @@
 //! Sets of evaluated frames, and their errors with intervals.
 
-use super::input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
+use super::input::{ReportCamera, ReportDataset, ReportDiagnosis, Role};
 use super::statistics::{Change, Kind, Total, change, estimate};
 use depthcal_calibration::judge::depth_errors::{PixelError, Sums};
 use depthcal_calibration::judge::evaluate::{EvaluatedFrame, outliers};
@@ -33,8 +33,8 @@ fn of_dataset<'a>(d: &ReportDataset<'a>) -> impl Iterator<Item = Pooled<'a>> {
 
 impl<'a> Pool<'a> {
     /// Frames of the datasets that `keep` accepts.
-    pub(super) fn of(input: &ReportInput<'a>, keep: impl Fn(Role) -> bool) -> Self {
-        Self { frames: input.evaluations.iter().filter(|d| keep(d.role)).flat_map(of_dataset).collect() }
+    pub(super) fn of(camera: &ReportCamera<'a>, keep: impl Fn(Role) -> bool) -> Self {
+        Self { frames: camera.evaluations.iter().filter(|d| keep(d.role)).flat_map(of_dataset).collect() }
     }
 
     /// Frames of one dataset.
@@ -44,19 +44,19 @@ impl<'a> Pool<'a> {
 
     /// The frames that the headline speaks of, and what they were to the fit: held-out ones, else other captures, else
     /// the fitted ones.
-    pub(super) fn headline(input: &ReportInput<'a>) -> (Self, Role) {
+    pub(super) fn headline(camera: &ReportCamera<'a>) -> (Self, Role) {
         for role in [Role::HeldOut, Role::Other] {
-            let pool = Self::of(input, |r| r == role);
+            let pool = Self::of(camera, |r| r == role);
             if !pool.frames.is_empty() {
                 return (pool, role);
             }
         }
-        (Self::of(input, |_| true), Role::Fitted)
+        (Self::of(camera, |_| true), Role::Fitted)
     }
 
     /// Frames of a diagnosis with their errors under the last model: those that its headline speaks of.
-    pub(super) fn last(input: &ReportInput<'a>) -> Self {
-        Self::headline(input).0
+    pub(super) fn last(camera: &ReportCamera<'a>) -> Self {
+        Self::headline(camera).0
     }
 
     /// The same frames with their errors under the declared model.

@@ -1,10 +1,15 @@
-//! The report of a calibration, an evaluation or a diagnosis, of one camera or of a rig.
+//! The report of a calibration, an evaluation or a diagnosis, of any number of cameras.
 
-use super::input::{ReportError, ReportInput};
+use rayon::prelude::*;
+
+use super::content::Content;
+use super::input::{ReportCamera, ReportError, ReportInput};
 use super::made::made;
+use super::scope::Scope;
 use super::{page, rig, sections};
 
-/// Renders a report as one self-contained HTML file. That of a rig has the sections of its reference camera, and one of the rig.
+/// Renders a report as one self-contained HTML file: what the cameras have in common where there are several, then the sections
+/// of every camera.
 ///
 /// ```
 /// use depthcal_report::{ReportInput, render};
@@ -17,13 +22,24 @@ use super::{page, rig, sections};
 ///
 /// [`ReportError::Nothing`] where there is neither a calibration nor an evaluated frame.
 pub fn render(input: &ReportInput<'_>) -> Result<String, ReportError> {
-    let evaluated = input.evaluations.iter().any(|d| !d.evaluated.frames.is_empty() || !d.evaluated.dropped.is_empty());
-    if input.calibrated.is_none() && !evaluated {
-        return Err(ReportError::Nothing);
-    }
-    let mut content = sections::content(input);
-    if let Some(rig) = &input.rig {
-        content = content.followed_by(rig::content(rig));
-    }
+    let cameras: Vec<&ReportCamera<'_>> = input.cameras.iter().filter(|camera| camera.has_content()).collect();
+    let mut content = match (&input.rig, cameras.as_slice()) {
+        (_, []) => return Err(ReportError::Nothing),
+        (None, [camera]) => sections::content(&Scope::default(), camera, input.story).1,
+        (rig, _) => {
+            let parts = cameras.par_iter().enumerate();
+            let parts: Vec<_> =
+                parts.map(|(i, camera)| sections::content(&Scope::camera(i + 1), camera, &[])).collect();
+            let (summaries, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+            let mut content = Content::default();
+            rig::verdicts(&mut content, &cameras, &summaries, input.story);
+            if let Some(rig) = rig {
+                rig::section(&mut content, rig, &cameras);
+            }
+            let parts = cameras.iter().zip(parts).map(|(camera, part)| part.below(&camera.name));
+            parts.fold(content, Content::followed_by)
+        }
+    };
+    sections::reading(&mut content);
     page::render(&input.title, &made(&input.made), &content)
 }

@@ -36,7 +36,9 @@ pub enum SaveError {
 pub fn report_of(results: &dyn Results, made: &Made) -> Result<String, ReportError> {
     match results.shown(made) {
         Shown::Cameras(input) => render(&input),
-        Shown::Comparison { comparison, best, made } => render_comparison(comparison, &tables(comparison), best, &made),
+        Shown::Comparison { comparison, best, register, made } => {
+            render_comparison(comparison, &tables(comparison), best, register, &made)
+        }
         Shown::Fleet { fleet, prior, made } => render_fleet(fleet, prior, &made),
     }
 }

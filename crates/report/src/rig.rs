@@ -1,44 +1,51 @@
-//! The section of a rig: extrinsics of its cameras, what they share, and how well one meets the other.
+//! The sections of a rig: the verdict on every camera; extrinsics, shared frames and transfer errors.
 
 use std::fmt::Write;
 
 use depthcal_calibration::judge::transfer::Transfer;
-use depthcal_io::{DiagnosedCamera, Diagnosis, TransferError};
+use depthcal_io::TransferError;
 use nalgebra::Isometry3;
 
 use super::content::Content;
-use super::diagnosis::verdict_sentence;
 use super::figures::{rig_in_space, transfer_by_distance, transfer_over_image};
-use super::format::{count, number};
-use super::html::escape;
-use super::input::ReportRig;
+use super::format::{count, join, number};
+use super::html::{escape, tie};
+use super::input::{ReportCamera, ReportRig};
+use super::scope::Scope;
+use super::sections::Summary;
 
-/// The verdicts of a rig's cameras in a sentence each, which introduce the report of its diagnosis.
-pub(super) fn rig_sentences(diagnosis: &Diagnosis) -> Vec<String> {
-    let sentence = |camera: &DiagnosedCamera| {
-        let (name, verdict) = (&camera.camera, verdict_sentence(&camera.diagnosis));
-        format!("{name}: {verdict} (its own report is in the folder {name}).")
-    };
-    diagnosis.cameras.iter().map(sentence).collect()
+/// The first screen of several cameras: the verdict on each, with a link to its sections.
+pub(super) fn verdicts(page: &mut Content, cameras: &[&ReportCamera<'_>], summaries: &[Summary], story: &[String]) {
+    let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+    page.open_verdict(&escape(&format!("{}: {}", count(names.len(), "camera"), join(&names))));
+    let story: String = story.iter().map(|s| format!("<p>{}</p>\n", escape(s))).collect();
+    if !story.is_empty() {
+        page.body += &format!("<div class=\"story\">{story}</div>\n");
+    }
+    let rows = names.iter().zip(summaries).enumerate().map(|(i, (name, summary))| {
+        format!(
+            "<li class=\"{level}\"><span class=\"mark\" aria-hidden=\"true\"></span><span class=\"visually-hidden\">{level}: \
+             </span><b><a href=\"#{link}\">{name}</a></b> {sentence} {outcome}.</li>\n",
+            level = summary.level.name(),
+            link = Scope::camera(i + 1).id("all"),
+            name = escape(name),
+            sentence = tie(&escape(&summary.sentence)),
+            outcome = escape(&summary.outcome),
+        )
+    });
+    page.body += &format!("<ul class=\"checks\">{}</ul>\n", rows.collect::<String>());
+    page.close();
 }
 
 /// The section of a rig.
-pub(super) fn content(rig: &ReportRig<'_>) -> Content {
-    let mut content = Content::default();
-    section(&mut content, rig);
-    content
-}
-
-fn section(page: &mut Content, rig: &ReportRig<'_>) {
+pub(super) fn section(page: &mut Content, rig: &ReportRig<'_>, cameras: &[&ReportCamera<'_>]) {
     let reference = rig.cameras.first().map_or("", |c| c.name.as_str());
     let intro = format!(
-        "The sections above are those of the reference camera, {}. Extrinsics map the frame of the rig, which is that of the reference, to each \
-         camera's own.",
+        "Extrinsics map the frame of the rig, which is that of the reference camera, {}, to each camera's own.",
         escape(reference)
     );
     page.open("rig", ["Rig", "The rig: extrinsics, overlaps and transfer errors"], &intro);
     page.body += &extrinsics(rig);
-    page.body += &not_used(rig, reference);
     let frames = rig.record.frames.iter().map(|f| {
         let [w, x, y, z] = f.rotation;
         let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
@@ -46,7 +53,7 @@ fn section(page: &mut Content, rig: &ReportRig<'_>) {
     });
     let frames: Vec<Isometry3<f64>> = frames.collect();
     page.grid(&[rig_in_space(&rig.cameras, &frames, &rig.record.target.points())], "one");
-    page.body += &overlaps(rig);
+    page.body += &overlaps(cameras);
     let transfers: Vec<(String, &Transfer)> =
         rig.evaluated.iter().flat_map(|e| e.transfers.iter().map(|t| (e.name.clone(), t))).collect();
     if transfers.is_empty() {
@@ -94,36 +101,18 @@ fn extrinsics(rig: &ReportRig<'_>) -> String {
     table("Extrinsics of the cameras, with standard deviations; rotations are rotation vectors", &head, &rows)
 }
 
-/// Frames that a camera other than the reference, whose sections list its own, could not use. Their names in the record are
-/// CAMERA/FRAME.
-fn not_used(rig: &ReportRig<'_>, reference: &str) -> String {
-    let named = rig.record.fit.frames_dropped.iter().filter_map(|d| Some((d.name.split_once('/')?, &d.reason)));
-    let of_others: Vec<_> = named.filter(|((camera, _), _)| *camera != reference).collect();
-    if of_others.is_empty() {
-        return String::new();
-    }
+/// Numbers of frames in which pairs of cameras saw the board, on the first dataset.
+fn overlaps(cameras: &[&ReportCamera<'_>]) -> String {
+    let evaluated = cameras.iter().filter_map(|c| Some((escape(&c.name), c.evaluations.first()?.evaluated)));
+    let evaluated: Vec<_> = evaluated.collect();
     let mut rows = String::new();
-    for ((camera, frame), reason) in &of_others {
-        let [camera, frame, reason] = [*camera, *frame, reason.as_str()].map(escape);
-        let _ = writeln!(rows, "<tr><th scope=\"row\">{camera}</th><td>{frame}</td><td>{reason}</td></tr>");
-    }
-    let caption = format!("{} of other cameras not used", count(of_others.len(), "frame"));
-    table(&caption, &["camera", "frame", "reason"], &rows)
-}
-
-fn overlaps(rig: &ReportRig<'_>) -> String {
-    let Some(fitted) = rig.evaluated.first() else { return String::new() };
-    let mut rows = String::new();
-    for (i, a) in fitted.cameras.iter().enumerate() {
-        for b in &fitted.cameras[i + 1..] {
+    for (i, (first, a)) in evaluated.iter().enumerate() {
+        for (second, b) in &evaluated[i + 1..] {
             let both = a.frames.iter().filter(|f| b.frames.iter().any(|g| g.name == f.name)).count();
-            let short = |name: &str| escape(name.rsplit('/').next().unwrap_or(name));
+            let [in_first, in_second] = [a, b].map(|camera| camera.frames.len());
             let _ = writeln!(
                 rows,
-                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{both}</td></tr>",
-                format_args!("{} and {}", short(&a.name), short(&b.name)),
-                a.frames.len(),
-                b.frames.len()
+                "<tr><th scope=\"row\">{first} and {second}</th><td>{in_first}</td><td>{in_second}</td><td>{both}</td></tr>"
             );
         }
     }

@@ -1,7 +1,8 @@
-//! The sections of a report, from top to bottom.
+//! The sections of one camera, from top to bottom.
 
 use rayon::prelude::*;
 
+use super::checks::{Check, Level};
 use super::content::{Content, Section};
 use super::covariates::{Image, all};
 use super::diagnosis::sentences::left_over;
@@ -9,98 +10,118 @@ use super::figures::{self, Figure};
 use super::fit_sentences::fit_sentences;
 use super::format::{count, number, p_value};
 use super::html::{escape, tie};
-use super::input::{ReportDiagnosis, ReportInput, Role};
+use super::input::{ReportCamera, ReportDiagnosis, Role};
 use super::leftover::{Leftover, tested_frames};
-use super::rig::rig_sentences;
+use super::scope::Scope;
 use super::uncertainty::Uncertainty;
 use super::{checks, diagnosis, headline, tables};
 
 /// Failed checks that the first screen shows.
 const DOUBTS: usize = 3;
 
-/// Builds all sections. None needs what another one draws, so they are drawn side by side.
-pub(super) fn content(input: &ReportInput<'_>) -> Content {
-    let image = &Image::of(input);
-    let (judged, others) = rayon::join(|| judged(input, image), || Content::of(&others(input, image)));
-    judged.followed_by(others)
+/// The verdict on one camera.
+#[derive(Debug, Clone)]
+pub(super) struct Summary {
+    /// The outcome of its checks, of a diagnosis that of its verdict.
+    pub level: Level,
+    /// The outcome in a few words.
+    pub outcome: String,
+    /// Its errors in a sentence.
+    pub sentence: String,
+}
+
+impl Summary {
+    fn of(camera: &ReportCamera<'_>, checks: &[Check]) -> Self {
+        let ((level, outcome), sentence) = match &camera.diagnosis {
+            Some(d) => (diagnosis::pill(d), diagnosis::sentence(camera, d)),
+            None => (checks::overall(checks), headline::sentence(camera)),
+        };
+        Self { level, outcome, sentence }
+    }
+}
+
+/// Builds all sections of a camera, which `story` introduces. None needs what another one draws, so they are drawn side by side.
+pub(super) fn content(scope: &Scope, camera: &ReportCamera<'_>, story: &[String]) -> (Summary, Content) {
+    let image = &Image::of(camera);
+    let ((summary, judged), others) =
+        rayon::join(|| judged(scope, camera, image, story), || Content::of(scope, &others(camera, image)));
+    (summary, judged.followed_by(others))
 }
 
 /// The sections that tell what is left after correction, and whether the result may be trusted.
-fn judged(input: &ReportInput<'_>, image: &Image) -> Content {
-    let leftover = Leftover::of(input, image);
-    let checks = checks::checks(input, image, leftover.as_ref());
+fn judged(scope: &Scope, camera: &ReportCamera<'_>, image: &Image, story: &[String]) -> (Summary, Content) {
+    let leftover = Leftover::of(camera, image);
+    let checks = checks::checks(camera, image, leftover.as_ref());
+    let summary = Summary::of(camera, &checks);
     let (leftover, checks) = (leftover.as_ref(), checks.as_slice());
     let coverage = checks::coverage_gaps(checks);
     let coverage = coverage.as_slice();
-    let sections: Vec<Section<'_>> = match &input.diagnosis {
+    let sections: Vec<Section<'_>> = match &camera.diagnosis {
         Some(d) => vec![
-            Box::new(|page| diagnosis_screen(page, input, d, coverage)),
-            Box::new(|page| left_by_model(page, input, d, image, leftover)),
-            Box::new(|page| trends_by_model(page, input, d, image)),
-            Box::new(|page| single_frames(page, figures::differences_by_model(input, d))),
-            Box::new(|page| excluded(page, input, d)),
+            Box::new(|page| diagnosis_screen(page, camera, d, coverage, &summary, story)),
+            Box::new(|page| left_by_model(page, camera, d, image, leftover)),
+            Box::new(|page| trends_by_model(page, camera, d, image)),
+            Box::new(|page| single_frames(page, figures::differences_by_model(camera, d))),
+            Box::new(|page| excluded(page, camera, d)),
             Box::new(|page| tested(page, d)),
             Box::new(|page| next(page, d, coverage)),
             Box::new(|page| trust(page, checks)),
         ],
         None => vec![
-            Box::new(|page| first_screen(page, input, checks)),
+            Box::new(|page| first_screen(page, camera, checks, &summary, story)),
             Box::new(|page| trust(page, checks)),
-            Box::new(|page| left(page, input, image, leftover)),
+            Box::new(|page| left(page, camera, image, leftover)),
         ],
     };
-    Content::of(&sections)
+    let content = Content::of(scope, &sections);
+    drop(sections);
+    (summary, content)
 }
 
 /// All other sections.
-fn others<'a>(input: &'a ReportInput<'a>, image: &'a Image) -> Vec<Section<'a>> {
+fn others<'a>(camera: &'a ReportCamera<'a>, image: &'a Image) -> Vec<Section<'a>> {
     let mut sections: Vec<Section<'a>> = Vec::new();
-    if input.diagnosis.is_none() {
-        sections.push(Box::new(|page| single_frames(page, figures::differences(input))));
-        sections.push(Box::new(|page| against(page, input, image)));
+    if camera.diagnosis.is_none() {
+        sections.push(Box::new(|page| single_frames(page, figures::differences(camera))));
+        sections.push(Box::new(|page| against(page, camera, image)));
     }
-    sections.push(Box::new(|page| per_frame(page, input)));
-    sections.push(Box::new(|page| volume(page, input, image)));
-    sections.push(Box::new(|page| camera(page, input)));
+    sections.push(Box::new(|page| per_frame(page, camera)));
+    sections.push(Box::new(|page| volume(page, camera, image)));
+    sections.push(Box::new(|page| parameters(page, camera)));
     sections.push(Box::new(|page| {
         page.open("dropped", ["Not used", "Frames that were not used"], "");
-        page.body += &tables::dropped_table(input);
+        page.body += &tables::dropped_table(camera);
         page.close();
-        reading(page);
     }));
     sections
 }
 
-/// Sentences that introduce the report.
-fn story(input: &ReportInput<'_>) -> String {
-    let of_rig = input.rig.as_ref().and_then(|rig| rig.diagnosis).map(rig_sentences);
-    let of_fit = || match (&input.diagnosis, input.calibrated) {
+/// The verdict with its outcome, which links to a section, and sentences that introduce the camera.
+fn open_verdict(page: &mut Content, camera: &ReportCamera<'_>, summary: &Summary, more: &str, story: &[String]) {
+    page.open_verdict(&tie(&escape(&summary.sentence)));
+    page.body += &format!(
+        "<p class=\"trust {}\"><a href=\"#{}\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n",
+        summary.level.name(),
+        page.id(more),
+        escape(&summary.outcome),
+    );
+    let fitted = match (&camera.diagnosis, camera.calibrated) {
         (None, Some(calibrated)) => fit_sentences(calibrated),
         _ => Vec::new(),
     };
-    let found = of_rig.unwrap_or_else(of_fit);
-    let story: String = input.story.iter().chain(&found).map(|s| format!("<p>{}</p>\n", escape(s))).collect();
-    if story.is_empty() { story } else { format!("<div class=\"story\">{story}</div>\n") }
+    let story: String = story.iter().chain(&fitted).map(|s| format!("<p>{}</p>\n", escape(s))).collect();
+    if !story.is_empty() {
+        page.body += &format!("<div class=\"story\">{story}</div>\n");
+    }
 }
 
-fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::Check]) {
-    let (level, text) = checks::overall(checks);
-    let story = story(input);
-    page.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
-    page.body += &format!(
-        "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
-         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<p class=\"trust {level}\">\
-         <a href=\"#trust\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n{story}<div \
-         class=\"first\">\n",
-        tie(&escape(&headline::sentence(input))),
-        escape(&text),
-        level = level.name(),
-    );
-    page.body += "<div class=\"panel\">";
-    page.body += &tables::headline(input);
+fn first_screen(page: &mut Content, camera: &ReportCamera<'_>, checks: &[Check], summary: &Summary, story: &[String]) {
+    open_verdict(page, camera, summary, "trust", story);
+    page.body += "<div class=\"first\">\n<div class=\"panel\">";
+    page.body += &tables::headline(camera);
     let doubts: String = checks
         .iter()
-        .filter(|c| c.level != checks::Level::Good)
+        .filter(|c| c.level != Level::Good)
         .take(DOUBTS)
         .map(|c| {
             format!(
@@ -114,7 +135,7 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
         page.body += &format!("<ul class=\"checks doubts\" aria-label=\"To consider\">{doubts}</ul>\n");
     }
     page.body += "</div>\n";
-    if let Some(figure) = figures::headline_bars(input) {
+    if let Some(figure) = figures::headline_bars(camera) {
         page.figure(&figure);
     }
     page.body += "</div>\n";
@@ -122,44 +143,35 @@ fn first_screen(page: &mut Content, input: &ReportInput<'_>, checks: &[checks::C
 }
 
 /// The first screen of a diagnosis: questions with answers, and the steps.
-fn diagnosis_screen(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) {
-    let (level, text) = diagnosis::pill(d);
-    let story = story(input);
-    page.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
-    let rows: String = diagnosis::answers(input, d, coverage)
-        .iter()
-        .map(|a| {
-            format!(
-                "<div><dt><a href=\"#{}\">{}</a></dt><dd>{}</dd></div>\n",
-                a.more,
-                a.question,
-                tie(&escape(&a.answer))
-            )
-        })
-        .collect();
-    page.body += &format!(
-        "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
-         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}</p>\n<p class=\"trust {level}\">\
-         <a href=\"#where\"><span class=\"mark\" aria-hidden=\"true\"></span>{}</a></p>\n{story}<div class=\"first\">\n\
-         <div class=\"panel\"><dl class=\"answers\">{rows}</dl></div>\n",
-        tie(&escape(&diagnosis::sentence(input, d))),
-        escape(&text),
-        level = level.name(),
-    );
-    let list: Vec<Figure> = figures::stage_bars(input, d).into_iter().chain(figures::step_gains(d)).collect();
+fn diagnosis_screen(
+    page: &mut Content,
+    camera: &ReportCamera<'_>,
+    d: &ReportDiagnosis<'_>,
+    coverage: &[String],
+    summary: &Summary,
+    story: &[String],
+) {
+    open_verdict(page, camera, summary, "where", story);
+    let row = |a: &diagnosis::Answer| {
+        let (more, answer) = (page.id(a.more), tie(&escape(&a.answer)));
+        format!("<div><dt><a href=\"#{more}\">{}</a></dt><dd>{answer}</dd></div>\n", a.question)
+    };
+    let rows: String = diagnosis::answers(camera, d, coverage).iter().map(row).collect();
+    page.body += &format!("<div class=\"first\">\n<div class=\"panel\"><dl class=\"answers\">{rows}</dl></div>\n");
+    let list: Vec<Figure> = figures::stage_bars(camera, d).into_iter().chain(figures::step_gains(d)).collect();
     page.grid(&list, "stack");
     page.body += "</div>\n";
     page.close();
     page.open("steps", ["Steps", "What was added, and what it brought"], "");
     page.body += &diagnosis::steps(d);
-    page.body += &format!("<div class=\"panel\">{}</div>\n", tables::headline(input));
+    page.body += &format!("<div class=\"panel\">{}</div>\n", tables::headline(camera));
     page.close();
 }
 
 /// Errors under the declared and under the last model, as maps.
 fn left_by_model(
     page: &mut Content,
-    input: &ReportInput<'_>,
+    camera: &ReportCamera<'_>,
     d: &ReportDiagnosis<'_>,
     image: &Image,
     leftover: Option<&Leftover>,
@@ -168,9 +180,9 @@ fn left_by_model(
         d.record.left_over.iter().map(|s| format!("Left: {}.", escape(&left_over(s)))).collect();
     intro.extend(leftover.map(|l| escape(&l.sentence())));
     page.open("where", ["What is left", "Where was it wrong, and what is left?"], &intro.join(" "));
-    page.grid(&figures::image_maps_by_model(input, d, image), "three");
-    let mut over = figures::board_maps_by_model(input, d);
-    over.extend(figures::reprojection_field(input, image));
+    page.grid(&figures::image_maps_by_model(camera, d, image), "three");
+    let mut over = figures::board_maps_by_model(camera, d);
+    over.extend(figures::reprojection_field(camera, image));
     page.grid(&over, if over.len() == 3 { "three" } else { "two" });
     if let Some(l) = leftover {
         page.body += &leftover_table(l);
@@ -179,10 +191,10 @@ fn left_by_model(
 }
 
 /// Errors under both models against what they may depend on.
-fn trends_by_model(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, image: &Image) {
-    let taken = figures::Taken::of(input, d);
+fn trends_by_model(page: &mut Content, camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>, image: &Image) {
+    let taken = figures::Taken::of(camera, d);
     let list: Vec<Figure> =
-        all(image).par_iter().filter_map(|c| figures::model_curve(input, d, taken.as_ref(), c)).collect();
+        all(image).par_iter().filter_map(|c| figures::model_curve(camera, d, taken.as_ref(), c)).collect();
     if !list.is_empty() {
         let intro = "Points: mean over the frames of each frame's median error in the bin; whiskers: its 95 % interval. Dotted: \
                      change of the error from the declared to the last model. Where the added effects are the cause, the \
@@ -194,10 +206,10 @@ fn trends_by_model(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagno
 }
 
 /// Frames that were excluded.
-fn excluded(page: &mut Content, input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) {
+fn excluded(page: &mut Content, camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) {
     page.open("outliers", ["Excluded frames", "Frames that were excluded"], "");
     page.body += &diagnosis::frames(d);
-    page.grid(&figures::frames_by_model(input, d).into_iter().collect::<Vec<_>>(), "one");
+    page.grid(&figures::frames_by_model(camera, d).into_iter().collect::<Vec<_>>(), "one");
     page.close();
 }
 
@@ -229,7 +241,7 @@ fn next(page: &mut Content, d: &ReportDiagnosis<'_>, coverage: &[String]) {
     page.close();
 }
 
-fn trust(page: &mut Content, checks: &[checks::Check]) {
+fn trust(page: &mut Content, checks: &[Check]) {
     page.open("trust", ["Trust", "May I trust it?"], "");
     let rows: String = checks
         .iter()
@@ -248,9 +260,9 @@ fn trust(page: &mut Content, checks: &[checks::Check]) {
     page.close();
 }
 
-fn left(page: &mut Content, input: &ReportInput<'_>, image: &Image, leftover: Option<&Leftover>) {
-    let maps = figures::image_maps(input, image);
-    let field = figures::reprojection_field(input, image);
+fn left(page: &mut Content, camera: &ReportCamera<'_>, image: &Image, leftover: Option<&Leftover>) {
+    let maps = figures::image_maps(camera, image);
+    let field = figures::reprojection_field(camera, image);
     if maps.is_empty() && field.is_none() {
         return;
     }
@@ -260,7 +272,7 @@ fn left(page: &mut Content, input: &ReportInput<'_>, image: &Image, leftover: Op
     if let Some(l) = leftover {
         page.body += &leftover_table(l);
     }
-    let image_figures: Vec<Figure> = [field, figures::board_map(input)].into_iter().flatten().collect();
+    let image_figures: Vec<Figure> = [field, figures::board_map(camera)].into_iter().flatten().collect();
     page.grid(&image_figures, "two");
     page.close();
 }
@@ -275,7 +287,7 @@ fn leftover_table(l: &Leftover) -> String {
                 "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td class=\"text \
                  {class}\">{verdict}</td>\
                  <td class=\"text\">{}</td></tr>\n",
-                escape(&f.over),
+                escape(&f.over.to_string()),
                 number(f.structure.size_mm),
                 number(f.structure.hidden_mm),
                 escape(&p_value(f.structure.p_value)),
@@ -310,10 +322,10 @@ fn single_frames(page: &mut Content, list: Vec<Figure>) {
     page.close();
 }
 
-fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
-    let mut list: Vec<Figure> = all(image).par_iter().filter_map(|c| figures::curve(input, c)).collect();
+fn against(page: &mut Content, camera: &ReportCamera<'_>, image: &Image) {
+    let mut list: Vec<Figure> = all(image).par_iter().filter_map(|c| figures::curve(camera, c)).collect();
     let with_depth = !list.is_empty();
-    list.extend(figures::image_trend(input, image));
+    list.extend(figures::image_trend(camera, image));
     if list.is_empty() {
         return;
     }
@@ -321,7 +333,7 @@ fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
         format!(
             "Points: mean over {} of each frame's median error in the bin; whiskers: its 95 % interval. Small dots: single \
              pixels. Under a complete model the blue points agree with zero within their whiskers.",
-            count(tested_frames(input).frames.len(), "frame")
+            count(tested_frames(camera).frames.len(), "frame")
         )
     } else {
         String::new()
@@ -331,26 +343,27 @@ fn against(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     page.close();
 }
 
-fn per_frame(page: &mut Content, input: &ReportInput<'_>) {
+fn per_frame(page: &mut Content, camera: &ReportCamera<'_>) {
     let list: Vec<Figure> =
-        input.evaluations.iter().enumerate().filter_map(|(i, d)| figures::per_frame(d, i)).collect();
-    let datasets = figures::by_dataset(input);
-    if list.is_empty() && datasets.is_empty() && input.evaluations.is_empty() {
+        camera.evaluations.iter().enumerate().filter_map(|(i, d)| figures::per_frame(d, i)).collect();
+    let datasets = figures::by_dataset(camera);
+    if list.is_empty() && datasets.is_empty() && camera.evaluations.is_empty() {
         return;
     }
     page.open("datasets", ["Datasets", "Errors of every dataset and frame"], "");
-    page.body += &tables::datasets(input);
-    page.body += &input.evaluations.iter().map(tables::frames).collect::<String>();
+    page.body += &tables::datasets(camera);
+    page.body += &camera.evaluations.iter().map(tables::frames).collect::<String>();
     page.grid(&datasets, "two");
     page.grid(&list, "one");
     page.close();
 }
 
-fn volume(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
-    let list: Vec<Figure> = [figures::poses(input), figures::coverage(input, image), figures::distance_and_tilt(input)]
-        .into_iter()
-        .flatten()
-        .collect();
+fn volume(page: &mut Content, camera: &ReportCamera<'_>, image: &Image) {
+    let list: Vec<Figure> =
+        [figures::poses(camera), figures::coverage(camera, image), figures::distance_and_tilt(camera)]
+            .into_iter()
+            .flatten()
+            .collect();
     if list.is_empty() {
         return;
     }
@@ -359,10 +372,10 @@ fn volume(page: &mut Content, input: &ReportInput<'_>, image: &Image) {
     page.close();
 }
 
-fn camera(page: &mut Content, input: &ReportInput<'_>) {
-    let Some(c) = input.calibrated else { return };
+fn parameters(page: &mut Content, camera: &ReportCamera<'_>) {
+    let Some(c) = camera.calibrated else { return };
     if let Some(u) = Uncertainty::of(c) {
-        let has_held_out = input.evaluations.iter().any(|d| d.role != Role::Fitted);
+        let has_held_out = camera.evaluations.iter().any(|d| d.role != Role::Fitted);
         let intro = if has_held_out {
             "Standard deviation of corrected depth, propagated from the covariance of the parameters. It assumes that the \
              model is complete: any systematic error that is left (above) comes on top of it."
@@ -383,12 +396,13 @@ fn camera(page: &mut Content, input: &ReportInput<'_>) {
         page.body += &format!("<p class=\"note\">{}</p>\n", escape(confounded));
     }
     page.body += &tables::fit(c);
-    let list: Vec<Figure> = [figures::noise(input), figures::correlation(c)].into_iter().flatten().collect();
+    let list: Vec<Figure> = [figures::noise(camera), figures::correlation(c)].into_iter().flatten().collect();
     page.grid(&list, "two");
     page.close();
 }
 
-fn reading(page: &mut Content) {
+/// Definitions of the numbers.
+pub(super) fn reading(page: &mut Content) {
     page.open("reading", ["Definitions", "How the numbers are defined"], "");
     page.body += include_str!("reading.html");
     page.close();

@@ -2,11 +2,12 @@
 
 use std::fmt::Write;
 
-use super::format::{count, fixed, interval, measured, number, pieces, significant};
+use super::format::{count, fixed, interval, measured, number, shown_unit, significant};
 use super::headline::{Direction, direction};
 use super::html::{escape, tie};
-use super::input::{ReportDataset, ReportInput, Role};
+use super::input::{ReportCamera, ReportDataset, Role};
 use super::left_out;
+use super::parameters::model_words;
 use super::pool::Pool;
 use super::statistics::Change;
 use super::uncertainty::{distances, typical};
@@ -41,8 +42,8 @@ fn row(name: &str, hint: &str, unit: &str, change: Option<Change>) -> String {
 }
 
 /// Errors of the headline's frames, before and after correction.
-pub(super) fn headline(input: &ReportInput<'_>) -> String {
-    let (pool, role) = Pool::headline(input);
+pub(super) fn headline(camera: &ReportCamera<'_>) -> String {
+    let (pool, role) = Pool::headline(camera);
     if pool.frames.is_empty() {
         return String::new();
     }
@@ -64,10 +65,10 @@ pub(super) fn headline(input: &ReportInput<'_>) -> String {
         Role::Fitted => "the frames that the camera was fitted to",
     };
     let left_out = pool.outliers().map_or_else(String::new, |o| {
-        format!("<p class=\"note\" id=\"left-out\">{}</p>\n", tie(&escape(&left_out::sentence(&o))))
+        format!("<p class=\"note left-out\">{}</p>\n", tie(&escape(&left_out::sentence(&o))))
     }) + &match pool.wrong_markers() {
         0 => String::new(),
-        wrong => format!("<p class=\"note\" id=\"wrong-markers\">{}</p>\n", tie(&left_out::markers(wrong))),
+        wrong => format!("<p class=\"note wrong-markers\">{}</p>\n", tie(&left_out::markers(wrong))),
     };
     format!(
         "<table class=\"numbers\"><caption>On {} ({whose}); in small type: 95 % interval</caption><thead><tr><td></td>\
@@ -78,9 +79,9 @@ pub(super) fn headline(input: &ReportInput<'_>) -> String {
 }
 
 /// Errors of every dataset, in the columns of Sjöholm 2017.
-pub(super) fn datasets(input: &ReportInput<'_>) -> String {
+pub(super) fn datasets(camera: &ReportCamera<'_>) -> String {
     let mut rows = String::new();
-    for d in &input.evaluations {
+    for d in &camera.evaluations {
         let r = d.evaluated.record();
         for after in [false, true] {
             let pick = |b: Option<depthcal_io::BeforeAfter<depthcal_io::MeanStd>>| {
@@ -180,7 +181,7 @@ pub(super) fn parameters(c: &Calibrated) -> String {
         for (((parameter, value), free), index) in parameters {
             let std = stds[index];
             let held = if *free { "" } else { " <span class=\"hint\">fixed</span>" };
-            let unit = if parameter.unit == "1" { "" } else { parameter.unit };
+            let unit = shown_unit(parameter.unit);
             let effect = (block.hook() == HookKind::Depth && *free)
                 .then(|| shift(c, &theta, index, parameter.nominal))
                 .flatten()
@@ -241,7 +242,7 @@ pub(super) fn fit(c: &Calibrated) -> String {
         }
     };
     let mut items: Vec<(String, String)> = vec![
-        ("Model".into(), escape(&pieces(&c.model.to_string()))),
+        ("Model".into(), escape(&model_words(c))),
         ("Estimator".into(), c.estimator.name().to_owned()),
         ("Frames".into(), c.capture.frames.len().to_string()),
         ("Markers".into(), markers),
@@ -293,7 +294,7 @@ pub(super) fn fit(c: &Calibrated) -> String {
 }
 
 /// Frames that were not used: dataset, name, reason.
-pub(super) fn dropped(input: &ReportInput<'_>) -> Vec<[String; 3]> {
+pub(super) fn dropped(camera: &ReportCamera<'_>) -> Vec<[String; 3]> {
     let mut list: Vec<[String; 3]> = Vec::new();
     let mut add = |dataset: &str, name: &str, reason: &str| {
         let row = [dataset.to_owned(), name.to_owned(), reason.to_owned()];
@@ -302,18 +303,18 @@ pub(super) fn dropped(input: &ReportInput<'_>) -> Vec<[String; 3]> {
             list.push(row);
         }
     };
-    if let Some(c) = input.calibrated {
+    if let Some(c) = camera.calibrated {
         c.capture.dropped.iter().for_each(|d| add(&c.capture.name, &d.name, &d.reason));
     }
-    for d in &input.evaluations {
+    for d in &camera.evaluations {
         d.evaluated.dropped.iter().for_each(|f| add(&d.evaluated.name, &f.name, &f.reason));
     }
     list
 }
 
 /// Frames that were not used, as a table.
-pub(super) fn dropped_table(input: &ReportInput<'_>) -> String {
-    let list = dropped(input);
+pub(super) fn dropped_table(camera: &ReportCamera<'_>) -> String {
+    let list = dropped(camera);
     if list.is_empty() {
         return "<p>All frames were used.</p>\n".to_owned();
     }

@@ -84,7 +84,7 @@ fn evaluate_variant(
     base: &CalibrateOptions,
 ) -> EvaluatedVariant {
     let mut record = ModelComparison {
-        model: variant.model.to_string(),
+        model: variant.model.clone(),
         lens: variant.lens.clone(),
         estimator: variant.estimator.to_owned(),
         ..ModelComparison::default()

@@ -71,7 +71,7 @@ pub(super) fn learning_curve(train: &Capture, verify: &[Capture], options: &Comp
             let pooled: Vec<Vec<FrameErrors>> =
                 (0..datasets).map(|d| good.iter().flat_map(|g| g[d].iter().cloned()).collect()).collect();
             points.push(LearningPoint {
-                model: model.to_string(),
+                model: model.clone(),
                 frames: size,
                 fits,
                 failed: fits - good.len(),

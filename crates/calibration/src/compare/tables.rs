@@ -30,9 +30,9 @@ pub fn tables(c: &Comparison) -> Vec<Table> {
     let mut all = vec![ranking(c)];
     all.extend(learning(c));
     let of = |model: &str, estimator: &str| {
-        c.variants
-            .iter()
-            .find(|v| v.model == model && v.estimator == estimator && v.lens != "none" && v.failed.is_none())
+        c.variants.iter().find(|v| {
+            v.model.to_string() == model && v.estimator == estimator && v.lens != "none" && v.failed.is_none()
+        })
     };
     for (number, model) in [("6.1", "projective"), ("6.4", "projective:xw")] {
         for estimator in ["nonlinear", "joint"] {
@@ -106,7 +106,7 @@ fn ranking(c: &Comparison) -> Table {
     );
     for m in &c.models {
         if let Some(reason) = &m.failed {
-            let _ = writeln!(text, "{:34} failed: {reason}", m.model);
+            let _ = writeln!(text, "{:34} failed: {reason}", m.model.to_string());
             continue;
         }
         let real = if m.really_worse { "!" } else { " " };
@@ -114,7 +114,7 @@ fn ranking(c: &Comparison) -> Table {
         let _ = writeln!(
             text,
             "{:34} {:>6} {:>9.1}  {:>8} {:>22} {:>22} {:>22} {:>10} {:>21}{real}  {:>9} {:>9}",
-            m.model,
+            m.model.to_string(),
             m.parameters,
             m.effective_parameters,
             cell(m.fit.dot_error_mm),
@@ -142,7 +142,7 @@ fn learning(c: &Comparison) -> Option<Table> {
     sizes.iter().for_each(|n| _ = write!(text, " {n:>8}"));
     text.push('\n');
     for model in &c.models {
-        let _ = write!(text, "{:34}", model.model);
+        let _ = write!(text, "{:34}", model.model.to_string());
         for n in &sizes {
             let point = c.learning_curve.iter().find(|p| p.model == model.model && p.frames == *n);
             let value = point.and_then(|p| p.held_out.dot_error_mm.or(p.held_out.depth_rms_mm));
@@ -188,10 +188,9 @@ fn subset_table(c: &Comparison, of: impl Fn(&ModelComparison) -> Option<[MeanStd
     for (label, lens, model) in rows {
         let _ = write!(text, "{label:32}");
         for estimator in ["nonlinear", "joint"] {
-            let found = c
-                .variants
-                .iter()
-                .find(|v| v.model == model && v.lens == lens && v.estimator == estimator && v.failed.is_none());
+            let found = c.variants.iter().find(|v| {
+                v.model.to_string() == model && v.lens == lens && v.estimator == estimator && v.failed.is_none()
+            });
             let value = |m: MeanStd| format!("{:.1} ({:.1})", m.mean, m.std);
             let cells = found.and_then(&of).map_or(["–".to_owned(), "–".to_owned()], |pair| pair.map(value));
             let _ = write!(text, " {:>14} {:>14}  ", cells[0], cells[1]);

@@ -8,7 +8,7 @@ use depthcal_io::{
     DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisShared, DiagnosisStep,
     DiagnosisUnexplainedOutcome, FileReference,
 };
-use depthcal_model::{Covariate, PieceSpec};
+use depthcal_model::{Covariate, ModelSpec};
 
 use super::bad_frames::{BadFrame, BadFrameReason};
 use super::decision::{Competitor, Decision};
@@ -32,11 +32,11 @@ const LARGEST_RATIO: f64 = 1e3;
 
 /// The record of a diagnosis of a dataset that was fitted with `model`. Its separability is left empty:
 /// [`super::separability::separability`] takes a linearisation of its own.
-pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: &str) -> CameraDiagnosis {
+pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: ModelSpec) -> CameraDiagnosis {
     let rounds: Vec<DiagnosisRound> = diagnosis.rounds.iter().map(round).collect();
     CameraDiagnosis {
         dataset,
-        model: model.to_owned(),
+        model,
         verdict: diagnosis.verdict,
         steps: diagnosis.steps.iter().map(|s| DiagnosisStep { formula: formula(diagnosis, s), ..step(s) }).collect(),
         possible: diagnosis.possible.iter().map(possible).collect(),
@@ -64,6 +64,7 @@ pub(super) fn candidate(evidence: &Evidence, cost: f64) -> DiagnosisCandidate {
     let left = (1.0 - evidence.gain() / cost).max(0.0);
     DiagnosisCandidate {
         effect: evidence.name.clone(),
+        along: evidence.along.map(along),
         p_value: evidence.p_value,
         expected_size_mm: finite(evidence.expected_size_mm),
         minimal_detectable_mm: finite(evidence.minimal_detectable_mm),
@@ -106,7 +107,7 @@ fn step(step: &Step) -> DiagnosisStep {
     DiagnosisStep {
         effects: step.effects.clone(),
         indistinguishable: step.indistinguishable.clone(),
-        with: step.spec.to_string(),
+        with: step.spec.clone(),
         place: step.place,
         places_not_told_apart: step.places_not_told_apart.clone(),
         parameters: step.parameters.clone(),
@@ -151,10 +152,6 @@ fn exchange([covariate, instead]: &[String; 2]) -> DiagnosisExchange {
     DiagnosisExchange { covariate: covariate.clone(), instead: instead.clone() }
 }
 
-fn specs(pieces: &[PieceSpec]) -> Vec<String> {
-    pieces.iter().map(ToString::to_string).collect()
-}
-
 fn decision(round: &Round) -> DiagnosisDecision {
     match &round.decision {
         Decision::Nothing => DiagnosisDecision::Nothing,
@@ -162,14 +159,14 @@ fn decision(round: &Round) -> DiagnosisDecision {
             let found = &round.evidence[*effect];
             DiagnosisDecision::Add {
                 effect: found.name.clone(),
-                spec: found.spec.to_string(),
+                spec: found.spec.clone(),
                 with: round.names(jointly_with),
                 explained_share: *explained,
                 of_frame_planes: (*of_planes < LARGEST_RATIO).then_some(*of_planes),
                 despite_unexplained: *leaves_unexplained,
                 outcome: match &round.outcome {
                     Some(RoundOutcome::Added { effects, removed }) => {
-                        DiagnosisAddOutcome::Added { effects: specs(effects), taken_out: specs(removed) }
+                        DiagnosisAddOutcome::Added { effects: effects.clone(), taken_out: removed.clone() }
                     }
                     Some(RoundOutcome::Negligible { share_of_cost, least_share }) => {
                         DiagnosisAddOutcome::TooSmall { share_of_cost: *share_of_cost, least_share: *least_share }
@@ -192,10 +189,10 @@ fn decision(round: &Round) -> DiagnosisDecision {
             },
             outcome: match &round.outcome {
                 Some(RoundOutcome::TakenOut { effects }) => {
-                    DiagnosisUnexplainedOutcome::TakenOut { effects: specs(effects) }
+                    DiagnosisUnexplainedOutcome::TakenOut { effects: effects.clone() }
                 }
                 Some(RoundOutcome::FreeMapAdded { map }) => {
-                    DiagnosisUnexplainedOutcome::FreeMapAdded { spec: map.to_string() }
+                    DiagnosisUnexplainedOutcome::FreeMapAdded { spec: map.clone() }
                 }
                 Some(RoundOutcome::Negligible { share_of_cost, least_share }) => {
                     DiagnosisUnexplainedOutcome::TooSmall { share_of_cost: *share_of_cost, least_share: *least_share }
@@ -280,7 +277,7 @@ fn pure_noise(found: &PureNoise) -> DiagnosisPureNoise {
 fn possible(found: &Possible) -> DiagnosisPossible {
     DiagnosisPossible {
         effect: found.spec.name.clone(),
-        with: found.spec.to_string(),
+        with: found.spec.clone(),
         gain_percent: found.gain_percent,
         further_frames: found.further_frames,
     }

@@ -10,8 +10,8 @@ use crate::observe::RigCapture;
 /// Errors of a rig on a capture.
 #[derive(Debug, Clone)]
 pub struct EvaluatedRig {
-    /// Errors of every camera with images, as those of one camera alone: poses come from its own images.
-    pub cameras: Vec<Evaluated>,
+    /// Errors of every camera with images and its name, as those of one camera alone: poses come from its own images.
+    pub cameras: Vec<(String, Evaluated)>,
     /// Errors from every camera with depth to every other one with images.
     pub transfers: Vec<Transfer>,
     /// The dataset's name.
@@ -26,7 +26,7 @@ pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig 
         own.has_markers().then_some((placed, own))
     });
     let both: Vec<_> = both.collect();
-    let cameras: Vec<Evaluated> = both
+    let evaluated: Vec<Evaluated> = both
         .iter()
         .map(|(placed, own)| {
             let mut evaluated = evaluate(&placed.camera, &own.capture);
@@ -34,14 +34,26 @@ pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig 
             evaluated
         })
         .collect();
-    let transfers = transfers(&both, &cameras);
+    let transfers = transfers(&both, &evaluated);
+    let cameras = both.iter().map(|(placed, _)| placed.name.clone()).zip(evaluated).collect();
     EvaluatedRig { cameras, transfers, name: capture.name.clone() }
 }
 
 impl EvaluatedRig {
+    /// The errors of one camera on its dataset, as those of a rig of one.
+    pub fn of_camera(camera: &str, evaluated: Evaluated) -> Self {
+        let name = evaluated.name.clone();
+        Self { name, cameras: vec![(camera.to_owned(), evaluated)], transfers: Vec::new() }
+    }
+
+    /// The errors of a camera; `None` where it has no images, or is not part of the capture.
+    pub fn camera(&self, name: &str) -> Option<&Evaluated> {
+        self.cameras.iter().find(|(camera, _)| camera == name).map(|(_, evaluated)| evaluated)
+    }
+
     /// The records of the cameras for `evaluation.json`.
     pub fn records(&self) -> Vec<DatasetEvaluation> {
-        self.cameras.iter().map(Evaluated::record).collect()
+        self.cameras.iter().map(|(_, evaluated)| evaluated.record()).collect()
     }
 
     /// The records of the transfer errors for `evaluation.json`.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use depthcal_io::{Comparison, FileError};
-use depthcal_model::ModelSpec;
+use depthcal_model::{ModelSpec, Register};
 
 use super::error::TaskError;
 use super::made::Made;
@@ -43,6 +43,8 @@ pub struct Compared {
     pub record: Comparison,
     /// The best model, fitted to all frames; `None` where none could be fitted.
     pub best: Option<Calibrated>,
+    /// The pieces that the record names.
+    pub register: Register,
 }
 
 impl CompareRequest {
@@ -111,12 +113,11 @@ impl CompareRequest {
         // Fitted again for its maps in the report: the comparison keeps no cameras.
         let stage = options.calibrate.progress.stage("fitting the best model");
         let best = record.models.first().filter(|model| model.failed.is_none()).and_then(|best| {
-            let model = options.calibrate.register.model_spec(&best.model).ok()?;
-            calibrate(&train, &CalibrateOptions { model, ..options.calibrate.clone() }).ok()
+            calibrate(&train, &CalibrateOptions { model: best.model.clone(), ..options.calibrate.clone() }).ok()
         });
         drop(stage);
         let captures = std::iter::once(train).chain(verify).collect();
-        Ok(Compared { camera: name.to_owned(), captures, record, best })
+        Ok(Compared { camera: name.to_owned(), captures, record, best, register: options.calibrate.register })
     }
 }
 
@@ -138,6 +139,11 @@ impl Results for Compared {
     }
 
     fn shown(&self, made: &Made) -> Shown<'_> {
-        Shown::Comparison { comparison: &self.record, best: self.best.as_ref(), made: made.clone() }
+        Shown::Comparison {
+            comparison: &self.record,
+            best: self.best.as_ref(),
+            register: &self.register,
+            made: made.clone(),
+        }
     }
 }

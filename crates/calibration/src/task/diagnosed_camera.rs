@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use depthcal_formula::{FormulaEffect, FormulaError};
 use depthcal_io::{Calibration, CameraDiagnosis, Evaluation, FileError};
-use depthcal_model::Register;
+use depthcal_model::{ModelSpec, PieceSpec, Register};
 
-use super::evaluated::{evaluation_of, of_camera};
+use super::evaluated::{evaluation_of, extend};
 use super::fit::write_calibration;
 use super::made::Made;
-use super::report_input::{ReportDataset, ReportDiagnosis, ReportInput, Role};
+use super::report_input::{ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, Role};
 use super::results::{Results, Shown};
 use crate::calibration_record::calibration_record;
 use crate::diagnose::Diagnosis;
@@ -18,9 +18,9 @@ use crate::diagnose::record::to_file;
 use crate::diagnose::rig::EffectInRig;
 use crate::diagnose::separability::separability;
 use crate::judge::evaluate::{Evaluated, evaluate};
+use crate::judge::rig::EvaluatedRig;
 use crate::load::{Loaded, LoadedCamera};
 use crate::progress::ProgressHandle;
-use depthcal_model::PieceSpec;
 
 /// What the model of a camera lacks.
 pub struct DiagnosedCamera {
@@ -59,8 +59,8 @@ pub struct CameraInRig {
 }
 
 impl DiagnosedCamera {
-    /// The diagnosis of camera number `camera` of a dataset, whose declared model is `model` in words, with everything that
-    /// follows from it.
+    /// The diagnosis of camera number `camera` of a dataset, whose declared model is `model`, with everything that follows
+    /// from it.
     ///
     /// # Errors
     ///
@@ -68,7 +68,7 @@ impl DiagnosedCamera {
     pub(super) fn new(
         diagnosis: Diagnosis,
         (loaded, camera): (&Arc<Loaded>, usize),
-        model: &str,
+        model: ModelSpec,
         verified: bool,
         register: &Register,
         progress: &ProgressHandle,
@@ -108,10 +108,17 @@ impl DiagnosedCamera {
 
     /// `evaluation.json`: errors of the last model on fitted and on held-out frames.
     pub fn evaluation(&self) -> Evaluation {
-        let mut evaluation = evaluation_of(&of_camera(self.on_fitted.clone()), "");
-        let held_out = evaluation_of(&of_camera((*self.diagnosis.after.evaluated).clone()), " (held out)");
-        evaluation.datasets.extend(held_out.datasets);
+        let record = |evaluated: &Evaluated, suffix: &str| {
+            evaluation_of(&EvaluatedRig::of_camera(depthcal_io::CAMERA, evaluated.clone()), suffix)
+        };
+        let mut evaluation = record(&self.on_fitted, "");
+        extend(&mut evaluation, record(&self.diagnosis.after.evaluated, " (held out)"));
         evaluation
+    }
+
+    /// The diagnosis for a report, with the declared model's errors `before`.
+    pub(super) fn report<'a>(&'a self, before: &'a Evaluated) -> ReportDiagnosis<'a> {
+        ReportDiagnosis { record: &self.record, before, register: &self.register }
     }
 }
 
@@ -133,12 +140,16 @@ impl Results for DiagnosedCamera {
         let (before, after) = (&self.diagnosis.before.evaluated, &self.diagnosis.after.evaluated);
         let role = if self.verified { Role::Other } else { Role::HeldOut };
         let on_fitted = ReportDataset { evaluated: &self.on_fitted, role: Role::Fitted };
+        let camera = ReportCamera {
+            name: self.loaded_camera().name().to_owned(),
+            calibrated: Some(&self.diagnosis.last),
+            evaluations: vec![on_fitted, ReportDataset { evaluated: after, role }],
+            diagnosis: Some(self.report(before)),
+        };
         Shown::Cameras(ReportInput {
             title: self.title.clone(),
             made: made.clone(),
-            calibrated: Some(&self.diagnosis.last),
-            evaluations: vec![on_fitted, ReportDataset { evaluated: after, role }],
-            diagnosis: Some(ReportDiagnosis { record: &self.record, before, register: &self.register }),
+            cameras: vec![camera],
             rig: None,
             story: &self.story,
         })

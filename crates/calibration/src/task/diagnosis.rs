@@ -11,7 +11,7 @@ use super::diagnosed_camera::{CameraInRig, DiagnosedCamera};
 use super::error::TaskError;
 use super::made::Made;
 use super::model_request::ModelRequest;
-use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
+use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use super::rig_diagnosis::{DiagnosedRig, camera_record};
 use crate::calibrate::{CalibrateError, CalibrateOptions};
@@ -84,7 +84,7 @@ impl DiagnoseRequest {
         let (folds, formulas) = (self.folds, self.formulas);
         let options = DiagnoseOptions { calibrate, folds, formulas, ..DiagnoseOptions::default() };
         let found = diagnose(&camera.capture, verify.map(|verify| &verify.capture), &options)?;
-        let model = &self.model.model;
+        let model = self.model.depth_model(&register)?;
         let diagnosed = DiagnosedCamera::new(found, (loaded, 0), model, verify.is_some(), &register, &progress)?;
         let record = Diagnosis::from(diagnosed.record.clone());
         Ok(Diagnosed { cameras: vec![(camera.declared.name.clone(), diagnosed)], rig: None, record })
@@ -107,7 +107,7 @@ impl DiagnoseRequest {
         for camera in std::mem::take(&mut found.cameras) {
             let index = loaded.cameras.iter().position(|l| l.name() == camera.name).ok_or_else(no_cameras)?;
             let verified = verify.is_some() && !camera.poses_from_others;
-            let (diagnosis, model) = (camera.diagnosis, &self.model.model);
+            let (diagnosis, model) = (camera.diagnosis, self.model.depth_model(&register)?);
             let mut diagnosed =
                 DiagnosedCamera::new(diagnosis, (loaded, index), model, verified, &register, &progress)?;
             let in_rig = CameraInRig {
@@ -174,21 +174,26 @@ impl Results for Diagnosed {
             let empty = || Shown::Cameras(ReportInput { made: made.clone(), ..ReportInput::default() });
             return self.only_camera().map_or_else(empty, |camera| camera.shown(made));
         };
-        let found = &rig.found;
-        let mut evaluations = ReportDataset::of_reference(&found.fitted, Role::Fitted);
-        evaluations.extend(ReportDataset::of_reference(&found.after, Role::HeldOut));
+        let outcome = &rig.found;
+        let datasets = [(&outcome.fitted, Role::Fitted), (&outcome.after, Role::HeldOut)];
+        let cameras = outcome.last.cameras.iter().map(|camera| {
+            let mut shown = ReportCamera::of_rig(&camera.name, Some(&camera.calibrated), &datasets);
+            let diagnosed = self.cameras.iter().find(|(name, _)| *name == camera.name);
+            // Errors of the rig that was declared and of the last one, on the same frames.
+            let before = outcome.before.camera(&camera.name);
+            shown.diagnosis = diagnosed.zip(before).map(|((_, diagnosed), before)| diagnosed.report(before));
+            shown
+        });
         Shown::Cameras(ReportInput {
-            title: found.last.name.clone(),
+            title: outcome.last.name.clone(),
             made: made.clone(),
-            calibrated: found.last.cameras.first().map(|camera| &camera.calibrated),
-            evaluations,
+            cameras: cameras.collect(),
             rig: Some(ReportRig {
-                cameras: found.last.placed(),
+                cameras: outcome.last.placed(),
                 record: &rig.calibration,
-                evaluated: vec![&found.fitted, &found.after],
-                diagnosis: Some(&self.record),
+                evaluated: datasets.iter().map(|(evaluated, _)| *evaluated).collect(),
             }),
-            ..ReportInput::default()
+            story: &[],
         })
     }
 

@@ -1,14 +1,8 @@
-//! Errors of one camera and of several, for the same records.
+//! The records of errors of one camera or several.
 
 use depthcal_io::Evaluation;
 
-use crate::judge::evaluate::Evaluated;
 use crate::judge::rig::EvaluatedRig;
-
-/// The errors of one camera as those of a rig of one.
-pub(super) fn of_camera(evaluated: Evaluated) -> EvaluatedRig {
-    EvaluatedRig { name: evaluated.name.clone(), cameras: vec![evaluated], transfers: Vec::new() }
-}
 
 /// The record of errors, `suffix` being added to the names of datasets.
 pub(super) fn evaluation_of(rig: &EvaluatedRig, suffix: &str) -> Evaluation {

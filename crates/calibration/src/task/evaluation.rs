@@ -6,9 +6,9 @@ use std::sync::Arc;
 use depthcal_io::{Calibration, DATASET_FILE, DatasetError, Evaluation, FileError};
 
 use super::error::TaskError;
-use super::evaluated::{evaluation_of, extend, of_camera};
+use super::evaluated::{evaluation_of, extend};
 use super::made::Made;
-use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
+use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use super::unlike_calibration::UnlikeCalibration;
 use crate::judge::evaluate::evaluate;
@@ -51,7 +51,7 @@ impl Evaluations {
                     return Err(UnlikeCalibration::Size { path, found, expected }.into());
                 }
                 let _stage = progress.stage("evaluation");
-                (of_camera(evaluate(&placed.camera, &camera.capture)), Vec::new())
+                (EvaluatedRig::of_camera(&placed.name, evaluate(&placed.camera, &camera.capture)), Vec::new())
             }
             None => {
                 let missing = missing_cameras(&self.cameras, loaded, path)?;
@@ -135,19 +135,20 @@ impl Results for Evaluations {
     }
 
     fn shown(&self, made: &Made) -> Shown<'_> {
+        let datasets: Vec<_> = self.datasets.iter().map(|(rig, role)| (rig, *role)).collect();
+        let cameras = self.cameras.iter().map(|placed| ReportCamera::of_rig(&placed.name, None, &datasets));
         let rig = self.calibration.as_deref().filter(|calibration| !calibration.others.is_empty());
         let is_rig = self.datasets.iter().any(|(rig, _)| rig.cameras.len() > 1);
         Shown::Cameras(ReportInput {
             title: format!("Evaluation of {}", self.title),
             made: made.clone(),
-            evaluations: self.datasets.iter().flat_map(|(rig, role)| ReportDataset::of_reference(rig, *role)).collect(),
+            cameras: cameras.filter(|camera| !camera.evaluations.is_empty()).collect(),
             rig: rig.filter(|_| is_rig).map(|record| ReportRig {
                 cameras: self.cameras.clone(),
                 record,
                 evaluated: self.datasets.iter().map(|(rig, _)| rig).collect(),
-                diagnosis: None,
             }),
-            ..ReportInput::default()
+            story: &[],
         })
     }
 }

@@ -8,11 +8,11 @@ use depthcal_model::{ModelSpec, Register};
 use tracing::warn;
 
 use super::error::TaskError;
-use super::evaluated::{evaluation_of, extend, of_camera};
+use super::evaluated::{evaluation_of, extend};
 use super::made::Made;
 use super::model_request::ModelRequest;
 use super::prior::prior_for;
-use super::report_input::{ReportDataset, ReportInput, ReportRig, Role};
+use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use crate::calibrate::rig::{RigCalibrated, calibrate_rig};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate};
@@ -104,6 +104,14 @@ impl Fitted {
         match self {
             Self::Camera(calibrated) => vec![(depthcal_io::CAMERA, calibrated)],
             Self::Rig(rig) => rig.cameras.iter().map(|camera| (camera.name.as_str(), &camera.calibrated)).collect(),
+        }
+    }
+
+    /// The relations between several cameras; `None` of one.
+    pub fn rig(&self) -> Option<&RigCalibrated> {
+        match self {
+            Self::Camera(_) => None,
+            Self::Rig(rig) => Some(rig),
         }
     }
 
@@ -200,11 +208,14 @@ impl FitRequest {
             }
             (None, None) => None,
         };
-        let held_out =
-            held_out.map(|(how, evaluated, capture)| HeldOut { how, evaluated: of_camera(evaluated), capture });
+        let held_out = held_out.map(|(how, evaluated, capture)| HeldOut {
+            how,
+            evaluated: EvaluatedRig::of_camera(depthcal_io::CAMERA, evaluated),
+            capture,
+        });
         let mut record = calibration_record(&result, &on_fitted, camera.reference.clone(), None);
         record.camera.name.clone_from(&camera.declared.name);
-        let on_fitted = of_camera(on_fitted);
+        let on_fitted = EvaluatedRig::of_camera(depthcal_io::CAMERA, on_fitted);
         let (fitted, evaluation) = (Fitted::Camera(Box::new(result)), evaluation_record(&on_fitted, held_out.as_ref()));
         Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
     }
@@ -250,7 +261,7 @@ fn evaluation_record(on_fitted: &EvaluatedRig, held_out: Option<&HeldOut>) -> Ev
 impl Fit {
     /// The errors as a table of text, of one camera with a mark at the dataset that was fitted.
     pub fn table(&self) -> String {
-        let fitted = matches!(self.fitted, Fitted::Camera(_)).then_some(self.on_fitted.name.as_str());
+        let fitted = self.fitted.rig().is_none().then_some(self.on_fitted.name.as_str());
         table(&self.evaluation.datasets, fitted)
     }
 }
@@ -276,25 +287,21 @@ impl Results for Fit {
     }
 
     fn shown(&self, made: &Made) -> Shown<'_> {
-        let mut evaluations = ReportDataset::of_reference(&self.on_fitted, Role::Fitted);
-        let held_out = self.held_out.as_ref().map(|held| &held.evaluated);
-        evaluations.extend(held_out.into_iter().flat_map(|rig| ReportDataset::of_reference(rig, Role::HeldOut)));
-        let rig = match &self.fitted {
-            Fitted::Camera(_) => None,
-            Fitted::Rig(rig) => Some(ReportRig {
-                cameras: rig.placed(),
-                record: &self.record,
-                evaluated: std::iter::once(&self.on_fitted).chain(held_out).collect(),
-                diagnosis: None,
-            }),
-        };
+        let mut datasets = vec![(&self.on_fitted, Role::Fitted)];
+        datasets.extend(self.held_out.as_ref().map(|held| (&held.evaluated, Role::HeldOut)));
+        let cameras = self.fitted.cameras();
+        let cameras = cameras.iter().map(|(name, camera)| ReportCamera::of_rig(name, Some(camera), &datasets));
+        let rig = self.fitted.rig().map(|rig| ReportRig {
+            cameras: rig.placed(),
+            record: &self.record,
+            evaluated: datasets.iter().map(|(evaluated, _)| *evaluated).collect(),
+        });
         Shown::Cameras(ReportInput {
             title: self.on_fitted.name.clone(),
             made: made.clone(),
-            calibrated: self.fitted.reference(),
-            evaluations,
+            cameras: cameras.collect(),
             rig,
-            ..ReportInput::default()
+            story: &[],
         })
     }
 }

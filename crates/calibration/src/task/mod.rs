@@ -29,7 +29,7 @@ pub use fit::{Fit, FitRequest, Fitted, HeldOut, HoldOut};
 pub use made::Made;
 pub use model_request::{LENSES, ModelRequest, lens_of};
 pub use option_names::OptionNames;
-pub use report_input::{ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
+pub use report_input::{ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, ReportRig, Role};
 pub use results::{Results, Shown};
 pub use rig_diagnosis::DiagnosedRig;
 pub use unlike_calibration::UnlikeCalibration;

@@ -1,6 +1,6 @@
-//! What a report is made from.
+//! The data that a report is made from.
 
-use depthcal_io::{CameraDiagnosis, Diagnosis};
+use depthcal_io::CameraDiagnosis;
 use depthcal_model::Register;
 
 use super::made::Made;
@@ -40,19 +40,12 @@ pub struct ReportDataset<'a> {
     pub role: Role,
 }
 
-impl<'a> ReportDataset<'a> {
-    /// The errors of the reference on a dataset of its rig; none where it was not evaluated.
-    pub fn of_reference(rig: &'a EvaluatedRig, role: Role) -> Vec<Self> {
-        rig.cameras.first().map(|evaluated| Self { evaluated, role }).into_iter().collect()
-    }
-}
-
 /// A diagnosis: its record, and the errors of the model that was declared. The report's calibration is the last model.
 #[derive(Debug, Clone, Copy)]
 pub struct ReportDiagnosis<'a> {
     /// The record, as in `diagnosis.json`.
     pub record: &'a CameraDiagnosis,
-    /// Held-out errors of the declared model.
+    /// Errors of the declared model on the frames on which those of the last one are reported.
     pub before: &'a Evaluated,
     /// The pieces that the record names.
     pub register: &'a Register,
@@ -65,7 +58,40 @@ impl<'a> ReportDiagnosis<'a> {
     }
 }
 
-/// What a report shows of a rig besides its reference camera.
+/// One camera of a report.
+///
+/// With `calibrated` the report has parameters, uncertainty and noise; with `evaluations` it has errors before and after
+/// correction. Either may be missing, but not both.
+#[derive(Debug, Clone, Default)]
+pub struct ReportCamera<'a> {
+    /// Its name.
+    pub name: String,
+    /// Its calibration.
+    pub calibrated: Option<&'a Calibrated>,
+    /// Its evaluated datasets, in the order in which they are shown.
+    pub evaluations: Vec<ReportDataset<'a>>,
+    /// The diagnosis that led to the calibration.
+    pub diagnosis: Option<ReportDiagnosis<'a>>,
+}
+
+impl<'a> ReportCamera<'a> {
+    /// A camera with its errors on datasets of its rig; those in which it was not evaluated are left out.
+    pub fn of_rig(name: &str, calibrated: Option<&'a Calibrated>, datasets: &[(&'a EvaluatedRig, Role)]) -> Self {
+        let evaluation = |(rig, role): &(&'a EvaluatedRig, Role)| {
+            rig.camera(name).map(|evaluated| ReportDataset { evaluated, role: *role })
+        };
+        let evaluations = datasets.iter().filter_map(evaluation).collect();
+        Self { name: name.to_owned(), calibrated, evaluations, diagnosis: None }
+    }
+
+    /// Whether there is a calibration or a frame to report.
+    pub fn has_content(&self) -> bool {
+        let evaluated = |d: &ReportDataset<'_>| !d.evaluated.frames.is_empty() || !d.evaluated.dropped.is_empty();
+        self.calibrated.is_some() || self.evaluations.iter().any(evaluated)
+    }
+}
+
+/// Relations between the cameras of a rig.
 #[derive(Debug, Clone)]
 pub struct ReportRig<'a> {
     /// The cameras with their extrinsics.
@@ -74,27 +100,18 @@ pub struct ReportRig<'a> {
     pub record: &'a depthcal_io::Calibration,
     /// Errors on every dataset, the fitted one first.
     pub evaluated: Vec<&'a EvaluatedRig>,
-    /// The diagnosis that led to the calibration.
-    pub diagnosis: Option<&'a Diagnosis>,
 }
 
 /// Everything that a report is made from.
-///
-/// With `calibrated` the report has parameters, uncertainty and noise; with `evaluations` it has errors before and after
-/// correction. Either may be missing, but not both.
 #[derive(Debug, Clone, Default)]
 pub struct ReportInput<'a> {
     /// Heading, usually the dataset's name.
     pub title: String,
     /// How the results were made; shown below the heading.
     pub made: Made,
-    /// The calibration; of a rig that of the reference.
-    pub calibrated: Option<&'a Calibrated>,
-    /// Evaluated datasets of the camera, of a rig of the reference, in the order in which they are shown.
-    pub evaluations: Vec<ReportDataset<'a>>,
-    /// The diagnosis of the camera that led to the calibration.
-    pub diagnosis: Option<ReportDiagnosis<'a>>,
-    /// All cameras of a rig.
+    /// The cameras, the reference first.
+    pub cameras: Vec<ReportCamera<'a>>,
+    /// Their relations, where there are several.
     pub rig: Option<ReportRig<'a>>,
     /// Sentences that introduce the report, such as what was simulated and what the model does not declare.
     pub story: &'a [String],

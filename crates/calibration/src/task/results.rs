@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use depthcal_formula::FormulaEffect;
 use depthcal_io::{Comparison, FileError, Fleet, Prior};
+use depthcal_model::Register;
 
 use super::made::Made;
 use super::report_input::ReportInput;
@@ -20,6 +21,8 @@ pub enum Shown<'a> {
         comparison: &'a Comparison,
         /// The best model, fitted to all frames, for its maps.
         best: Option<&'a Calibrated>,
+        /// The pieces that the record names.
+        register: &'a Register,
         /// How it was made.
         made: Made,
     },

@@ -1,10 +1,11 @@
 //! The diagnosis of one camera: the effects that its model lacked, those that were added, and the errors before and after.
 
-use depthcal_model::{FormulaDefinition, Of, On};
+use depthcal_model::{FormulaDefinition, ModelSpec, Of, On, PieceSpec};
 use serde::{Deserialize, Serialize};
 
 use super::comparison::Interval;
 use super::component::DiagnosisComponent;
+use super::covariate::DiagnosisCovariate;
 use super::decision::{DiagnosisDecision, DiagnosisRefuted};
 use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
@@ -65,7 +66,8 @@ pub struct DiagnosisStep {
     /// Names of effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
     /// The effect as given to `calibrate --with`, constants included.
-    pub with: String,
+    #[schemars(with = "String")]
+    pub with: PieceSpec,
     /// Where and how it acts, for an effect of depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<DiagnosisPlace>,
@@ -189,7 +191,8 @@ pub struct DiagnosisPossible {
     /// Its name.
     pub effect: String,
     /// The effect as given to `calibrate --with`, constants included.
-    pub with: String,
+    #[schemars(with = "String")]
+    pub with: PieceSpec,
     /// Decrease of the weighted error on left-out frames, per cent.
     pub gain_percent: GainInterval,
     /// Number of further frames like these with which the gain, if it is real, would be certain; absent where the reason is
@@ -203,6 +206,9 @@ pub struct DiagnosisPossible {
 pub struct DiagnosisCandidate {
     /// Its name.
     pub effect: String,
+    /// Covariate of a free function; absent of effects, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<DiagnosisCovariate>,
     /// p-value of the score test, corrected for the number of values tried for its constant.
     pub p_value: f64,
     /// Root mean square size at the parameters that the data give it, mm; absent when these captures do not determine
@@ -276,7 +282,8 @@ pub struct CameraDiagnosis {
     /// The dataset.
     pub dataset: FileReference,
     /// The declared depth model.
-    pub model: String,
+    #[schemars(with = "String")]
+    pub model: ModelSpec,
     /// The outcome.
     pub verdict: Verdict,
     /// The effects that were added, in order.

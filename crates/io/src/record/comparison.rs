@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use depthcal_model::ModelSpec;
 use serde::{Deserialize, Serialize};
 
 use super::evaluation::DatasetEvaluation;
@@ -34,8 +35,9 @@ pub struct Comparison {
 /// The errors of one model.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct ModelComparison {
-    /// Its name, as given to `--models`.
-    pub model: String,
+    /// The depth model, as given to `--models`.
+    #[schemars(with = "String")]
+    pub model: ModelSpec,
     /// Lens model.
     pub lens: String,
     /// Estimator.
@@ -105,7 +107,8 @@ pub struct Interval {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct LearningPoint {
     /// The model.
-    pub model: String,
+    #[schemars(with = "String")]
+    pub model: ModelSpec,
     /// Frames in each fit.
     pub frames: usize,
     /// Number of fits, each to another subset.
@@ -169,6 +172,6 @@ impl Comparison {
 
     /// The entry of a model.
     pub fn model(&self, name: &str) -> Option<&ModelComparison> {
-        self.models.iter().find(|m| m.model == name)
+        self.models.iter().find(|m| m.model.to_string() == name)
     }
 }

@@ -1,5 +1,6 @@
 //! The decision of one round of a diagnosis, as data. The report words it.
 
+use depthcal_model::PieceSpec;
 use serde::{Deserialize, Serialize};
 
 use super::covariate::DiagnosisCovariate;
@@ -16,7 +17,8 @@ pub enum DiagnosisDecision {
         /// Name of the effect.
         effect: String,
         /// The effect as given to `calibrate --with`, constants included.
-        spec: String,
+        #[schemars(with = "String")]
+        spec: PieceSpec,
         /// Names of further effects that explain the residuals jointly with it, in descending order of their rank.
         #[serde(default)]
         with: Vec<String>,
@@ -91,11 +93,13 @@ pub enum DiagnosisAddOutcome {
     /// It was added to the model.
     Added {
         /// The effects added in this round as given to `calibrate --with`, the found one among them.
-        effects: Vec<String>,
+        #[schemars(with = "Vec<String>")]
+        effects: Vec<PieceSpec>,
         /// Effects of earlier rounds that bring nothing when fitted jointly with these, and were taken out of the
         /// model.
         #[serde(default)]
-        taken_out: Vec<String>,
+        #[schemars(with = "Vec<String>")]
+        taken_out: Vec<PieceSpec>,
     },
     /// It was fitted, but the errors on held-out frames did not fall.
     NoHeldOutGain,
@@ -133,12 +137,14 @@ pub enum DiagnosisUnexplainedOutcome {
     /// Effects of the lens that were added before were taken out of the model, because the images alone do not show them.
     TakenOut {
         /// They as given to `calibrate --with`.
-        effects: Vec<String>,
+        #[schemars(with = "Vec<String>")]
+        effects: Vec<PieceSpec>,
     },
     /// A free map over the image was added to the model as a correction.
     FreeMapAdded {
         /// The map as given to `calibrate --with`.
-        spec: String,
+        #[schemars(with = "String")]
+        spec: PieceSpec,
     },
     /// It is too small to be reported.
     TooSmall {

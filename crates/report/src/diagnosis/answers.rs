@@ -2,14 +2,15 @@
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 
-use super::sentences::{capture, declaration, left_over, possible, pure_noise};
+use super::sentences::{capture, covariate, declaration, left_over, possible, pure_noise};
 use crate::checks::Level;
-use crate::format::{self, capital, count, join, number, percent, pieces};
+use crate::format::{self, capital, count, join, number, percent};
 use crate::headline::interval;
-use crate::input::{ReportDiagnosis, ReportInput};
+use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::left_out;
-use crate::parameters::{free_function, summary};
+use crate::parameters::summary;
 use crate::pool::Pool;
+use depthcal_model::{ModelSpec, PieceSpec};
 use depthcal_statistics::{Estimate, quantile};
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
@@ -28,10 +29,12 @@ pub(crate) struct Answer {
 
 /// The declared model in words: `K, lens and D`, or its name.
 fn declared_model(d: &ReportDiagnosis<'_>) -> String {
-    match d.record.model.as_str() {
-        "projective" => "K, lens and D".to_owned(),
-        "none" => "K and lens without a depth model".to_owned(),
-        other => format!("the declared model ({})", pieces(other)),
+    if d.record.model.is_none() {
+        "K and lens without a depth model".to_owned()
+    } else if d.record.model == ModelSpec::of(PieceSpec::new("projective")) {
+        "K, lens and D".to_owned()
+    } else {
+        format!("the declared model ({})", d.register.model_words(&d.record.model))
     }
 }
 
@@ -43,8 +46,8 @@ fn with_interval(e: &Estimate, unit: &str) -> String {
 }
 
 /// The headline: depth error as measured, under the declared model, and under the last one.
-pub(crate) fn sentence(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let Some(change) = Pool::last(input).depth_rms() else {
+pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let Some(change) = Pool::last(camera).depth_rms() else {
         return "No frame with depth could be evaluated.".to_owned();
     };
     let declared = Pool::declared(d).depth_rms().map_or(f64::NAN, |c| c.after.value);
@@ -88,24 +91,24 @@ pub(crate) fn pill(d: &ReportDiagnosis<'_>) -> (Level, String) {
 }
 
 /// All questions with their answers; `coverage` lists gaps in the coverage of image, distances and tilts.
-pub(crate) fn answers(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) -> Vec<Answer> {
+pub(crate) fn answers(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>, coverage: &[String]) -> Vec<Answer> {
     let new = |question, answer: String, more| Answer { question, answer, more };
     let mut list = Vec::new();
     if !d.record.declarations.is_empty() {
         list.push(new("Is the dataset file right?", sentences(&words(&d.record.declarations, declaration)), "next"));
     }
-    list.push(new("How wrong was the depth?", how_wrong(input), "datasets"));
-    list.push(new("Where?", place(input, d), "where"));
+    list.push(new("How wrong was the depth?", how_wrong(camera), "datasets"));
+    list.push(new("Where?", place(camera, d), "where"));
     list.push(new("Why?", why(d), "candidates"));
     list.push(new("What was added?", added(d), "steps"));
-    list.push(new("How wrong is it now?", now(input, d), "where"));
-    list.push(new("How certain is that?", sure(input, d), "trust"));
+    list.push(new("How wrong is it now?", now(camera, d), "where"));
+    list.push(new("How certain is that?", sure(camera, d), "trust"));
     list.push(new("What to capture next?", next(d, coverage), "next"));
     list
 }
 
-fn how_wrong(input: &ReportInput<'_>) -> String {
-    let pool = Pool::last(input);
+fn how_wrong(camera: &ReportCamera<'_>) -> String {
+    let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
     let mut text = format!("By {} rms as measured, over the board's depth pixels", with_interval(&depth.before, "mm"));
     if let Some(plane) = pool.plane_error() {
@@ -118,8 +121,8 @@ fn how_wrong(input: &ReportInput<'_>) -> String {
     text
 }
 
-fn place(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let pool = Pool::last(input);
+fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(camera);
     let at = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
     let (low, high) = (at(0.05), at(0.95));
     let side = match (low > 0.0, high < 0.0) {
@@ -132,7 +135,7 @@ fn place(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
     let mut seen: Vec<&str> = Vec::new();
     let mut words: Vec<String> = Vec::new();
     for free in round.free.iter().filter(|f| f.held_out_gain_percent > WORTH_PERCENT) {
-        let name = free_function(&free.effect).trim_end_matches(" (in depth)");
+        let Some(name) = free.along.map(covariate) else { continue };
         if !seen.contains(&name) && seen.len() < 3 {
             seen.push(name);
             words.push(format!("{name} ({})", percent(free.held_out_gain_percent)));
@@ -206,7 +209,7 @@ fn added(d: &ReportDiagnosis<'_>) -> String {
 
 /// Effects that may be missing, with a space before; empty where there are none.
 fn not_certain(d: &ReportDiagnosis<'_>) -> String {
-    let words: Vec<String> = d.record.possible.iter().map(possible).collect();
+    let words: Vec<String> = d.record.possible.iter().map(|effect| possible(effect, d.register)).collect();
     if words.is_empty() { String::new() } else { format!(" Possible, but not certain: {}.", words.join(". ")) }
 }
 
@@ -224,8 +227,8 @@ fn pure_error(d: &ReportDiagnosis<'_>) -> String {
     })
 }
 
-fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let pool = Pool::last(input);
+fn now(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
     let dots =
         pool.dot_error().map_or(String::new(), |c| format!("; the mean dot error is {} mm", number(c.after.value)));
@@ -236,8 +239,8 @@ fn now(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
     text + &pure_error(d)
 }
 
-fn sure(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> String {
-    let pool = Pool::last(input);
+fn sure(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
+    let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "Unknown: no depth could be evaluated.".to_owned() };
     let sure = interval(&depth.after, "mm").unwrap_or_else(|| "too few frames for an interval".to_owned());
     let mut text =
@@ -293,15 +296,7 @@ fn words<T>(items: &[T], word: impl Fn(&T) -> String) -> Vec<String> {
     items.iter().map(word).collect()
 }
 
-/// Sentences from the record, which has them without capital and full stop.
+/// Sentences from words without capital and full stop.
 fn sentences(list: &[String]) -> String {
-    let one = |s: &String| {
-        let mut chars = s.chars();
-        // Names of effects keep their small letter.
-        let name = s.split(':').next().is_some_and(|w| w.contains('_'));
-        let first: String =
-            chars.next().map_or(String::new(), |c| if name { c.to_string() } else { c.to_uppercase().collect() });
-        format!("{first}{}.", chars.as_str().trim_end_matches('.'))
-    };
-    list.iter().map(one).collect::<Vec<_>>().join(" ")
+    list.iter().map(|words| format!("{}.", capital(words.trim_end_matches('.')))).collect::<Vec<_>>().join(" ")
 }

@@ -10,6 +10,6 @@ mod sections;
 pub(crate) mod sentences;
 mod text;
 
-pub(super) use answers::{answers, pill, sentence};
+pub(super) use answers::{Answer, answers, pill, sentence};
 pub(super) use sections::{apart, candidates, frames, next, steps};
 pub use text::{diagnosis_text, verdict_sentence};

@@ -6,12 +6,12 @@ use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 
 use super::answers::{arrow, gain};
 use super::formula::formulas;
-use super::sentences::{capture, decision, declaration, frame_cause, place, refuted};
-use crate::format::{count, join, measured, number, p_value, percent, pieces};
+use super::sentences::{capture, covariate, decision, declaration, frame_cause, place, refuted};
+use crate::format::{count, join, measured, number, p_value, percent, shown_unit};
 use crate::html::escape;
 use crate::input::ReportDiagnosis;
 use crate::left_out::share;
-use crate::parameters::{free_function, meaning, summary};
+use crate::parameters::{meaning, summary};
 
 /// Cosine from which two effects count as hard to separate.
 const ALIKE: f64 = 0.9;
@@ -84,10 +84,10 @@ fn parameters(d: &ReportDiagnosis<'_>) -> String {
         let _ = writeln!(
             rows,
             "<tr class=\"piece\"><th colspan=\"3\" scope=\"rowgroup\"><code>{}</code></th></tr>",
-            escape(&pieces(&step.with))
+            escape(&d.register.words(&step.with))
         );
         for p in &step.parameters {
-            let unit = if p.unit == "1" { "" } else { p.unit.as_str() };
+            let unit = shown_unit(&p.unit);
             let _ = writeln!(
                 rows,
                 "<tr><th scope=\"row\"><code>{}</code></th><td>{} {}</td><td class=\"text\">{}</td></tr>",
@@ -115,7 +115,7 @@ fn rounds(d: &ReportDiagnosis<'_>) -> String {
         .rounds
         .iter()
         .map(|r| {
-            let sentences = std::iter::once(decision(&r.decision)).chain(r.refuted.iter().map(refuted));
+            let sentences = std::iter::once(decision(&r.decision, d.register)).chain(r.refuted.iter().map(refuted));
             format!(
                 "<li>Of {} and {}: {}.</li>\n",
                 count(r.effects.len(), "effect"),
@@ -134,12 +134,10 @@ fn rounds(d: &ReportDiagnosis<'_>) -> String {
 pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
     let table = |title: &str, r: &DiagnosisRound| {
         let row = |c: &DiagnosisCandidate, free: bool| {
-            let name = if free { format!("free function of {}", free_function(&c.effect)) } else { c.effect.clone() };
-            let hint = if free {
-                String::new()
-            } else {
-                format!(" <span class=\"hint\">{}</span>", escape(summary(d.register, &c.effect)))
-            };
+            let name =
+                c.along.map_or_else(|| c.effect.clone(), |along| format!("free function of {}", covariate(along)));
+            let hint = if free { &c.effect } else { summary(d.register, &c.effect) };
+            let hint = format!(" <span class=\"hint\">{}</span>", escape(hint));
             let blind = !free && c.minimal_detectable_mm.is_none_or(|m| m <= 0.0);
             let detectable = if blind { "at no size".to_owned() } else { mm(c.minimal_detectable_mm) };
             format!(
@@ -173,15 +171,17 @@ pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
 pub(crate) fn apart(d: &ReportDiagnosis<'_>) -> String {
     let Some(s) = &d.record.separability else { return String::new() };
     let added = d.added();
-    let mut words = Vec::new();
+    // Added effects come first.
+    let (mut of_added, mut of_others) = (Vec::new(), Vec::new());
     for (i, effect) in s.effects.iter().enumerate() {
         let mut rivals: Vec<(f64, &String)> =
             s.effects.iter().enumerate().filter(|(k, _)| *k != i).map(|(k, n)| (s.mimicry[i][k], n)).collect();
         rivals.sort_by(|a, b| b.0.total_cmp(&a.0));
         let like: Vec<String> =
             rivals.iter().filter(|r| r.0 >= ALIKE).map(|r| format!("{} ({:.2})", r.1, r.0)).collect();
-        let own = added.contains(&effect.as_str());
-        match (own, like.is_empty(), rivals.first()) {
+        let is_added = added.contains(&effect.as_str());
+        let words = if is_added { &mut of_added } else { &mut of_others };
+        match (is_added, like.is_empty(), rivals.first()) {
             (_, false, _) => words.push(format!("{effect} can be mistaken for {}.", join(&like))),
             (true, true, Some((cosine, rival))) => {
                 words.push(format!(
@@ -191,9 +191,7 @@ pub(crate) fn apart(d: &ReportDiagnosis<'_>) -> String {
             _ => {}
         }
     }
-    // Added effects come first.
-    words.sort_by_key(|w| !added.iter().any(|a| w.starts_with(*a)));
-    let items: String = words.iter().map(|w| format!("<li>{}</li>\n", escape(w))).collect();
+    let items: String = of_added.iter().chain(&of_others).map(|w| format!("<li>{}</li>\n", escape(w))).collect();
     if items.is_empty() {
         return format!(
             "<p>All effects that these captures show are separable from each other (cosines below {ALIKE}).</p>\n"

@@ -8,15 +8,15 @@ use depthcal_io::{
     DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
     DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
 };
-use depthcal_model::{Covariate, Of, On};
+use depthcal_model::{Covariate, Of, On, PieceSpec, Register};
 
-use crate::format::{count, interval, join, number, percent, pieces, quantity, signed};
+use crate::format::{count, interval, join, number, percent, quantity, signed};
 
 /// Proposing more frames than this would be no remedy: nobody captures them.
 const MOST_PROPOSED_FRAMES: u64 = 100;
 
 /// The quantity that a free function depends on.
-fn covariate(covariate: DiagnosisCovariate) -> &'static str {
+pub(crate) fn covariate(covariate: DiagnosisCovariate) -> &'static str {
     match covariate {
         DiagnosisCovariate::Pixel => "the position in the image",
         DiagnosisCovariate::Column => "the image column",
@@ -39,13 +39,13 @@ fn share(share: f64) -> String {
 }
 
 /// The decision of a round and its outcome, without full stop.
-pub(crate) fn decision(decision: &DiagnosisDecision) -> String {
+pub(crate) fn decision(decision: &DiagnosisDecision, register: &Register) -> String {
     match decision {
         DiagnosisDecision::Nothing => "these captures show nothing that the model lacks".to_owned(),
         DiagnosisDecision::Add {
             spec, with, explained_share, of_frame_planes, despite_unexplained, outcome, ..
         } => {
-            let effect = pieces(spec);
+            let effect = register.words(spec);
             let found = if *despite_unexplained {
                 format!(
                     "named effects explain {} of what is left, not most of it; {effect} retains its gain jointly with every \
@@ -59,7 +59,7 @@ pub(crate) fn decision(decision: &DiagnosisDecision) -> String {
                     .unwrap_or_default();
                 format!("{effect}{with} explains {} of what can be explained{planes}", share(*explained_share))
             };
-            format!("{found}; {}", added(outcome))
+            format!("{found}; {}", added(outcome, register))
         }
         DiagnosisDecision::Unexplained { along, explained_share, competitor, outcome } => {
             let of = match competitor {
@@ -70,7 +70,7 @@ pub(crate) fn decision(decision: &DiagnosisDecision) -> String {
                 "errors depend on {} in a way that no known effect has (the best explain {}{of}); {}",
                 covariate(*along),
                 share(*explained_share),
-                unexplained(outcome)
+                unexplained(outcome, register)
             )
         }
     }
@@ -86,11 +86,11 @@ pub(crate) fn refuted(refuted: &DiagnosisRefuted) -> String {
         ),
         DiagnosisRefutation::NotInImages => "is an effect of the lens that the images alone do not show".to_owned(),
     };
-    format!("not considered: {}, which {why}", pieces(&refuted.effect))
+    format!("not considered: {}, which {why}", refuted.effect)
 }
 
-fn added(outcome: &DiagnosisAddOutcome) -> String {
-    let list = |specs: &[String]| join(&specs.iter().map(|s| pieces(s)).collect::<Vec<_>>());
+fn added(outcome: &DiagnosisAddOutcome, register: &Register) -> String {
+    let list = |specs: &[PieceSpec]| join(&specs.iter().map(|s| register.words(s)).collect::<Vec<_>>());
     match outcome {
         DiagnosisAddOutcome::Added { effects, taken_out } if taken_out.is_empty() => {
             format!("added: {}", list(effects))
@@ -114,14 +114,14 @@ fn added(outcome: &DiagnosisAddOutcome) -> String {
     }
 }
 
-fn unexplained(outcome: &DiagnosisUnexplainedOutcome) -> String {
+fn unexplained(outcome: &DiagnosisUnexplainedOutcome, register: &Register) -> String {
     match outcome {
         DiagnosisUnexplainedOutcome::Reported => "nothing is added".to_owned(),
         DiagnosisUnexplainedOutcome::TakenOut { effects } => format!(
             "removed, because they are effects of the lens that the images alone do not show: {}",
-            join(&effects.iter().map(|s| pieces(s)).collect::<Vec<_>>())
+            join(&effects.iter().map(|s| register.words(s)).collect::<Vec<_>>())
         ),
-        DiagnosisUnexplainedOutcome::FreeMapAdded { spec } => format!("corrected by a map: {}", pieces(spec)),
+        DiagnosisUnexplainedOutcome::FreeMapAdded { spec } => format!("corrected by a map: {}", register.words(spec)),
         DiagnosisUnexplainedOutcome::TooSmall { share_of_cost, least_share } => format!(
             "too small to report: {} of the squared residuals, less than {}",
             share(*share_of_cost),
@@ -200,7 +200,7 @@ pub(crate) fn pure_noise(noise: &DiagnosisPureNoise) -> String {
 }
 
 /// An effect that is not certain, without full stop.
-pub(crate) fn possible(found: &DiagnosisPossible) -> String {
+pub(crate) fn possible(found: &DiagnosisPossible, register: &Register) -> String {
     let gain = &found.gain_percent;
     let why = match found.further_frames {
         Some(1) => "1 further frame like these would settle it".to_owned(),
@@ -209,7 +209,7 @@ pub(crate) fn possible(found: &DiagnosisPossible) -> String {
     };
     format!(
         "{}: the weighted error of left-out frames falls by {} (95 % interval {}); {why}",
-        pieces(&found.with),
+        register.words(&found.with),
         percent(gain.value),
         interval(gain.low, gain.high, "%")
     )
@@ -265,8 +265,8 @@ pub(crate) fn capture(capture: &DiagnosisCapture) -> String {
             format!("to distinguish {effect} from {rival}: {}; {how_many}", proposed_frame(frame))
         }
         DiagnosisCapture::Record { covariate: missing, effects } => match recorded(*missing) {
-            Some(c) => format!("{}: {}; {}", join(effects), c.missing(), c.how_to_record()),
-            None => format!("{}: vary {}", join(effects), covariate(*missing)),
+            Some(c) => format!("for {}: {}; {}", join(effects), c.missing(), c.how_to_record()),
+            None => format!("for {}: vary {}", join(effects), covariate(*missing)),
         },
     }
 }
@@ -328,7 +328,7 @@ mod tests {
     fn decisions_are_worded_with_their_outcome() {
         let add = |outcome| DiagnosisDecision::Add {
             effect: "cyclic_depth".into(),
-            spec: "cyclic_depth@period_mm=299.90356313997415".into(),
+            spec: "cyclic_depth@period_mm=299.90356313997415".parse().unwrap(),
             with: vec!["radial_range".into()],
             explained_share: 0.9712,
             of_frame_planes: Some(3.214),
@@ -336,13 +336,18 @@ mod tests {
             outcome,
         };
         assert_eq!(
-            decision(&add(DiagnosisAddOutcome::NoHeldOutGain)),
+            decision(&add(DiagnosisAddOutcome::NoHeldOutGain), &Register::builtin()),
             "cyclic_depth (period 300 mm) jointly with radial_range explains 97.1 % of what can be explained, 3.21 times what a \
              plane of its own in every frame explains; not added, because held-out errors do not fall with it"
         );
-        let added =
-            DiagnosisAddOutcome::Added { effects: vec!["board_bow".into()], taken_out: vec!["thin_prism".into()] };
-        assert!(decision(&add(added)).ends_with("added: board_bow; removed, because no longer needed: thin_prism"));
+        let added = DiagnosisAddOutcome::Added {
+            effects: vec![PieceSpec::new("board_bow")],
+            taken_out: vec![PieceSpec::new("thin_prism")],
+        };
+        assert!(
+            decision(&add(added), &Register::builtin())
+                .ends_with("added: board_bow; removed, because no longer needed: thin_prism")
+        );
     }
 
     #[test]
@@ -370,6 +375,6 @@ mod tests {
         assert!(capture(&ask(1000)).ends_with("even many such frames would hardly do"));
         let record =
             DiagnosisCapture::Record { covariate: DiagnosisCovariate::Time, effects: vec!["temporal_drift".into()] };
-        assert!(capture(&record).starts_with("temporal_drift: the frames have no times; record timestamp_s"));
+        assert!(capture(&record).starts_with("for temporal_drift: the frames have no times; record timestamp_s"));
     }
 }

@@ -3,11 +3,12 @@
 use std::fmt::Write;
 
 use depthcal_io::{CameraDiagnosis, DiagnosisCandidate, DiagnosisParameter, DiagnosisStep, HeldOutErrors, Verdict};
+use depthcal_model::Register;
 
 use super::answers::arrow;
 use super::formula::{FormulaText, formula_sentences};
 use super::sentences::{capture, declaration, frame_cause, left_over, place, possible, pure_error};
-use crate::format::{interval, join, measured, number, p_equals, p_value, percent, pieces, quantity};
+use crate::format::{interval, join, measured, number, p_equals, p_value, percent, quantity, shown_unit};
 use crate::left_out::share;
 
 /// The verdict of a diagnosis in a sentence, without full stop.
@@ -27,7 +28,7 @@ pub fn verdict_sentence(d: &CameraDiagnosis) -> String {
 
 /// A diagnosis as text: verdict, excluded frames, added effects with their gains, held-out errors, what is left, the effects
 /// that were tested given the last model, and what to capture next.
-pub fn diagnosis_text(d: &CameraDiagnosis) -> String {
+pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register) -> String {
     let mut t = String::new();
     let _ = writeln!(t, "{}\n", verdict_sentence(d));
     for finding in &d.declarations {
@@ -37,10 +38,10 @@ pub fn diagnosis_text(d: &CameraDiagnosis) -> String {
         let _ = writeln!(t, "excluded: {} ({})", frame.name, frame_cause(&frame.cause));
     }
     for (i, step) in d.steps.iter().enumerate() {
-        t += &step_text(i + 1, step);
+        t += &step_text(i + 1, step, register);
     }
     for found in &d.possible {
-        let _ = writeln!(t, "possible, not added: {}", possible(found));
+        let _ = writeln!(t, "possible, not added: {}", possible(found, register));
     }
     if let Some(refused) = &d.formula_refused {
         let _ = writeln!(t, "no formula: {refused}");
@@ -61,10 +62,10 @@ pub fn diagnosis_text(d: &CameraDiagnosis) -> String {
     t
 }
 
-fn step_text(number_of_step: usize, s: &DiagnosisStep) -> String {
+fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register) -> String {
     let mut t = String::new();
     let (size, p) = (quantity(s.size_mm, "mm"), p_equals(s.p_value));
-    let _ = writeln!(t, "{number_of_step}. added {}: {size} rms, {p}", pieces(&s.with));
+    let _ = writeln!(t, "{number_of_step}. added {}: {size} rms, {p}", register.words(&s.with));
     if let Some(place) = place(s) {
         let _ = writeln!(t, "   {place}");
     }
@@ -89,7 +90,7 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep) -> String {
 fn parameter(p: &DiagnosisParameter) -> String {
     let shown = measured(p.value, p.std);
     let std = shown.std.map_or_else(|| "fixed".to_owned(), |std| format!("± {std}"));
-    let unit = if p.unit == "1" { "" } else { &p.unit };
+    let unit = shown_unit(&p.unit);
     let line = format!("     {:6} {:>12} {std:<11} {unit}", p.name, shown.value);
     format!("{}\n", line.trim_end())
 }
@@ -151,7 +152,7 @@ mod tests {
         let step = DiagnosisStep {
             effects: vec!["cyclic_depth".to_owned(), "range_offset".to_owned()],
             indistinguishable: vec!["disparity_ripple".to_owned()],
-            with: "cyclic_depth@of=measured@period_mm=299.90356313997415".to_owned(),
+            with: "cyclic_depth@of=measured@period_mm=299.90356313997415".parse().unwrap(),
             place: Some(DiagnosisPlace { of: Of::Measured, on: On::Depth }),
             places_not_told_apart: vec![DiagnosisPlace { of: Of::True, on: On::Factor }],
             parameters: vec![
@@ -168,6 +169,7 @@ mod tests {
         };
         let candidate = DiagnosisCandidate {
             effect: "board_bow".to_owned(),
+            along: None,
             p_value: 0.3,
             expected_size_mm: Some(0.01),
             minimal_detectable_mm: None,
@@ -175,7 +177,7 @@ mod tests {
         };
         CameraDiagnosis {
             dataset: depthcal_io::FileReference { path: "captures".to_owned(), digest: "00".to_owned() },
-            model: "projective".to_owned(),
+            model: "projective".parse().unwrap(),
             verdict: Verdict::Effect,
             steps: vec![step],
             possible: Vec::new(),
@@ -215,9 +217,9 @@ held-out frames, declared → last model: depth 6.60 → 5.51 mm rms, reprojecti
 effects tested given the last model:
                            p-value held-out gain estimated size detectable size
   board_bow                  0.300       −0.20 %      0.0100 mm               –
-capture next: temporal_drift: the frames have no times; record timestamp_s in frames.csv, from the moment when the camera is switched on
+capture next: for temporal_drift: the frames have no times; record timestamp_s in frames.csv, from the moment when the camera is switched on
 ";
-        assert_eq!(diagnosis_text(&record()), expected);
+        assert_eq!(diagnosis_text(&record(), &Register::builtin()), expected);
     }
 
     #[test]
@@ -225,9 +227,15 @@ capture next: temporal_drift: the frames have no times; record timestamp_s in fr
         let mut d = record();
         let some = |share| Some(depthcal_io::Outliers { count: 4, share, limit_mm: 50.0 });
         (d.held_out.before.outliers, d.held_out.after.outliers) = (some(0.0004), some(0.0004));
-        assert!(diagnosis_text(&d).contains("depth 6.60 → 5.51 mm rms, 0.04 % of the board left out, reprojection"));
+        assert!(
+            diagnosis_text(&d, &Register::builtin())
+                .contains("depth 6.60 → 5.51 mm rms, 0.04 % of the board left out, reprojection")
+        );
         d.held_out.after.outliers = some(0.01);
-        assert!(diagnosis_text(&d).contains("mm rms, 0.04 % → 1.00 % of the board left out, reprojection"));
+        assert!(
+            diagnosis_text(&d, &Register::builtin())
+                .contains("mm rms, 0.04 % → 1.00 % of the board left out, reprojection")
+        );
     }
 
     #[test]

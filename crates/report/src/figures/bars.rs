@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::figure::Figure;
 use super::plotly::{AFTER, BEFORE, axis, plain, short, whiskers};
 use crate::format::number;
-use crate::input::{ReportInput, Role};
+use crate::input::{ReportCamera, Role};
 use crate::pool::Pool;
 use crate::statistics::Change;
 use depthcal_statistics::Estimate;
@@ -39,8 +39,8 @@ fn layout() -> Value {
 }
 
 /// Depth, plane and dot error of the headline's frames, before and after correction.
-pub(crate) fn headline_bars(input: &ReportInput<'_>) -> Option<Figure> {
-    let (pool, role) = Pool::headline(input);
+pub(crate) fn headline_bars(camera: &ReportCamera<'_>) -> Option<Figure> {
+    let (pool, role) = Pool::headline(camera);
     let errors =
         [("depth, rms", pool.depth_rms()), ("plane, mean", pool.plane_error()), ("dot, mean", pool.dot_error())];
     let (labels, changes): (Vec<String>, Vec<Change>) =
@@ -67,12 +67,12 @@ pub(crate) fn headline_bars(input: &ReportInput<'_>) -> Option<Figure> {
 }
 
 /// Mean dot and plane error of every dataset; empty with less than two datasets.
-pub(crate) fn by_dataset(input: &ReportInput<'_>) -> Vec<Figure> {
-    if input.evaluations.len() < 2 {
+pub(crate) fn by_dataset(camera: &ReportCamera<'_>) -> Vec<Figure> {
+    if camera.evaluations.len() < 2 {
         return Vec::new();
     }
     let figure = |id: &str, title: &str, of: &dyn Fn(&Pool<'_>) -> Option<Change>| {
-        let (labels, changes): (Vec<String>, Vec<Change>) = input
+        let (labels, changes): (Vec<String>, Vec<Change>) = camera
             .evaluations
             .iter()
             .filter_map(|d| {

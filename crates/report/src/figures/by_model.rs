@@ -11,8 +11,8 @@ use crate::binned::{Axis, Binned, Cell};
 use crate::covariates::{BINS, Covariate};
 use crate::format::{count, number};
 use crate::html::escape;
+use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
-use crate::input::ReportInput;
 use crate::leftover::noise_mm;
 use crate::pool::{Pool, usable};
 use crate::statistics::rms;
@@ -31,11 +31,11 @@ pub(crate) struct Taken<'a>(Vec<Vec<(&'a PixelError, f64)>>);
 
 impl<'a> Taken<'a> {
     /// Over the frames that the headline speaks of, each by a fit without them; `None` where nothing was added.
-    pub(crate) fn of(input: &ReportInput<'a>, d: &ReportDiagnosis<'a>) -> Option<Self> {
+    pub(crate) fn of(camera: &ReportCamera<'a>, d: &ReportDiagnosis<'a>) -> Option<Self> {
         if d.record.steps.is_empty() {
             return None;
         }
-        let pool = Pool::last(input);
+        let pool = Pool::last(camera);
         let step = pool.pixels().count().div_ceil(PIXELS).max(1);
         let key = |p: &PixelError| p.context.pixel.map(f64::to_bits);
         let taken = pool.frames.iter().map(|f| {
@@ -78,15 +78,15 @@ impl<'a> Taken<'a> {
 /// Errors under both models against a covariate, with the change by the added effects; `None` where the covariate does not
 /// vary.
 pub(crate) fn model_curve(
-    input: &ReportInput<'_>,
+    camera: &ReportCamera<'_>,
     d: &ReportDiagnosis<'_>,
     taken: Option<&Taken<'_>>,
     covariate: &Covariate,
 ) -> Option<Figure> {
-    let (declared, now) = (Pool::declared(d), Pool::last(input));
+    let (declared, now) = (Pool::declared(d), Pool::last(camera));
     let axis = Axis::over(now.pixels().map(&covariate.value), BINS)?;
     let cells = |pool: &Pool<'_>| {
-        Binned::new(pool, BINS, |p| axis.bin((covariate.value)(p)), |p| p.after_mm, noise_mm(input)).cells()
+        Binned::new(pool, BINS, |p| axis.bin((covariate.value)(p)), |p| p.after_mm, noise_mm(camera)).cells()
     };
     let (before, after) = (cells(&declared), cells(&now));
     let mut data = vec![
@@ -113,14 +113,14 @@ pub(crate) fn model_curve(
 }
 
 /// Depth error of every frame under both models, and the size of the frame's own plane.
-pub(crate) fn frames_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
+pub(crate) fn frames_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let rms = |f: &EvaluatedFrame| f.depth.rms_mm().map(|rms| rms.after);
     let of = |frames: &[EvaluatedFrame]| -> Vec<(String, f64)> {
         frames.iter().filter_map(|f| Some((plain(&f.name), rms(f)?))).collect()
     };
     let before = of(&d.before.frames);
     let now: Vec<(String, f64)> =
-        Pool::last(input).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
+        Pool::last(camera).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
     if now.is_empty() {
         return None;
     }

@@ -6,9 +6,8 @@ use serde_json::{Value, json};
 use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, OTHER, colour_bar, plain, rounded, sequential, short};
 use crate::diagnosis::sentences::decision;
-use crate::format::{capital, count, percent, pieces};
+use crate::format::{capital, count, percent};
 use crate::input::ReportDiagnosis;
-use crate::parameters::free_function;
 
 /// Negative bars are cut off at this share of the longest positive one: a loss may be arbitrarily large.
 const MOST_HARM: f64 = 0.25;
@@ -16,11 +15,7 @@ const MOST_HARM: f64 = 0.25;
 const LEVEL: f64 = 0.01;
 
 fn name(c: &DiagnosisCandidate, free: bool) -> String {
-    if free {
-        format!("<i>{}</i>", plain(free_function(&c.effect).trim_start_matches("the ")))
-    } else {
-        plain(&c.effect)
-    }
+    if free { format!("<i>{}</i>", plain(&c.effect)) } else { plain(&c.effect) }
 }
 
 /// Candidates of a round by falling gain, effects and free functions together.
@@ -32,7 +27,7 @@ fn ranked(round: &DiagnosisRound) -> Vec<(&DiagnosisCandidate, bool)> {
 }
 
 fn round_name(i: usize, d: &ReportDiagnosis<'_>) -> String {
-    if i == 0 { format!("1: given {}", pieces(&d.record.model)) } else { format!("{}", i + 1) }
+    if i == 0 { format!("1: given {}", d.register.model_words(&d.record.model)) } else { format!("{}", i + 1) }
 }
 
 /// Gains on held-out frames, one round at a time; `None` without rounds.
@@ -88,7 +83,7 @@ pub(crate) fn ranking(d: &ReportDiagnosis<'_>) -> Option<Figure> {
         .enumerate()
         .map(|(i, r)| Variant {
             label: round_name(i, d),
-            note: format!("{}.", capital(&decision(&r.decision))),
+            note: format!("{}.", capital(&decision(&r.decision, d.register))),
             trace: trace(r),
         })
         .collect();

@@ -1,11 +1,12 @@
 //! Depth models compared: their errors with intervals, and their errors against the number of frames in the fit.
 
 use depthcal_io::{Comparison, Errors, ModelComparison};
+use depthcal_model::{ModelSpec, Register};
 use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, plain, short, whiskers};
-use crate::format::{count, number, pieces};
+use crate::format::{count, number};
 use depthcal_statistics::quantile;
 
 /// A kind of error: its name and how to get it.
@@ -20,7 +21,7 @@ fn kinds<T: Copy>() -> [Kind<T>; 3] {
 }
 
 /// Errors of all models with intervals, best first.
-pub(crate) fn model_ranking(c: &Comparison) -> Figure {
+pub(crate) fn model_ranking(c: &Comparison, register: &Register) -> Figure {
     let models: Vec<&ModelComparison> = c.models.iter().filter(|m| m.failed.is_none()).collect();
     let variants: Vec<Variant> = kinds()
         .into_iter()
@@ -44,7 +45,7 @@ pub(crate) fn model_ranking(c: &Comparison) -> Figure {
     let mut data = variants[0].trace.clone();
     data["type"] = json!("bar");
     data["orientation"] = json!("h");
-    data["y"] = models.iter().map(|m| plain(&pieces(&m.model))).collect();
+    data["y"] = models.iter().map(|m| plain(&register.model_words(&m.model))).collect();
     data["textposition"] = json!("inside");
     data["insidetextanchor"] = json!("start");
     data["textfont"] = json!({"color": "#ffffff"});
@@ -55,7 +56,7 @@ pub(crate) fn model_ranking(c: &Comparison) -> Figure {
         "yaxis": {"type": "category", "autorange": "reversed", "dtick": 1}, "showlegend": false,
         "xaxis": {"title": {"text": "error on held-out data / mm"}, "rangemode": "tozero"},
     });
-    let best = models.first().map_or("–".to_owned(), |m| pieces(&m.model));
+    let best = models.first().map_or("–".to_owned(), |m| register.model_words(&m.model));
     let mut figure = Figure::new("ranking", "Depth models, best dot error first", vec![data], layout)
         .caption("Grey: significantly worse than the best model, corrected for the number of models; blue: not \
                   significantly worse. All models are evaluated on the same frames, so that differences are more certain \
@@ -76,22 +77,22 @@ fn bar_text(error: Option<&depthcal_io::Interval>, longest: f64) -> String {
 const REASONS: usize = 3;
 
 /// Errors against the number of frames in the fit.
-pub(crate) fn learning_curve(c: &Comparison) -> Figure {
-    let mut models: Vec<&str> = Vec::new();
+pub(crate) fn learning_curve(c: &Comparison, register: &Register) -> Figure {
+    let mut models: Vec<&ModelSpec> = Vec::new();
     for point in &c.learning_curve {
-        if !models.contains(&point.model.as_str()) {
+        if !models.contains(&&point.model) {
             models.push(&point.model);
         }
     }
     let symbols = ["circle", "square", "diamond", "cross", "x", "triangle-up", "triangle-down", "star", "pentagon"];
     let colours = ["#1f86c7", "#d9730d", "#a05fb4", "#2a9d6f", "#808793", "#c43a57", "#8a6d1b", "#2b59a8", "#5f9ea0"];
-    let points = |model: &str| c.learning_curve.iter().filter(|p| p.model == model).collect::<Vec<_>>();
+    let points = |model: &ModelSpec| c.learning_curve.iter().filter(|p| p.model == *model).collect::<Vec<_>>();
     let of = kinds::<Option<f64>>()[0].1;
     let mut data = Vec::new();
     for (i, model) in models.iter().enumerate() {
         let list = points(model);
         data.push(json!({
-            "type": "scatter", "mode": "lines+markers", "name": plain(&pieces(model)),
+            "type": "scatter", "mode": "lines+markers", "name": plain(&register.model_words(model)),
             "x": list.iter().map(|p| p.frames).collect::<Value>(),
             "y": list.iter().map(|p| of(&p.held_out).map_or(Value::Null, short)).collect::<Value>(),
             "line": {"color": colours[i % colours.len()], "width": 2},
@@ -117,7 +118,9 @@ pub(crate) fn learning_curve(c: &Comparison) -> Figure {
         .learning_curve
         .iter()
         .filter(|p| p.failed > 0)
-        .map(|p| format!("{} with {}: {}", pieces(&p.model), count(p.frames, "frame"), p.reasons.join("; ")))
+        .map(|p| {
+            format!("{} with {}: {}", register.model_words(&p.model), count(p.frames, "frame"), p.reasons.join("; "))
+        })
         .collect();
     reasons.truncate(REASONS);
     let failures = match failed {

@@ -4,7 +4,8 @@ use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
 use super::plotly::{colour_bar, diverging, rounded, shorts};
-use crate::format::{fixed, number, pieces};
+use crate::format::{fixed, number};
+use crate::parameters::model_words;
 use crate::uncertainty::{distances, typical};
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_statistics::quantile;
@@ -136,7 +137,7 @@ pub(crate) fn correction_maps(c: &Calibrated) -> Vec<Figure> {
     vec![
         figure(
             "correction-map",
-            format!("Correction by {}", pieces(&c.model.to_string())),
+            format!("Correction by {}", model_words(c)),
             "Corrected minus measured depth of a flat wall at the chosen distance: near, median or far of the fitted \
              boards. Empty: no frame had depth there at about this distance, so that the model extrapolates.",
             |m| &m.cells,

@@ -6,12 +6,12 @@ use super::figure::Figure;
 use super::plotly::{AFTER, NEUTRAL, OTHER, colour_bar, image_axes, plain, rounded, sequential, short};
 use crate::covariates::Image;
 use crate::format::count;
-use crate::input::{ReportInput, Role};
+use crate::input::{ReportCamera, Role};
 use crate::pool::Pool;
 
 /// Number of frames that saw each part of the image.
-pub(crate) fn coverage(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
-    let pool = Pool::of(input, |_| true);
+pub(crate) fn coverage(camera: &ReportCamera<'_>, image: &Image) -> Option<Figure> {
+    let pool = Pool::of(camera, |_| true);
     let grid = image.grid(20);
     let mut frames = vec![0_usize; grid[0] * grid[1]];
     let depth = pool.has_depth();
@@ -55,8 +55,8 @@ pub(crate) fn coverage(input: &ReportInput<'_>, image: &Image) -> Option<Figure>
 }
 
 /// Distance and tilt of every board.
-pub(crate) fn distance_and_tilt(input: &ReportInput<'_>) -> Option<Figure> {
-    let pool = Pool::of(input, |_| true);
+pub(crate) fn distance_and_tilt(camera: &ReportCamera<'_>) -> Option<Figure> {
+    let pool = Pool::of(camera, |_| true);
     let mut data = Vec::new();
     for (role, colour, symbol) in
         [(Role::Fitted, NEUTRAL, "circle"), (Role::HeldOut, AFTER, "diamond"), (Role::Other, OTHER, "square")]

@@ -8,7 +8,7 @@ use crate::binned::{Axis, Binned, Cell};
 use crate::covariates::{BINS, Covariate, Image};
 use crate::format::number;
 use crate::html::escape;
-use crate::input::ReportInput;
+use crate::input::ReportCamera;
 use crate::leftover::{noise_mm, tested_frames};
 use crate::pool::Pool;
 use depthcal_calibration::judge::depth_errors::PixelError;
@@ -35,11 +35,11 @@ pub(super) fn bins(cells: &[Cell], axis: &Axis, shift: f64, name: &str, colour: 
 }
 
 /// Errors against one covariate; `None` where it is unknown or does not vary.
-pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Figure> {
-    let pool = tested_frames(input);
+pub(crate) fn curve(camera: &ReportCamera<'_>, covariate: &Covariate) -> Option<Figure> {
+    let pool = tested_frames(camera);
     let axis = Axis::over(pool.pixels().map(&covariate.value), BINS)?;
     let cells = |value: &dyn Fn(&PixelError) -> f64| {
-        Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), value, noise_mm(input)).cells()
+        Binned::new(&pool, BINS, |p| axis.bin((covariate.value)(p)), value, noise_mm(camera)).cells()
     };
     let (before, after) = (cells(&|p| p.before_mm), cells(&|p| p.after_mm));
     let n = pool.pixels().count();
@@ -88,8 +88,8 @@ pub(crate) fn curve(input: &ReportInput<'_>, covariate: &Covariate) -> Option<Fi
 }
 
 /// Radial reprojection errors against the radius, which show lens distortion that the model lacks.
-pub(crate) fn image_trend(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
-    let pool = Pool::of(input, |_| true);
+pub(crate) fn image_trend(camera: &ReportCamera<'_>, image: &Image) -> Option<Figure> {
+    let pool = Pool::of(camera, |_| true);
     let radial = |e: &[f64; 4]| {
         let (x, y) = (e[0] - image.centre[0], e[1] - image.centre[1]);
         let r = x.hypot(y);

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use super::figure::{Figure, Variant};
 use super::plotly::{colour_bar, diverging, rounded};
 use crate::format::{count, number};
+use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
-use crate::input::ReportInput;
 use crate::left_out::share;
 use crate::pool::{Pool, Pooled, usable};
 use depthcal_calibration::judge::depth_errors::PixelError;
@@ -141,8 +141,8 @@ fn figures(labels: &[(String, String)], series: Vec<Series<'_>>) -> Vec<Figure> 
 }
 
 /// Two figures, before and after, with the same variants; empty without depth.
-pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
-    let mut pool = Pool::of(input, |_| true);
+pub(crate) fn differences(camera: &ReportCamera<'_>) -> Vec<Figure> {
+    let mut pool = Pool::of(camera, |_| true);
     // Held-out frames first: their errors are those to expect on new frames.
     pool.frames.sort_by_key(|f| f.role == crate::Role::Fitted);
     pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
@@ -150,9 +150,9 @@ pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
         return Vec::new();
     }
     let cells = (CELLS / pool.frames.len()).clamp(60, CELLS_PER_FRAME);
-    let many = input.evaluations.len() > 1 && {
-        let first = input.evaluations[0].evaluated.name.as_str();
-        input.evaluations.iter().any(|d| d.evaluated.name != first)
+    let many = camera.evaluations.len() > 1 && {
+        let first = camera.evaluations[0].evaluated.name.as_str();
+        camera.evaluations.iter().any(|d| d.evaluated.name != first)
     };
     let labels: Vec<(String, String)> = pool.frames.iter().map(|f| (label(f, many), note(f))).collect();
     let side = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
@@ -170,8 +170,8 @@ pub(crate) fn differences(input: &ReportInput<'_>) -> Vec<Figure> {
 }
 
 /// Three figures of the held-out frames of a diagnosis: as measured, and under the declared and the last model.
-pub(crate) fn differences_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
-    let mut pool = Pool::last(input);
+pub(crate) fn differences_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
+    let mut pool = Pool::last(camera);
     pool.frames.retain(|f| f.frame.pixels.iter().any(usable));
     if pool.frames.is_empty() {
         return Vec::new();

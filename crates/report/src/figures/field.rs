@@ -6,7 +6,7 @@ use super::figure::Figure;
 use super::plotly::{AFTER, NEUTRAL, image_axes, rounded};
 use crate::covariates::Image;
 use crate::format::{number, significant};
-use crate::input::{ReportInput, Role};
+use crate::input::{ReportCamera, Role};
 use crate::pool::Pool;
 use depthcal_statistics::quantile;
 
@@ -28,8 +28,8 @@ fn lines(arrows: impl Iterator<Item = [[f64; 2]; 2]>) -> (Value, Value) {
 }
 
 /// The field; `None` without any reprojection error.
-pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Option<Figure> {
-    let pool = Pool::of(input, |_| true);
+pub(crate) fn reprojection_field(camera: &ReportCamera<'_>, image: &Image) -> Option<Figure> {
+    let pool = Pool::of(camera, |_| true);
     let errors: Vec<[f64; 4]> = pool
         .frames
         .iter()
@@ -88,7 +88,7 @@ pub(crate) fn reprojection_field(input: &ReportInput<'_>, image: &Image) -> Opti
         "hovertemplate": "%{text}<extra></extra>",
     });
     let rms = pool.reprojection().map_or(f64::NAN, |e| e.0.value);
-    let held_out = Pool::of(input, |r| r != Role::Fitted).reprojection();
+    let held_out = Pool::of(camera, |r| r != Role::Fitted).reprojection();
     let held_out = held_out.map_or(String::new(), |e| format!(", {} px on held-out frames", number(e.0.value)));
     let shown = if step > 1 { format!("; one marker in {step} is drawn") } else { String::new() };
     Some(

@@ -3,11 +3,12 @@
 use serde_json::{Value, json};
 
 use crate::html::escape;
+use crate::scope::Scope;
 
 /// A figure.
 #[derive(Debug, Clone)]
 pub(crate) struct Figure {
-    /// Unique in the page.
+    /// Unique in its part of the page.
     pub id: String,
     pub title: String,
     /// How to read it, with its main numbers; HTML.
@@ -62,13 +63,15 @@ impl Figure {
         self
     }
 
-    /// The HTML element that the script draws into.
-    pub(crate) fn html(&self) -> String {
+    /// The HTML element that the script draws into, in a part of the page.
+    pub(crate) fn html(&self, scope: &Scope) -> String {
         format!(
-            "<figure id=\"figure-{id}\"><h3>{title}</h3>\n<div class=\"plot\" id=\"{id}\" role=\"img\" \
+            "<figure id=\"{around}\"><h{level}>{title}</h{level}>\n<div class=\"plot\" id=\"{id}\" role=\"img\" \
              aria-label=\"{alt}\" \
              style=\"aspect-ratio:{aspect:.3}\"></div>\n<figcaption>{caption}</figcaption></figure>\n",
-            id = self.id,
+            around = scope.id(&format!("figure-{}", self.id)),
+            level = scope.level() + 1,
+            id = scope.id(&self.id),
             title = escape(&self.title),
             alt = escape(&self.alt),
             aspect = self.aspect,
@@ -77,8 +80,9 @@ impl Figure {
     }
 
     /// The figure as the page's script reads it.
-    pub(crate) fn json(&self) -> Value {
-        let mut value = json!({"id": self.id, "aspect": self.aspect, "data": self.data, "layout": self.layout});
+    pub(crate) fn json(&self, scope: &Scope) -> Value {
+        let id = scope.id(&self.id);
+        let mut value = json!({"id": id, "aspect": self.aspect, "data": self.data, "layout": self.layout});
         if !self.variants.is_empty() {
             let variant = |v: &Variant| json!({"label": v.label, "note": v.note, "trace": v.trace});
             value["variants"] = self.variants.iter().map(variant).collect();

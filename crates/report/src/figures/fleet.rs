@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::figure::{Figure, Variant};
 use super::plotly::{AFTER, NEUTRAL, plain, short, whiskers};
-use crate::format::{number, p_value};
+use crate::format::{number, p_value, shown_unit};
 
 /// Standard deviations to either side of a 95 % interval.
 const SIGMAS: f64 = 1.96;
@@ -83,7 +83,7 @@ pub(crate) fn fleet_parameters(fleet: &Fleet) -> Figure {
         .parameters
         .iter()
         .map(|p| {
-            let unit = if p.unit == "1" { "" } else { &p.unit };
+            let unit = shown_unit(&p.unit);
             Line {
                 label: p.name.clone(),
                 note: format!(

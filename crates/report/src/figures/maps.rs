@@ -7,8 +7,8 @@ use super::plotly::{colour_bar, diverging, image_axes, short};
 use crate::binned::{Binned, Cell};
 use crate::covariates::Image;
 use crate::format::{capital, number};
+use crate::input::ReportCamera;
 use crate::input::ReportDiagnosis;
-use crate::input::ReportInput;
 use crate::leftover::{BOARD_GRID, MAP_COLUMNS, board_axes, noise_mm, tested_frames};
 use crate::pool::Pool;
 use crate::statistics::rms;
@@ -52,15 +52,15 @@ fn noise_level(cells: &[Cell]) -> f64 {
 }
 
 /// Maps over the image: as measured, corrected in the same colours, and corrected on a colour scale of its own.
-pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> {
-    let pool = tested_frames(input);
+pub(crate) fn image_maps(camera: &ReportCamera<'_>, image: &Image) -> Vec<Figure> {
+    let pool = tested_frames(camera);
     if !pool.has_depth() {
         return Vec::new();
     }
     let grid = image.grid(MAP_COLUMNS);
     let n = grid[0] * grid[1];
     let bins = |value: &dyn Fn(&PixelError) -> f64| {
-        Binned::new(&pool, n, |p| image.cell(grid, p.context.pixel), value, noise_mm(input)).cells()
+        Binned::new(&pool, n, |p| image.cell(grid, p.context.pixel), value, noise_mm(camera)).cells()
     };
     let (before, after) = (bins(&|p| p.before_mm), bins(&|p| p.after_mm));
     let x: Value = (0..grid[0]).map(|c| short(image.middle(grid, c)[0])).collect();
@@ -97,11 +97,11 @@ pub(crate) fn image_maps(input: &ReportInput<'_>, image: &Image) -> Vec<Figure> 
 }
 
 /// Corrected error over the board, where a bent board or a bad print shows; `None` without depth.
-pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
-    let pool: Pool<'_> = tested_frames(input);
+pub(crate) fn board_map(camera: &ReportCamera<'_>) -> Option<Figure> {
+    let pool: Pool<'_> = tested_frames(camera);
     let [ax, ay] = board_axes(&pool)?;
     let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
-    let cells = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells();
+    let cells = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(camera)).cells();
     let x: Value = (0..BOARD_GRID[0]).map(|i| short(ax.middle(i))).collect();
     let y: Value = (0..BOARD_GRID[1]).map(|i| short(ay.middle(i))).collect();
     let layout = json!({
@@ -124,14 +124,14 @@ pub(crate) fn board_map(input: &ReportInput<'_>) -> Option<Figure> {
 }
 
 /// Maps over the image: as measured, and under the declared and the last model in the same colours.
-pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>, image: &Image) -> Vec<Figure> {
-    let (declared, now) = (Pool::declared(d), Pool::last(input));
+pub(crate) fn image_maps_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>, image: &Image) -> Vec<Figure> {
+    let (declared, now) = (Pool::declared(d), Pool::last(camera));
     if !now.has_depth() {
         return Vec::new();
     }
     let grid = image.grid(MAP_COLUMNS);
     let bins = |pool: &Pool<'_>, value: &dyn Fn(&PixelError) -> f64| {
-        Binned::new(pool, grid[0] * grid[1], |p| image.cell(grid, p.context.pixel), value, noise_mm(input)).cells()
+        Binned::new(pool, grid[0] * grid[1], |p| image.cell(grid, p.context.pixel), value, noise_mm(camera)).cells()
     };
     let raw = bins(&now, &|p| p.before_mm);
     let (before, after) = (bins(&declared, &|p| p.after_mm), bins(&now, &|p| p.after_mm));
@@ -185,12 +185,12 @@ pub(crate) fn image_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'
 }
 
 /// Errors over the board under the declared and the last model, in the same colours; empty without depth.
-pub(crate) fn board_maps_by_model(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
-    let (declared, now) = (Pool::declared(d), Pool::last(input));
+pub(crate) fn board_maps_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Vec<Figure> {
+    let (declared, now) = (Pool::declared(d), Pool::last(camera));
     let Some([ax, ay]) = board_axes(&now) else { return Vec::new() };
     let cell = |p: &PixelError| Some(ay.bin(p.board[1])? * BOARD_GRID[0] + ax.bin(p.board[0])?);
     let bins = |pool: &Pool<'_>| {
-        Binned::new(pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(input)).cells()
+        Binned::new(pool, BOARD_GRID[0] * BOARD_GRID[1], cell, |p| p.after_mm, noise_mm(camera)).cells()
     };
     let (before, after) = (bins(&declared), bins(&now));
     let shared = limit(&before).max(limit(&after));

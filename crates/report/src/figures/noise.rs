@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::figure::Figure;
 use super::plotly::{AFTER, NEUTRAL, plain, short, shorts};
 use crate::format::number;
-use crate::input::ReportInput;
+use crate::input::ReportCamera;
 use crate::pool::{Pool, usable};
 use depthcal_calibration::observe::noise::clipped_sigma;
 use depthcal_statistics::median;
@@ -14,9 +14,9 @@ use depthcal_statistics::median;
 const FEWEST: usize = 30;
 
 /// Scatter of each frame's pixels about its own median against the distance; `None` without depth noise.
-pub(crate) fn noise(input: &ReportInput<'_>) -> Option<Figure> {
-    let c = input.calibrated.filter(|c| c.with_depth)?;
-    let pool = Pool::of(input, |_| true);
+pub(crate) fn noise(camera: &ReportCamera<'_>) -> Option<Figure> {
+    let c = camera.calibrated.filter(|c| c.with_depth)?;
+    let pool = Pool::of(camera, |_| true);
     let frames: Vec<(String, f64, f64)> = pool
         .frames
         .iter()

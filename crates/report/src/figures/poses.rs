@@ -6,15 +6,15 @@ use serde_json::{Value, json};
 use super::figure::Figure;
 use super::plotly::{AFTER, NEUTRAL, OTHER, plain, rounded};
 use crate::format::{count, number};
-use crate::input::{ReportInput, Role};
+use crate::input::{ReportCamera, Role};
 use crate::pool::Pool;
 
 /// A frame's name and pose.
 type Named = (String, Isometry3<f64>);
 
 /// Corners of the board's rectangle of markers, mm.
-fn outline(input: &ReportInput<'_>, pool: &Pool<'_>) -> Option<[[f64; 2]; 4]> {
-    let points: Vec<[f64; 2]> = match input.calibrated {
+fn outline(camera: &ReportCamera<'_>, pool: &Pool<'_>) -> Option<[[f64; 2]; 4]> {
+    let points: Vec<[f64; 2]> = match camera.calibrated {
         Some(c) => c.capture.target.points(),
         None => pool.pixels().map(|p| p.board).collect(),
     };
@@ -33,16 +33,16 @@ fn board(pose: &Isometry3<f64>, corners: &[[f64; 2]; 4]) -> Vec<[f64; 3]> {
 }
 
 /// Boards and camera; `None` without any pose.
-pub(crate) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
-    let pool = Pool::of(input, |_| true);
-    let corners = outline(input, &pool)?;
+pub(crate) fn poses(camera: &ReportCamera<'_>) -> Option<Figure> {
+    let pool = Pool::of(camera, |_| true);
+    let corners = outline(camera, &pool)?;
     let mut groups: Vec<(Role, Vec<Named>)> = Vec::new();
     let mut add = |role: Role, name: &str, pose: Isometry3<f64>| match groups.iter_mut().find(|g| g.0 == role) {
         Some(g) => g.1.push((name.to_owned(), pose)),
         None => groups.push((role, vec![(name.to_owned(), pose)])),
     };
     pool.frames.iter().for_each(|f| add(f.role, &f.frame.name, f.frame.camera_from_board));
-    if let (true, Some(c)) = (pool.frames.is_empty(), input.calibrated) {
+    if let (true, Some(c)) = (pool.frames.is_empty(), camera.calibrated) {
         c.capture.frames.iter().for_each(|f| add(Role::Fitted, &f.name, f.camera_from_board));
     }
     if groups.is_empty() {
@@ -75,7 +75,7 @@ pub(crate) fn poses(input: &ReportInput<'_>) -> Option<Figure> {
             "hovertemplate": "frame %{text}: %{y:.0f} mm<extra></extra>",
         }));
     }
-    if let Some(c) = input.calibrated {
+    if let Some(c) = camera.calibrated {
         data.push(frustum(&c.camera, 0.22 * reach[1]));
     }
     let axis = |title: &str| json!({"title": {"text": title}, "nticks": 6});

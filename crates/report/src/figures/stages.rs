@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::figure::Figure;
 use super::plotly::{AFTER, BEFORE, NEUTRAL, plain, short, whiskers};
 use crate::format::{interval, number, percent};
-use crate::input::{ReportDiagnosis, ReportInput};
+use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::pool::Pool;
 
 /// One bar.
@@ -17,8 +17,8 @@ struct Stage {
     colour: &'static str,
 }
 
-fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
-    let (declared, now) = (Pool::declared(d).depth_rms()?, Pool::last(input).depth_rms()?);
+fn stages(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>> {
+    let (declared, now) = (Pool::declared(d).depth_rms()?, Pool::last(camera).depth_rms()?);
     let interval = |e: &depthcal_statistics::Estimate| e.has_interval().then_some([e.low, e.high]);
     let mut list = vec![
         Stage {
@@ -28,7 +28,7 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
             colour: BEFORE,
         },
         Stage {
-            label: format!("model:<br>{}", plain(&d.record.model)),
+            label: format!("model:<br>{}", plain(&d.record.model.to_string())),
             value: declared.after.value,
             interval: interval(&declared.after),
             colour: NEUTRAL,
@@ -54,8 +54,8 @@ fn stages(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Vec<Stage>
 }
 
 /// Depth error as measured, under the declared model, and after every step.
-pub(crate) fn stage_bars(input: &ReportInput<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let list = stages(input, d)?;
+pub(crate) fn stage_bars(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
+    let list = stages(camera, d)?;
     let label = |s: &Stage| format!("{}<br><b>{} mm</b>", s.label, number(s.value));
     let bars = json!({
         "type": "bar",

@@ -6,7 +6,7 @@ use depthcal_io::{Fleet, Prior};
 
 use super::sentences::{joined, outlier, replication, scatter, shared_effect};
 use crate::content::Content;
-use crate::format::{capital, count, number, p_value};
+use crate::format::{capital, count, number, p_value, quantity, shown_unit};
 use crate::html::escape;
 use crate::input::{Made, ReportError};
 use crate::made::made;
@@ -31,7 +31,6 @@ pub fn render_fleet(fleet: &Fleet, prior: &Prior, how: &Made) -> Result<String, 
 }
 
 fn first_screen(content: &mut Content, fleet: &Fleet) {
-    content.navigation += "<li><a href=\"#verdict\">Verdict</a></li>\n";
     let mut found: Vec<String> = fleet.effects.iter().filter(|e| e.shared).map(shared_effect).collect();
     found.extend(fleet.replications.iter().map(replication));
     found.extend(fleet.outliers.iter().map(outlier));
@@ -44,12 +43,10 @@ fn first_screen(content: &mut Content, fleet: &Fleet) {
         .iter()
         .map(|l| format!("<p>Left out: {} ({}).</p>\n", escape(&l.calibration), escape(&l.reason)))
         .collect();
+    content.open_verdict(&format!("{}.", escape(&capital(&scatter(fleet)))));
     let _ = writeln!(
         content.body,
-        "<section id=\"verdict\" aria-labelledby=\"verdict-title\"><h2 id=\"verdict-title\" class=\"visually-hidden\">\
-         Verdict</h2>\n<p class=\"verdict\" id=\"verdict-sentence\">{}.</p>\n<div class=\"story\"><p>{}.</p>\n<ul>{items}</ul>\
-         {left_out}</div>",
-        escape(&capital(&scatter(fleet))),
+        "<div class=\"story\"><p>{}.</p>\n<ul>{items}</ul>{left_out}</div>",
         escape(&capital(&joined(fleet)))
     );
     content.close();
@@ -62,15 +59,14 @@ fn parameters(content: &mut Content, fleet: &Fleet) {
     let mut rows = String::new();
     for p in &fleet.parameters {
         let mark = if p.differs_p_value < fleet.level { "<span class=\"hint\">differs</span>" } else { "" };
-        let unit = if p.unit == "1" { String::new() } else { format!(" {}", escape(&p.unit)) };
+        let std_dev = escape(&quantity(p.mean_std_dev, shown_unit(&p.unit)));
         let shared = p.shared_p_value.map_or_else(|| "–".to_owned(), p_value);
         let _ = writeln!(
             rows,
-            "<tr><th scope=\"row\"><code>{}</code>{mark}</th><td><b>{}</b> <span class=\"interval\">± {}{unit}</span></td>\
+            "<tr><th scope=\"row\"><code>{}</code>{mark}</th><td><b>{}</b> <span class=\"interval\">± {std_dev}</span></td>\
              <td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
             escape(&p.name),
             number(p.mean),
-            number(p.mean_std_dev),
             number(p.between_units),
             number(p.of_noise),
             p_value(p.differs_p_value),

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use depthcal_io::Fleet;
 
 use super::sentences::{joined, outlier, replication, scatter, shared_effect};
-use crate::format::{number, p_value};
+use crate::format::{number, p_value, shown_unit};
 
 /// Columns that names of parameters take.
 const NAME: usize = 26;
@@ -23,7 +23,7 @@ pub fn fleet_text(fleet: &Fleet) -> String {
         "parameter", "mean", "± of mean", "between units", "of noise", "p differs"
     );
     for p in &fleet.parameters {
-        let unit = if p.unit == "1" { "" } else { &p.unit };
+        let unit = shown_unit(&p.unit);
         let line = format!(
             "{:<NAME$} {:>10}   {:>10}  {:>13} {:>9}  {:>9}  {unit}",
             p.name,

@@ -11,7 +11,7 @@ use depthcal_calibration::compare::tables::tables;
 fn model(name: &str, error: f64) -> ModelComparison {
     let interval = |mean: f64| Some(Interval { mean, low: 0.9 * mean, high: 1.2 * mean });
     ModelComparison {
-        model: name.to_owned(),
+        model: name.parse().unwrap(),
         parameters: 13,
         effective_parameters: 12.5,
         held_out: Errors {
@@ -28,7 +28,7 @@ fn model(name: &str, error: f64) -> ModelComparison {
 /// Three models, one of which has no fit, and a learning curve.
 pub(super) fn page() -> String {
     let point = |model: &str, frames: usize, error: f64| LearningPoint {
-        model: model.to_owned(),
+        model: model.parse().unwrap(),
         frames,
         fits: 3,
         failed: 0,
@@ -36,7 +36,7 @@ pub(super) fn page() -> String {
         held_out: Errors { dot_error_mm: Some(error), plane_error_mm: None, depth_rms_mm: Some(error) },
     };
     let failed = ModelComparison {
-        model: "bspline".to_owned(),
+        model: "bspline".parse().unwrap(),
         failed: Some("<too> few frames".to_owned()),
         ..ModelComparison::default()
     };
@@ -59,6 +59,7 @@ pub(super) fn page() -> String {
         &comparison,
         &tables(&comparison),
         Some(&best),
+        &depthcal_model::Register::builtin(),
         &Made { command_line: "depthcal compare captures".to_owned(), ..Made::default() },
     )
     .unwrap()

@@ -11,7 +11,7 @@ use depthcal_model::Register;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use serde_json::Value;
 
-use super::super::{Made, ReportDataset, ReportDiagnosis, ReportInput, Role, render};
+use super::super::{Made, ReportCamera, ReportDataset, ReportDiagnosis, ReportInput, Role, render};
 use super::{figure_ids, own_part};
 use depthcal_calibration::diagnose::record::to_file;
 use depthcal_calibration::diagnose::separability::separability;
@@ -35,7 +35,7 @@ pub(super) fn diagnosed() -> &'static Diagnosed {
             depthcal_calibration::simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
         let diagnosis = diagnose(&capture, None, &DiagnoseOptions::default()).unwrap();
         let dataset = FileReference { path: "captures".to_owned(), digest: "00".to_owned() };
-        let mut account = to_file(&diagnosis, dataset, "projective");
+        let mut account = to_file(&diagnosis, dataset, "projective".parse().unwrap());
         account.separability = Some(separability(&diagnosis, &Register::builtin()).unwrap());
         let fitted = evaluate(&diagnosis.last.camera, &diagnosis.last.capture);
         Diagnosed { diagnosis, account, fitted }
@@ -48,16 +48,21 @@ impl Diagnosed {
             ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
             ReportDataset { evaluated: &self.diagnosis.after.evaluated, role: Role::HeldOut },
         ];
-        let input = ReportInput {
-            title: "Camera 1".to_owned(),
-            made: Made { command_line: "depthcal diagnose captures --out result".to_owned(), ..Made::default() },
+        let register = Register::builtin();
+        let camera = ReportCamera {
             calibrated: Some(&self.diagnosis.last),
             evaluations: datasets.to_vec(),
             diagnosis: Some(ReportDiagnosis {
                 record: account,
                 before: &self.diagnosis.before.evaluated,
-                register: &Register::builtin(),
+                register: &register,
             }),
+            ..ReportCamera::default()
+        };
+        let input = ReportInput {
+            title: "Camera 1".to_owned(),
+            made: Made { command_line: "depthcal diagnose captures --out result".to_owned(), ..Made::default() },
+            cameras: vec![camera],
             ..ReportInput::default()
         };
         render(&input).unwrap()
@@ -220,12 +225,12 @@ fn what_an_account_says_cannot_become_markup() {
     let d = diagnosed();
     let evil = "</script><script>alert('x')</script>".to_owned();
     let mut account = d.account.clone();
-    account.model = evil.clone();
+    account.model = depthcal_model::ModelSpec::of(depthcal_model::PieceSpec::new(evil.clone()));
     account.capture_next =
         vec![DiagnosisCapture::Record { covariate: DiagnosisCovariate::Time, effects: vec![evil.clone()] }];
     account.rounds[0].decision = DiagnosisDecision::Add {
         effect: evil.clone(),
-        spec: evil.clone(),
+        spec: depthcal_model::PieceSpec::new(evil.clone()),
         with: vec![evil.clone()],
         explained_share: 1.0,
         of_frame_planes: None,
@@ -234,7 +239,7 @@ fn what_an_account_says_cannot_become_markup() {
     };
     account.rounds[0].effects[0].effect = evil.clone();
     account.steps[0].effects[0] = evil.clone();
-    account.steps[0].with = evil.clone();
+    account.steps[0].with = depthcal_model::PieceSpec::new(evil.clone());
     account.bad_frames =
         vec![DiagnosisFrame { name: evil.clone(), cause: DiagnosisFrameCause::ExchangedDepth { with: evil.clone() } }];
     account.separability.as_mut().unwrap().effects[0] = evil;

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
 use nalgebra::Point3;
 
-use super::super::{Made, ReportDataset, ReportInput, Role, render};
+use super::super::{Made, ReportCamera, ReportDataset, ReportInput, Role, render};
 use depthcal_calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal_calibration::judge::depth_errors::{DepthErrors, PixelError};
 use depthcal_calibration::judge::evaluate::{Evaluated, EvaluatedFrame};
@@ -138,8 +138,11 @@ impl Fixture {
                 command_line: "depthcal calibrate captures --hold-out 3 --out result".to_owned(),
                 ..Made::default()
             },
-            calibrated: Some(&self.calibrated),
-            evaluations: evaluations.to_vec(),
+            cameras: vec![ReportCamera {
+                calibrated: Some(&self.calibrated),
+                evaluations: evaluations.to_vec(),
+                ..ReportCamera::default()
+            }],
             ..ReportInput::default()
         }
     }

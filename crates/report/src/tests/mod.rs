@@ -6,7 +6,7 @@ mod diagnosis;
 mod fixture;
 
 use super::headline;
-use super::{ReportDataset, ReportError, ReportInput, Role, covariates, leftover, render};
+use super::{ReportCamera, ReportDataset, ReportError, ReportInput, Role, covariates, leftover, render};
 use depthcal_calibration::judge::depth_errors::DepthErrors;
 use depthcal_calibration::stage_clock::{StageTime, StageTimes};
 use fixture::{Fixture, evaluated, image_only};
@@ -59,7 +59,7 @@ fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
     ] {
         assert!(ids.contains(&id), "{id} is missing among {ids:?}");
     }
-    assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[])));
+    assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[]).cameras[0]));
     assert!(html.contains("95\u{a0}% interval") && html.contains("over 9 frames"));
     assert!(html.contains("the board was not found"), "dropped frames have reasons");
     assert!(html.contains("A true camera was simulated."));
@@ -79,6 +79,45 @@ fn a_large_capture_gives_a_small_file_in_a_short_time() {
     eprintln!("51 frames, {pixels} pixels: {} bytes in {:?}", html.len(), start.elapsed());
     assert!(html.len() < 6_000_000, "{} bytes", html.len());
     assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+}
+
+/// The input of a page of one camera.
+fn page_of(camera: ReportCamera<'_>) -> ReportInput<'_> {
+    ReportInput { cameras: vec![camera], ..ReportInput::default() }
+}
+
+/// A page of several cameras has the sections and figures of each, below a verdict on each.
+#[test]
+fn every_camera_has_the_sections_of_a_page_of_one() {
+    let fixture = Fixture::simulated(&[]);
+    let single = fixture.input(&[]);
+    let named = |name: &str| ReportCamera { name: name.to_owned(), ..single.cameras[0].clone() };
+    let html = render(&ReportInput { cameras: ["left", "r<ght"].map(named).to_vec(), ..single.clone() }).unwrap();
+    let of_one = fixture.render(&[]);
+    let mut expected: Vec<String> = Vec::new();
+    for number in 1..=2 {
+        expected.extend(figure_ids(&of_one).iter().map(|id| format!("camera-{number}-{id}")));
+        for id in ["verdict", "trust", "where", "parameters", "uncertainty", "dropped"] {
+            assert!(html.contains(&format!("<section id=\"camera-{number}-{id}\"")), "{id} of camera {number}");
+        }
+    }
+    assert_eq!(figure_ids(&html), expected);
+    assert!(html.contains("2 cameras: left and r&lt;ght"));
+    assert_eq!(html.matches("How the numbers are defined").count(), 1);
+    let ids: Vec<&str> = own_part_of(&html, " id=\"");
+    let mut unique = ids.clone();
+    unique.sort_unstable();
+    unique.dedup();
+    assert_eq!(unique.len(), ids.len(), "every element has an id of its own");
+    for link in own_part_of(&html, "href=\"#") {
+        assert!(ids.contains(&link), "#{link} leads nowhere");
+    }
+}
+
+/// Values of an attribute in the page, from its beginning to the scripts.
+fn own_part_of<'a>(html: &'a str, attribute: &str) -> Vec<&'a str> {
+    let (body, _) = html.split_once("<script").unwrap();
+    body.split(attribute).skip(1).filter_map(|text| text.split('"').next()).collect()
 }
 
 #[test]
@@ -121,8 +160,8 @@ fn what_users_write_cannot_become_markup() {
 #[test]
 fn what_is_left_is_found_and_what_is_not_there_is_not() {
     let mut fixture = Fixture::simulated(&[]);
-    let image = covariates::Image::of(&fixture.input(&[]));
-    let clean = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
+    let image = covariates::Image::of(&fixture.input(&[]).cameras[0]);
+    let clean = leftover::Leftover::of(&fixture.input(&[]).cameras[0], &image).unwrap();
     assert_eq!(clean.found().count(), 0, "{}", clean.sentence());
     assert!(clean.sentence().starts_with("Nothing is left"));
 
@@ -133,11 +172,11 @@ fn what_is_left_is_found_and_what_is_not_there_is_not() {
         }
         frame.depth = DepthErrors::of(&frame.pixels);
     }
-    let dirty = leftover::Leftover::of(&fixture.input(&[]), &image).unwrap();
-    assert!(dirty.found().any(|f| f.over == "the position in the image"), "{}", dirty.sentence());
+    let dirty = leftover::Leftover::of(&fixture.input(&[]).cameras[0], &image).unwrap();
+    assert!(dirty.found().any(|f| f.over.to_string() == "the position in the image"), "{}", dirty.sentence());
     assert!(dirty.sentence().starts_with("Something is left that this model does not describe"));
     // The error is added towards the right edge, 9 mm at most: it has to be found in the right column of cells, too far.
-    let over_image = dirty.findings.iter().find(|f| f.over == "the position in the image").unwrap();
+    let over_image = dirty.findings.iter().find(|f| f.over.to_string() == "the position in the image").unwrap();
     assert!(over_image.worst.contains("right part of the image"), "{}", over_image.worst);
     assert!(over_image.worst.ends_with("too far"), "{}", over_image.worst);
     let html = fixture.render(&[]);
@@ -152,7 +191,8 @@ fn false_alarms_are_rare_and_real_effects_are_seen() {
         let alarm = |seed: &u64| {
             let fixture = Fixture::seeded(effects, *seed);
             let input = fixture.input(&[]);
-            let left = leftover::Leftover::of(&input, &covariates::Image::of(&input)).unwrap();
+            let camera = &input.cameras[0];
+            let left = leftover::Leftover::of(camera, &covariates::Image::of(camera)).unwrap();
             eprintln!("seed {seed}: {}", left.sentence());
             left.found().next().is_some()
         };
@@ -202,7 +242,8 @@ fn numbers_that_are_not_spoil_nothing() {
 fn without_calibration_the_errors_are_still_told() {
     let fixture = Fixture::simulated(&[]);
     let evaluations = [ReportDataset { evaluated: &fixture.held, role: Role::Other }];
-    let input = ReportInput { title: "other".to_owned(), evaluations: evaluations.to_vec(), ..ReportInput::default() };
+    let camera = ReportCamera { evaluations: evaluations.to_vec(), ..ReportCamera::default() };
+    let input = ReportInput { title: "other".to_owned(), ..page_of(camera) };
     let html = render(&input).unwrap();
     let ids = figure_ids(&html);
     assert!(ids.contains(&"map-before") && ids.contains(&"difference-after") && ids.contains(&"poses"));
@@ -214,27 +255,26 @@ fn without_calibration_the_errors_are_still_told() {
 fn an_image_only_calibration_speaks_of_pixels() {
     let (calibrated, evaluated) = image_only();
     let evaluations = [ReportDataset { evaluated: &evaluated, role: Role::Fitted }];
-    let input =
-        ReportInput { calibrated: Some(&calibrated), evaluations: evaluations.to_vec(), ..ReportInput::default() };
-    let html = render(&input).unwrap();
+    let camera = ReportCamera { calibrated: Some(&calibrated), ..ReportCamera::default() };
+    let html = render(&page_of(ReportCamera { evaluations: evaluations.to_vec(), ..camera.clone() })).unwrap();
     let ids = figure_ids(&html);
     assert!(html.contains("reprojection error is") && html.contains("Calibration report"));
     assert!(ids.contains(&"reprojection-field") && ids.contains(&"coverage") && !ids.contains(&"map-before"));
     assert!(html.contains("brown") || html.contains("Brown"));
 
-    let alone = ReportInput { calibrated: Some(&calibrated), ..ReportInput::default() };
-    assert!(render(&alone).unwrap().contains("not evaluated on any frame"));
+    assert!(render(&page_of(camera)).unwrap().contains("not evaluated on any frame"));
 }
 
 #[test]
 fn frames_that_were_all_dropped_are_listed_and_nothing_at_all_is_an_error() {
     let mut empty = evaluated("empty", &[]);
     let nothing = [ReportDataset { evaluated: &empty, role: Role::Other }];
-    let input = ReportInput { evaluations: nothing.to_vec(), ..ReportInput::default() };
-    assert_eq!(render(&input), Err(ReportError::Nothing));
+    let camera = ReportCamera { evaluations: nothing.to_vec(), ..ReportCamera::default() };
+    assert_eq!(render(&page_of(camera)), Err(ReportError::Nothing));
     empty.dropped.push(depthcal_calibration::observe::DroppedFrame { name: "f1".into(), reason: "blurred".into() });
     let dropped = [ReportDataset { evaluated: &empty, role: Role::Other }];
-    let html = render(&ReportInput { evaluations: dropped.to_vec(), ..ReportInput::default() }).unwrap();
+    let camera = ReportCamera { evaluations: dropped.to_vec(), ..ReportCamera::default() };
+    let html = render(&page_of(camera)).unwrap();
     assert!(html.contains("No frame could be evaluated.") && html.contains("blurred"));
 }
 
