@@ -68,7 +68,7 @@ pub(super) struct Calibrate {
     /// video of a board that moves.
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
-    /// What other units of the camera's type say of this one: prior.json of `depthcal fleet`. Its parameters get a normal prior,
+    /// Knowledge from other units of the camera's type: prior.json of `depthcal fleet`. Its parameters get a normal prior,
     /// and the fit starts at its mean, so that few frames are enough.
     #[arg(long, value_name = "FILE")]
     prior: Option<PathBuf>,

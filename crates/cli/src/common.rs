@@ -104,16 +104,16 @@ impl Reading {
 /// Prints in how many frames a camera, which is called `name`, found the board; every line begins with `indent`.
 fn print_loaded(camera: &LoadedCamera, name: &str, indent: &str) {
     let strays = camera.declared.strays.len();
-    let (found, dropped) = (camera.capture.frames.len(), camera.capture.dropped.len() - strays);
+    let (with_board, dropped) = (camera.capture.frames.len(), camera.capture.dropped.len() - strays);
     if camera.declared.has_images() || camera.has_markers() {
         let from = match &camera.markers {
             Some(file) => format!(" (markers from {})", file.path),
             None if camera.from_cache => " (cached)".to_owned(),
             None => String::new(),
         };
-        say!("{indent}{name}: the board was found in {found} of {}{from}", count(found + dropped, "frame"));
+        say!("{indent}{name}: the board was found in {with_board} of {}{from}", count(with_board + dropped, "frame"));
     } else {
-        say!("{indent}{name}: {} of depth without images", count(found, "frame"));
+        say!("{indent}{name}: {} of depth without images", count(with_board, "frame"));
     }
     print_pairing(&camera.declared);
     for frame in &camera.capture.dropped {

@@ -106,7 +106,7 @@ fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
     }
 }
 
-/// What was found of the cameras of a rig together.
+/// Findings about the cameras of a rig together.
 fn print_together(rig: &DiagnosedRig, findings: &RigFindings) {
     for name in &rig.found.without_depth {
         say!("\n[{name}]\nno depth: not examined");

@@ -107,13 +107,13 @@ type Form = fn(&FormulaEffect) -> String;
 /// An effect in words.
 fn description(effect: &FormulaEffect) -> String {
     let definition = effect.definition();
-    let (quantity, of) = match effect.hook() {
+    let (quantity, state) = match effect.hook() {
         HookKind::Depth => ("measured depth", format!(", of the {} state", definition.of.name())),
         HookKind::Lens => ("normalised image coordinates", String::new()),
         HookKind::Pixel => ("pixel of the depth image", String::new()),
         HookKind::Board | HookKind::Pose => ("point of the board", String::new()),
     };
-    let mut text = format!("{}\n  {quantity}: {}{of}\n", effect.name(), effect.text());
+    let mut text = format!("{}\n  {quantity}: {}{state}\n", effect.name(), effect.text());
     let list = |text: &mut String, title: &str, items: Vec<String>| {
         for (i, item) in items.iter().enumerate() {
             let _ = writeln!(text, "  {:11} {item}", if i == 0 { title } else { "" });

@@ -48,10 +48,10 @@ fn told(displaced: Displaced, session: &Session) {
     }
 }
 
-/// What a command that failed left in the folder of its results, as a sentence; `None` where there was nothing.
+/// The earlier results that a command that failed left in its folder, as a sentence; `None` where there was nothing.
 pub(super) fn earlier_results(out: &Path) -> Option<(String, Vec<PathBuf>)> {
-    let found: Vec<PathBuf> = TOLD.iter().map(|name| out.join(name)).filter(|path| path.is_file()).collect();
-    let names: Vec<String> = found.iter().map(|path| path.display().to_string()).collect();
+    let earlier: Vec<PathBuf> = TOLD.iter().map(|name| out.join(name)).filter(|path| path.is_file()).collect();
+    let names: Vec<String> = earlier.iter().map(|path| path.display().to_string()).collect();
     let sentence = match names.as_slice() {
         [] => return None,
         [one] => format!("nothing was written: {one} is of an earlier run and is as it was"),
@@ -59,5 +59,5 @@ pub(super) fn earlier_results(out: &Path) -> Option<(String, Vec<PathBuf>)> {
             format!("nothing was written: {} and {last} are of an earlier run and are as they were", firsts.join(", "))
         }
     };
-    Some((sentence, found))
+    Some((sentence, earlier))
 }

@@ -139,14 +139,14 @@ impl Simulate {
             cameras.push(camera);
         }
         for text in &self.effect {
-            let (place, rest) = match text.split_once(':') {
-                Some((name, rest)) => match cameras.iter().position(|c| c.name == name) {
-                    Some(place) => (place, rest),
+            let (place, effect) = match text.split_once(':') {
+                Some((name, effect)) => match cameras.iter().position(|c| c.name == name) {
+                    Some(place) => (place, effect),
                     None => return Err(Failure::Input(format!("--effect {text}: --rig has no camera {name}"))),
                 },
                 None => (0, text.as_str()),
             };
-            let effect = Effect::parse(rest).map_err(|e| Failure::Input(format!("--effect {text}: {e}")))?;
+            let effect = Effect::parse(effect).map_err(|e| Failure::Input(format!("--effect {text}: {e}")))?;
             cameras[place].effects.extend(effect);
         }
         let mut rig = RigSimulation::new(cameras, kind, self.seed);
@@ -182,7 +182,7 @@ impl Simulate {
     }
 }
 
-/// What is rendered.
+/// The cameras that are rendered.
 enum Rendered {
     Camera(Box<Simulation>),
     Rig(Box<RigSimulation>),
@@ -210,7 +210,7 @@ fn given_effect(effect: &FormulaEffect) -> Result<GivenEffect, String> {
         return Err(format!("effect '{name}' depends on 'surroundings', which the simulator does not have"));
     }
     let function = effect.function();
-    let of = |o: &Observation, covariate: FormulaCovariate| {
+    let value_at = |o: &Observation, covariate: FormulaCovariate| {
         use FormulaCovariate as C;
         let [x, y] = o.ray;
         match covariate {
@@ -235,7 +235,7 @@ fn given_effect(effect: &FormulaEffect) -> Result<GivenEffect, String> {
         place: if effect.definition().of == Of::Measured { Place::Measured } else { Place::True },
         form,
         function: Arc::new(move |observation| {
-            let covariates: Vec<f64> = function.covariates().iter().map(|c| of(observation, *c)).collect();
+            let covariates: Vec<f64> = function.covariates().iter().map(|c| value_at(observation, *c)).collect();
             function.values(&theta, &covariates)[0]
         }),
     })

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 
 /// A table of every stage with its time and its share of the run, then of what belongs to no stage, and of the whole run.
 pub(super) fn stage_table(times: &StageTimes) -> String {
-    let rest = [("everything else", times.rest_s()), ("all", times.elapsed_s)];
-    let rows = times.stages.iter().map(|s| (s.stage.as_str(), s.seconds)).chain(rest);
+    let remaining = [("everything else", times.rest_s()), ("all", times.elapsed_s)];
+    let rows = times.stages.iter().map(|s| (s.stage.as_str(), s.seconds)).chain(remaining);
     let width = rows.clone().map(|(stage, _)| stage.chars().count()).max().unwrap_or(0);
     let mut lines = vec![format!("{:width$}  {:>9}  {:>7}", "stage", "time", "share")];
     for (stage, seconds) in rows {

@@ -120,14 +120,14 @@ impl Binned {
         });
         let mut plain = Score::new(self, basis, |_| 1.0);
         let ones = vec![1.0; self.frames.len()];
-        let (found, size) = (weighted.of(&ones), plain.of(&ones));
+        let (observed, size) = (weighted.of(&ones), plain.of(&ones));
         let mut rng = sign_generator();
         let mut signs = ones;
         let (mut exceeding, mut sizes) = (0, Vec::with_capacity(FLIPS));
         for _ in 0..FLIPS {
             signs.iter_mut().for_each(|s| *s = if rng.random::<bool>() { 1.0 } else { -1.0 });
             // The tolerance keeps rounding from counting the same pattern of signs as smaller.
-            exceeding += usize::from(weighted.of(&signs) >= found * (1.0 - 1e-9));
+            exceeding += usize::from(weighted.of(&signs) >= observed * (1.0 - 1e-9));
             sizes.push(plain.of(&signs));
         }
         let chance = sizes.iter().sum::<f64>() / sizes.len() as f64;

@@ -8,6 +8,7 @@ use super::input::{ReportCamera, Role};
 use super::left_out::sentence;
 use super::leftover::Leftover;
 use super::pool::Pool;
+use super::statistics::Change;
 
 /// The outcome of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -64,6 +65,50 @@ const BOARDS_TILTED: &str = "Were the boards tilted?";
 pub(super) fn checks(camera: &ReportCamera<'_>, image: &Image, leftover: Option<&Leftover>) -> Vec<Check> {
     let mut list = Vec::new();
     let mut add = |level, question, answer: String| list.push(Check { level, question, answer });
+    let depth = errors(camera, &mut add);
+    match leftover {
+        Some(l) => {
+            let doubt = l.found().next().is_some() || l.could_hide_much();
+            let level = if doubt { Level::Care } else { Level::Good };
+            add(level, "Is the remaining error noise?", l.sentence());
+        }
+        None if depth.is_some() => {
+            let answer = "Unknown: too few frames with depth to tell a systematic error from chance.".to_owned();
+            add(Level::Care, "Is the remaining error noise?", answer);
+        }
+        None => {}
+    }
+    coverage(camera, image, &mut add);
+    if let Some(c) = camera.calibrated {
+        let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
+        if c.with_depth && samples > 0 {
+            let share = c.outliers as f64 / (samples + c.outliers) as f64;
+            let level = if share < 0.02 { Level::Good } else { Level::Care };
+            let answer = format!("{} of {} depth samples were excluded as outliers.", c.outliers, samples + c.outliers);
+            add(level, "Were there many outliers?", answer);
+        }
+    }
+    left_out(&Pool::of(camera, |_| true), &mut add);
+    let dropped: usize = super::tables::dropped(camera).len();
+    let used = camera.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(camera, |_| true).frames.len());
+    let share = dropped as f64 / (dropped + used).max(1) as f64;
+    let level = if share <= 0.2 { Level::Good } else { Level::Care };
+    let answer = match dropped {
+        0 => "No.".to_owned(),
+        n => format!("{} of {}; the reasons are listed below.", n, count(n + used, "frame")),
+    };
+    add(level, "Were frames excluded?", answer);
+    let lost: usize = Pool::of(camera, |_| true).frames.iter().map(|f| f.frame.uncorrectable).sum();
+    if lost > 0 {
+        let answer = format!("No: the model cannot be inverted at {} of the board.", count(lost, "depth pixel"));
+        add(Level::Care, "Can every pixel be corrected?", answer);
+    }
+    list.sort_by_key(|c| std::cmp::Reverse(c.level));
+    list
+}
+
+/// Convergence of the fit, and the errors on held-out frames; returns the change of the depth error there.
+fn errors(camera: &ReportCamera<'_>, add: &mut impl FnMut(Level, &'static str, String)) -> Option<Change> {
     let (pool, role) = Pool::headline(camera);
     let depth = pool.depth_rms();
     if let Some(c) = camera.calibrated {
@@ -113,45 +158,7 @@ pub(super) fn checks(camera: &ReportCamera<'_>, image: &Image, leftover: Option<
         let answer = if overfit { format!("No: {numbers}.") } else { format!("Yes: {numbers}.") };
         add(level, "Is it as accurate on held-out frames as on fitted ones?", answer);
     }
-    match leftover {
-        Some(l) => {
-            let doubt = l.found().next().is_some() || l.could_hide_much();
-            let level = if doubt { Level::Care } else { Level::Good };
-            add(level, "Is the remaining error noise?", l.sentence());
-        }
-        None if depth.is_some() => {
-            let answer = "Unknown: too few frames with depth to tell a systematic error from chance.".to_owned();
-            add(Level::Care, "Is the remaining error noise?", answer);
-        }
-        None => {}
-    }
-    coverage(camera, image, &mut add);
-    if let Some(c) = camera.calibrated {
-        let samples: usize = c.capture.frames.iter().map(|f| f.samples.len()).sum();
-        if c.with_depth && samples > 0 {
-            let share = c.outliers as f64 / (samples + c.outliers) as f64;
-            let level = if share < 0.02 { Level::Good } else { Level::Care };
-            let answer = format!("{} of {} depth samples were excluded as outliers.", c.outliers, samples + c.outliers);
-            add(level, "Were there many outliers?", answer);
-        }
-    }
-    left_out(&Pool::of(camera, |_| true), &mut add);
-    let dropped: usize = super::tables::dropped(camera).len();
-    let used = camera.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(camera, |_| true).frames.len());
-    let share = dropped as f64 / (dropped + used).max(1) as f64;
-    let level = if share <= 0.2 { Level::Good } else { Level::Care };
-    let answer = match dropped {
-        0 => "No.".to_owned(),
-        n => format!("{} of {}; the reasons are listed below.", n, count(n + used, "frame")),
-    };
-    add(level, "Were frames excluded?", answer);
-    let lost: usize = Pool::of(camera, |_| true).frames.iter().map(|f| f.frame.uncorrectable).sum();
-    if lost > 0 {
-        let answer = format!("No: the model cannot be inverted at {} of the board.", count(lost, "depth pixel"));
-        add(Level::Care, "Can every pixel be corrected?", answer);
-    }
-    list.sort_by_key(|c| std::cmp::Reverse(c.level));
-    list
+    depth
 }
 
 /// Frames of which a large part of the board was left out, the worst first, and what to look for there.

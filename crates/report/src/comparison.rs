@@ -142,8 +142,8 @@ fn ranked(content: &mut Content, c: &Comparison, register: &Register) {
 /// The tables of Sjöholm 2017 and the stability of D.
 fn thesis(content: &mut Content, c: &Comparison, tables: &[Table]) {
     // The first table is the ranking, and the learning curve is a figure.
-    let rest: Vec<&Table> = tables.iter().skip(1).collect();
-    if rest.is_empty() {
+    let of_thesis: Vec<&Table> = tables.iter().skip(1).collect();
+    if of_thesis.is_empty() {
         return;
     }
     content.open("tables", ["Tables", "All tables"], "");
@@ -151,7 +151,7 @@ fn thesis(content: &mut Content, c: &Comparison, tables: &[Table]) {
         let items: String = stability.verdict.iter().map(|s| format!("<li>{}</li>\n", escape(s))).collect();
         let _ = writeln!(content.body, "<ul>{items}</ul>");
     }
-    for table in rest {
+    for table in of_thesis {
         let (title, text) = (escape(&table.title), escape(&table.text));
         let _ = writeln!(
             content.body,

@@ -97,9 +97,14 @@ mod tests {
 
     fn component(slope: f64) -> DiagnosisComponent {
         let bin = |i: i32| {
-            let at = 0.1 * f64::from(i);
-            let formula_mm = slope * at;
-            DiagnosisComponentBin { at, residual_mm: formula_mm + 0.05, standard_error_mm: Some(0.1), formula_mm }
+            let covariate = 0.1 * f64::from(i);
+            let formula_mm = slope * covariate;
+            DiagnosisComponentBin {
+                at: covariate,
+                residual_mm: formula_mm + 0.05,
+                standard_error_mm: Some(0.1),
+                formula_mm,
+            }
         };
         DiagnosisComponent { over: "y".to_owned(), part_of: None, bins: (0..10).map(bin).collect() }
     }

@@ -46,8 +46,8 @@ impl Image {
 
     /// Middle of a cell, px.
     pub(super) fn middle(&self, [columns, rows]: [usize; 2], cell: usize) -> [f64; 2] {
-        let at = |i: usize, n: usize, size: f64| (i as f64 + 0.5) * size / n as f64 - 0.5;
-        [at(cell % columns, columns, self.width), at(cell / columns, rows, self.height)]
+        let middle = |i: usize, n: usize, size: f64| (i as f64 + 0.5) * size / n as f64 - 0.5;
+        [middle(cell % columns, columns, self.width), middle(cell / columns, rows, self.height)]
     }
 
     /// Where a pixel lies, in words.
@@ -71,7 +71,7 @@ pub(super) struct Covariate {
     /// As in "against the distance".
     pub name: &'static str,
     pub unit: &'static str,
-    /// What it is, and what a dependence on it indicates.
+    /// The quantity in words, and what a dependence on it indicates.
     pub hint: &'static str,
     pub value: Value,
 }

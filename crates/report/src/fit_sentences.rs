@@ -1,4 +1,4 @@
-//! What a reader of a fit has to know before its numbers.
+//! Sentences that a reader of a fit has to know before its numbers.
 
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::calibration_record::declarations;

@@ -111,7 +111,7 @@ fn pose_std(c: &Calibrated, pose: &Isometry3<f64>, pixels: &[&PixelError], marke
         let plane = BoardPlane::new(pose);
         rays.iter().map(|r| plane.depth(*r)).sum::<Option<f64>>().map(|s| s / rays.len() as f64)
     };
-    let at =
+    let image_of =
         |pose: &Isometry3<f64>, p: &[f64; 2]| c.camera.project(&(pose * nalgebra::Point3::new(p[0], p[1], 0.0)).coords);
     // Small against the distances and angles of boards, large against rounding.
     let steps = [1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6];
@@ -124,7 +124,7 @@ fn pose_std(c: &Calibrated, pose: &Isometry3<f64>, pixels: &[&PixelError], marke
     for p in &points {
         let mut rows = SMatrix::<f64, 2, 6>::zeros();
         for i in 0..6 {
-            let (a, b) = (at(&poses[i][0], p)?, at(&poses[i][1], p)?);
+            let (a, b) = (image_of(&poses[i][0], p)?, image_of(&poses[i][1], p)?);
             (0..2).for_each(|r| rows[(r, i)] = (a[r] - b[r]) / (2.0 * steps[i]));
         }
         normal += rows.tr_mul(&rows);

@@ -14,7 +14,7 @@ pub(crate) fn share(share: Option<f64>) -> String {
     }
 }
 
-/// What was left out, in a sentence.
+/// Pixels that were left out, in a sentence.
 pub(crate) fn sentence(o: &Outliers) -> String {
     if o.count == 0 {
         return "None of the board's pixels were left out.".to_owned();

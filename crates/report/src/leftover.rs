@@ -78,8 +78,8 @@ impl Leftover {
             let cell = |p: &PixelError| Some(y.bin(p.board[1])? * BOARD_GRID[0] + x.bin(p.board[0])?);
             let board = Binned::new(&pool, BOARD_GRID[0] * BOARD_GRID[1], cell, after, sigma);
             let place = |c: usize| {
-                let at = [x.middle(c % BOARD_GRID[0]), y.middle(c / BOARD_GRID[0])];
-                format!("on the board around ({:.0}, {:.0}) mm", at[0], at[1])
+                let middle = [x.middle(c % BOARD_GRID[0]), y.middle(c / BOARD_GRID[0])];
+                format!("on the board around ({:.0}, {:.0}) mm", middle[0], middle[1])
             };
             let basis = smooth_over(BOARD_GRID, ORDER_OVER);
             findings.push(finding("the position on the board", &board, &basis, place));
@@ -123,8 +123,8 @@ impl Leftover {
     /// The outcome in a sentence or two.
     pub(super) fn sentence(&self) -> String {
         let frames = count(self.frames, "frame");
-        let found: Vec<&Finding> = self.found().collect();
-        let Some(first) = found.first() else {
+        let findings: Vec<&Finding> = self.found().collect();
+        let Some(first) = findings.first() else {
             let hidden = number(self.hidden_mm());
             return if self.could_hide_much() {
                 format!(
@@ -139,7 +139,7 @@ impl Leftover {
             };
         };
         // A pattern says more about the cause than frames that are off as a whole.
-        let first = found.iter().find(|f| f.over != Over::WholeFrames).unwrap_or(first);
+        let first = findings.iter().find(|f| f.over != Over::WholeFrames).unwrap_or(first);
         let size = number(first.structure.size_mm);
         if first.over == Over::WholeFrames {
             let patterns = self.findings.iter().filter(|f| f.over != Over::WholeFrames);
@@ -158,7 +158,7 @@ impl Leftover {
             "Something is left that this model does not describe: a systematic error of {size} mm rms over {}, largest {}.",
             first.over, first.worst
         );
-        let others = || found.iter().filter(|f| f.over != first.over && f.over != Over::WholeFrames);
+        let others = || findings.iter().filter(|f| f.over != first.over && f.over != Over::WholeFrames);
         if others().next().is_some() {
             let others: Vec<String> =
                 others().map(|f| format!("{} ({} mm rms)", f.over, number(f.structure.size_mm))).collect();

@@ -18,8 +18,8 @@ pub(super) fn made(made: &Made) -> String {
         return html;
     }
     let mut rows = String::new();
-    let rest = [("everything else", times.rest_s())];
-    for (stage, seconds) in times.stages.iter().map(|s| (s.stage.as_str(), s.seconds)).chain(rest) {
+    let remaining = [("everything else", times.rest_s())];
+    for (stage, seconds) in times.stages.iter().map(|s| (s.stage.as_str(), s.seconds)).chain(remaining) {
         let share = fixed(100.0 * seconds / times.elapsed_s.max(f64::MIN_POSITIVE), 1);
         let (stage, time) = (escape(stage), in_words(seconds));
         let _ = writeln!(rows, "<tr><th scope=\"row\">{stage}</th><td>{time}</td><td>{share} %</td></tr>");

@@ -40,13 +40,13 @@ pub(super) fn render(title: &str, made: &str, content: &Content) -> Result<Strin
         }
     };
     let mut out = String::with_capacity(library.len() + figures.len() + content.body.len() + 64_000);
-    let mut rest = TEMPLATE;
-    while let Some((before, after)) = rest.split_once("{{") {
+    let mut unfilled = TEMPLATE;
+    while let Some((before, after)) = unfilled.split_once("{{") {
         out.push_str(before);
         let (name, after) = after.split_once("}}").unwrap_or((after, ""));
         out.push_str(fill(name.trim()));
-        rest = after;
+        unfilled = after;
     }
-    out.push_str(rest);
+    out.push_str(unfilled);
     Ok(out)
 }

@@ -20,7 +20,7 @@ pub(super) fn meaning(register: &Register, piece: &str, parameter: &str) -> Opti
     (!parameter.meaning.is_empty()).then_some(parameter.meaning)
 }
 
-/// What an effect is, in plain words that follow a name and a colon.
+/// Description of an effect in plain words that follow a name and a colon.
 pub(super) fn summary(register: &Register, effect: &str) -> &'static str {
     register.find(effect).map(|piece| piece.summary()).filter(|s| !s.is_empty()).unwrap_or("an effect of your own")
 }

@@ -59,7 +59,7 @@ impl<'a> Pool<'a> {
         Self::headline(camera).0
     }
 
-    /// The same frames with their errors under the declared model.
+    /// Frames of a diagnosis with their errors under the declared model.
     pub(super) fn declared(d: &ReportDiagnosis<'a>) -> Self {
         Self::one(&ReportDataset { evaluated: d.before, role: Role::HeldOut })
     }

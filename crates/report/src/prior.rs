@@ -1,4 +1,4 @@
-//! What a fit's prior did, in words.
+//! The influence of a prior on a fit, in words.
 
 use depthcal_calibration::calibrate::Calibrated;
 use depthcal_calibration::calibration_record::prior_use;
@@ -8,7 +8,7 @@ use crate::format::{count, number, p_equals, percent};
 /// p-value below which a camera is said to be unlike the units of its prior.
 const UNLIKE_THE_OTHERS: f64 = 0.001;
 
-/// What a fit's prior did, in sentences; none without a prior.
+/// The influence of the prior on a fit, in sentences; none without a prior.
 pub fn prior_sentences(result: &Calibrated) -> Vec<String> {
     let Some(prior) = &result.prior else { return Vec::new() };
     let Some(used) = prior_use(result) else {

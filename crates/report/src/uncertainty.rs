@@ -49,8 +49,8 @@ impl Uncertainty {
     /// Maps and curves; `None` where the calibration has no depth or no covariance.
     pub(super) fn of(c: &Calibrated) -> Option<Self> {
         let covariance = c.covariance.as_ref().filter(|_| c.with_depth)?;
-        let at = distances(c);
-        let q = |q: f64| quantile(at.iter().copied(), q);
+        let fitted = distances(c);
+        let q = |q: f64| quantile(fitted.iter().copied(), q);
         let (near, middle, far) = (q(0.01), q(0.5), q(0.99));
         if !(near > 0.0 && far > near) {
             return None;

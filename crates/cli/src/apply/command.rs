@@ -239,8 +239,8 @@ impl Apply {
                 jobs.extend(self.dataset_jobs(path)?);
                 continue;
             }
-            let found = if path.is_dir() { images_in(path, DEPTH_EXTENSIONS)? } else { vec![path.clone()] };
-            if let Some(first) = found.first().filter(|p| !p.is_file()) {
+            let files = if path.is_dir() { images_in(path, DEPTH_EXTENSIONS)? } else { vec![path.clone()] };
+            if let Some(first) = files.first().filter(|p| !p.is_file()) {
                 return Err(Failure::Input(format!(
                     "{}: there is no such file or folder: check DEPTH",
                     first.display()
@@ -254,7 +254,7 @@ impl Apply {
                     self.calibration.display()
                 ))
             })?;
-            for depth in found {
+            for depth in files {
                 let image = images.get(&stem(&depth)).cloned();
                 if image.is_none() && !self.image.is_empty() {
                     return Err(Failure::Input(format!(

@@ -28,8 +28,8 @@ pub(super) fn read_color(path: &Path, [width, height]: [usize; 2]) -> Result<Rgb
 pub(super) fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Failure> {
     let mut images = BTreeMap::new();
     for path in paths {
-        let found = if path.is_dir() { images_in(path, IMAGE_EXTENSIONS)? } else { vec![path.clone()] };
-        images.extend(found.into_iter().map(|path| (stem(&path), path)));
+        let files = if path.is_dir() { images_in(path, IMAGE_EXTENSIONS)? } else { vec![path.clone()] };
+        images.extend(files.into_iter().map(|path| (stem(&path), path)));
     }
     Ok(images)
 }
@@ -37,24 +37,24 @@ pub(super) fn by_stem(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, Fa
 /// The images of a folder in the order of their names. Hidden files are temporary or the operating system's.
 pub(super) fn images_in(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
     let unreadable = |error| Failure::Input(format!("{}: cannot read the folder: {error}", folder.display()));
-    let mut found = Vec::new();
+    let mut images = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let hidden = path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
         let known = path.extension().is_some_and(|e| extensions.iter().any(|known| e.eq_ignore_ascii_case(known)));
         if known && !hidden && path.is_file() {
-            found.push(path);
+            images.push(path);
         }
     }
-    if found.is_empty() {
+    if images.is_empty() {
         let kinds = extensions.join(", ");
         return Err(Failure::Input(format!(
             "{}: the folder holds no images ({kinds}); check the path",
             folder.display()
         )));
     }
-    found.sort();
-    Ok(found)
+    images.sort();
+    Ok(images)
 }
 
 /// A file's name without its extension: what depth, infrared and colour images of a frame have in common.

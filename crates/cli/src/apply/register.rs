@@ -21,7 +21,7 @@ use crate::progress::Progress;
 use crate::session::Session;
 use crate::voice::say;
 
-/// What `apply --register` was asked for.
+/// The request of `apply --register`.
 pub(super) struct RigRegister<'a> {
     pub(super) calibration: &'a Path,
     pub(super) record: &'a Calibration,
@@ -41,6 +41,16 @@ struct Counts {
     pixels: usize,
     hidden: usize,
     points: usize,
+}
+
+impl Counts {
+    fn add(&mut self, other: Self) {
+        self.frames += other.frames;
+        self.holes += other.holes;
+        self.pixels += other.pixels;
+        self.hidden += other.hidden;
+        self.points += other.points;
+    }
 }
 
 /// A camera with depth of the calibration and of the dataset.
@@ -77,63 +87,76 @@ pub(super) fn register(asked: &RigRegister<'_>, session: &Session) -> Result<Val
             .flat_map(|camera| &camera.frames)
             .filter_map(|frame| Some((frame.name.as_str(), frame.image.as_deref()?)))
             .collect();
-        let mut found = Vec::new();
-        for camera in &dataset.cameras {
-            let placed = cameras.iter().find(|c| c.name == camera.name);
-            if let (true, Some(placed), Some(unit_mm)) = (camera.has_depth(), placed, camera.depth_unit_mm) {
-                let corrector = Corrector::new(&placed.camera)
-                    .map_err(|error| Failure::Input(format!("{}: {error}", asked.calibration.display())))?;
-                let frames = &camera.frames;
-                let first_s = frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
-                found.push(DepthCamera { placed, corrector, unit_mm, frames, first_s });
-            }
-        }
-        if found.is_empty() {
+        let with_depth = depth_cameras(asked, &dataset, &cameras)?;
+        if with_depth.is_empty() {
             return Err(Failure::Input(format!(
                 "{}: no camera of the calibration ({}) has depth here, so there is nothing to register",
                 path.display(),
                 known()
             )));
         }
-        for camera in &found {
-            let progress = Progress::new("registering", camera.frames.len());
-            let counts: Vec<Result<Counts, Failure>> = camera
-                .frames
-                .par_iter()
-                .map(|frame| {
-                    let counts = register_frame(asked, camera, target, frame, images.get(frame.name.as_str()).copied());
-                    progress.advance();
-                    counts
-                })
-                .collect();
-            drop(progress);
-            let mut own = Counts::default();
-            for counts in counts {
-                let counts = counts?;
-                own.frames += counts.frames;
-                own.holes += counts.holes;
-                own.pixels += counts.pixels;
-                own.hidden += counts.hidden;
-                own.points += counts.points;
-            }
-            let percent = |part: usize, all: usize| 100.0 * part as f64 / all.max(1) as f64;
-            say!(
-                "{} in {}: {}; {:.1} % of the pixels without depth; {:.1} % of the points without colour",
-                camera.placed.name,
-                target.name,
-                count(own.frames, "frame"),
-                percent(own.holes, own.pixels),
-                percent(own.hidden, own.points)
-            );
-            total.frames += own.frames;
-            total.holes += own.holes;
-            total.pixels += own.pixels;
+        for camera in &with_depth {
+            total.add(register_camera(asked, camera, target, &images)?);
         }
     }
     say!("written: {}", asked.out.display());
     Ok(json!({
         "frames": total.frames, "pixels": total.pixels, "without_depth": total.holes, "written": [asked.out],
     }))
+}
+
+/// The cameras of a dataset that have depth and are calibrated.
+fn depth_cameras<'a>(
+    asked: &RigRegister<'_>,
+    dataset: &'a Dataset,
+    cameras: &'a [PlacedCamera],
+) -> Result<Vec<DepthCamera<'a>>, Failure> {
+    let mut with_depth = Vec::new();
+    for camera in &dataset.cameras {
+        let placed = cameras.iter().find(|c| c.name == camera.name);
+        if let (true, Some(placed), Some(unit_mm)) = (camera.has_depth(), placed, camera.depth_unit_mm) {
+            let corrector = Corrector::new(&placed.camera)
+                .map_err(|error| Failure::Input(format!("{}: {error}", asked.calibration.display())))?;
+            let frames = &camera.frames;
+            let first_s = frames.iter().filter_map(|f| f.metadata.timestamp_s).fold(f64::INFINITY, f64::min);
+            with_depth.push(DepthCamera { placed, corrector, unit_mm, frames, first_s });
+        }
+    }
+    Ok(with_depth)
+}
+
+/// Resamples the depth of every frame of a camera; `images` are those of the target by the names of frames.
+fn register_camera(
+    asked: &RigRegister<'_>,
+    camera: &DepthCamera<'_>,
+    target: &PlacedCamera,
+    images: &BTreeMap<&str, &Path>,
+) -> Result<Counts, Failure> {
+    let progress = Progress::new("registering", camera.frames.len());
+    let of_frames: Vec<Result<Counts, Failure>> = camera
+        .frames
+        .par_iter()
+        .map(|frame| {
+            let counts = register_frame(asked, camera, target, frame, images.get(frame.name.as_str()).copied());
+            progress.advance();
+            counts
+        })
+        .collect();
+    drop(progress);
+    let mut counts = Counts::default();
+    for of_frame in of_frames {
+        counts.add(of_frame?);
+    }
+    let percent = |part: usize, all: usize| 100.0 * part as f64 / all.max(1) as f64;
+    say!(
+        "{} in {}: {}; {:.1} % of the pixels without depth; {:.1} % of the points without colour",
+        camera.placed.name,
+        target.name,
+        count(counts.frames, "frame"),
+        percent(counts.holes, counts.pixels),
+        percent(counts.hidden, counts.points)
+    );
+    Ok(counts)
 }
 
 fn register_frame(
@@ -163,8 +186,8 @@ fn register_frame(
     let registered = depth_into(&points, depth.width, &target.camera, &target_from_camera);
     let name = &camera.placed.name;
     let file = |folder: String| asked.out.join(folder).join(format!("{}.png", frame.name));
-    let own = points.iter().map(|p| p[2]).collect::<Vec<f32>>();
-    write_depth(file(name.clone()), &steps(&own, depth.width, camera.unit_mm)).map_err(input)?;
+    let depth_mm = points.iter().map(|p| p[2]).collect::<Vec<f32>>();
+    write_depth(file(name.clone()), &steps(&depth_mm, depth.width, camera.unit_mm)).map_err(input)?;
     let resampled = steps(&registered.depth_mm, registered.width, camera.unit_mm);
     write_depth(file(format!("{name}_in_{}", target.name)), &resampled).map_err(input)?;
     let measured = points.iter().filter(|p| !p[2].is_nan()).count();

@@ -23,8 +23,8 @@ pub(super) enum Written {
     /// Points: x y z of every pixel, 32-bit floating-point mm; NaN where there is no depth. With --register in the frame of the
     /// rig.
     Xyz,
-    /// The same points, each followed by red, green, blue and 255 in 8 bits, four zeros where another surface hides it from the
-    /// camera of --register or there is no depth.
+    /// Points as of `xyz`, each followed by red, green, blue and 255 in 8 bits, or by four zeros where another surface hides it
+    /// from the camera of --register or there is no depth.
     Xyzrgb,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct StreamArgs {
     pub(super) stream_temperature: Option<f64>,
 }
 
-/// What is made of the frames of a stream.
+/// The work on the frames of a stream.
 pub(super) trait FrameJob {
     /// Bytes of a frame on standard input.
     fn frame_bytes(&self) -> usize;

@@ -30,8 +30,9 @@ impl Registered {
     ) -> Result<Self, Failure> {
         let known = || cameras.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
         let named = |option: &str, name: &str| {
-            let found = cameras.iter().find(|camera| camera.name == name).cloned();
-            found.ok_or_else(|| Failure::Input(format!("{option} {name}: the calibration has the cameras {}", known())))
+            let camera = cameras.iter().find(|camera| camera.name == name).cloned();
+            camera
+                .ok_or_else(|| Failure::Input(format!("{option} {name}: the calibration has the cameras {}", known())))
         };
         let unit = |name: &str| record.cameras().find(|c| c.name == name).and_then(|c| c.depth_unit_mm);
         let depth = match depth {
@@ -126,8 +127,8 @@ impl FrameJob for RegisterJob<'_> {
     }
 
     fn correct(&mut self, index: usize, frame: &[u8], out: &mut Vec<u8>) -> Result<CorrectionSummary, CorrectorError> {
-        let (depth, rest) = frame.split_at(self.depth_bytes());
-        let (amplitude, color) = rest.split_at(self.amplitude_bytes());
+        let (depth, after_depth) = frame.split_at(self.depth_bytes());
+        let (amplitude, color) = after_depth.split_at(self.amplitude_bytes());
         if self.args.stream_amplitude {
             u16_from_bytes(amplitude, &mut self.amplitude.data);
         }

@@ -1,4 +1,4 @@
-//! What `apply` writes: the formats of corrected depth and of clouds, and depth corrected for them.
+//! Files that `apply` writes: the formats of corrected depth and of clouds, and depth corrected for them.
 
 use std::path::Path;
 
@@ -64,17 +64,17 @@ pub(super) struct Written {
 impl Written {
     /// Extension of the corrected image of `depth`.
     pub(super) fn extension(&self, depth: &Path) -> String {
-        let own = || depth.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let extension = || depth.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         match self.format {
             Some(DepthFormat::Png) => "png".into(),
             Some(DepthFormat::Pgm) => "pgm".into(),
             Some(DepthFormat::Tiff) => "tiff".into(),
             Some(DepthFormat::Npy) => "npy".into(),
             Some(DepthFormat::Exr) => "exr".into(),
-            None => match own().as_str() {
+            None => match extension().as_str() {
                 "npz" => "npy".into(),
                 "pnm" => "pgm".into(),
-                own @ ("png" | "pgm" | "tif" | "tiff" | "npy" | "exr") => own.into(),
+                extension @ ("png" | "pgm" | "tif" | "tiff" | "npy" | "exr") => extension.into(),
                 _ => "png".into(),
             },
         }

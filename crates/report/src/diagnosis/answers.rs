@@ -123,8 +123,8 @@ fn how_wrong(camera: &ReportCamera<'_>) -> String {
 
 fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     let pool = Pool::last(camera);
-    let at = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
-    let (low, high) = (at(0.05), at(0.95));
+    let error_mm = |q: f64| quantile(pool.pixels().map(|p| p.before_mm), q);
+    let (low, high) = (error_mm(0.05), error_mm(0.95));
     let side = match (low > 0.0, high < 0.0) {
         (true, _) => "nearly everywhere too far",
         (_, true) => "nearly everywhere too near",
@@ -213,7 +213,7 @@ fn not_certain(d: &ReportDiagnosis<'_>) -> String {
     if words.is_empty() { String::new() } else { format!(" Possible, but not certain: {}.", words.join(". ")) }
 }
 
-/// What of the error no model could remove, with a space before; empty where that is not known.
+/// The part of the error that no model could remove, with a space before; empty where that is not known.
 fn pure_error(d: &ReportDiagnosis<'_>) -> String {
     d.record.pure_error.as_ref().map_or_else(String::new, |found| {
         let noise = found.noise.as_ref().map_or_else(String::new, |noise| format!(" {}.", capital(&pure_noise(noise))));
@@ -268,19 +268,19 @@ fn smallest(d: &ReportDiagnosis<'_>) -> Option<String> {
     let seen = |c: &&DiagnosisCandidate| c.minimal_detectable_mm.is_some_and(|m| m > 0.0);
     let sizes: Vec<f64> = round.effects.iter().filter(seen).filter_map(|c| c.minimal_detectable_mm).collect();
     let blind = round.effects.len() - sizes.len();
-    let of = |q: f64| number(quantile(sizes.iter().copied(), q));
+    let size = |q: f64| number(quantile(sizes.iter().copied(), q));
     let blind =
         if blind == 0 { String::new() } else { format!("; {} would not be found at any size", count(blind, "effect")) };
     (!sizes.is_empty()).then(|| {
         format!(
             "Effects below {} to {} mm rms, depending on the effect, would have been missed{blind}.",
-            of(0.0),
-            of(1.0)
+            size(0.0),
+            size(1.0)
         )
     })
 }
 
-/// What to capture next: first what separates effects, then gaps in the coverage.
+/// Captures to make next: first what separates effects, then gaps in the coverage.
 fn next(d: &ReportDiagnosis<'_>, coverage: &[String]) -> String {
     let proposals = d.record.capture_next.iter().take(NEXT).map(capture);
     let list: Vec<String> = proposals.chain(coverage.iter().cloned()).collect();

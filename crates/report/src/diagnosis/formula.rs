@@ -18,7 +18,7 @@ pub(crate) enum FormulaText {
     Html,
 }
 
-/// What speaks for a formula and against others, in sentences.
+/// Evidence for a formula and against others, in sentences.
 pub(crate) fn formula_sentences(f: &DiagnosisFormula, form: &FormulaText) -> Vec<String> {
     let expression = |text: &str| match form {
         FormulaText::Plain => text.to_owned(),

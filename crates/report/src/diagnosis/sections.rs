@@ -108,7 +108,7 @@ fn parameters(d: &ReportDiagnosis<'_>) -> String {
     )
 }
 
-/// What each round tested and decided.
+/// Tests and decision of each round.
 fn rounds(d: &ReportDiagnosis<'_>) -> String {
     let items: String = d
         .record
@@ -225,7 +225,7 @@ pub(crate) fn frames(d: &ReportDiagnosis<'_>) -> String {
     )
 }
 
-/// What to capture next, and what to check.
+/// Captures to make next, and declarations to check.
 pub(crate) fn next(d: &ReportDiagnosis<'_>, coverage: &[String]) -> String {
     let list = |items: &[String]| -> String { items.iter().map(|s| format!("<li>{}</li>\n", escape(s))).collect() };
     let mut html = String::new();

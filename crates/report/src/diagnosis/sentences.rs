@@ -46,7 +46,7 @@ pub(crate) fn decision(decision: &DiagnosisDecision, register: &Register) -> Str
             spec, with, explained_share, of_frame_planes, despite_unexplained, outcome, ..
         } => {
             let effect = register.words(spec);
-            let found = if *despite_unexplained {
+            let finding = if *despite_unexplained {
                 format!(
                     "named effects explain {} of what is left, not most of it; {effect} retains its gain jointly with every \
                      free function",
@@ -59,15 +59,15 @@ pub(crate) fn decision(decision: &DiagnosisDecision, register: &Register) -> Str
                     .unwrap_or_default();
                 format!("{effect}{with} explains {} of what can be explained{planes}", share(*explained_share))
             };
-            format!("{found}; {}", added(outcome, register))
+            format!("{finding}; {}", added(outcome, register))
         }
         DiagnosisDecision::Unexplained { along, explained_share, competitor, outcome } => {
-            let of = match competitor {
+            let reference = match competitor {
                 DiagnosisCompetitor::FreeFunction => "",
                 DiagnosisCompetitor::FramePlanes => " of what a plane of its own in every frame explains",
             };
             format!(
-                "errors depend on {} in a way that no known effect has (the best explain {}{of}); {}",
+                "errors depend on {} in a way that no known effect has (the best explain {}{reference}); {}",
                 covariate(*along),
                 share(*explained_share),
                 unexplained(outcome, register)
@@ -130,7 +130,7 @@ fn unexplained(outcome: &DiagnosisUnexplainedOutcome, register: &Register) -> St
     }
 }
 
-/// What the last model leaves, without full stop.
+/// A pattern that the last model leaves, without full stop.
 pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
     match left {
         DiagnosisLeftOver::FreeFunction { along, rms_mm, explained_share } => {
@@ -158,7 +158,7 @@ pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
     }
 }
 
-/// What frames share, without full stop.
+/// Residuals that frames share, without full stop.
 pub(crate) fn shared(found: &DiagnosisShared) -> String {
     let along: Vec<&str> = found.along.iter().map(|a| covariate(*a)).collect();
     let unit = match found.along.first() {
@@ -178,25 +178,25 @@ pub(crate) fn shared(found: &DiagnosisShared) -> String {
 }
 
 /// The residual beside the pure error, without full stop.
-pub(crate) fn pure_error(found: &DiagnosisPureError) -> String {
+pub(crate) fn pure_error(error: &DiagnosisPureError) -> String {
     format!(
         "left over {} rms, pure error {} rms (ratio {}): pure error is what different frames do not share at the same values of \
          any covariate",
-        quantity(found.residual_rms_mm, "mm"),
-        quantity(found.pure_error_mm, "mm"),
-        number(found.ratio)
-    ) + &found.noise.as_ref().map_or_else(String::new, |noise| format!("; {}", pure_noise(noise)))
+        quantity(error.residual_rms_mm, "mm"),
+        quantity(error.pure_error_mm, "mm"),
+        number(error.ratio)
+    ) + &error.noise.as_ref().map_or_else(String::new, |noise| format!("; {}", pure_noise(noise)))
 }
 
 /// The noise of single pixels that the pure error has, without full stop.
 pub(crate) fn pure_noise(noise: &DiagnosisPureNoise) -> String {
-    let at =
-        noise.at.iter().map(|at| format!("{} at {}", quantity(at.std_mm, "mm"), quantity(1e-3 * at.depth_mm, "m")));
-    let at: Vec<String> = at.collect();
+    let sizes =
+        noise.at.iter().map(|d| format!("{} at {}", quantity(d.std_mm, "mm"), quantity(1e-3 * d.depth_mm, "m")));
+    let sizes: Vec<String> = sizes.collect();
     let correlation = noise
         .correlation_length_px
         .map_or_else(String::new, |px| format!(", pixels {px} px apart are nearly uncorrelated"));
-    format!("of single pixels it is {}{correlation}", join(&at))
+    format!("of single pixels it is {}{correlation}", join(&sizes))
 }
 
 /// An effect that is not certain, without full stop.

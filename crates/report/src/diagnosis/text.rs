@@ -49,8 +49,8 @@ pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register) -> String {
     for left in &d.left_over {
         let _ = writeln!(t, "left: {}", left_over(left));
     }
-    if let Some(found) = &d.pure_error {
-        let _ = writeln!(t, "{}", pure_error(found));
+    if let Some(error) = &d.pure_error {
+        let _ = writeln!(t, "{}", pure_error(error));
     }
     let _ = writeln!(t, "\nheld-out frames, declared → last model: {}", errors(&d.held_out.before, &d.held_out.after));
     if let Some(round) = d.rounds.last() {

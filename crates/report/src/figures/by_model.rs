@@ -115,10 +115,10 @@ pub(crate) fn model_curve(
 /// Depth error of every frame under both models, and the size of the frame's own plane.
 pub(crate) fn frames_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> Option<Figure> {
     let rms = |f: &EvaluatedFrame| f.depth.rms_mm().map(|rms| rms.after);
-    let of = |frames: &[EvaluatedFrame]| -> Vec<(String, f64)> {
+    let errors = |frames: &[EvaluatedFrame]| -> Vec<(String, f64)> {
         frames.iter().filter_map(|f| Some((plain(&f.name), rms(f)?))).collect()
     };
-    let before = of(&d.before.frames);
+    let before = errors(&d.before.frames);
     let now: Vec<(String, f64)> =
         Pool::last(camera).frames.iter().filter_map(|f| Some((plain(&f.frame.name), rms(f.frame)?))).collect();
     if now.is_empty() {

@@ -87,20 +87,20 @@ pub(crate) fn learning_curve(c: &Comparison, register: &Register) -> Figure {
     let symbols = ["circle", "square", "diamond", "cross", "x", "triangle-up", "triangle-down", "star", "pentagon"];
     let colours = ["#1f86c7", "#d9730d", "#a05fb4", "#2a9d6f", "#808793", "#c43a57", "#8a6d1b", "#2b59a8", "#5f9ea0"];
     let points = |model: &ModelSpec| c.learning_curve.iter().filter(|p| p.model == *model).collect::<Vec<_>>();
-    let of = kinds::<Option<f64>>()[0].1;
+    let dot_error = kinds::<Option<f64>>()[0].1;
     let mut data = Vec::new();
     for (i, model) in models.iter().enumerate() {
         let list = points(model);
         data.push(json!({
             "type": "scatter", "mode": "lines+markers", "name": plain(&register.model_words(model)),
             "x": list.iter().map(|p| p.frames).collect::<Value>(),
-            "y": list.iter().map(|p| of(&p.held_out).map_or(Value::Null, short)).collect::<Value>(),
+            "y": list.iter().map(|p| dot_error(&p.held_out).map_or(Value::Null, short)).collect::<Value>(),
             "line": {"color": colours[i % colours.len()], "width": 2},
             "marker": {"size": 7, "symbol": symbols[i % symbols.len()], "color": colours[i % colours.len()]},
             "hovertemplate": "%{x} frames: %{y:.3~g} mm<extra>%{fullData.name}</extra>",
         }));
     }
-    let values = || c.learning_curve.iter().filter_map(|p| of(&p.held_out));
+    let values = || c.learning_curve.iter().filter_map(|p| dot_error(&p.held_out));
     let (low, high) = (values().fold(f64::INFINITY, f64::min), quantile(values(), 0.9));
     let sizes: Vec<usize> = {
         let mut sizes: Vec<usize> = c.learning_curve.iter().map(|p| p.frames).collect();

@@ -1,4 +1,4 @@
-//! What a depth model does to a flat wall, as maps over the image.
+//! The change of a flat wall by a depth model, as maps over the image.
 
 use serde_json::{Value, json};
 
@@ -22,7 +22,7 @@ struct WallMap {
     distance_mm: f64,
     /// Corrected minus measured depth of every cell, mm; `None` where no frame had depth.
     cells: Vec<Option<f64>>,
-    /// The same minus its best plane in inverse depth, which a projective D describes as well.
+    /// The correction minus its best plane in inverse depth, which a projective D describes as well.
     beyond: Vec<Option<f64>>,
 }
 
@@ -35,8 +35,8 @@ struct Grid {
 
 impl Grid {
     fn pixel(&self, i: usize) -> [f64; 2] {
-        let at = |k: usize, n: usize, size: f64| size * k as f64 / (n - 1) as f64;
-        [at(i % COLUMNS, COLUMNS, self.width), at(i / COLUMNS, self.rows, self.height)]
+        let coordinate = |k: usize, n: usize, size: f64| size * k as f64 / (n - 1) as f64;
+        [coordinate(i % COLUMNS, COLUMNS, self.width), coordinate(i / COLUMNS, self.rows, self.height)]
     }
 
     /// Cells that samples at about a distance reach.
@@ -90,28 +90,28 @@ fn wall_map(c: &Calibrated, grid: &Grid, samples: &[([f64; 2], f64)], distance_m
 
 /// Maps of the correction at three distances, and of its part beyond a projective D; empty without a depth model.
 pub(crate) fn correction_maps(c: &Calibrated) -> Vec<Figure> {
-    let at = distances(c);
-    if !c.with_depth || at.is_empty() {
+    let depths_mm = distances(c);
+    if !c.with_depth || depths_mm.is_empty() {
         return Vec::new();
     }
     let (width, height) = (c.camera.width as f64 - 1.0, c.camera.height as f64 - 1.0);
     let grid = Grid { width, height, rows: ((COLUMNS as f64 * height / width).round() as usize).max(2) };
     let samples: Vec<([f64; 2], f64)> =
         c.capture.frames.iter().flat_map(|f| f.samples.iter().map(|s| (s.context.pixel, s.depth_mm))).collect();
-    let maps = [0.05, 0.5, 0.95].map(|q| wall_map(c, &grid, &samples, quantile(at.iter().copied(), q)));
+    let maps = [0.05, 0.5, 0.95].map(|q| wall_map(c, &grid, &samples, quantile(depths_mm.iter().copied(), q)));
     let figure = |id: &str, title: String, caption: &str, of: fn(&WallMap) -> &Vec<Option<f64>>| {
         let all = maps.iter().flat_map(|m| of(m).iter().flatten().map(|v| v.abs()));
         let limit = quantile(all, 0.98).max(1e-3);
         let variants = maps.iter().map(|m| {
-            let at = |q: f64| number(quantile(of(m).iter().flatten().copied(), q));
+            let change_mm = |q: f64| number(quantile(of(m).iter().flatten().copied(), q));
             let share = of(m).iter().flatten().count() as f64 / of(m).len() as f64;
             let cell = |v: &Option<f64>| v.map_or(Value::Null, |v| rounded(v, 3));
             Variant {
                 label: format!("{} mm", number(m.distance_mm)),
                 note: format!(
                     "{} to {} mm where frames had depth within 20 % of this distance: {} % of the image.",
-                    at(0.02),
-                    at(0.98),
+                    change_mm(0.02),
+                    change_mm(0.98),
                     fixed(100.0 * share, 0)
                 ),
                 trace: json!({"z": of(m).chunks(COLUMNS).map(|r| r.iter().map(cell).collect::<Value>()).collect::<Value>()}),

@@ -74,9 +74,9 @@ pub(crate) fn curve(camera: &ReportCamera<'_>, covariate: &Covariate) -> Option<
         "yaxis": {"title": {"text": "depth error / mm"}, "range": [low - pad, high + pad], "zeroline": true},
     });
     let spread = |cells: &[Cell]| {
-        let at =
+        let extreme =
             |f: fn(f64, f64) -> f64, from: f64| cells.iter().map(|c| c.value).filter(|v| v.is_finite()).fold(from, f);
-        format!("{} to {}", number(at(f64::min, f64::INFINITY)), number(at(f64::max, f64::NEG_INFINITY)))
+        format!("{} to {}", number(extreme(f64::min, f64::INFINITY)), number(extreme(f64::max, f64::NEG_INFINITY)))
     };
     let told = format!("Bins range from {} mm as measured and from {} mm corrected", spread(&before), spread(&after));
     Some(

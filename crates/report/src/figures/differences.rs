@@ -103,10 +103,10 @@ fn values(r: &(Raster, bool)) -> &[f64] {
 fn figures(labels: &[(String, String)], series: Vec<Series<'_>>) -> Vec<Figure> {
     let limit = |group: usize| {
         let cells = || series.iter().filter(|s| s.group == group).flat_map(|s| s.rasters.iter().flatten());
-        let at = |after: bool, q: f64| {
+        let size_mm = |after: bool, q: f64| {
             quantile(cells().filter(|r| r.1 == after).flat_map(|r| values(r).iter().map(|v| v.abs())), q)
         };
-        let (before, after) = (at(false, 0.98), at(true, if group == 0 { 0.9 } else { 0.97 }));
+        let (before, after) = (size_mm(false, 0.98), size_mm(true, if group == 0 { 0.9 } else { 0.97 }));
         before.max(after).max(1e-3)
     };
     let limits: Vec<f64> = series.iter().map(|s| limit(s.group)).collect();
@@ -185,9 +185,9 @@ pub(crate) fn differences_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosi
     };
     let labels: Vec<(String, String)> = pool.frames.iter().map(|f| (f.frame.name.clone(), note(f))).collect();
     let cells = (CELLS / pool.frames.len()).clamp(60, CELLS_PER_FRAME);
-    let of = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
+    let rasters = |after: bool| pool.frames.iter().map(|f| Some((raster(f.frame, cells)?, after))).collect();
     let series = vec![
-        as_measured(of(false)),
+        as_measured(rasters(false)),
         Series {
             id: "difference-declared",
             title: "Corrected by the declared model",
@@ -199,7 +199,7 @@ pub(crate) fn differences_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosi
             id: "difference-after",
             title: "Corrected by the last model",
             caption: "The same after the added effects, in the same colours.",
-            rasters: of(true),
+            rasters: rasters(true),
             group: 1,
         },
     ];

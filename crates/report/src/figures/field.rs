@@ -27,6 +27,24 @@ fn lines(arrows: impl Iterator<Item = [[f64; 2]; 2]>) -> (Value, Value) {
     (Value::Array(x), Value::Array(y))
 }
 
+/// Mean place and mean error of the markers of a cell of the image, px, and their number; cells with few markers are left out.
+/// An error is u, v, and the error of both.
+fn means_by_cell(errors: &[[f64; 4]], image: &Image) -> Vec<([f64; 2], [f64; 2], usize)> {
+    let grid = image.grid(12);
+    let mut sums = vec![([0.0; 2], [0.0; 2], 0_usize); grid[0] * grid[1]];
+    for e in errors {
+        if let Some(c) = image.cell(grid, [e[0], e[1]]) {
+            let (place, error, n) = &mut sums[c];
+            *place = [place[0] + e[0], place[1] + e[1]];
+            *error = [error[0] + e[2], error[1] + e[3]];
+            *n += 1;
+        }
+    }
+    let mean =
+        |(place, error, n): ([f64; 2], [f64; 2], usize)| (place.map(|v| v / n as f64), error.map(|v| v / n as f64), n);
+    sums.into_iter().filter(|s| s.2 >= FEWEST).map(mean).collect()
+}
+
 /// The field; `None` without any reprojection error.
 pub(crate) fn reprojection_field(camera: &ReportCamera<'_>, image: &Image) -> Option<Figure> {
     let pool = Pool::of(camera, |_| true);
@@ -53,24 +71,10 @@ pub(crate) fn reprojection_field(camera: &ReportCamera<'_>, image: &Image) -> Op
         "line": {"color": NEUTRAL, "width": 1}, "opacity": 0.55,
     });
 
-    let grid = image.grid(12);
-    let mut sums = vec![([0.0; 2], [0.0; 2], 0_usize); grid[0] * grid[1]];
-    for e in &errors {
-        if let Some(c) = image.cell(grid, [e[0], e[1]]) {
-            let (at, d, n) = &mut sums[c];
-            *at = [at[0] + e[0], at[1] + e[1]];
-            *d = [d[0] + e[2], d[1] + e[3]];
-            *n += 1;
-        }
-    }
-    let means: Vec<([f64; 2], [f64; 2], usize)> = sums
-        .into_iter()
-        .filter(|s| s.2 >= FEWEST)
-        .map(|(at, d, n)| (at.map(|v| v / n as f64), d.map(|v| v / n as f64), n))
-        .collect();
+    let means = means_by_cell(&errors, image);
     // Means are shorter than single errors by the root of their number, and would be too short to see.
     let emphasis = 3.0;
-    let (x, y) = lines(means.iter().map(|(at, d, _)| arrow(*at, *d, emphasis * factor)));
+    let (x, y) = lines(means.iter().map(|(place, error, _)| arrow(*place, *error, emphasis * factor)));
     let shafts = json!({
         "type": "scatter", "mode": "lines", "x": x, "y": y, "hoverinfo": "skip", "showlegend": false,
         "line": {"color": AFTER, "width": 2.5},

@@ -13,7 +13,7 @@ pub(crate) struct Figure {
     pub title: String,
     /// How to read it, with its main numbers; HTML.
     pub caption: String,
-    /// What it shows, for readers who cannot see it.
+    /// Description of what it shows, for readers who cannot see it.
     pub alt: String,
     /// Width over height.
     pub aspect: f64,

@@ -66,12 +66,12 @@ pub(crate) fn image_maps(camera: &ReportCamera<'_>, image: &Image) -> Vec<Figure
     let x: Value = (0..grid[0]).map(|c| short(image.middle(grid, c)[0])).collect();
     let y: Value = (0..grid[1]).map(|r| short(image.middle(grid, r * grid[0])[1])).collect();
     let shared = limit(&before).max(limit(&after));
-    let own = limit(&after);
+    let left_limit = limit(&after);
     let layout = image_axes(image);
     let aspect = image.width / image.height * 1.02;
     let range = |cells: &[Cell]| {
-        let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
-        format!("{} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+        let error_mm = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
+        format!("{} to {} mm (5 % to 95 % of the cells)", error_mm(0.05), error_mm(0.95))
     };
     let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool| {
         let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
@@ -89,7 +89,7 @@ pub(crate) fn image_maps(camera: &ReportCamera<'_>, image: &Image) -> Vec<Figure
         )),
         figure("map-after", "After correction, same colours", &after, shared, false)
             .caption(format!("{}. White: corrected.", capital(&range(&after)))),
-        figure("map-left", "After correction, on a colour scale of its own", &after, own, true).caption(format!(
+        figure("map-left", "After correction, on a colour scale of its own", &after, left_limit, true).caption(format!(
             "Dots: the cell's 95 % interval, typically ± {} mm, does not contain zero. By chance one cell in twenty has a dot.",
             number(noise_level(&after))
         )),
@@ -109,8 +109,8 @@ pub(crate) fn board_map(camera: &ReportCamera<'_>) -> Option<Figure> {
         "yaxis": {"title": {"text": "board y / mm"}, "autorange": "reversed", "scaleanchor": "x",
                   "constrain": "domain", "showgrid": false},
     });
-    let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
-    let data = vec![heat(&cells, BOARD_GRID[0], &x, &y, limit(&cells)), marks(&cells, at)];
+    let place = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
+    let data = vec![heat(&cells, BOARD_GRID[0], &x, &y, limit(&cells)), marks(&cells, place)];
     Some(
         Figure::new("map-board", "After correction, over the board", data, layout)
             .caption(format!(
@@ -139,8 +139,8 @@ pub(crate) fn image_maps_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis
     let y: Value = (0..grid[1]).map(|r| short(image.middle(grid, r * grid[0])[1])).collect();
     let shared = limit(&before).max(limit(&after));
     let range = |cells: &[Cell]| {
-        let at = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
-        format!("{} to {} mm (5 % to 95 % of the cells)", at(0.05), at(0.95))
+        let error_mm = |q: f64| number(quantile(cells.iter().map(|c| c.value), q));
+        format!("{} to {} mm (5 % to 95 % of the cells)", error_mm(0.05), error_mm(0.95))
     };
     let figure = |id: &str, title: &str, cells: &[Cell], limit: f64, marked: bool, caption: String| {
         let mut data = vec![heat(cells, grid[0], &x, &y, limit)];
@@ -196,14 +196,14 @@ pub(crate) fn board_maps_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis
     let shared = limit(&before).max(limit(&after));
     let x: Value = (0..BOARD_GRID[0]).map(|i| short(ax.middle(i))).collect();
     let y: Value = (0..BOARD_GRID[1]).map(|i| short(ay.middle(i))).collect();
-    let at = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
+    let place = |i: usize| [ax.middle(i % BOARD_GRID[0]), ay.middle(i / BOARD_GRID[0])];
     let layout = json!({
         "xaxis": {"title": {"text": "board x / mm"}, "constrain": "domain", "showgrid": false},
         "yaxis": {"title": {"text": "board y / mm"}, "autorange": "reversed", "scaleanchor": "x",
                   "constrain": "domain", "showgrid": false},
     });
     let figure = |id: &str, title: &str, cells: &[Cell], caption: String| {
-        let data = vec![heat(cells, BOARD_GRID[0], &x, &y, shared), marks(cells, at)];
+        let data = vec![heat(cells, BOARD_GRID[0], &x, &y, shared), marks(cells, place)];
         Figure::new(id, title, data, layout.clone()).caption(caption).alt(format!("{title}: a map.")).aspect(1.3)
     };
     let rms = |cells: &[Cell]| number(rms(cells.iter().map(|c| c.value)));

@@ -42,7 +42,7 @@ pub(crate) fn noise(camera: &ReportCamera<'_>) -> Option<Figure> {
         "y": shorts(z.iter().map(|z| c.noise.depth.sigma(1.0 / z) * z * z)), "line": {"color": AFTER, "width": 2},
         "hovertemplate": "%{x:.0f} mm: %{y:.3~g} mm<extra>noise law</extra>",
     });
-    let found = json!({
+    let measured = json!({
         "type": "scatter", "mode": "markers", "name": "frames",
         "x": frames.iter().map(|f| short(f.1)).collect::<Value>(), "y": frames.iter().map(|f|
          short(f.2)).collect::<Value>(),
@@ -54,10 +54,16 @@ pub(crate) fn noise(camera: &ReportCamera<'_>) -> Option<Figure> {
         "xaxis": {"title": {"text": "distance / mm"}},
         "yaxis": {"title": {"text": "noise / mm"}, "rangemode": "tozero"},
     });
-    let at = |z: f64| number(c.noise.depth.sigma(1.0 / z) * z * z);
-    let told = format!("{} mm at {} mm and {} mm at {} mm", at(ends[0]), number(ends[0]), at(ends[1]), number(ends[1]));
+    let noise_mm = |z: f64| number(c.noise.depth.sigma(1.0 / z) * z * z);
+    let told = format!(
+        "{} mm at {} mm and {} mm at {} mm",
+        noise_mm(ends[0]),
+        number(ends[0]),
+        noise_mm(ends[1]),
+        number(ends[1])
+    );
     Some(
-        Figure::new("noise", "Noise of depth", vec![found, law], layout)
+        Figure::new("noise", "Noise of depth", vec![measured, law], layout)
             .caption(format!(
                 "Standard deviation of a depth pixel: the fitted law ({told}), and the scatter of each frame about its median. \
                  Frames far above the law have systematic errors."

@@ -25,11 +25,11 @@ fn outline(camera: &ReportCamera<'_>, pool: &Pool<'_>) -> Option<[[f64; 2]; 4]> 
 }
 
 fn board(pose: &Isometry3<f64>, corners: &[[f64; 2]; 4]) -> Vec<[f64; 3]> {
-    let at = |c: &[f64; 2]| {
+    let in_space = |c: &[f64; 2]| {
         let p = pose * Point3::new(c[0], c[1], 0.0);
         [p.x, p.y, p.z]
     };
-    corners.iter().chain(std::iter::once(&corners[0])).map(at).collect()
+    corners.iter().chain(std::iter::once(&corners[0])).map(in_space).collect()
 }
 
 /// Boards and camera; `None` without any pose.

@@ -41,15 +41,15 @@ pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
         "yaxis": {"title": {"text": "standard deviation / mm"}, "type": "log", "dtick": "D2"},
         "shapes": [outside(ends[0], near), outside(far, ends[1])],
     });
-    let at = |curve: &[f64]| {
+    let std_dev = |curve: &[f64]| {
         let i = u.curve_at.iter().position(|z| *z >= u.distances[1]).unwrap_or(0);
         number(curve.get(i).copied().unwrap_or(f64::NAN))
     };
     let told = format!(
         "At {} mm: {} mm in the middle of the image, {} mm in its corner",
         number(u.distances[1]),
-        at(&u.curves[0]),
-        at(&u.curves[2])
+        std_dev(&u.curves[0]),
+        std_dev(&u.curves[2])
     );
     Figure::new("uncertainty-curves", "Standard deviation of corrected depth", data, layout)
         .caption(format!(

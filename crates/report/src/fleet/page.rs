@@ -31,13 +31,13 @@ pub fn render_fleet(fleet: &Fleet, prior: &Prior, how: &Made) -> Result<String, 
 }
 
 fn first_screen(content: &mut Content, fleet: &Fleet) {
-    let mut found: Vec<String> = fleet.effects.iter().filter(|e| e.shared).map(shared_effect).collect();
-    found.extend(fleet.replications.iter().map(replication));
-    found.extend(fleet.outliers.iter().map(outlier));
+    let mut findings: Vec<String> = fleet.effects.iter().filter(|e| e.shared).map(shared_effect).collect();
+    findings.extend(fleet.replications.iter().map(replication));
+    findings.extend(fleet.outliers.iter().map(outlier));
     if fleet.outliers.is_empty() {
-        found.push("no unit is unlike the others".to_owned());
+        findings.push("no unit is unlike the others".to_owned());
     }
-    let items: String = found.iter().map(|s| format!("<li>{}</li>\n", escape(&capital(s)))).collect();
+    let items: String = findings.iter().map(|s| format!("<li>{}</li>\n", escape(&capital(s)))).collect();
     let left_out: String = fleet
         .left_out
         .iter()
@@ -130,13 +130,14 @@ fn units(content: &mut Content, fleet: &Fleet) {
     content.open("units", ["Units", "All units"], intro);
     let mut rows = String::new();
     for (i, unit) in fleet.units.iter().enumerate() {
-        let found: Vec<String> = fleet
+        let departures: Vec<String> = fleet
             .outliers
             .iter()
             .filter(|o| o.unit == i)
             .flat_map(|o| o.parts.iter().map(|p| escape(&p.parameter).clone()))
             .collect();
-        let text = if found.is_empty() { "–".to_owned() } else { format!("outlier in {}", found.join(", ")) };
+        let text =
+            if departures.is_empty() { "–".to_owned() } else { format!("outlier in {}", departures.join(", ")) };
         let _ = writeln!(
             rows,
             "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text\">{text}</td></tr>",

@@ -1,4 +1,4 @@
-//! What a fleet shows, in sentences that terminal and page share.
+//! Findings of a fleet, in sentences that terminal and page share.
 
 use depthcal_io::{Fleet, FleetEffect, FleetOutlier, FleetParameter, FleetReplication};
 
@@ -90,14 +90,14 @@ pub(super) fn outlier(o: &FleetOutlier) -> String {
 
 /// Whether an effect of some units repeats in others.
 pub(super) fn replication(r: &FleetReplication) -> String {
-    let found = match r.found_in.len() {
+    let origin = match r.found_in.len() {
         1 => format!("found in {}", r.found_in[0]),
         n => format!("found in {}", count(n, "unit")),
     };
     let formula = r.formula.as_ref().map_or_else(String::new, |f| format!(" = {f}"));
     let Some((size, std)) = r.relative_size.zip(r.relative_size_std_dev) else {
         return format!(
-            "not compared: {}{formula}, {found}; no other unit has scored it: calibrate them with --score or --with",
+            "not compared: {}{formula}, {origin}; no other unit has scored it: calibrate them with --score or --with",
             r.effect
         );
     };
@@ -107,7 +107,7 @@ pub(super) fn replication(r: &FleetReplication) -> String {
     };
     let p = r.p_value.map_or_else(String::new, |p| format!(", {}", p_equals(p)));
     format!(
-        "{how}: {}{formula}, {found}; in the others it has {} ± {} of the size{p}",
+        "{how}: {}{formula}, {origin}; in the others it has {} ± {} of the size{p}",
         r.effect,
         number(size),
         number(std)

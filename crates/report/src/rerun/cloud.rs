@@ -52,8 +52,8 @@ pub(super) fn clouds(camera: &Camera, frame: &EvaluatedFrame, colours: &Colours)
         let Ok(ray) = bare.ray(bare.image_pixel(&p.context), 1.0 / measured_mm) else { continue };
         let corrected = camera.correct_near(&p.context, p.cos_incidence, 1.0 / measured_mm, Some(ray));
         let Ok((corrected_ray, rho)) = corrected else { continue };
-        let at = [(ray, measured_mm, p.before_mm), (corrected_ray, 1.0 / rho, p.after_mm)];
-        for (i, ([x, y], z, error_mm)) in at.into_iter().enumerate() {
+        let positions = [(ray, measured_mm, p.before_mm), (corrected_ray, 1.0 / rho, p.after_mm)];
+        for (i, ([x, y], z, error_mm)) in positions.into_iter().enumerate() {
             points[i].push(metres(&Point3::new(x * z, y * z, z)));
             errors[i].push(colours.colour(error_mm));
         }

@@ -75,8 +75,8 @@ pub(super) fn moving(
         None => add("world/camera/image", &Clear::flat())?,
     }
     let pixels = |of: &dyn Fn(&[f64; 4]) -> [f64; 2], colour: Color| {
-        let at = evaluated.reprojection.iter().map(|e| of(e).map(|c| (c + HALF_PX) as f32));
-        Points2D::new(at).with_colors([colour]).with_radii([Radius::new_ui_points(2.0)])
+        let pixels = evaluated.reprojection.iter().map(|e| of(e).map(|c| (c + HALF_PX) as f32));
+        Points2D::new(pixels).with_colors([colour]).with_radii([Radius::new_ui_points(2.0)])
     };
     add("world/camera/image/found", &pixels(&|e| [e[0], e[1]], green()))?;
     let magenta = Color::from_rgb(230, 0, 200);
@@ -138,8 +138,8 @@ fn strip(capture: &Capture, camera: &Camera, pose: &Isometry3<f64>) -> LineStrip
 /// An image in 8 bits, its brightest pixels white: infrared images are dark and have glints.
 fn gray(image: &GrayImage) -> Image {
     let mut sorted = image.data.clone();
-    let at = ((1.0 - OVEREXPOSED) * (sorted.len().saturating_sub(1)) as f64) as usize;
-    let white = if sorted.is_empty() { 1 } else { *sorted.select_nth_unstable(at).1 };
+    let brightest = ((1.0 - OVEREXPOSED) * (sorted.len().saturating_sub(1)) as f64) as usize;
+    let white = if sorted.is_empty() { 1 } else { *sorted.select_nth_unstable(brightest).1 };
     let scale = 255.0 / f64::from(white.max(1));
     let bytes: Vec<u8> = image.data.iter().map(|v| (f64::from(*v) * scale).min(255.0) as u8).collect();
     Image::from_l8(bytes, [image.width as u32, image.height as u32])

@@ -16,7 +16,7 @@ use re_sdk_types::archetypes::{Points2D, Points3D, Scalars, Transform3D};
 
 use super::{RecordedCapture, write};
 use depthcal_calibration::calibrate::{CalibrateOptions, calibrate};
-use depthcal_calibration::judge::evaluate::evaluate;
+use depthcal_calibration::judge::evaluate::{EvaluatedFrame, evaluate};
 use depthcal_calibration::observe::Capture;
 
 const FRAMES: usize = 8;
@@ -95,39 +95,50 @@ fn a_recording_holds_what_was_measured_and_corrected() {
     }
 
     for (i, frame) in evaluated.frames.iter().enumerate() {
-        // Metres, in the camera's frame.
-        let translation = Transform3D::descriptor_translation().component;
-        let at = chunks["/world/board"][i].iter_slices::<[f32; 3]>(translation).next().unwrap()[0];
-        let expected = frame.camera_from_board.translation.vector / 1000.0;
-        assert!((0..3).all(|k| (f64::from(at[k]) - expected[k]).abs() < 1e-6), "{at:?} {expected}");
-        // Every pixel has a point; its depth is the board's and the error.
-        let positions = Points3D::descriptor_positions().component;
-        for (name, after) in [("/world/cloud/measured", false), ("/world/cloud/corrected", true)] {
-            let points = chunks[name][i].iter_slices::<[f32; 3]>(positions).next().unwrap();
-            assert_eq!(points.len(), frame.pixels.len());
-            for (point, p) in points.iter().zip(&frame.pixels) {
-                let z = p.board_depth_mm + if after { p.after_mm } else { p.before_mm };
-                assert!((1000.0 * f64::from(point[2]) - z).abs() < 1e-3, "{point:?} {z}");
-            }
-        }
-        // Dots at pixel centres of the viewer's, and where the camera projects them.
-        let positions = Points2D::descriptor_positions().component;
-        let dots = |name: &str| chunks[name][i].iter_slices::<[f32; 2]>(positions).next().unwrap().to_vec();
-        let (found, projected) = (dots("/world/camera/image/found"), dots("/world/camera/image/reprojected"));
-        assert_eq!(found.len(), capture.frames[i].markers.len());
-        for ((f, p), marker) in found.iter().zip(&projected).zip(&capture.frames[i].markers) {
-            assert!((f64::from(f[0]) - marker.pixel[0] - 0.5).abs() < 1e-4);
-            assert!((f[0] - p[0]).hypot(f[1] - p[1]) < 2.0, "{f:?} {p:?}");
-        }
-        let scalars = Scalars::descriptor_scalars().component;
-        let value = chunks["/error/depth_rms_mm/corrected"][i].iter_slices::<f64>(scalars).next().unwrap()[0];
-        assert_eq!(value, frame.record().depth_rms_mm.unwrap().after);
+        assert_frame(&chunks, i, frame, capture.frames[i].markers.iter().map(|marker| marker.pixel[0]));
     }
     // A frame without image clears that of the frame before.
     let shows = |name: &str, i: usize| chunks[name][i].components_identifiers().any(|c| c.as_str().contains("buffer"));
     for name in ["/world/camera/image", "/depth"] {
         assert_eq!((0..FRAMES).filter(|i| shows(name, *i)).collect::<Vec<_>>(), [2], "{name}");
     }
+}
+
+/// Asserts that the recording has pose, depth, dots and error of frame number `i`, whose markers have these columns, px.
+fn assert_frame(
+    chunks: &BTreeMap<String, Vec<Chunk>>,
+    i: usize,
+    frame: &EvaluatedFrame,
+    columns: impl Iterator<Item = f64>,
+) {
+    // Metres, in the camera's frame.
+    let translation = Transform3D::descriptor_translation().component;
+    let placed = chunks["/world/board"][i].iter_slices::<[f32; 3]>(translation).next().unwrap()[0];
+    let expected = frame.camera_from_board.translation.vector / 1000.0;
+    assert!((0..3).all(|k| (f64::from(placed[k]) - expected[k]).abs() < 1e-6), "{placed:?} {expected}");
+    // Every pixel has a point; its depth is the board's and the error.
+    let positions = Points3D::descriptor_positions().component;
+    for (name, after) in [("/world/cloud/measured", false), ("/world/cloud/corrected", true)] {
+        let points = chunks[name][i].iter_slices::<[f32; 3]>(positions).next().unwrap();
+        assert_eq!(points.len(), frame.pixels.len());
+        for (point, p) in points.iter().zip(&frame.pixels) {
+            let z = p.board_depth_mm + if after { p.after_mm } else { p.before_mm };
+            assert!((1000.0 * f64::from(point[2]) - z).abs() < 1e-3, "{point:?} {z}");
+        }
+    }
+    // Dots at pixel centres of the viewer's, and where the camera projects them.
+    let positions = Points2D::descriptor_positions().component;
+    let dots = |name: &str| chunks[name][i].iter_slices::<[f32; 2]>(positions).next().unwrap().to_vec();
+    let (detected, projected) = (dots("/world/camera/image/found"), dots("/world/camera/image/reprojected"));
+    let columns: Vec<f64> = columns.collect();
+    assert_eq!(detected.len(), columns.len());
+    for ((f, p), column) in detected.iter().zip(&projected).zip(columns) {
+        assert!((f64::from(f[0]) - column - 0.5).abs() < 1e-4);
+        assert!((f[0] - p[0]).hypot(f[1] - p[1]) < 2.0, "{f:?} {p:?}");
+    }
+    let scalars = Scalars::descriptor_scalars().component;
+    let value = chunks["/error/depth_rms_mm/corrected"][i].iter_slices::<f64>(scalars).next().unwrap()[0];
+    assert_eq!(value, frame.record().depth_rms_mm.unwrap().after);
 }
 
 #[test]

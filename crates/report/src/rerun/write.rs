@@ -18,7 +18,7 @@ const AT_ONCE: usize = 16;
 /// A capture and its errors under the camera that is recorded.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordedCapture<'a> {
-    /// What was measured.
+    /// The measurements.
     pub capture: &'a Capture,
     /// [`depthcal_calibration::judge::evaluate::evaluate`] of the camera on it.
     pub evaluated: &'a Evaluated,

@@ -14,11 +14,11 @@ use super::fixture::Fixture;
 fn chromium() -> Option<PathBuf> {
     let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = ["chromium", "chromium-browser", "google-chrome"]
+    let browser = ["chromium", "chromium-browser", "google-chrome"]
         .iter()
         .flat_map(|name| std::env::split_paths(&path).map(move |folder| folder.join(name)))
         .find(|candidate| candidate.is_file());
-    named.or(found)
+    named.or(browser)
 }
 
 /// Runs the browser on a page; gives what it wrote to standard output and to its log.
@@ -36,7 +36,7 @@ fn browse(chromium: &Path, page: &Path, extra: &[&str]) -> (String, String) {
     (String::from_utf8_lossy(&output.stdout).into_owned(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// What the page itself complained about: not the browser's remarks about its machine.
+/// Complaints of the page itself: not the browser's remarks about its machine.
 fn complaints(log: &str) -> Vec<&str> {
     let is_page = |l: &&str| l.contains("CONSOLE") || l.contains("Content Security Policy") || l.contains("Uncaught");
     // Hints on speed are not errors: drawing in three dimensions without a graphics card is slow and says so.
@@ -53,8 +53,8 @@ fn draws(chromium: &Path, page: &Path, html: &str, named: &[&str]) {
     let drawn: usize = classes.iter().map(|c| dom.matches(c).count()).sum();
     assert_eq!(drawn, super::figure_ids(html).len(), "figures drawn, figures there");
     for id in named {
-        let at = dom.find(&format!("id=\"{id}\"")).unwrap();
-        let figure = &dom[at..dom[at..].find("<figcaption>").unwrap() + at];
+        let start = dom.find(&format!("id=\"{id}\"")).unwrap();
+        let figure = &dom[start..dom[start..].find("<figcaption>").unwrap() + start];
         assert!(figure.contains("main-svg"), "{id} is empty");
     }
 }
@@ -92,9 +92,9 @@ fn a_browser_draws_every_figure_without_complaint() {
     let html =
         fixture.render(&["Simulated: a camera whose depth waves over distance, which the model lacks.".to_owned()]);
     assert!(html.contains("Something is left that this model does not describe"));
-    let kept = std::env::var_os("DEPTHCAL_REPORT_DIR").map(PathBuf::from);
+    let asked = std::env::var_os("DEPTHCAL_REPORT_DIR").map(PathBuf::from);
     let temporary = tempfile::tempdir().unwrap();
-    let folder = kept.unwrap_or_else(|| temporary.path().to_path_buf());
+    let folder = asked.unwrap_or_else(|| temporary.path().to_path_buf());
     std::fs::create_dir_all(&folder).unwrap();
     let page = folder.join("report.html");
     std::fs::write(&page, &html).unwrap();

@@ -70,8 +70,8 @@ impl Diagnosed {
 }
 
 fn figures(html: &str) -> Vec<Value> {
-    let (_, rest) = html.split_once("id=\"figure-data\">").unwrap();
-    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+    let (_, data) = html.split_once("id=\"figure-data\">").unwrap();
+    serde_json::from_str(data.split_once("</script>").unwrap().0).unwrap()
 }
 
 #[test]
@@ -158,14 +158,14 @@ fn the_fitted_effect_runs_through_what_the_declared_model_leaves() {
         trace[key].as_array().unwrap().iter().map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
     };
     let (left, line) = (&figure["data"][0], &figure["data"][2]);
-    let (at, values, half) = (numbers(left, "x"), numbers(left, "y"), numbers(&left["error_y"], "array"));
+    let (depths, values, half) = (numbers(left, "x"), numbers(left, "y"), numbers(&left["error_y"], "array"));
     let (line_at, line) = (numbers(line, "x"), numbers(line, "y"));
     let nearest = |x: f64| {
         let by = |a: &&usize, b: &&usize| (line_at[**a] - x).abs().total_cmp(&(line_at[**b] - x).abs());
         line[*(0..line.len()).collect::<Vec<_>>().iter().min_by(by).unwrap()]
     };
-    let used: Vec<usize> = (0..at.len()).filter(|i| half[*i].is_finite()).collect();
-    let off = used.iter().map(|i| (values[*i] - nearest(at[*i])).powi(2)).sum::<f64>();
+    let used: Vec<usize> = (0..depths.len()).filter(|i| half[*i].is_finite()).collect();
+    let off = used.iter().map(|i| (values[*i] - nearest(depths[*i])).powi(2)).sum::<f64>();
     let all: f64 = used.iter().map(|i| values[*i].powi(2)).sum();
     assert!(used.len() > 5 && off < 0.1 * all, "{off} of {all} mm² is not the effect's: {values:?} {line:?}");
 }

@@ -43,11 +43,11 @@ fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFram
         let cos = plane.cos_incidence(ray);
         let (after_ray, rho) = camera.correct(&s.context, cos, 1.0 / s.depth_mm).ok()?;
         let board_depth_mm = plane.depth(ray)?;
-        let at = plane.to_board(ray, board_depth_mm);
+        let place = plane.to_board(ray, board_depth_mm);
         Some(PixelError {
             context: s.context,
             board_depth_mm,
-            board: [at.x, at.y],
+            board: [place.x, place.y],
             cos_incidence: cos,
             before_mm: s.depth_mm - board_depth_mm,
             after_mm: 1.0 / rho - plane.depth(after_ray)?,
@@ -58,8 +58,8 @@ fn frame(camera: &Camera, bare: &Camera, capture: &Capture, frame: &DetectedFram
     let pixels: Vec<PixelError> = frame.depth_pixels().iter().filter_map(pixel).collect();
     let errors = frame.markers.iter().filter_map(|m| {
         let p = capture.target.point(m.index);
-        let at = camera.project(&(pose * Point3::new(p[0], p[1], 0.0)).coords)?;
-        Some([m.pixel[0], m.pixel[1], m.pixel[0] - at[0], m.pixel[1] - at[1]])
+        let projected = camera.project(&(pose * Point3::new(p[0], p[1], 0.0)).coords)?;
+        Some([m.pixel[0], m.pixel[1], m.pixel[0] - projected[0], m.pixel[1] - projected[1]])
     });
     let dots = pixels.iter().take(40).map(|p| [p.before_mm.abs(), p.after_mm.abs()]).collect();
     Some(EvaluatedFrame {
@@ -127,11 +127,11 @@ impl Fixture {
     }
 
     pub(super) fn input<'a>(&'a self, evaluations: &[ReportDataset<'a>]) -> ReportInput<'a> {
-        let own = [
+        let both = [
             ReportDataset { evaluated: &self.fitted, role: Role::Fitted },
             ReportDataset { evaluated: &self.held, role: Role::HeldOut },
         ];
-        let evaluations = if evaluations.is_empty() { &own[..] } else { evaluations };
+        let evaluations = if evaluations.is_empty() { &both[..] } else { evaluations };
         ReportInput {
             title: self.title.clone(),
             made: Made {

@@ -17,10 +17,10 @@ fn report(fixture: &Fixture) -> String {
 
 /// The page without the embedded library, in which anything may occur.
 fn own_part(html: &str) -> String {
-    let (before, rest) = html.split_once("<script type=\"application/json\"").unwrap();
-    let (figures, rest) = rest.split_once("</script>").unwrap();
-    let (_, rest) = rest.split_once("</script>").unwrap();
-    format!("{before}{figures}{rest}")
+    let (before, scripts) = html.split_once("<script type=\"application/json\"").unwrap();
+    let (figures, scripts) = scripts.split_once("</script>").unwrap();
+    let (_, after) = scripts.split_once("</script>").unwrap();
+    format!("{before}{figures}{after}")
 }
 
 fn figure_ids(html: &str) -> Vec<&str> {
@@ -122,18 +122,18 @@ fn own_part_of<'a>(html: &'a str, attribute: &str) -> Vec<&'a str> {
 
 #[test]
 fn nothing_is_loaded_from_anywhere() {
-    let own = own_part(&report(&Fixture::simulated(&[])));
+    let page = own_part(&report(&Fixture::simulated(&[])));
     for forbidden in ["src=", "http://", "https://", "url(", "@import", "<link", "<iframe"] {
-        assert!(!own.contains(forbidden), "{forbidden} in the page");
+        assert!(!page.contains(forbidden), "{forbidden} in the page");
     }
-    assert!(own.contains("default-src 'none'"), "the page forbids itself to load anything");
+    assert!(page.contains("default-src 'none'"), "the page forbids itself to load anything");
 }
 
 #[test]
 fn every_figure_has_data_a_caption_and_a_text_for_those_who_cannot_see_it() {
     let html = report(&Fixture::simulated(&[]));
-    let (_, rest) = html.split_once("id=\"figure-data\">").unwrap();
-    let (json, _) = rest.split_once("</script>").unwrap();
+    let (_, data) = html.split_once("id=\"figure-data\">").unwrap();
+    let (json, _) = data.split_once("</script>").unwrap();
     let figures: Vec<serde_json::Value> = serde_json::from_str(json).unwrap();
     let drawn: Vec<&str> = figures.iter().map(|f| f["id"].as_str().unwrap()).collect();
     assert_eq!(drawn, figure_ids(&html));
@@ -187,7 +187,7 @@ fn what_is_left_is_found_and_what_is_not_there_is_not() {
 /// tests. Twenty whose depth waves by 6 mm, ten times what noise gives a frame: nearly all are found.
 #[test]
 fn false_alarms_are_rare_and_real_effects_are_seen() {
-    let found = |effects: &[depthcal_simulate::Effect]| {
+    let alarms = |effects: &[depthcal_simulate::Effect]| {
         let alarm = |seed: &u64| {
             let fixture = Fixture::seeded(effects, *seed);
             let input = fixture.input(&[]);
@@ -198,8 +198,8 @@ fn false_alarms_are_rare_and_real_effects_are_seen() {
         };
         (100..120).filter(alarm).count()
     };
-    let false_alarms = found(&[]);
-    let waves = found(&[depthcal_simulate::Effect::new("cyclic_depth", 6.0).unwrap()]);
+    let false_alarms = alarms(&[]);
+    let waves = alarms(&[depthcal_simulate::Effect::new("cyclic_depth", 6.0).unwrap()]);
     assert!(false_alarms <= 4, "{false_alarms} of 20");
     assert!(waves >= 18, "{waves} of 20");
 }
@@ -232,9 +232,9 @@ fn numbers_that_are_not_spoil_nothing() {
     fixture.held.frames[2].dots.clear();
     let html = fixture.render(&[]);
     assert!(html.contains("Held-out depth error fell from"));
-    let own = own_part(&html);
+    let page = own_part(&html);
     for word in ["NaN", ">inf", "Infinity"] {
-        assert!(!own.replace("Number.isNaN", "").contains(word), "{word} is shown");
+        assert!(!page.replace("Number.isNaN", "").contains(word), "{word} is shown");
     }
 }
 
@@ -287,7 +287,7 @@ fn one_frame_and_two_frames_make_no_claims() {
     assert!(fixture.render(&[]).contains("too few frames for an interval"));
 }
 
-/// What was left out stands beside the errors that it is not in, and a frame of which much was left out is named.
+/// The share that was left out stands beside the errors that it is not in, and a frame of which much was left out is named.
 #[test]
 fn the_share_that_was_left_out_is_told() {
     let mut fixture = Fixture::simulated(&[]);
