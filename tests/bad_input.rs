@@ -96,7 +96,7 @@ fn names_of_models_and_effects() {
     calibrate(&["--model", "projectiv"], &["--model", "'projectiv'", "projective", "quadratic_depth"]);
     calibrate(&["--model", "projective:q"], &["--model", "'q'", "dx, dy, dz, dw"]);
     calibrate(&["--model", "thin_prism"], &["--model", "'thin_prism'", "lens"]);
-    calibrate(&["--with", "range_ofset"], &["--with", "'range_ofset'", "range_offset"]);
+    calibrate(&["--with", "range_ofset"], &["--with", "'range_ofset'", "did you mean 'range_offset'?"]);
     calibrate(&["--lens", "fisheye"], &["--lens", "fisheye", "brown-conrady"]);
     calibrate(&["--estimator", "best"], &["--estimator", "joint"]);
     assert_eq!(folder.names("out"), [""; 0]);
@@ -105,7 +105,7 @@ fn names_of_models_and_effects() {
 #[test]
 fn arguments() {
     fails(["calibrat", "data"], &["calibrat", "calibrate"]);
-    fails(["calibrate", "data"], &["--out"]);
+    fails(["calibrate", "data"], &["data", "dataset.toml"]);
     fails(["calibrate", "data", "--outt", "x"], &["--outt", "--out"]);
     fails(["evaluate", "calibration.json", "--out", "x"], &["DATASETS"]);
     fails(["apply", "calibration.json", "--out", "x"], &["DEPTH"]);

@@ -107,6 +107,37 @@ fn no_control_characters_in_files() {
     }
 }
 
+/// Results have a folder where none is named, a folder of results stands for its calibration.json, and frames from standard input
+/// need no folder at all.
+#[test]
+fn folders_may_be_left_out() {
+    let folder = Folder::new();
+    folder.write("result/calibration.json", calibration_with_unit(1.0));
+    let (frame, _) = wall(1.0, 900.0);
+    write_depth(folder.path("depth/a.png"), &frame).unwrap();
+    let inside = |arguments: &[&str]| {
+        let output = support::command(arguments).current_dir(folder.path("")).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        output
+    };
+    inside(&["apply", "result", "depth"]);
+    assert!(folder.path("depthcal-out/apply/a.png").is_file());
+    inside(&["export", "result", "--format", "opencv"]);
+    assert!(folder.path("depthcal-out/export/camera.yml").is_file());
+    inside(&["simulate", "--frames", "2"]);
+    assert!(folder.path("depthcal-out/simulate/dataset.toml").is_file());
+
+    let bytes: Vec<u8> = frame.data.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let corrected = support::run_with_input(["apply", &folder.arg("result"), "-"], &bytes);
+    assert!(corrected.status.success(), "{}", stderr(&corrected));
+    assert_eq!(corrected.stdout.len(), bytes.len());
+    for command in ["calibrate", "diagnose", "compare", "evaluate", "fleet", "import", "board"] {
+        let help = stdout(&succeeds([command, "--help"]));
+        let words = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(words.contains(&format!("[default: depthcal-out/{command}")), "{help}");
+    }
+}
+
 #[test]
 fn exports() {
     let folder = Folder::new();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use depthcal_model::Register;
 use serde_json::Value;
 
@@ -44,6 +44,38 @@ pub(super) struct Arguments {
     pub(super) verbose: u8,
 }
 
+/// Commands whose results go into a folder, and that folder where none is given.
+const FOLDERS: [(&str, &str); 8] = [
+    ("calibrate", "depthcal-out/calibrate"),
+    ("diagnose", "depthcal-out/diagnose"),
+    ("evaluate", "depthcal-out/evaluate"),
+    ("compare", "depthcal-out/compare"),
+    ("fleet", "depthcal-out/fleet"),
+    ("simulate", "depthcal-out/simulate"),
+    ("board", "depthcal-out/board/board.pdf"),
+    ("import", "depthcal-out/import"),
+];
+
+impl Arguments {
+    /// The parser of the command line, with the folders of results that commands have by default.
+    pub(super) fn parser() -> clap::Command {
+        let mut parser = Self::command();
+        for (name, folder) in FOLDERS {
+            if parser.find_subcommand(name).is_some() {
+                parser = parser.mut_subcommand(name, |command| {
+                    command.mut_arg("out", |out| out.required(false).default_value(folder))
+                });
+            }
+        }
+        parser
+    }
+
+    /// The arguments of the process.
+    pub(super) fn of_process() -> Result<Self, clap::Error> {
+        Self::from_arg_matches(&Self::parser().try_get_matches()?)
+    }
+}
+
 /// The usual order of commands, exit codes, and environment variables.
 const GUIDE: &str = "\
 From captures to corrected depth:
@@ -52,7 +84,8 @@ From captures to corrected depth:
   depthcal diagnose captures/ --out result/        which effects does the model lack? adds them
   depthcal evaluate result/calibration.json other-captures/ --out check/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud
-Every command writes its JSON file and, where it measures errors, report.html into --out; open the latter first.
+Every command writes its JSON file and, where it measures errors, report.html into --out (default: depthcal-out/COMMAND); open the
+latter first.
 
 Exit codes:
   0  done
@@ -152,8 +185,8 @@ impl Command {
             Command::Simulate(command) => command.run(),
             Command::Formula(command) => command.run(),
             Command::Demo(command) => command.run(session),
-            Command::Completions(command) => command.run(Arguments::command()),
-            Command::Man(command) => command.run(Arguments::command()),
+            Command::Completions(command) => command.run(Arguments::parser()),
+            Command::Man(command) => command.run(Arguments::parser()),
         }
     }
 }

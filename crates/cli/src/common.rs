@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use depthcal_io::{Calibration, Dataset, DatasetCamera, Pairing};
 use depthcal_model::{Camera, Register};
 
@@ -142,6 +143,11 @@ pub(super) fn made(session: &Session) -> Made {
 fn command_line() -> String {
     let words = std::env::args().skip(1);
     std::iter::once("depthcal".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// Parses the path of a calibration: in a folder of results it is calibration.json.
+pub(super) fn calibration_path() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path: PathBuf| if path.is_dir() { path.join("calibration.json") } else { path })
 }
 
 /// Reads a calibration and its camera, of a rig the reference.

@@ -8,7 +8,7 @@ use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{Diagnosed, DiagnosedCamera, DiagnosedRig, Made};
 use depthcal_io::{Evaluation, GainInterval, RigFindings};
 use depthcal_report::diagnosis_text;
-use depthcal_report::format::{count, number};
+use depthcal_report::format::{count, interval, number, percent};
 use serde_json::{Value, json};
 
 use super::common::{frames_of, value_of};
@@ -95,10 +95,9 @@ fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {
     print_camera(camera);
     let Some(in_rig) = &camera.in_rig else { return };
     for EffectInRig { spec, left_out } in &in_rig.before {
-        let GainInterval { value, low, high } = left_out.gain_percent;
+        let fall = fall(left_out.gain_percent);
         say!(
-            "{spec} was missing and was added in the joint adjustment: the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to \
-             {high:.1}); the diagnosis above is given it"
+            "{spec} was missing and was added in the joint adjustment: the error on left-out frames {fall}; the diagnosis above is given it"
         );
     }
     for spec in &in_rig.not_adjusted {
@@ -122,13 +121,17 @@ fn print_together(rig: &DiagnosedRig, findings: &RigFindings) {
     print_errors(&findings.held_out.after);
 }
 
+/// A change of an error in words: `falls by 12.3 % (95 % interval 8.10 to 16.0 %)`.
+fn fall(gain: GainInterval) -> String {
+    format!("falls by {} (95 % interval {})", percent(gain.value), interval(gain.low, gain.high, "%"))
+}
+
 fn print_drifts(found: &RigDiagnosis) {
     for test in &found.drifts {
         let (camera, over) = (&test.camera, drift_range(test.drift.over, test.drift.range));
-        let errors = test.left_out.map_or_else(String::new, |errors| {
-            let GainInterval { value, low, high } = errors.gain_percent;
-            format!(", the error on left-out frames falls by {value:.1} % (95 %: {low:.1} to {high:.1})")
-        });
+        let errors = test
+            .left_out
+            .map_or_else(String::new, |errors| format!(", the error on left-out frames {}", fall(errors.gain_percent)));
         let added = if found.has_added(test) { "added" } else { "not added" };
         say!("\nextrinsics_drift of {camera} over {over}: {added}; p = {}{errors}", number(test.p_value));
     }

@@ -8,7 +8,7 @@ use depthcal_io::Calibration;
 use depthcal_model::Register;
 use serde_json::{Value, json};
 
-use super::common::{Output, Reading, frames_of, made, print_not_evaluated, value_of};
+use super::common::{Output, Reading, calibration_path, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
 use super::given_camera::GivenCamera;
@@ -34,7 +34,9 @@ use depthcal_report::format::count;
   depthcal evaluate factory.yml captures/ --out check/              another program's camera
   depthcal evaluate result/calibration.json other/ --json --out check/ | jq '.datasets[].depth_rms_mm'")]
 pub(super) struct Evaluate {
-    /// A calibration.json; or a camera file of OpenCV, ROS, Kalibr, mrcal or COLMAP, which corrects no depth.
+    /// A calibration.json, or the folder that it is in; or a camera file of OpenCV, ROS, Kalibr, mrcal or COLMAP, which corrects no
+    /// depth.
+    #[arg(value_parser = calibration_path())]
     calibration: PathBuf,
     /// Folders with a dataset.toml each.
     #[arg(required = true)]

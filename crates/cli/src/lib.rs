@@ -15,7 +15,7 @@
 //! One file per command, a folder for `apply`. Every command takes datasets of one camera or of several. `arguments` has the list
 //! of commands, `common` the options and files that several share, `session` the register, the progress bars and the clock of one
 //! run. `voice` is the only module that writes to standard output or standard error, except for progress bars (`progress`) and
-//! log messages (`tracing`).
+//! log messages (`log_writer`).
 
 mod apply;
 mod arguments;
@@ -37,6 +37,7 @@ mod formula_files;
 mod given_camera;
 #[cfg(feature = "import")]
 mod import;
+mod log_writer;
 mod man;
 mod parameters;
 mod progress;

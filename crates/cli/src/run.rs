@@ -2,13 +2,13 @@
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use depthcal_model::Register;
 use serde_json::json;
 use tracing_subscriber::EnvFilter;
 
 use super::arguments::Arguments;
 use super::failure::Failure;
+use super::log_writer::LogWriter;
 use super::results::earlier_results;
 use super::session::Session;
 use super::stage_table::{seconds_of, stage_table};
@@ -17,7 +17,7 @@ use super::voice;
 /// Runs the program: parses the arguments of the process, runs the command with the pieces of `register`, writes messages and
 /// results, and returns the exit code: 0 done, 1 invalid input or arguments, 2 a fit that cannot be trusted.
 pub fn run(mut register: Register) -> ExitCode {
-    let mut arguments = match Arguments::try_parse() {
+    let mut arguments = match Arguments::of_process() {
         Ok(arguments) => arguments,
         Err(error) => {
             voice::usage(&error);
@@ -28,7 +28,7 @@ pub fn run(mut register: Register) -> ExitCode {
     let filter = EnvFilter::try_from_env("DEPTHCAL_LOG").unwrap_or_else(|_| EnvFilter::new(level));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(|| LogWriter)
         .with_ansi(voice::coloured())
         .with_target(false)
         .without_time()

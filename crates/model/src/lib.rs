@@ -39,6 +39,7 @@ pub mod pose;
 pub mod register;
 mod scalar;
 mod spec;
+mod suggestion;
 pub mod target;
 
 pub use block::Block;

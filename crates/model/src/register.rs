@@ -12,6 +12,7 @@ use crate::hook::{Depth, Hook, HookKind};
 pub use crate::piece::Options;
 use crate::piece::{AnyPiece, BoardSide, Piece, Placement, erase, placed};
 use crate::spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
+use crate::suggestion::did_you_mean;
 use crate::target::Target;
 
 type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
@@ -20,7 +21,7 @@ type Make = Arc<dyn Fn(&Options) -> Arc<dyn AnyPiece> + Send + Sync>;
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RegisterError {
     /// No piece has this name.
-    #[error("there is no piece named '{name}'; known are {}", known.join(", "))]
+    #[error("there is no piece named '{name}'{}; known are {}", did_you_mean(name, known), known.join(", "))]
     UnknownPiece {
         /// The name asked for.
         name: String,
@@ -39,7 +40,8 @@ pub enum RegisterError {
     },
     /// A constant that the piece does not have, or without a number.
     #[error(
-        "'{given}' is no constant of '{name}': write {name}@CONSTANT=NUMBER with one of its constants: {}",
+        "'{given}' is no constant of '{name}'{}: write {name}@CONSTANT=NUMBER with one of its constants: {}",
+        did_you_mean(given.split('=').next().unwrap_or_default(), known),
         if known.is_empty() { "it has none".to_owned() } else { known.join(", ") }
     )]
     UnknownConstant {

@@ -90,7 +90,7 @@ pub(super) fn checks(camera: &ReportCamera<'_>, image: &Image, leftover: Option<
     }
     left_out(&Pool::of(camera, |_| true), &mut add);
     let dropped: usize = super::tables::dropped(camera).len();
-    let used = camera.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(camera, |_| true).frames.len());
+    let used = camera.calibrated.map_or(0, |c| c.capture.frames.len()).max(Pool::of(camera, |_| true).frame_count());
     let share = dropped as f64 / (dropped + used).max(1) as f64;
     let level = if share <= 0.2 { Level::Good } else { Level::Care };
     let answer = match dropped {
@@ -118,7 +118,7 @@ fn errors(camera: &ReportCamera<'_>, add: &mut impl FnMut(Level, &'static str, S
             format!("Yes: {} ({}).", c.termination, count(c.iterations, "iteration")),
         );
     }
-    let frames = pool.frames.len();
+    let frames = pool.frame_count();
     if frames > 0 {
         let (level, answer) = match (role, frames) {
             (Role::Fitted, _) => (

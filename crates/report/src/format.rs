@@ -1,7 +1,6 @@
 //! Numbers as people read them: on the terminal and in the report.
 //!
-//! Records keep full precision; nothing here is meant to be parsed. Decimal numbers have a true minus sign (−); numbers in
-//! e-notation are ASCII throughout.
+//! Records keep full precision; nothing here is meant to be parsed. Every number has the minus sign (−), in its exponent too.
 
 /// Shown for a number that does not exist.
 const NONE: &str = "–";
@@ -10,11 +9,16 @@ const LEAST_P: f64 = 1e-16;
 /// Decimal numbers lie between these sizes; others are in e-notation.
 const DECIMAL: std::ops::Range<f64> = 1e-3..1e6;
 
+/// The text of a number with minus signs instead of hyphens.
+pub fn minus(text: &str) -> String {
+    text.replace('-', "−")
+}
+
 /// Three significant digits; integers of more digits are shown whole. A dash for NaN and infinity.
 ///
 /// ```
 /// use depthcal_report::format::number;
-/// assert_eq!([9.7134, 0.12345, -1234.5, 1.5e-6].map(number), ["9.71", "0.123", "−1234", "1.50e-6"]);
+/// assert_eq!([9.7134, 0.12345, -1234.5, 1.5e-6].map(number), ["9.71", "0.123", "−1234", "1.50e−6"]);
 /// ```
 pub fn number(value: f64) -> String {
     if !value.is_finite() {
@@ -22,7 +26,7 @@ pub fn number(value: f64) -> String {
     }
     let decimals = match value.abs() {
         0.0 => 0,
-        a if !DECIMAL.contains(&a) => return format!("{value:.2e}"),
+        a if !DECIMAL.contains(&a) => return minus(&format!("{value:.2e}")),
         // Each bound is where rounding carries into the next digit: 9.996 becomes 10.0.
         a if a >= 99.95 => 0,
         a if a >= 9.995 => 1,
@@ -59,7 +63,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     match text.strip_prefix('-') {
         Some(rest) if rest.chars().all(|c| c == '0' || c == '.') => rest.to_owned(),
-        Some(rest) => format!("−{rest}"),
+        Some(_) => minus(&text),
         None => text,
     }
 }
@@ -79,17 +83,17 @@ pub fn interval(low: f64, high: f64, unit: &str) -> String {
     format!("{} to {}", number(low), quantity(high, unit))
 }
 
-/// A p-value on its own: `0.012`, `3e-7`, `< 1e-16`.
+/// A p-value on its own: `0.012`, `3e−7`, `< 1e−16`.
 pub fn p_value(p: f64) -> String {
     match p {
         p if p.is_nan() => NONE.to_owned(),
-        p if p < LEAST_P => format!("< {LEAST_P:e}"),
-        p if p < 1e-3 => format!("{p:.0e}"),
+        p if p < LEAST_P => minus(&format!("< {LEAST_P:e}")),
+        p if p < 1e-3 => minus(&format!("{p:.0e}")),
         p => format!("{p:.3}"),
     }
 }
 
-/// A p-value in a sentence: `p = 0.012`, `p < 1e-16`.
+/// A p-value in a sentence: `p = 0.012`, `p < 1e−16`.
 pub fn p_equals(p: f64) -> String {
     let text = p_value(p);
     if text.starts_with('<') { format!("p {text}") } else { format!("p = {text}") }
@@ -119,7 +123,7 @@ impl std::fmt::Display for Measured {
 /// ```
 /// use depthcal_report::format::measured;
 /// assert_eq!(measured(476.9123, Some(0.0412)).to_string(), "476.912 ± 0.041");
-/// assert_eq!(measured(1.3406e-4, Some(2.1e-7)).to_string(), "1.3406e-4 ± 2.1e-7");
+/// assert_eq!(measured(1.3406e-4, Some(2.1e-7)).to_string(), "1.3406e−4 ± 2.1e−7");
 /// ```
 pub fn measured(value: f64, std: Option<f64>) -> Measured {
     let Some(std) = std.filter(|s| value.is_finite() && s.is_finite() && *s > 0.0) else {
@@ -136,7 +140,7 @@ pub fn measured(value: f64, std: Option<f64>) -> Measured {
         0.0 => "0".to_owned(),
         _ => format!("{value:.*e}", format!("{steps}").len() - 1),
     };
-    Measured { value: text, std: Some(format!("{std:.1e}")) }
+    Measured { value: minus(&text), std: Some(minus(&format!("{std:.1e}"))) }
 }
 
 /// The decimal exponent of a number that is rounded to `digits` digits after the first one.
@@ -160,7 +164,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
     let text = format!("{value:.after_first$e}");
     let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
-    format!("{}e{exponent}", trim(mantissa))
+    minus(&format!("{}e{exponent}", trim(mantissa)))
 }
 
 /// `1 frame`, `9 frames`.
@@ -203,13 +207,13 @@ mod tests {
     #[test]
     fn values_end_where_their_standard_deviations_do() {
         let shown = |value, std| measured(value, Some(std)).to_string();
-        assert_eq!(shown(1.3406e-4, 2.1e-7), "1.3406e-4 ± 2.1e-7");
-        assert_eq!(shown(-1.3406e-4, 2.1e-7), "-1.3406e-4 ± 2.1e-7");
+        assert_eq!(shown(1.3406e-4, 2.1e-7), "1.3406e−4 ± 2.1e−7");
+        assert_eq!(shown(-1.3406e-4, 2.1e-7), "−1.3406e−4 ± 2.1e−7");
         assert_eq!(shown(476.9123, 0.0412), "476.912 ± 0.041");
         assert_eq!(shown(476.9123, 0.0996), "476.91 ± 0.10");
         assert_eq!(shown(-0.03861, 0.0021), "−0.0386 ± 0.0021");
-        assert_eq!(shown(3e-9, 2.1e-7), "0 ± 2.1e-7");
-        assert_eq!(shown(3e-8, 2.1e-7), "3e-8 ± 2.1e-7");
+        assert_eq!(shown(3e-9, 2.1e-7), "0 ± 2.1e−7");
+        assert_eq!(shown(3e-8, 2.1e-7), "3e−8 ± 2.1e−7");
         assert_eq!(shown(1234.5, 321.0), "1234 ± 321");
         assert_eq!(measured(0.0, None).to_string(), "0");
         assert_eq!(measured(300.0, Some(f64::NAN)).to_string(), "300");
@@ -217,7 +221,7 @@ mod tests {
 
     #[test]
     fn significant_digits_without_trailing_zeros() {
-        assert_eq!(significant(1.5e-6, 3), "1.5e-6");
+        assert_eq!(significant(1.5e-6, 3), "1.5e−6");
         assert_eq!(significant(320.0, 6), "320");
         assert_eq!(significant(299.90356, 3), "300");
         assert_eq!(significant(0.00123456, 3), "0.00123");
@@ -228,9 +232,9 @@ mod tests {
     fn p_values_are_numbers_or_bounds() {
         assert_eq!(
             [0.5, 0.0123, 3.2e-7, 1e-20, 0.0, f64::NAN].map(p_value),
-            ["0.500", "0.012", "3e-7", "< 1e-16", "< 1e-16", "–"]
+            ["0.500", "0.012", "3e−7", "< 1e−16", "< 1e−16", "–"]
         );
-        assert_eq!((p_equals(0.5), p_equals(0.0)), ("p = 0.500".into(), "p < 1e-16".into()));
+        assert_eq!((p_equals(0.5), p_equals(0.0)), ("p = 0.500".into(), "p < 1e−16".into()));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Sets of evaluated frames, and their errors with intervals.
 
+use std::collections::BTreeSet;
+
 use super::input::{ReportCamera, ReportDataset, ReportDiagnosis, Role};
 use super::statistics::{Change, Kind, Total, change, estimate};
 use depthcal_calibration::judge::depth_errors::{PixelError, Sums};
@@ -62,6 +64,11 @@ impl<'a> Pool<'a> {
     /// Frames of a diagnosis with their errors under the declared model.
     pub(super) fn declared(d: &ReportDiagnosis<'a>) -> Self {
         Self::one(&ReportDataset { evaluated: d.before, role: Role::HeldOut })
+    }
+
+    /// Number of different frames: one that is fitted and held out, as in a cross-validation, counts once.
+    pub(super) fn frame_count(&self) -> usize {
+        self.frames.iter().map(|f| (f.dataset, f.frame.name.as_str())).collect::<BTreeSet<_>>().len()
     }
 
     /// Whether any frame has a depth error.

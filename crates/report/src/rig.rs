@@ -8,7 +8,7 @@ use nalgebra::Isometry3;
 
 use super::content::Content;
 use super::figures::{rig_in_space, transfer_by_distance, transfer_over_image};
-use super::format::{count, join, number};
+use super::format::{Measured, count, join, measured, number};
 use super::html::{escape, tie};
 use super::input::{ReportCamera, ReportRig};
 use super::scope::Scope;
@@ -80,17 +80,18 @@ fn extrinsics(rig: &ReportRig<'_>) -> String {
     let mut rows = String::new();
     for (camera, record) in rig.cameras.iter().zip(rig.record.cameras()) {
         let (turn, shift) = (camera.camera_from_rig.rotation.scaled_axis(), camera.camera_from_rig.translation.vector);
-        let with = |value: f64, std: Option<f64>, digits: usize| {
-            let std = std.map_or(String::new(), |s| format!(" <span class=\"interval\">± {}</span>", number(s)));
-            format!("<td>{value:.digits$}{std}</td>")
+        let with = |value: f64, std: Option<f64>| {
+            let Measured { value, std } = measured(value, std);
+            let std = std.map_or(String::new(), |std| format!(" <span class=\"interval\">± {std}</span>"));
+            format!("<td>{value}{std}</td>")
         };
         let std = record.camera_from_rig.std_dev;
         let _ = write!(rows, "<tr><th scope=\"row\">{}</th>", escape(&camera.name));
         for i in 0..3 {
-            rows += &with(turn[i].to_degrees(), std.map(|s| s.rotation_rad[i].to_degrees()), 4);
+            rows += &with(turn[i].to_degrees(), std.map(|s| s.rotation_rad[i].to_degrees()));
         }
         for i in 0..3 {
-            rows += &with(shift[i], std.map(|s| s.translation_mm[i]), 3);
+            rows += &with(shift[i], std.map(|s| s.translation_mm[i]));
         }
         let open: Vec<&str> = record.left_open.iter().map(|o| o.parameter.as_str()).collect();
         let open = if open.is_empty() { "–".to_owned() } else { escape(&open.join(", ")) };

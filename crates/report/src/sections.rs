@@ -333,7 +333,7 @@ fn against(page: &mut Content, camera: &ReportCamera<'_>, image: &Image) {
         format!(
             "Points: mean over {} of each frame's median error in the bin; whiskers: its 95 % interval. Small dots: single \
              pixels. Under a complete model the blue points agree with zero within their whiskers.",
-            count(tested_frames(camera).frames.len(), "frame")
+            count(tested_frames(camera).frame_count(), "frame")
         )
     } else {
         String::new()

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::format::{count, fixed, interval, measured, number, shown_unit, significant};
-use super::headline::{Direction, direction};
+use super::headline::{Direction, direction, is_determined};
 use super::html::{escape, tie};
 use super::input::{ReportCamera, ReportDataset, Role};
 use super::left_out;
@@ -16,10 +16,10 @@ use depthcal_model::hook::HookKind;
 use depthcal_statistics::{Estimate, quantile};
 
 fn cell(e: &Estimate) -> String {
-    let interval = if e.has_interval() {
-        format!(" <span class=\"interval\">{}</span>", interval(e.low, e.high, ""))
-    } else {
-        String::new()
+    let interval = match (e.has_interval(), is_determined(e)) {
+        (false, _) => String::new(),
+        (true, true) => format!(" <span class=\"interval\">{}</span>", interval(e.low, e.high, "")),
+        (true, false) => " <span class=\"interval\">not determined by these frames</span>".to_owned(),
     };
     format!("<td><b>{}</b>{interval}</td>", number(e.value))
 }
@@ -71,10 +71,11 @@ pub(super) fn headline(camera: &ReportCamera<'_>) -> String {
         wrong => format!("<p class=\"note wrong-markers\">{}</p>\n", tie(&left_out::markers(wrong))),
     };
     format!(
-        "<table class=\"numbers\"><caption>On {} ({whose}); in small type: 95 % interval</caption><thead><tr><td></td>\
+        "<table class=\"numbers\"><caption>On {} ({whose}); in small type: 95 % interval. As measured: \
+         depth of the camera, relative to the board's pose</caption><thead><tr><td></td>\
          <th scope=\"col\">as measured</th><th scope=\"col\">corrected</th><th scope=\"col\">change</th></tr></thead>\n\
          <tbody>{rows}</tbody></table>\n{left_out}",
-        count(pool.frames.len(), "frame")
+        count(pool.frame_count(), "frame")
     )
 }
 
@@ -120,7 +121,8 @@ pub(super) fn datasets(camera: &ReportCamera<'_>) -> String {
         }
     }
     format!(
-        "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors of every dataset, mm (reprojection: px)</caption>\
+        "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors of every dataset, mm (reprojection: px), of depth as \
+         measured and corrected, relative to the board's pose</caption>\
          <thead><tr><th scope=\"col\">dataset</th>\
          <th scope=\"col\">frames</th><th scope=\"col\">reprojection error, rms</th><th scope=\"col\" class=\"text\">depth</th>\
          <th scope=\"col\">dot error, mean</th><th scope=\"col\">std. dev.</th><th scope=\"col\">plane error, mean</th>\

@@ -21,7 +21,7 @@ use super::stream::StreamContext;
 use super::stream_args::StreamArgs;
 use super::stream_register::Registered;
 use super::written::{Written, points_of};
-use crate::common::{print_pairing, read_calibration, read_cameras};
+use crate::common::{calibration_path, print_pairing, read_calibration, read_cameras};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
 use crate::session::Session;
@@ -40,15 +40,17 @@ use crate::voice::{complaint, is_json, say};
   depthcal apply rig/calibration.json captures/ --register colour --cloud --out registered/    several cameras
   driver | depthcal apply rig/calibration.json - --register colour --stream-output u16 > registered.raw    the same of a stream")]
 pub(crate) struct Apply {
-    /// A calibration.json.
+    /// A calibration.json, or the folder that it is in.
+    #[arg(value_parser = calibration_path())]
     calibration: PathBuf,
     /// Depth images (16-bit PNG, TIFF, NPY, NPZ or PGM, floating-point TIFF, NPY, NPZ or EXR), folders of them, or datasets:
     /// folders with a dataset.toml, from which depth unit, images, times and temperatures of the frames are then taken. `-` alone
     /// reads raw frames from standard input and writes them, corrected, to standard output.
     #[arg(required = true)]
     depth: Vec<PathBuf>,
-    /// Folder for the results; created if it does not exist. An interrupted run continues where it ended.
-    #[arg(long, value_name = "DIR", required_unless_present = "stream_output")]
+    /// Folder for the results; created if it does not exist [default: depthcal-out/apply]. An interrupted run continues where it
+    /// ended.
+    #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     stream: StreamArgs,
@@ -180,7 +182,7 @@ impl Apply {
     }
 
     fn folder(&self) -> &Path {
-        self.out.as_deref().unwrap_or(Path::new("."))
+        self.out.as_deref().unwrap_or(Path::new("depthcal-out/apply"))
     }
 
     /// The files that a frame's results are written to.

@@ -10,7 +10,7 @@ use depthcal_io::{
     Calibration, Cloud, Dataset, DatasetCamera, DepthImage, Frame, RgbImage, read_depth_frame, read_gray, read_rgb,
     write_depth, write_rgb,
 };
-use depthcal_report::format::count;
+use depthcal_report::format::{count, percent};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -147,14 +147,14 @@ fn register_camera(
     for of_frame in of_frames {
         counts.add(of_frame?);
     }
-    let percent = |part: usize, all: usize| 100.0 * part as f64 / all.max(1) as f64;
+    let share = |part: usize, all: usize| percent(100.0 * part as f64 / all.max(1) as f64);
     say!(
-        "{} in {}: {}; {:.1} % of the pixels without depth; {:.1} % of the points without colour",
+        "{} in {}: {}; {} of the pixels without depth; {} of the points without colour",
         camera.placed.name,
         target.name,
         count(counts.frames, "frame"),
-        percent(counts.holes, counts.pixels),
-        percent(counts.hidden, counts.points)
+        share(counts.holes, counts.pixels),
+        share(counts.hidden, counts.points)
     );
     Ok(counts)
 }

@@ -5,13 +5,14 @@ use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 use super::sentences::{capture, covariate, declaration, left_over, possible, pure_noise};
 use crate::checks::Level;
 use crate::format::{self, capital, count, join, number, percent};
-use crate::headline::interval;
+use crate::headline::certainty;
 use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::left_out;
 use crate::parameters::summary;
 use crate::pool::Pool;
+use crate::statistics::Change;
 use depthcal_model::{ModelSpec, PieceSpec};
-use depthcal_statistics::{Estimate, quantile};
+use depthcal_statistics::quantile;
 
 /// Free functions are named if they lower the weighted residual by more than this, per cent.
 const WORTH_PERCENT: f64 = 0.5;
@@ -38,11 +39,8 @@ fn declared_model(d: &ReportDiagnosis<'_>) -> String {
     }
 }
 
-fn with_interval(e: &Estimate, unit: &str) -> String {
-    match interval(e, unit) {
-        Some(i) => format!("{} {unit} ({i})", number(e.value)),
-        None => format!("{} {unit}", number(e.value)),
-    }
+fn with_interval(change: &Change) -> String {
+    format!("{} mm rms ({})", number(change.before.value), certainty(&change.before, "mm", change.frames))
 }
 
 /// The headline: depth error as measured, under the declared model, and under the last one.
@@ -51,22 +49,21 @@ pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> St
         return "No frame with depth could be evaluated.".to_owned();
     };
     let declared = Pool::declared(d).depth_rms().map_or(f64::NAN, |c| c.after.value);
-    let frames = count(change.frames, "frame");
-    let sure = interval(&change.after, "mm").map_or(format!("over {frames}"), |i| format!("{i} over {frames}"));
+    let sure = certainty(&change.after, "mm", change.frames);
     let model = declared_model(d);
     let added = d.added();
     let (raw, now) = (number(change.before.value), number(change.after.value));
     match (d.record.verdict, added.is_empty()) {
         (Verdict::Adequate, _) => format!(
-            "The depth error was {raw} mm rms as measured. With {model} it is {now} mm on held-out frames ({sure}), and \
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {now} mm on held-out frames ({sure}), and \
              these captures show nothing that is missing.",
         ),
         (_, true) => format!(
-            "The depth error was {raw} mm rms as measured. With {model} it is {now} mm on held-out frames ({sure}): \
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {now} mm on held-out frames ({sure}): \
              something is left that no known effect explains."
         ),
         (_, false) => format!(
-            "The depth error was {raw} mm rms as measured. With {model} it is {} mm on held-out frames; with {} it is \
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {} mm on held-out frames; with {} it is \
              {now} mm ({sure}).",
             number(declared),
             join(&added)
@@ -110,7 +107,7 @@ pub(crate) fn answers(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>, covera
 fn how_wrong(camera: &ReportCamera<'_>) -> String {
     let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "No depth could be evaluated.".to_owned() };
-    let mut text = format!("By {} rms as measured, over the board's depth pixels", with_interval(&depth.before, "mm"));
+    let mut text = format!("As measured by {}, relative to the board's pose", with_interval(&depth));
     if let Some(plane) = pool.plane_error() {
         text += &format!("; the mean plane error is {} mm", number(plane.before.value));
     }
@@ -242,9 +239,8 @@ fn now(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
 fn sure(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     let pool = Pool::last(camera);
     let Some(depth) = pool.depth_rms() else { return "Unknown: no depth could be evaluated.".to_owned() };
-    let sure = interval(&depth.after, "mm").unwrap_or_else(|| "too few frames for an interval".to_owned());
-    let mut text =
-        format!("{sure}, over {}, each evaluated by a fit without it.", count(depth.frames, "held-out frame"));
+    let sure = certainty(&depth.after, "mm", depth.frames);
+    let mut text = format!("{}, each evaluated by a fit without it.", capital(&sure));
     let unsure: Vec<String> = d
         .record
         .steps

@@ -203,7 +203,7 @@ mod tests {
         let expected = "\
 effect: cyclic_depth was missing and was added; these captures show nothing else
 
-1. added cyclic_depth (after the depth model, period 300 mm): 2.10 mm rms, p < 1e-16
+1. added cyclic_depth (after the depth model, period 300 mm): 2.10 mm rms, p < 1e−16
    acts after the depth model, added to depth; these captures cannot tell this from: before the depth model, as a factor of depth
      a             2.981 ± 0.012     mm
      b               0.5 fixed

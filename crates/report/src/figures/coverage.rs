@@ -88,7 +88,7 @@ pub(crate) fn distance_and_tilt(camera: &ReportCamera<'_>) -> Option<Figure> {
                 "One mark per frame. Several distances separate an offset of depth from a scale of depth; tilted boards \
                  separate the focal length from the distance.",
             )
-            .alt(format!("Distance and tilt of {}.", count(pool.frames.len(), "board")))
+            .alt(format!("Distance and tilt of {}.", count(pool.frame_count(), "board")))
             .aspect(1.45)
     })
 }

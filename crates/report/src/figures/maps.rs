@@ -80,7 +80,7 @@ pub(crate) fn image_maps(camera: &ReportCamera<'_>, image: &Image) -> Vec<Figure
         }
         Figure::new(id, title, data, layout.clone()).alt(format!("{title}: {}.", range(cells))).aspect(aspect)
     };
-    let frames = pool.frames.len();
+    let frames = pool.frame_count();
     vec![
         figure("map-before", "Depth error as measured", &before, shared, false).caption(format!(
             "Mean over {frames} frames of each frame's median error in the cell, measured minus the board's depth: orange is \
@@ -161,7 +161,7 @@ pub(crate) fn image_maps_by_model(camera: &ReportCamera<'_>, d: &ReportDiagnosis
             false,
             format!(
                 "Mean over {} frames of each frame's median depth error in the cell: orange is too far, blue too near. {}.",
-                now.frames.len(),
+                now.frame_count(),
                 range(&raw)
             ),
         ),

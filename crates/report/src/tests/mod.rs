@@ -278,6 +278,20 @@ fn frames_that_were_all_dropped_are_listed_and_nothing_at_all_is_an_error() {
     assert!(html.contains("No frame could be evaluated.") && html.contains("blurred"));
 }
 
+/// Frames of a cross-validation are fitted and held out, and are one frame each in every count.
+#[test]
+fn a_frame_that_is_fitted_and_held_out_counts_once() {
+    let fixture = Fixture::simulated(&[]);
+    let roles = [Role::Fitted, Role::HeldOut].map(|role| ReportDataset { evaluated: &fixture.fitted, role });
+    let input = fixture.input(&roles);
+    let frames = fixture.fitted.frames.len();
+    assert_eq!(super::pool::Pool::of(&input.cameras[0], |_| true).frame_count(), frames);
+    let html = render(&input).unwrap();
+    assert!(html.contains(&format!("1 of {} frames; the reasons are listed below.", frames + 1)));
+    assert!(html.contains("(fitted): all frames") && html.contains("(held out): all frames"));
+    assert!(html.contains("relative to the board's pose"));
+}
+
 #[test]
 fn one_frame_and_two_frames_make_no_claims() {
     let mut fixture = Fixture::simulated(&[]);
