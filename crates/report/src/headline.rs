@@ -65,9 +65,7 @@ pub(super) fn sentence(camera: &ReportCamera<'_>) -> String {
             _ if !change.after.has_interval() => format!(
                 "{what} depth error went from {before} mm to {after} mm rms over {frames}: too few frames for an interval."
             ),
-            Direction::Fell => format!(
-                "{what} depth error fell from {before} mm to {after} mm rms ({certainty})."
-            ),
+            Direction::Fell => format!("{what} depth error fell from {before} mm to {after} mm rms ({certainty})."),
             Direction::Rose => format!(
                 "{what} depth error rose from {before} mm to {after} mm rms ({certainty}): the correction makes depth worse there."
             ),
@@ -84,6 +82,11 @@ pub(super) fn sentence(camera: &ReportCamera<'_>) -> String {
         );
     }
     match camera.calibrated {
+        // Without images there are no markers, whose reprojection could be wrong.
+        Some(c) if c.reprojection_rms_px == 0.0 => format!(
+            "A camera was fitted to {}, but it was not evaluated on any frame.",
+            count(c.capture.frames.len(), "frame")
+        ),
         Some(c) => format!(
             "A camera was fitted to {} with a reprojection error of {} px rms, but it was not evaluated on any frame.",
             count(c.capture.frames.len(), "frame"),

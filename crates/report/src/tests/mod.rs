@@ -28,7 +28,7 @@ fn figure_ids(html: &str) -> Vec<&str> {
 }
 
 #[test]
-fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
+fn a_full_report_has_every_figure_and_a_verdict() {
     let fixture = Fixture::simulated(&[]);
     let html = report(&fixture);
     let ids = figure_ids(&html);
@@ -60,7 +60,12 @@ fn a_full_report_has_every_figure_and_a_verdict_with_an_interval() {
         assert!(ids.contains(&id), "{id} is missing among {ids:?}");
     }
     assert!(html.contains("Held-out depth error fell from"), "{}", headline::sentence(&fixture.input(&[]).cameras[0]));
-    assert!(html.contains("95\u{a0}% interval") && html.contains("over 9 frames"));
+    let sentence = headline::sentence(&fixture.input(&[]).cameras[0]);
+    // Errors grow with distance, so that the interval from nine frames spans more than a factor of five.
+    assert!(
+        sentence.ends_with("(not determined by these frames: the errors of 9 frames differ too much)."),
+        "{sentence}"
+    );
     assert!(html.contains("the board was not found"), "dropped frames have reasons");
     assert!(html.contains("A true camera was simulated."));
     assert!(html.contains("A board cannot tell apart what D takes up"));
