@@ -7,8 +7,8 @@ use std::sync::{Mutex, PoisonError};
 /// Warnings that were written: one set for the process, as its standard error is.
 static WRITTEN: Mutex<BTreeSet<Vec<u8>>> = Mutex::new(BTreeSet::new());
 
-/// Writes log messages to standard error. Parts of a cross-validation, for example, are fitted with the same warning each, of which
-/// the first is enough.
+/// Writes log messages to standard error. Parts of a cross-validation, for example, are fitted with the same warning each, of
+/// which the first is enough.
 #[derive(Debug)]
 pub(super) struct LogWriter;
 

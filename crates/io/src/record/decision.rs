@@ -170,7 +170,7 @@ mod tests {
     fn add(outcome: DiagnosisAddOutcome) -> DiagnosisDecision {
         DiagnosisDecision::Add {
             effect: "cyclic_depth".into(),
-            spec: "cyclic_depth@period_mm=300".into(),
+            spec: "cyclic_depth@period_mm=300".parse().unwrap(),
             with: vec!["radial_range".into()],
             explained_share: 0.97,
             of_frame_planes: Some(3.2),
@@ -187,8 +187,8 @@ mod tests {
     #[test]
     fn an_added_effect_has_all_its_numbers() {
         let outcome = DiagnosisAddOutcome::Added {
-            effects: vec!["cyclic_depth@period_mm=300".into()],
-            taken_out: vec!["incidence_bias".into()],
+            effects: vec!["cyclic_depth@period_mm=300".parse().unwrap()],
+            taken_out: vec!["incidence_bias".parse().unwrap()],
         };
         reads_back_as(
             &add(outcome),
@@ -246,7 +246,7 @@ mod tests {
         };
         reads_back_as(&unexplained(DiagnosisUnexplainedOutcome::Reported), expected(json!({"kind": "reported"})));
         reads_back_as(
-            &unexplained(DiagnosisUnexplainedOutcome::FreeMapAdded { spec: "free_map".into() }),
+            &unexplained(DiagnosisUnexplainedOutcome::FreeMapAdded { spec: "free_map".parse().unwrap() }),
             expected(json!({"kind": "free_map_added", "spec": "free_map"})),
         );
         reads_back_as(
