@@ -63,7 +63,7 @@ fn faults_of_a_stream_are_named() {
     let folder = Folder::new();
     folder.write("calibration.json", CALIBRATION);
     let bytes: Vec<u8> = frames(2).iter().flat_map(|z| z.to_le_bytes()).collect();
-    let cases: [(&[u8], &[&str], &[&str]); 6] = [
+    let cases: [(&[u8], &[&str], &[&str]); 5] = [
         (
             &bytes[..bytes.len() - 3],
             &["--unit-mm", "1", "--stream-output", "u16"],
@@ -73,7 +73,6 @@ fn faults_of_a_stream_are_named() {
         (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--stream-size", "48x64"], &["48x64", "64x48"]),
         (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--stream-fps", "0"], &["--stream-fps", "per second"]),
         (&bytes, &["--unit-mm", "1", "--stream-output", "u16", "--cloud"], &["--cloud"]),
-        (&bytes, &["--unit-mm", "1"], &["--out"]),
     ];
     for (input, arguments, parts) in cases {
         let output = stream(&folder, input, arguments);
