@@ -132,7 +132,7 @@ fn what_is_wrong_with_a_file_of_formulas_is_said_with_its_place() {
     folder.write("wrong.toml", ROW_GAIN);
     // The names of effects are checked before images are read, but not before the cameras are counted.
     let board = "kind = \"chessboard\"\ncolumns = 9\nrows = 6\nspacing_mm = 25";
-    folder.write("captures/dataset.toml", &format!("[board]\n{board}\n[frames]\nimage = \"*.png\"\n"));
+    folder.write("captures/dataset.toml", format!("[board]\n{board}\n[frames]\nimage = \"*.png\"\n"));
     folder.write("captures/1.png", "");
     let captures = folder.arg("captures");
     fails(["calibrate", &captures, "--with", &format!("{file}@rho1=3"), "--out", "r"], &["rho1", "rho0"]);

@@ -36,7 +36,7 @@ pub fn cross_validate_rig(
         let rest = state.subset(|frame| part_of[frame] != part);
         let is_held = |name: &str| state.frames.iter().zip(&part_of).any(|(f, of)| *of == part && f.name == name);
         let held = capture.subset(is_held);
-        let evaluated = adjusted(rest).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| (error, held));
+        let evaluated = adjusted(rest).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| Box::new((error, held)));
         job.advance();
         evaluated
     };
@@ -46,7 +46,8 @@ pub fn cross_validate_rig(
     for part in evaluated {
         match part {
             Ok(part) => all.extend(part),
-            Err((error, held)) => {
+            Err(failed) => {
+                let (error, held) = *failed;
                 let reason = format!("without its part of the frames the rig cannot be fitted: {error}");
                 warn!("{} frames are not judged: {reason}", held.frame_names().len());
                 for (name, camera) in &mut all.cameras {

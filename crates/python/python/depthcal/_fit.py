@@ -122,7 +122,7 @@ def _priors_in_words(prior: Prior) -> list[tuple[str | None, str, str]]:
     """Camera, name and JSON of every prior."""
     if prior is None:
         return []
-    if isinstance(prior, Mapping) and "format" not in prior:
+    if isinstance(prior, Mapping) and "covariance" not in prior:
         return [(camera, *_prior_in_words(of_camera)) for camera, of_camera in prior.items()]
     return [(None, *_prior_in_words(prior))]
 

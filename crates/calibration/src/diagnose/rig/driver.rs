@@ -106,6 +106,9 @@ pub fn diagnose_rig(
     if !capture.cameras.iter().any(|camera| is_depth(&camera)) {
         return Err(DiagnoseError::NoDepth { dataset: capture.name.clone() });
     }
+    // An effect that a camera lacks looks like planes of its frames: the search ignores these, and the last fit has them.
+    let asked = options.rig.each.frame_planes;
+    let options = &RigDiagnoseOptions { rig: with_frame_planes(&options.rig, false), ..options.clone() };
     let declared = calibrate_rig(capture, &options.rig)?;
     let mut cameras = Vec::new();
     for camera in capture.cameras.iter().filter(is_depth) {
@@ -141,7 +144,7 @@ pub fn diagnose_rig(
         None => (kept.subset(|name| !is_held(name)), kept.subset(is_held)),
     };
     let errors = |rig: &RigOptions| Ok::<_, DiagnoseError>(evaluate_rig(&calibrate_rig(&fitted, rig)?.placed(), &held));
-    let mut last = calibrate_rig(&kept, &with_effects)?;
+    let mut last = calibrate_rig(&kept, &with_frame_planes(&with_effects, asked))?;
     let drifts = drift_tests(&last, options.folds)?;
     for camera in capture.cameras.iter().map(|c| &c.name) {
         // Of time and temperature, which often go together, the one that leaves less.
@@ -152,7 +155,7 @@ pub fn diagnose_rig(
         }
     }
     if !with_effects.drifts.is_empty() {
-        last = calibrate_rig(&kept, &with_effects)?;
+        last = calibrate_rig(&kept, &with_frame_planes(&with_effects, asked))?;
     }
     let (before, after) = (errors(&options.rig)?, errors(&with_effects)?);
     let of_drifts = with_effects.drifts.first().map(|_| Verdict::Effect);
@@ -168,6 +171,11 @@ pub fn diagnose_rig(
         after,
         register: with_effects.each.register,
     })
+}
+
+/// Options of a rig whose frames may have planes of their own, or not.
+fn with_frame_planes(rig: &RigOptions, frame_planes: bool) -> RigOptions {
+    RigOptions { each: CalibrateOptions { frame_planes, ..rig.each.clone() }, ..rig.clone() }
 }
 
 /// Effects of a camera without images that the joint adjustment shows, one after the other; then the loop given these.
