@@ -22,9 +22,10 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let loaded = load("captures/".as_ref(), &LoadOptions::default())?;
-//! let fit = calibrate(&loaded.capture, &CalibrateOptions::default())?;
+//! let camera = loaded.only_camera()?;
+//! let fit = calibrate(&camera.capture, &CalibrateOptions::default())?;
 //! let errors = evaluate(&fit.camera, &fit.capture);
-//! depthcal::calibration_record(&fit, &errors, loaded.reference, None).write("calibration.json")?;
+//! depthcal::calibration_record(&fit, &errors, camera.reference.clone(), None).write("calibration.json")?;
 //! let corrector = Corrector::new(&fit.camera)?;
 //! let depth = depthcal::io::read_depth("depth/0001.png")?;
 //! let mut corrected = depth.clone();
