@@ -8,7 +8,6 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::adjustment::Adjustment;
-use super::frame_information::Curvature;
 use super::smoothness_selection::{FrameInformation, solve_scaled};
 
 /// Parts, blocks of consecutive frames, of which one is left out at a time.
@@ -17,8 +16,8 @@ const PARTS: usize = 5;
 /// Whether the depth of a camera with its weight divided by `design_effect` predicts the depth of left-out frames better than with
 /// its whole weight, with which `adjustment` was solved: both linearised there, poses of left-out frames from everything else.
 pub fn less_predicts_better(adjustment: &Adjustment, camera: usize, design_effect: f64) -> bool {
-    let information = |weight| adjustment.frame_information_of_depth(camera, Curvature::OfWeights, weight);
-    let (whole, less) = (information(1.0), information(1.0 / design_effect));
+    let frames = adjustment.frame_information_of_depth(camera, [1.0, 1.0 / design_effect]);
+    let (whole, less): (Vec<_>, Vec<_>) = frames.into_iter().map(|[whole, less]| (whole, less)).unzip();
     let cost = |fitted: &[FrameInformation]| held_out_cost(fitted, &whole);
     cost(&less) < cost(&whole)
 }

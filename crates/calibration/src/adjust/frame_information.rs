@@ -106,26 +106,27 @@ impl Adjustment {
     /// What every frame says of the free parameters that all frames share, priors left out, with residuals weighted
     /// by their losses. Frames that cannot be evaluated say nothing.
     pub fn frame_information(&self, curvature: Curvature) -> Vec<FrameInformation> {
-        self.information_of_parts([&self.image_batches(), &self.depth_batches()], curvature, 1.0)
+        let parts = self.information_of_parts([&self.image_batches(), &self.depth_batches()], curvature, [1.0]);
+        parts.into_iter().map(|[frame]| frame).collect()
     }
 
-    /// [`Adjustment::frame_information`] where only the depth of one camera is judged, and counts `weight` times as much where
-    /// frames are fitted.
-    pub fn frame_information_of_depth(
-        &self,
-        camera: usize,
-        curvature: Curvature,
-        weight: f64,
-    ) -> Vec<FrameInformation> {
+    /// [`Adjustment::frame_information`], with the weights of the solver, where only the depth of one camera is judged, and counts
+    /// with one of two factors where frames are fitted.
+    pub fn frame_information_of_depth(&self, camera: usize, factors: [f64; 2]) -> Vec<[FrameInformation; 2]> {
         let judged = self.cameras[camera].depth;
         let mut others = self.image_batches();
         others.extend(self.depth_batches().into_iter().filter(|id| Some(*id) != judged));
-        self.information_of_parts([&others, judged.as_slice()], curvature, weight)
+        self.information_of_parts([&others, judged.as_slice()], Curvature::OfWeights, factors)
     }
 
     /// Information of frames from batches that give poses where a frame is held out, and from batches that are then judged; these
-    /// count `weight` times where frames are fitted.
-    fn information_of_parts(&self, parts: [&[BatchId]; 2], curvature: Curvature, weight: f64) -> Vec<FrameInformation> {
+    /// count with each of `factors` where frames are fitted.
+    fn information_of_parts<const N: usize>(
+        &self,
+        parts: [&[BatchId]; 2],
+        curvature: Curvature,
+        factors: [f64; N],
+    ) -> Vec<[FrameInformation; N]> {
         let shared = SharedParameters::of(self);
         let size = POSE + shared.free.len();
         self.poses
@@ -142,7 +143,7 @@ impl Adjustment {
                     }
                     sum
                 });
-                FrameInformation::new(&parts[0], &parts[1], POSE, weight)
+                factors.map(|factor| FrameInformation::new(&parts[0], &parts[1], POSE, factor))
             })
             .collect()
     }
