@@ -13,8 +13,8 @@ use super::held::hold;
 use super::image::calibrate_image;
 use super::joint::{joint, sample, with_depth_pieces};
 use super::marker_estimators::estimate;
+use super::model_blocks::depth_blocks;
 use super::options::{CalibrateOptions, Estimator};
-use crate::adjust::blocks::is_depth_only;
 use crate::observe::{Capture, PosedFrame, SampledFrame};
 
 /// Calibrates a depth camera: markers first, then depth by the estimator asked for.
@@ -113,19 +113,6 @@ pub fn prepare_depth(
     prepared.camera = hold(&camera, &options.held, true);
     (prepared.with_depth, prepared.covariance, prepared.correlation_length_px) = (true, None, correlation);
     Ok(prepared)
-}
-
-/// Effects are the sensor's and act on the true depth; the depth model, as D does, distorts what they leave.
-pub(super) fn depth_blocks(options: &CalibrateOptions) -> Result<Vec<Block>, RegisterError> {
-    let mut blocks = Vec::new();
-    for effect in &options.effects {
-        let block = options.register.make(effect, None)?;
-        if is_depth_only(&block) {
-            blocks.push(block);
-        }
-    }
-    blocks.extend(options.register.depth_blocks(&options.model)?);
-    Ok(blocks)
 }
 
 /// The modulation frequencies for which the samples of a fit of these options have the light of their frames; `None` where they

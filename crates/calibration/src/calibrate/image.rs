@@ -9,10 +9,10 @@ use super::held::{check, hold};
 use super::lens_choice::settle_with_chosen_lens;
 use super::lens_comparison::{AUTO, fit_best_lens};
 use super::lens_order::{BROWN_CONRADY, LensOrder, requested};
+use super::model_blocks::{depth_blocks, image_blocks};
 use super::options::CalibrateOptions;
 use super::rules::{Freedom, ROUNDS, Rules};
 use super::settle::settle;
-use crate::adjust::blocks::is_depth_only;
 use crate::adjust::state::{CameraState, State};
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
 use crate::observe::{Capture, PosedFrame};
@@ -58,15 +58,10 @@ fn calibrate_image_with_lens(
             start_camera(&capture.target, capture.width, capture.height, &markers, &lens, &options.register)?
         }
     };
-    let mut depth_only = options.register.depth_blocks(&options.model)?;
-    for effect in &options.effects {
-        let block = options.register.make(effect, None)?;
-        if is_depth_only(&block) {
-            depth_only.push(block);
-        } else {
-            camera = camera.with_block(block);
-        }
+    for block in image_blocks(options)? {
+        camera = camera.with_block(block);
     }
+    let depth_only = depth_blocks(options)?;
     let blocks: Vec<&Block> = camera.blocks().iter().chain(&depth_only).collect();
     check(&options.held, blocks.iter().copied(), is_declared)?;
     camera = hold(&camera, &options.held, is_declared);

@@ -4,10 +4,10 @@
 use depthcal_model::{Block, Camera, RegisterError, Role};
 
 use super::domain::seen;
-use super::driver::depth_blocks;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::joint::adjust_samples;
+use super::model_blocks::{depth_blocks, image_blocks};
 use super::options::CalibrateOptions;
 use crate::adjust::blocks::is_depth_only;
 use crate::observe::{Capture, SampledFrame};
@@ -50,21 +50,6 @@ pub fn has_fields(options: &CalibrateOptions) -> Result<bool, RegisterError> {
     Ok(depth_blocks(options)?.iter().any(|b| b.piece().is_some_and(|p| p.field().is_some())))
 }
 
-/// Names of the effects of a model that images show, not only depth.
-///
-/// # Errors
-///
-/// [`RegisterError`] where one is unknown.
-pub fn effects_in_images(options: &CalibrateOptions) -> Result<Vec<String>, RegisterError> {
-    let mut effects = Vec::new();
-    for effect in &options.effects {
-        if !is_depth_only(&options.register.make(effect, None)?) {
-            effects.push(effect.name.clone());
-        }
-    }
-    Ok(effects)
-}
-
 /// The camera with the depth model and the effects of `options`, in the order in which a calibration puts them. Parameters that
 /// both have keep their values.
 fn with_model(
@@ -77,13 +62,7 @@ fn with_model(
     let is_effect = |b: &Block| b.piece().is_some_and(|p| p.role() == Role::Effect);
     let (pinhole, own): (Vec<Block>, Vec<Block>) = camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
     let mut pieces: Vec<Block> = own.into_iter().filter(|b| !is_depth_only(b) && !is_effect(b)).collect();
-    let mut effects = Vec::new();
-    for effect in &options.effects {
-        let block = options.register.make(effect, None)?;
-        if !is_depth_only(&block) {
-            effects.push(block);
-        }
-    }
+    let effects = image_blocks(options)?;
     let depth = depth_blocks(options)?.into_iter().map(|block| block.over(&domain));
     for mut block in effects.into_iter().chain(depth) {
         let fitted = camera.block(block.name()).filter(|b| b.theta.len() == block.theta.len());
