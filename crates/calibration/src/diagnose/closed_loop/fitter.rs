@@ -10,7 +10,7 @@ use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::refinement::refined;
 use crate::calibrate::{
-    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, effects_in_images, has_fields,
+    CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, image_blocks,
     light_of_samples, readjust, sampled_under,
 };
 use crate::diagnose::discovery::{self, Chance, Search};
@@ -28,8 +28,8 @@ const JUDGED_PIXELS: usize = 16_000;
 /// … and in blocks, which only decide.
 const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
 
-/// Fits models to frames of a capture. Every fit starts from the last one, with the samples that are known, so that the order of
-/// fits is a part of the results.
+/// Fits models to frames of a capture. Every fit starts from the last one that has the same effects in the images, with the samples
+/// that are known, so that the order of fits is a part of the results.
 pub(super) struct Fitter<'a> {
     /// All frames that may be fitted.
     pub whole: Capture,
@@ -38,14 +38,15 @@ pub(super) struct Fitter<'a> {
     /// Declared model, folds and thresholds.
     options: &'a DiagnoseOptions,
     job: Box<dyn Job>,
-    basis: RefCell<Option<Basis>>,
+    /// One for every set of effects in the images, and of frequencies of the light.
+    bases: RefCell<Vec<Basis>>,
 }
 
 impl<'a> Fitter<'a> {
     /// A fitter that has fitted nothing yet.
     pub fn new(whole: Capture, verify: Option<&'a Capture>, options: &'a DiagnoseOptions) -> Self {
         let job = options.calibrate.progress.open_ended("diagnosing");
-        Self { whole, verify, options, job, basis: RefCell::default() }
+        Self { whole, verify, options, job, bases: RefCell::default() }
     }
 
     /// Fits to some of the frames, in a round of the loop; 0 is before the first.
@@ -108,28 +109,32 @@ impl Bench for OnFrames<'_> {
         }
     }
 
-    /// The first fit samples the depth; later ones start from the one before, with the same samples, unless other effects are in
-    /// the images: then the order of the lens and the gross markers are decided anew.
+    /// The first fit with some effects in the images decides the order of the lens and the gross markers, and samples the depth;
+    /// later ones with the same effects in the images start from the one before, with the same samples.
     fn fit(&self, model: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
         self.report("fitting", model);
-        let mut basis = self.fitter.basis.borrow_mut();
+        let mut bases = self.fitter.bases.borrow_mut();
         let light = light_of_samples(model)?;
-        let in_images = effects_in_images(model)?;
-        let can_start_from =
-            |b: &&Basis| b.light == light && b.in_images == in_images && !has_fields(model).unwrap_or(false);
-        let last = basis.as_ref().filter(can_start_from);
-        let from_last = last.and_then(|b| Some(readjust(&b.last, b.samples_of(self.frames)?, model)));
-        match (from_last, &mut *basis) {
-            (Some(Ok(fit)), Some(basis)) => {
-                basis.last = fit.clone();
-                return Ok(fit);
+        let in_images: Vec<String> = image_blocks(model)?.iter().map(|block| block.name().to_owned()).collect();
+        let place = bases.iter().position(|basis| basis.light == light && basis.in_images == in_images);
+        if let Some(basis) = place.filter(|_| !has_fields(model).unwrap_or(false)).map(|place| &mut bases[place])
+            && let Some(samples) = basis.samples_of(self.frames)
+        {
+            match readjust(&basis.last, samples, model) {
+                Ok(fit) => {
+                    basis.last = fit.clone();
+                    return Ok(fit);
+                }
+                Err(error @ CalibrateError::Undetermined(_)) => return Err(error),
+                Err(error) => info!("from an earlier fit: {error}; fitted from the start"),
             }
-            (Some(Err(error @ CalibrateError::Undetermined(_))), _) => return Err(error),
-            (Some(Err(error)), _) => info!("from the last fit: {error}; fitted from the start"),
-            _ => {}
         }
         let (fit, samples) = calibrate_keeping_samples(self.frames, model)?;
-        *basis = Some(Basis { samples, last: fit.clone(), light, in_images });
+        let basis = Basis { samples, last: fit.clone(), light, in_images };
+        match place {
+            Some(place) => bases[place] = basis,
+            None => bases.push(basis),
+        }
         Ok(fit)
     }
 
@@ -165,5 +170,37 @@ impl Bench for OnFrames<'_> {
     fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search {
         let verify = self.verify_under(fit);
         discovery::search(fit, chance, verify.as_ref(), examination, taken, self.thresholds())
+    }
+}
+
+#[cfg(all(test, feature = "simulate"))]
+mod tests {
+    use depthcal_simulate::{CameraTruth, Effect, Kind, PointOptions, Simulation};
+
+    use super::*;
+    use crate::calibrate::calibrate;
+    use crate::simulated;
+
+    /// A bent board hides terms of the lens, which a model with the bend has again; and the declared model is what it was.
+    #[test]
+    fn the_lens_is_that_of_a_calibration_with_the_same_effects() {
+        let bow = Effect::new("board_bow", 2.5).unwrap();
+        let simulation = Simulation::new(CameraTruth::published(1).unwrap(), Kind::General(1), &[bow], 3).frames(24);
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        let options = DiagnoseOptions::default();
+        let mut with_bow = options.calibrate.clone();
+        with_bow.effects.push(PieceSpec::new("board_bow"));
+        let fitter = Fitter::new(capture.clone(), None, &options);
+        let bench = fitter.on(&capture, 1);
+        let lens = |fit: &Calibrated| fit.camera.block("brown_conrady").map(|block| block.free.clone());
+        let mut orders = Vec::new();
+        for model in [&options.calibrate, &with_bow, &options.calibrate, &with_bow] {
+            let (fit, expected) = (bench.fit(model).unwrap(), calibrate(&capture, model).unwrap());
+            assert_eq!(lens(&fit), lens(&expected));
+            let [rms, expected_rms] = [&fit, &expected].map(|fit| fit.depth_rms_mm.unwrap());
+            assert!((rms / expected_rms - 1.0).abs() < 0.01, "{rms} {expected_rms}");
+            orders.push(lens(&fit));
+        }
+        assert_ne!(orders[0], orders[1], "the bend hides terms of the lens");
     }
 }
