@@ -1,19 +1,20 @@
 //! Cross-validation: errors on frames that a fit did not see, and their bootstrap intervals.
 
-use depthcal_io::{GainInterval, HeldOutErrors, Interval};
+use depthcal_io::{CAMERA, GainInterval, HeldOutErrors, Interval};
 use depthcal_statistics::{Bootstrap, Thinning};
 use rayon::prelude::*;
-use tracing::{debug, warn};
+use tracing::debug;
 
 use super::evaluate::{Evaluated, EvaluatedFrame, evaluate_part};
 use super::linearity::is_linear;
 use super::parts::{Parts, parts_of};
+use super::rig::{EvaluatedRig, NotFitted};
 use crate::adjust::leave_out::{camera_of_frames, cameras_without_parts};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate, has_fields, readjust};
 use crate::observe::board_pixels::board_area_px;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::noise::DepthNoise;
-use crate::observe::{Capture, DroppedFrame, SampledFrame};
+use crate::observe::{Capture, SampledFrame};
 
 /// The frames to fit and the held-out ones, every `every`-th counted from `first`.
 pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture) {
@@ -83,35 +84,18 @@ pub fn cross_validate_thinned(
             None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera
-            .map(|camera| evaluate_part(&camera, &held, thinning, markers.len()))
-            .map_err(|error| Box::new((error, held)));
+            .map(|camera| EvaluatedRig::of_camera(CAMERA, evaluate_part(&camera, &held, thinning, markers.len())))
+            .map_err(|error| {
+                let names = held.frames.iter().map(|frame| frame.name.clone()).collect();
+                Box::new(NotFitted { error, frames: vec![(CAMERA.to_owned(), names)] })
+            });
         job.advance();
         evaluated
     };
-    let evaluated: Vec<_> = (0..parts).into_par_iter().map(of_part).collect();
-    let mut all = Evaluated { name: fit.capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
-    let mut failure = None;
-    for part in evaluated {
-        match part {
-            Ok(part) => {
-                all.frames.extend(part.frames);
-                all.dropped.extend(part.dropped);
-            }
-            Err(failed) => {
-                let (error, held) = *failed;
-                let reason = format!("without its part of the frames the model cannot be fitted: {error}");
-                warn!("{} frames are not judged: {reason}", held.frames.len());
-                let dropped = |f: &SampledFrame| DroppedFrame { name: f.name.clone(), reason: reason.clone() };
-                all.dropped.extend(held.frames.iter().map(dropped));
-                failure = Some(error);
-            }
-        }
-    }
-    if let Some(failure) = failure.filter(|_| all.frames.is_empty()) {
-        return Err(failure);
-    }
-    all.frames.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(all)
+    let evaluated = (0..parts).into_par_iter().map(of_part).collect();
+    let none = Evaluated { name: fit.capture.name.clone(), frames: Vec::new(), dropped: Vec::new() };
+    let mut all = EvaluatedRig::of_camera(CAMERA, none).joined(evaluated, "model")?;
+    Ok(all.cameras.swap_remove(0).1)
 }
 
 /// Which pixels are judged where about `most` of a frame are wanted on average: the same share of every frame's.
@@ -269,35 +253,10 @@ fn weighted_pairs(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::judge::depth_errors::{DepthErrors, PixelError};
 
     fn evaluated(errors_mm: &[f64]) -> Evaluated {
-        let frames = errors_mm.iter().enumerate().map(|(i, e)| {
-            let pixel = PixelError {
-                context: depthcal_model::Context::default(),
-                board_depth_mm: 1000.0,
-                board: [0.0; 2],
-                cos_incidence: 1.0,
-                before_mm: *e,
-                after_mm: *e,
-                height_before_mm: *e,
-                height_after_mm: *e,
-            };
-            let pixels = vec![pixel; 10];
-            EvaluatedFrame {
-                name: format!("{i:03}"),
-                camera_from_board: nalgebra::Isometry3::identity(),
-                reprojection: Vec::new(),
-                wrong_markers: 0,
-                dots: Vec::new(),
-                markers: Vec::new(),
-                depth: DepthErrors::of(&pixels),
-                pixels,
-                outliers: 0,
-                outlier_limit_mm: None,
-                uncorrectable: 0,
-            }
-        });
+        let frames = errors_mm.iter().enumerate();
+        let frames = frames.map(|(i, e)| EvaluatedFrame::of_depth_errors(format!("{i:03}"), &[*e; 10]));
         Evaluated { name: "test".into(), frames: frames.collect(), dropped: Vec::new() }
     }
 

@@ -378,6 +378,37 @@ pub fn outliers<'a>(frames: impl Iterator<Item = &'a EvaluatedFrame> + Clone) ->
     Some(Outliers { count, share: count as f64 / all.max(1) as f64, limit_mm })
 }
 
+#[cfg(test)]
+impl EvaluatedFrame {
+    /// A frame of pixels at 1 m with these errors of depth, mm, before and after correction alike.
+    pub(crate) fn of_depth_errors(name: String, errors_mm: &[f64]) -> Self {
+        let pixel = |error_mm: &f64| PixelError {
+            context: Context::default(),
+            board_depth_mm: 1000.0,
+            board: [0.0; 2],
+            cos_incidence: 1.0,
+            before_mm: *error_mm,
+            after_mm: *error_mm,
+            height_before_mm: *error_mm,
+            height_after_mm: *error_mm,
+        };
+        let pixels: Vec<PixelError> = errors_mm.iter().map(pixel).collect();
+        Self {
+            name,
+            camera_from_board: Isometry3::identity(),
+            reprojection: Vec::new(),
+            wrong_markers: 0,
+            dots: Vec::new(),
+            markers: Vec::new(),
+            depth: DepthErrors::of(&pixels),
+            pixels,
+            outliers: 0,
+            outlier_limit_mm: None,
+            uncorrectable: 0,
+        }
+    }
+}
+
 impl EvaluatedFrame {
     /// The same without single pixels, which take nearly all of its memory.
     fn without_pixels(&self) -> Self {

@@ -1,11 +1,15 @@
 //! Evaluation of a rig.
 
+use std::collections::BTreeSet;
+
 use crate::judge::evaluate::{Evaluated, evaluate};
 use depthcal_io::{DatasetEvaluation, TransferError};
 
+use tracing::warn;
+
 use super::transfer::{Transfer, transfers};
-use crate::observe::PlacedCamera;
-use crate::observe::RigCapture;
+use crate::calibrate::CalibrateError;
+use crate::observe::{DroppedFrame, PlacedCamera, RigCapture};
 
 /// Errors of a rig on a capture.
 #[derive(Debug, Clone)]
@@ -39,7 +43,51 @@ pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig 
     EvaluatedRig { cameras, transfers, name: capture.name.clone() }
 }
 
+/// A part of the frames without which the others determine nothing.
+pub(super) struct NotFitted {
+    /// Why.
+    pub error: CalibrateError,
+    /// The names of its frames by the names of the cameras.
+    pub frames: Vec<(String, Vec<String>)>,
+}
+
 impl EvaluatedRig {
+    /// Adds the errors of all parts of a cross-validation. The frames of those without which the others do not determine the `model`
+    /// (a model or a rig, in words) are dropped with the reason.
+    ///
+    /// # Errors
+    ///
+    /// [`CalibrateError`] of a part where no frame is judged.
+    pub(super) fn joined(
+        mut self,
+        parts: Vec<Result<Self, Box<NotFitted>>>,
+        model: &str,
+    ) -> Result<Self, CalibrateError> {
+        let mut failure = None;
+        for part in parts {
+            match part {
+                Ok(part) => self.extend(part),
+                Err(failed) => {
+                    let NotFitted { error, frames } = *failed;
+                    let reason = format!("without its part of the frames the {model} cannot be fitted: {error}");
+                    let names: BTreeSet<&String> = frames.iter().flat_map(|(_, names)| names).collect();
+                    warn!("{} frames are not judged: {reason}", names.len());
+                    for (camera, evaluated) in &mut self.cameras {
+                        let own = frames.iter().filter(|(name, _)| name == camera).flat_map(|(_, names)| names);
+                        let dropped = own.map(|name| DroppedFrame { name: name.clone(), reason: reason.clone() });
+                        evaluated.dropped.extend(dropped);
+                    }
+                    failure = Some(error);
+                }
+            }
+        }
+        if let Some(failure) = failure.filter(|_| self.cameras.iter().all(|(_, camera)| camera.frames.is_empty())) {
+            return Err(failure);
+        }
+        self.cameras.iter_mut().for_each(|(_, camera)| camera.frames.sort_by(|a, b| a.name.cmp(&b.name)));
+        Ok(self)
+    }
+
     /// No frames of the cameras with images.
     pub(super) fn empty(capture: &RigCapture) -> Self {
         let cameras = capture.cameras.iter().filter(|camera| camera.has_markers()).map(|camera| {
@@ -50,7 +98,7 @@ impl EvaluatedRig {
     }
 
     /// Adds the errors of other frames of the same rig.
-    pub(super) fn extend(&mut self, other: Self) {
+    fn extend(&mut self, other: Self) {
         for (name, camera) in other.cameras {
             match self.cameras.iter_mut().find(|(known, _)| *known == name) {
                 Some((_, known)) => {

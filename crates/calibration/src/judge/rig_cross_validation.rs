@@ -1,19 +1,16 @@
 //! Cross-validation of a rig: errors on frames that its adjustment did not see.
 
 use rayon::prelude::*;
-use tracing::warn;
 
 use super::parts::{Parts, parts_of};
-use super::rig::{EvaluatedRig, evaluate_rig};
+use super::rig::{EvaluatedRig, NotFitted, evaluate_rig};
 use crate::adjust::adjustment::Adjustment;
+use crate::adjust::leave_out::DECREASE;
 use crate::adjust::state::State;
 use crate::calibrate::CalibrateError;
 use crate::calibrate::rig::RigCalibrated;
-use crate::observe::{DroppedFrame, PlacedCamera, RigCapture};
+use crate::observe::{CameraCapture, PlacedCamera, RigCapture};
 use crate::progress::ProgressHandle;
-
-/// Decrease of the cost below which an adjustment ends: what is left is a small part of a standard deviation.
-const DECREASE: f64 = 1e-3;
 
 /// Errors of every frame of a rig under cameras and extrinsics that were adjusted without it: without each of so many parts of the
 /// frames, with the noise of all. A frame is left out of all cameras. Where the others do not determine the rig, the part's frames
@@ -36,36 +33,16 @@ pub fn cross_validate_rig(
         let rest = state.subset(|frame| part_of[frame] != part);
         let is_held = |name: &str| state.frames.iter().zip(&part_of).any(|(f, of)| *of == part && f.name == name);
         let held = capture.subset(is_held);
-        let evaluated = adjusted(rest).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| Box::new((error, held)));
+        let evaluated = adjusted(rest).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| {
+            let names = |camera: &CameraCapture| camera.capture.frames.iter().map(|f| f.name.clone()).collect();
+            let frames = held.cameras.iter().map(|camera| (camera.name.clone(), names(camera))).collect();
+            Box::new(NotFitted { error, frames })
+        });
         job.advance();
         evaluated
     };
-    let evaluated: Vec<_> = (0..parts).into_par_iter().map(of_part).collect();
-    let mut all = EvaluatedRig::empty(capture);
-    let mut failure = None;
-    for part in evaluated {
-        match part {
-            Ok(part) => all.extend(part),
-            Err(failed) => {
-                let (error, held) = *failed;
-                let reason = format!("without its part of the frames the rig cannot be fitted: {error}");
-                warn!("{} frames are not judged: {reason}", held.frame_names().len());
-                for (name, camera) in &mut all.cameras {
-                    let own = held.cameras.iter().filter(|c| c.name == *name);
-                    let frames = own.flat_map(|c| &c.capture.frames);
-                    camera
-                        .dropped
-                        .extend(frames.map(|f| DroppedFrame { name: f.name.clone(), reason: reason.clone() }));
-                }
-                failure = Some(error);
-            }
-        }
-    }
-    if let Some(failure) = failure.filter(|_| all.cameras.iter().all(|(_, camera)| camera.frames.is_empty())) {
-        return Err(failure);
-    }
-    all.cameras.iter_mut().for_each(|(_, camera)| camera.frames.sort_by(|a, b| a.name.cmp(&b.name)));
-    Ok(all)
+    let evaluated = (0..parts).into_par_iter().map(of_part).collect();
+    EvaluatedRig::empty(capture).joined(evaluated, "rig")
 }
 
 /// Numbers of the markers of every frame that all cameras see.

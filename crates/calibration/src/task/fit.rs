@@ -202,23 +202,30 @@ impl FitRequest {
         let on_fitted = evaluate(&result.camera, &result.capture);
         let on_held = held.as_ref().map(|held| evaluate(&result.camera, held));
         drop(stage);
-        let held_out = match (on_held, self.cross_validate) {
-            (Some(evaluated), _) => Some(("held out", evaluated, held)),
-            (None, Some(parts)) => {
-                Some(("cross-validated", cross_validate(&result, parts, self.parts, &options)?, None))
-            }
-            (None, None) => None,
-        };
-        let held_out = held_out.map(|(how, evaluated, capture)| HeldOut {
-            how,
-            evaluated: EvaluatedRig::of_camera(depthcal_io::CAMERA, evaluated),
-            capture,
-        });
+        let of_camera = |evaluated| EvaluatedRig::of_camera(depthcal_io::CAMERA, evaluated);
+        let held_out = self.held_out(on_held.map(of_camera), held, |parts| {
+            cross_validate(&result, parts, self.parts, &options).map(of_camera)
+        })?;
         let mut record = calibration_record(&result, &on_fitted, camera.reference.clone(), None);
         record.camera.name.clone_from(&camera.declared.name);
-        let on_fitted = EvaluatedRig::of_camera(depthcal_io::CAMERA, on_fitted);
+        let on_fitted = of_camera(on_fitted);
         let (fitted, evaluation) = (Fitted::Camera(Box::new(result)), evaluation_record(&on_fitted, held_out.as_ref()));
         Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
+    }
+
+    /// Errors on frames that were not fitted: `on_held` where frames of one camera, `held`, or of a rig were held out, else those of a
+    /// cross-validation in so many parts where one is asked for.
+    fn held_out(
+        &self,
+        on_held: Option<EvaluatedRig>,
+        held: Option<Capture>,
+        validate: impl FnOnce(usize) -> Result<EvaluatedRig, CalibrateError>,
+    ) -> Result<Option<HeldOut>, CalibrateError> {
+        Ok(match (on_held, self.cross_validate) {
+            (Some(evaluated), _) => Some(HeldOut { how: "held out", evaluated, capture: held }),
+            (None, Some(parts)) => Some(HeldOut { how: "cross-validated", evaluated: validate(parts)?, capture: None }),
+            (None, None) => None,
+        })
     }
 
     /// The priors of a rig's cameras.
@@ -257,16 +264,10 @@ impl FitRequest {
         let placed = result.placed();
         let stage = progress.stage("evaluation");
         let on_fitted = evaluate_rig(&placed, &capture);
-        let on_held = held.map(|held| ("held out", evaluate_rig(&placed, &held)));
+        let on_held = held.map(|held| evaluate_rig(&placed, &held));
         drop(stage);
-        let held_out = match (on_held, self.cross_validate) {
-            (Some(held), _) => Some(held),
-            (None, Some(parts)) => {
-                Some(("cross-validated", cross_validate_rig(&result, &capture, parts, self.parts, &progress)?))
-            }
-            (None, None) => None,
-        };
-        let held_out = held_out.map(|(how, evaluated)| HeldOut { how, evaluated, capture: None });
+        let held_out =
+            self.held_out(on_held, None, |parts| cross_validate_rig(&result, &capture, parts, self.parts, &progress))?;
         let evaluation = evaluation_record(&on_fitted, held_out.as_ref());
         // A dataset without cameras has not been fitted.
         let no_cameras = || CalibrateError::NoImages { dataset: loaded.name.clone() };

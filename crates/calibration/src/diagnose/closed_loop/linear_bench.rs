@@ -9,7 +9,7 @@ use depthcal_io::DiagnosisPlace;
 use depthcal_model::{Block, Camera, ModelSpec, Of, On, Pattern, PieceSpec, Register, Target};
 use depthcal_solver::score::{Score, ScoreError};
 use depthcal_statistics::chi_squared_tail;
-use nalgebra::{DMatrix, DVector, Isometry3};
+use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -29,7 +29,6 @@ use crate::diagnose::held_out::HeldOut;
 use crate::diagnose::linear_examination::{Planted, examined};
 use crate::diagnose::options::DiagnoseOptions;
 use crate::judge::cross_validation::errors;
-use crate::judge::depth_errors::{DepthErrors, PixelError};
 use crate::judge::evaluate::{Evaluated, EvaluatedFrame};
 use crate::observe::Capture;
 use crate::observe::noise::{DepthNoise, NoiseModel, PlaneScatter};
@@ -213,7 +212,8 @@ impl Bench for LinearBench {
                 self.residuals(&self.y, &effects, &theta)
             })
             .collect();
-        let frames = (0..FRAMES).map(|frame| evaluated(frame, &folds[frame % FOLDS][frame * ROWS..][..ROWS]));
+        let residuals = |frame: usize| &folds[frame % FOLDS][frame * ROWS..][..ROWS];
+        let frames = (0..FRAMES).map(|frame| EvaluatedFrame::of_depth_errors(frame.to_string(), residuals(frame)));
         let evaluated = Evaluated { name: String::new(), frames: frames.collect(), dropped: Vec::new() };
         Ok(HeldOut { errors: errors(&evaluated), evaluated: evaluated.into(), blocks: None })
     }
@@ -277,34 +277,6 @@ fn no_frames<F>() -> Capture<F> {
         depth_unit_mm: None,
         frames: Vec::new(),
         dropped: Vec::new(),
-    }
-}
-
-/// A frame with its residuals as errors of pixels at 1 m.
-fn evaluated(frame: usize, residuals: &[f64]) -> EvaluatedFrame {
-    let pixel = |residual: &f64| PixelError {
-        context: Default::default(),
-        board_depth_mm: 1000.0,
-        board: [0.0; 2],
-        cos_incidence: 1.0,
-        before_mm: *residual,
-        after_mm: *residual,
-        height_before_mm: *residual,
-        height_after_mm: *residual,
-    };
-    let pixels: Vec<PixelError> = residuals.iter().map(pixel).collect();
-    EvaluatedFrame {
-        name: frame.to_string(),
-        camera_from_board: Isometry3::identity(),
-        reprojection: Vec::new(),
-        wrong_markers: 0,
-        dots: Vec::new(),
-        markers: Vec::new(),
-        depth: DepthErrors::of(&pixels),
-        pixels,
-        outliers: 0,
-        outlier_limit_mm: None,
-        uncorrectable: 0,
     }
 }
 
