@@ -147,10 +147,7 @@ impl Calibrate {
 
     pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
         let request = self.request()?;
-        // Options that mean nothing are named first, also where there is no dataset.
-        let cameras = camera_count(&self.dataset);
-        request.check(*cameras.as_ref().unwrap_or(&1), &session.register)?;
-        let cameras = cameras?;
+        let cameras = camera_count(&self.dataset, |cameras| request.check(cameras, &session.register))?;
         if cameras > 1 {
             self.recording.refuse_for_rig()?;
             if !self.score.is_empty() {

@@ -14,7 +14,7 @@ use depthcal_calibration::judge::evaluate::Evaluated;
 use depthcal_calibration::load::{LoadOptions, Loaded, LoadedCamera, default_cache, load};
 use depthcal_calibration::observe::{DroppedFrame, PlacedCamera};
 use depthcal_calibration::rig_record::cameras_from_record;
-use depthcal_calibration::task::Made;
+use depthcal_calibration::task::{Made, TaskError};
 use depthcal_report::format::count;
 use serde_json::{Value, json};
 
@@ -129,9 +129,12 @@ fn print_loaded(camera: &LoadedCamera, name: &str, indent: &str) {
     }
 }
 
-/// Number of cameras that a dataset declares; its files are not read.
-pub(super) fn camera_count(path: &Path) -> Result<usize, Failure> {
-    Ok(Dataset::open(path).map_err(input)?.cameras.len())
+/// Number of cameras that a dataset declares, for which `check` accepts the options; its files are not read. Options that mean
+/// nothing are named first, also where there is no dataset.
+pub(super) fn camera_count(path: &Path, check: impl FnOnce(usize) -> Result<(), TaskError>) -> Result<usize, Failure> {
+    let cameras = Dataset::open(path).map(|dataset| dataset.cameras.len());
+    check(*cameras.as_ref().unwrap_or(&1))?;
+    cameras.map_err(input)
 }
 
 /// How the results of a run are made, up to now.

@@ -78,10 +78,8 @@ impl Diagnose {
             folds: usize::from(self.folds),
             formulas: !self.no_discovery,
         };
-        // Options that mean nothing are named first, also where there is no dataset.
-        let cameras = camera_count(&self.dataset);
-        request.check(*cameras.as_ref().unwrap_or(&1), &session.register)?;
-        if cameras? > 1 {
+        let cameras = camera_count(&self.dataset, |cameras| request.check(cameras, &session.register))?;
+        if cameras > 1 {
             self.recording.refuse_for_rig()?;
         }
         self.recording.check()?;
