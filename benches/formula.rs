@@ -1,4 +1,4 @@
-//! Effects given as formulas beside the same effects in Rust: batches of a fit, and frames of `apply`.
+//! Times effects given as formulas, and the same effects written in Rust: batches of a fit, and frames of `apply`.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -24,8 +24,8 @@ pub(super) enum Kind {
 
 /// Writes a board to print, to scale, with a ruler that checks the printer.
 ///
-/// The section [board] of a dataset.toml is written beside it, with the extension .toml. Print at 100 %, measure the ruler, and
-/// glue the sheet onto something stiff and flat.
+/// The section [board] for a dataset.toml is written to a second file of the same name, with the extension .toml. Print at 100 %,
+/// measure the ruler, and glue the sheet onto something stiff and flat.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal board --kind asymmetric-circles --out board.pdf

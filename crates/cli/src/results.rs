@@ -22,19 +22,19 @@ impl Output {
     }
 }
 
-/// Has results written into a folder, and then what `beside` writes elsewhere, before they replace the earlier ones; returns what
-/// that returns.
+/// Writes results into a folder, and then further files elsewhere by `write_more`; only where both succeed do the results replace the
+/// earlier ones. Returns the value of `write_more`.
 pub(super) fn save<T>(
     results: &dyn Results,
     made: &Made,
     out: &Path,
     session: &Session,
-    beside: impl FnOnce() -> Result<T, Failure>,
+    write_more: impl FnOnce() -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let saved = SavedResults::write(results, made, out, &session.progress).map_err(input)?;
-    let beside = beside()?;
+    let more = write_more()?;
     told(saved.commit().map_err(input)?, session);
-    Ok(beside)
+    Ok(more)
 }
 
 /// Tells what new results removed and replaced.

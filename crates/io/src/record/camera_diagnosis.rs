@@ -291,7 +291,7 @@ pub struct CameraDiagnosis {
     /// Effects that may be missing too, but are not certain; absent in files of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub possible: Vec<DiagnosisPossible>,
-    /// Errors of the last model beside the pure error; absent where it cannot be told, and in files of earlier versions.
+    /// Errors of the last model, and the pure error; absent where it cannot be told, and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pure_error: Option<DiagnosisPureError>,
     /// Tests of the first round, whose model is the declared one: every effect, and the free map, in descending order

@@ -1,11 +1,11 @@
-//! The pure error of a diagnosis: what is left beside what frames do not share.
+//! The residuals of a diagnosis' last model, and the part of them that no function of the covariates could remove.
 
 use serde::{Deserialize, Serialize};
 
 use super::covariate::DiagnosisCovariate;
 
-/// The residuals of the last model beside the pure error: that part which different frames do not share at the same values of
-/// any covariate, and which no function of the covariates could take away.
+/// The residuals of the last model, and the pure error: the part of them that different frames do not share at the same values of
+/// any covariate, and that no function of the covariates could remove.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisPureError {
     /// Root mean square of the depth residuals over the board pixels, mm.

@@ -110,7 +110,7 @@ mod tests {
             (&["a", "twin"].map(str::to_owned)[..], &["twin".to_owned()][..])
         );
         assert_eq!((&effects[0].indistinguishable[..], effects[1].indistinguishable.len()), (&instead[..], 0));
-        // Alone both are significant; beside the first, the twin is not.
+        // Alone both are significant; with the first in the model, the twin is not.
         assert!(e.evidence[twin].p_value < 1e-6);
         assert!(effects[0].p_value < 1e-6 && effects[1].p_value > 0.05, "{}", effects[1].p_value);
     }

@@ -220,7 +220,7 @@ fn examine(
         false => calibrate.register.clone(),
     };
     let of_camera = DiagnoseOptions {
-        calibrate: CalibrateOptions { frame_planes: false, register, ..calibrate },
+        calibrate: CalibrateOptions { register, ..calibrate },
         folds: options.folds,
         formulas: options.formulas,
         thresholds: options.thresholds,
