@@ -4,7 +4,7 @@ use depthcal_model::hook::HookKind;
 
 use crate::covariate::FormulaCovariate;
 use crate::graph::{Graph, Id, Unary};
-use crate::syntax::{Expression, Function, Node, Operator};
+use crate::syntax::{Expression, Function, Node, Operator, SPLINE_RANGE};
 
 /// The meaning of a name in a formula.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,18 +68,43 @@ fn call(graph: &mut Graph, function: Function, parts: &[Id]) -> Id {
         Function::Abs => graph.function(Unary::Abs, a),
         Function::Step => graph.function(Unary::Step, a),
         Function::Hinge => hinge(graph, a),
-        // max(a, b) = a + hinge(b − a), min(a, b) = a − hinge(a − b)
-        Function::Max => {
-            let above = graph.subtract(parts[1], a);
-            let more = hinge(graph, above);
-            graph.add(a, more)
-        }
-        Function::Min => {
-            let above = graph.subtract(a, parts[1]);
-            let more = hinge(graph, above);
-            graph.subtract(a, more)
-        }
+        Function::Max => larger(graph, a, parts[1]),
+        Function::Min => smaller(graph, a, parts[1]),
+        Function::Spline => spline(graph, [a, parts[1], parts[2]], &parts[SPLINE_RANGE..]),
     }
+}
+
+/// max(a, b) = a + hinge(b − a)
+fn larger(graph: &mut Graph, a: Id, b: Id) -> Id {
+    let above = graph.subtract(b, a);
+    let more = hinge(graph, above);
+    graph.add(a, more)
+}
+
+/// min(a, b) = a − hinge(a − b)
+fn smaller(graph: &mut Graph, a: Id, b: Id) -> Id {
+    let above = graph.subtract(a, b);
+    let more = hinge(graph, above);
+    graph.subtract(a, more)
+}
+
+/// Σ cᵢ β(t + 1 − i) with the uniform cubic B-spline β, where t goes from 0 to the number of spans as x does from `low` to
+/// `high`.
+fn spline(graph: &mut Graph, [x, low, high]: [Id; 3], coefficients: &[Id]) -> Id {
+    let zero = graph.constant(0.0);
+    let spans = graph.constant(coefficients.len() as f64 - 3.0);
+    let (above, range) = (graph.subtract(x, low), graph.subtract(high, low));
+    let share = graph.divide(above, range);
+    let t = graph.multiply(share, spans);
+    let t = larger(graph, t, zero);
+    let t = smaller(graph, t, spans);
+    coefficients.iter().enumerate().fold(zero, |sum, (i, coefficient)| {
+        let centre = graph.constant(i as f64 - 1.0);
+        let from_centre = graph.subtract(t, centre);
+        let basis = graph.function(Unary::BSpline(0), from_centre);
+        let term = graph.multiply(*coefficient, basis);
+        graph.add(sum, term)
+    })
 }
 
 fn hinge(graph: &mut Graph, a: Id) -> Id {

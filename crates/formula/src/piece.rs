@@ -6,6 +6,7 @@ use std::sync::Arc;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{
     AddsTo, AnyPiece, Constant, Context, Covariate, FormulaDefinition, FormulaSearch, On, Options, Parameter, ScanKind,
+    SmoothParameters,
 };
 
 use crate::content::Content;
@@ -197,6 +198,9 @@ impl AnyPiece for FormulaPiece {
             AddsTo::Factor => On::Factor,
             _ => On::Depth,
         }
+    }
+    fn smooth(&self) -> &[SmoothParameters] {
+        &self.content.definition.smooth
     }
     fn formula(&self) -> Option<&FormulaDefinition> {
         Some(&self.content.definition)

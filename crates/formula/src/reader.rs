@@ -1,6 +1,6 @@
 //! The checks of a definition: names, syntax and units.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use depthcal_model::{AddsTo, FormulaDefinition};
@@ -12,7 +12,7 @@ use crate::syntax::{Expression, Function, Position, SyntaxError, parse, underlin
 use crate::units::{Clash, Inference, Unit, check};
 
 /// Most parameters of a formula.
-const MOST_PARAMETERS: usize = 32;
+const MOST_PARAMETERS: usize = 96;
 /// The name of formulas that is a number.
 const PI: &str = "pi";
 
@@ -117,6 +117,7 @@ impl Reader<'_> {
                 return Err(self.field(format!("parameters.{name}.nominal"), "has to be a finite number"));
             }
         }
+        self.smooth()?;
         match constants.iter().find(|(_, constant)| !constant.value().is_finite()) {
             Some((name, _)) => Err(self.field(format!("constants.{name}"), "has to be a finite number")),
             None => Ok(()),
@@ -224,6 +225,29 @@ impl Reader<'_> {
             (name.clone(), if unit.contains('?') { "1".to_owned() } else { unit })
         };
         Ok(constants.keys().map(resolved).collect())
+    }
+
+    /// Parameters of smooth functions are declared once, with deviations above zero.
+    fn smooth(&self) -> Result<(), FormulaError> {
+        let FormulaDefinition { parameters, smooth, .. } = self.definition;
+        let mut known = BTreeSet::new();
+        for (number, part) in smooth.iter().enumerate() {
+            let field = |name: &str| format!("smooth[{number}].{name}");
+            for name in &part.parameters {
+                if !parameters.contains_key(name) {
+                    return Err(self.field(field("parameters"), format!("'{name}' is no parameter")));
+                }
+                if !known.insert(name) {
+                    return Err(self.field(field("parameters"), format!("has '{name}' twice")));
+                }
+            }
+            for (name, value) in [("roughness", part.roughness), ("deviation", part.deviation)] {
+                if !(value > 0.0 && value.is_finite()) {
+                    return Err(self.field(field(name), "has to be above 0".to_owned()));
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Searched constants need a covariate over which they can be searched.

@@ -104,6 +104,12 @@ fn samples() -> Vec<FormulaEffect> {
         ("factor", "a*(temperature_c - t0) + b*timestamp_s", "a = \"1/°C\", b = \"1/s\"", "t0 = 25"),
         ("factor", "a*atan(range/k) + b*tan(x)^3*(2^y)*(r + 1)^x", "a = \"1\", b = \"1\"", "k = 900"),
         ("depth", "a*r", "a = \"mm\"", ""),
+        (
+            "depth",
+            "(x + 2)*spline(z, l, h, 0, a, b, c, (a + b)/2)",
+            "a = \"mm\", b = \"mm\", c = \"mm\"",
+            "l = 610, h = 2510",
+        ),
     ] {
         all.push(depth(adds_to, formula, parameters, constants).unwrap_or_else(|e| panic!("{e}")));
     }
@@ -156,6 +162,26 @@ fn observations(hook: HookKind) -> (Vec<f64>, Vec<Context>) {
         });
     }
     (states, contexts)
+}
+
+/// B-splines reproduce straight lines whose coefficients are the line's values at the knots, and are constant beyond the ends.
+#[test]
+fn a_spline_with_a_line_of_coefficients_is_the_line() {
+    let effect =
+        depth("depth", "spline(z, 500, 1100, a - b, a, a + b, a + 2*b, a + 3*b)", "a = \"mm\", b = \"mm\"", "");
+    let message = effect.unwrap_err().to_string();
+    assert!(message.contains("'z' is in mm, but '500' is a plain number"), "{message}");
+    let constants = "l = 500, h = 1100";
+    let formula = "spline(z, l, h, a - b, a, a + b, a + 2*b, a + 3*b)";
+    let effect = depth("depth", formula, "a = \"mm\", b = \"mm\"", constants).unwrap();
+    assert_eq!(effect.text(), "z + spline(z, l, h, a − b, …, a + 3 b)");
+    let function = effect.function();
+    for (z, expected) in
+        [(400.0, 7.0), (500.0, 7.0), (620.0, 7.8), (800.0, 9.0), (1000.0, 7.0 + 10.0 / 3.0), (1400.0, 11.0)]
+    {
+        let value = function.values(&[7.0, 2.0], &[z])[0];
+        assert!((value - expected).abs() < 1e-12, "{z}: {value}");
+    }
 }
 
 fn theta(piece: &dyn AnyPiece) -> Vec<f64> {

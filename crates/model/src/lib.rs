@@ -50,7 +50,7 @@ pub use needed_light::needed_light;
 pub use piece::{
     AddsTo, AnyPiece, BoardSide, Constant, ConstantTable, Context, Covariate, FormulaConstant, FormulaDefinition,
     FormulaParameter, FormulaSearch, FormulaText, Of, On, Options, Parameter, ParameterTable, Piece, Placement,
-    REFERENCE_DEPTH_MM, Role, Scan, ScanKind, erase,
+    REFERENCE_DEPTH_MM, Role, Scan, ScanKind, SmoothParameters, erase,
 };
 pub use register::{Register, RegisterError};
 pub use scalar::Scalar;

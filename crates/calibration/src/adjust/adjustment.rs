@@ -17,7 +17,7 @@ use super::camera_prior::{CameraPrior, CameraPriorBatch};
 use super::observations::add_observations;
 use super::problem::Problem;
 use super::redundancy::batch_redundancy;
-use super::smoothness_prior::{Smoothness, SmoothnessBatch};
+use super::smoothness_prior::{Smoothness, SmoothnessBatch, rows_of_smooth_functions};
 use super::state::{CameraState, State};
 use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture};
@@ -124,7 +124,7 @@ impl Adjustment {
         Ok(adjustment)
     }
 
-    /// The factor graph of a problem, without priors.
+    /// The factor graph of a problem, without priors but those that pieces have themselves.
     pub fn of_problem<F: AdjustableFrame>(problem: &Problem<'_, F>) -> Self {
         let (mut graph, mut values) = (Graph::new(), Values::new());
         let mut of_board: BTreeMap<&'static str, Key<DVector<f64>>> = BTreeMap::new();
@@ -140,6 +140,7 @@ impl Adjustment {
         }
         for (camera, keys) in problem.cameras.iter().zip(&mut cameras) {
             add_observations(camera, keys, &poses, &mut graph);
+            add_smooth_functions(keys, &mut graph);
         }
         Self { graph, values, poses, cameras }
     }
@@ -387,5 +388,16 @@ impl Adjustment {
             of_batch(depth)
         };
         [of_image, of_depth]
+    }
+}
+
+/// Adds the priors of smooth functions that the pieces of a camera have themselves.
+fn add_smooth_functions(camera: &CameraKeys, graph: &mut Graph) {
+    for (block, key) in camera.camera.blocks().iter().zip(&camera.blocks) {
+        let in_use = camera.depth.is_some() || !is_depth_only(block);
+        let rows = if in_use { rows_of_smooth_functions(block) } else { Vec::new() };
+        if let (BlockKeys::Whole(key), false) = (key, rows.is_empty()) {
+            graph.add_batch(SmoothnessBatch::new(block, *key, rows));
+        }
     }
 }

@@ -6,6 +6,8 @@
 //! whose second differences vanish. In a stack such as `projective+bspline` the ridge assigns the shared subspace to D, which
 //! is not penalised; there its strength is chosen from the data as well. Nodes that no sample touches are held at their
 //! nominal values.
+//!
+//! Smooth functions that pieces have themselves, such as splines in formulas, have a prior of the same kind, whose strength is given.
 
 use std::collections::BTreeMap;
 
@@ -119,6 +121,26 @@ impl Smoothness {
 pub struct PriorRow {
     /// Parameters of the block, with their coefficients.
     pub entries: Vec<(usize, f64)>,
+}
+
+/// The prior's rows for the smooth functions that a piece has itself ([`SmoothParameters`]), whose strength is a part of the piece.
+///
+/// [`SmoothParameters`]: depthcal_model::SmoothParameters
+pub fn rows_of_smooth_functions(block: &Block) -> Vec<PriorRow> {
+    let Some(piece) = block.piece() else { return Vec::new() };
+    let parameters = piece.parameters();
+    let mut rows = Vec::new();
+    for function in piece.smooth() {
+        let places = function.parameters.iter().filter_map(|name| parameters.iter().position(|p| p.name == *name));
+        let places: Vec<usize> = places.collect();
+        for three in places.windows(3) {
+            let entries = three.iter().zip([1.0, -2.0, 1.0]).map(|(i, c)| (*i, c / function.roughness));
+            rows.push(PriorRow { entries: entries.collect() });
+        }
+        rows.extend(places.iter().map(|i| PriorRow { entries: vec![(*i, 1.0 / function.deviation)] }));
+    }
+    rows.retain(|row| row.entries.iter().any(|(i, _)| block.free[*i]));
+    rows
 }
 
 /// Places of one field's parameters in its block: all nodes, all bins.

@@ -9,7 +9,7 @@ use depthcal_model::Camera;
 use nalgebra::{DMatrix, DVector};
 
 use super::field_thresholds::FieldThresholds;
-use super::smoothness_prior::{Smoothness, differences, ridge};
+use super::smoothness_prior::{PriorRow, Smoothness, differences, ridge, rows_of_smooth_functions};
 
 /// Normal equations of one frame in the camera's free parameters, for fitting and for prediction.
 #[derive(Debug, Clone)]
@@ -92,6 +92,8 @@ struct CrossValidation<'a> {
     frames: &'a [FrameInformation],
     /// Normal matrix of smoothness at roughness 1, one per field.
     penalties: Vec<DMatrix<f64>>,
+    /// Normal matrix of the smooth functions that pieces have themselves.
+    given: DMatrix<f64>,
     /// Normal matrix of the ridge at standard deviation 1.
     ridge: DMatrix<f64>,
     /// The ridge's standard deviation where it is not chosen.
@@ -103,6 +105,19 @@ struct CrossValidation<'a> {
     /// N and g of all frames fitted.
     total: (DMatrix<f64>, DVector<f64>),
     thresholds: FieldThresholds,
+}
+
+/// Adds the normal matrix of rows over the parameters of a block, whose places among the free parameters are `places`.
+pub(crate) fn add_rows(to: &mut DMatrix<f64>, rows: &[PriorRow], places: &[Option<usize>]) {
+    for PriorRow { entries } in rows {
+        for (i, a) in entries {
+            for (j, b) in entries {
+                if let (Some(p), Some(q)) = (places[*i], places[*j]) {
+                    to[(p, q)] += a * b;
+                }
+            }
+        }
+    }
 }
 
 impl<'a> CrossValidation<'a> {
@@ -122,8 +137,10 @@ impl<'a> CrossValidation<'a> {
         }
         let mut penalties = vec![DMatrix::zeros(n, n); smoothness.fields.len()];
         let mut ridge_matrix = DMatrix::zeros(n, n);
+        let mut given = DMatrix::zeros(n, n);
         for (block, range) in camera.blocks_with_ranges() {
             let own = &place[range];
+            add_rows(&mut given, &rows_of_smooth_functions(block), own);
             let Some(layout) = block.piece().and_then(|p| p.field()) else { continue };
             let add = |to: &mut DMatrix<f64>, entries: &[(usize, f64)]| {
                 for (i, a) in entries {
@@ -162,14 +179,14 @@ impl<'a> CrossValidation<'a> {
         let deviation = DVector::from_vec(deviation);
         let fixed_ridge = (!smoothness.with_projective).then_some(smoothness.ridge);
         let thresholds = smoothness.thresholds;
-        Self { frames, penalties, ridge: ridge_matrix, fixed_ridge, deviation, folds, total, thresholds }
+        Self { frames, penalties, given, ridge: ridge_matrix, fixed_ridge, deviation, folds, total, thresholds }
     }
 
     /// Precision matrix of the prior; `roughness` has one value per field and then, where it is chosen, the ridge's standard
     /// deviation.
     fn precision(&self, roughness: &[f64]) -> DMatrix<f64> {
         let ridge = self.fixed_ridge.unwrap_or(roughness[roughness.len() - 1]);
-        let mut precision = &self.ridge / (ridge * ridge);
+        let mut precision = &self.ridge / (ridge * ridge) + &self.given;
         for (penalty, r) in self.penalties.iter().zip(roughness) {
             precision += penalty / (r * r);
         }

@@ -70,6 +70,10 @@ impl Graph {
                 self.multiply(sign, da)
             }
             Unary::Step | Unary::Sign => self.constant(0.0),
+            Unary::BSpline(order) => {
+                let slope = self.function(Unary::BSpline(order.saturating_add(1)), a);
+                self.multiply(slope, da)
+            }
             Unary::Power(n) => {
                 let exponent = self.constant(f64::from(n - 1));
                 let lower = self.power(a, exponent);

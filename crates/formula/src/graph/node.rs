@@ -37,6 +37,8 @@ pub(crate) enum Unary {
     Sign,
     /// A whole power.
     Power(i32),
+    /// The derivative of this order of the cubic B-spline with knots at −2, −1, 0, 1 and 2; the value itself is of order 0.
+    BSpline(u8),
 }
 
 /// A function of two numbers.
@@ -95,7 +97,25 @@ impl Unary {
             Self::Step => f64::from(u8::from(a > 0.0)),
             Self::Sign => f64::from(i8::from(a > 0.0) - i8::from(a < 0.0)),
             Self::Power(n) => a.powi(n),
+            Self::BSpline(order) => b_spline(order, a),
         }
+    }
+}
+
+/// The derivative of an order, up to the third, of the cubic B-spline with knots at −2, −1, 0, 1 and 2 (de Boor, *A Practical
+/// Guide to Splines*, 1978).
+#[inline]
+fn b_spline(order: u8, x: f64) -> f64 {
+    // β(x) = ((2 − |x|)₊³ − 4 (1 − |x|)₊³) / 6, without branches.
+    let u = x.abs();
+    let (outer, inner) = ((2.0 - u).max(0.0), (1.0 - u).max(0.0));
+    let sign = x.signum();
+    match order {
+        0 => (outer * outer * outer - 4.0 * inner * inner * inner) / 6.0,
+        1 => sign * (2.0 * inner * inner - 0.5 * outer * outer),
+        2 => outer - 4.0 * inner,
+        3 => sign * (4.0 * f64::from(u8::from(u < 1.0)) - f64::from(u8::from(u < 2.0))),
+        _ => 0.0,
     }
 }
 

@@ -145,6 +145,8 @@ fn unary_batch(unary: Unary, a: &[f64], out: &mut [f64]) {
         Unary::Sqrt => Unary::Sqrt,
         Unary::Abs => Unary::Abs,
         Unary::Step => Unary::Step,
+        Unary::BSpline(0) => Unary::BSpline(0),
+        Unary::BSpline(1) => Unary::BSpline(1),
         other => other,
     );
 }

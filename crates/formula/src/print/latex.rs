@@ -60,6 +60,7 @@ impl Notation for Latex {
             Function::Hinge => format!("\\left({inner}\\right)_{{+}}"),
             Function::Log => format!("\\ln\\left({inner}\\right)"),
             Function::Atan => format!("\\arctan\\left({inner}\\right)"),
+            Function::Spline => format!("\\mathrm{{spline}}\\left({inner}\\right)"),
             other => format!("\\{}\\left({inner}\\right)", other.name()),
         }
     }

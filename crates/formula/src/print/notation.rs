@@ -1,6 +1,6 @@
 //! Expressions in any notation: one walk that sets brackets, and a notation that sets the rest.
 
-use crate::syntax::{Expression, Function, Node, Operator};
+use crate::syntax::{Expression, Function, Node, Operator, SPLINE_RANGE};
 
 /// How the parts of an expression are put together in print.
 pub(super) trait Notation {
@@ -94,7 +94,11 @@ pub(super) fn write<N: Notation>(notation: &N, expression: &Expression) -> Strin
             notation.binary(*operator, &part(a, left), &right_part)
         }
         Node::Call(function, parts) => {
-            let arguments: Vec<String> = parts.iter().map(|inner| write(notation, inner)).collect();
+            let mut arguments: Vec<String> = parts.iter().map(|inner| write(notation, inner)).collect();
+            // Many coefficients say nothing that the first and the last do not.
+            if *function == Function::Spline {
+                arguments.splice(SPLINE_RANGE + 1..arguments.len() - 1, [notation.name("…")]);
+            }
             notation.call(*function, &arguments)
         }
     }

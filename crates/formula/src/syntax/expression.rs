@@ -1,6 +1,6 @@
 //! The expression of a formula, as it was written.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// A part of a formula with its place in the text.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,11 +49,16 @@ pub(crate) enum Function {
     Hinge,
     Min,
     Max,
+    /// A cubic spline of its first argument, from the second to the third, with the others as coefficients; constant beyond.
+    Spline,
 }
+
+/// Arguments of a spline before its coefficients.
+pub(crate) const SPLINE_RANGE: usize = 3;
 
 impl Function {
     /// All functions with their names.
-    pub const NAMES: [(&'static str, Self); 14] = [
+    pub const NAMES: [(&'static str, Self); 15] = [
         ("log", Self::Log),
         ("ln", Self::Log),
         ("exp", Self::Exp),
@@ -68,6 +73,7 @@ impl Function {
         ("hinge", Self::Hinge),
         ("min", Self::Min),
         ("max", Self::Max),
+        ("spline", Self::Spline),
     ];
 
     /// The function of that name.
@@ -80,11 +86,12 @@ impl Function {
         Self::NAMES.iter().find(|(_, function)| *function == self).map_or("", |(name, _)| name)
     }
 
-    /// Number of its arguments.
-    pub fn arguments(self) -> usize {
+    /// Fewest and most arguments.
+    pub fn arguments(self) -> RangeInclusive<usize> {
         match self {
-            Self::Min | Self::Max => 2,
-            _ => 1,
+            Self::Min | Self::Max => 2..=2,
+            Self::Spline => SPLINE_RANGE + 4..=SPLINE_RANGE + 64,
+            _ => 1..=1,
         }
     }
 }

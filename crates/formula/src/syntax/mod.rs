@@ -5,7 +5,7 @@ mod parse;
 mod position;
 mod unit_text;
 
-pub(crate) use expression::{Expression, Function, Node, Operator};
+pub(crate) use expression::{Expression, Function, Node, Operator, SPLINE_RANGE};
 pub(crate) use parse::{SyntaxError, parse};
 pub(crate) use position::{Position, underlined};
 pub(crate) use unit_text::{Factor, parse_unit};

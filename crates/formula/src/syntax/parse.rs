@@ -143,10 +143,15 @@ fn call(pair: Pair<'_, Rule>, span: Range<usize>) -> Result<Expression, SyntaxEr
         return Err(SyntaxError { problem, span: span.start..span.start + name.len() });
     };
     let arguments = parts.map(expression).collect::<Result<Vec<_>, _>>()?;
-    if arguments.len() != function.arguments() {
-        let (expected, given) = (function.arguments(), arguments.len());
-        let problem =
-            format!("'{name}' takes {expected} argument{}, not {given}", if expected == 1 { "" } else { "s" });
+    let (expected, given) = (function.arguments(), arguments.len());
+    if !expected.contains(&given) {
+        let (fewest, most) = (*expected.start(), *expected.end());
+        let expected = match most {
+            1 => "1 argument".to_owned(),
+            _ if fewest == most => format!("{most} arguments"),
+            _ => format!("{fewest} to {most} arguments"),
+        };
+        let problem = format!("'{name}' takes {expected}, not {given}");
         return Err(SyntaxError { problem, span });
     }
     Ok(Expression { node: Node::Call(function, arguments), span })
@@ -203,6 +208,7 @@ mod tests {
             ("a b", "an operator", 2..2),
             ("sinus(x)", "no function 'sinus'", 0..5),
             ("min(x)", "takes 2 arguments, not 1", 0..6),
+            ("spline(x, 0, 1, a)", "takes 7 to 67 arguments, not 4", 0..18),
             ("1e999", "too large", 0..5),
             ("", "a number", 0..0),
         ] {

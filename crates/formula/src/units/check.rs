@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::inference::Inference;
 use super::unit::Unit;
-use crate::syntax::{Expression, Function, Node, Operator};
+use crate::syntax::{Expression, Function, Node, Operator, SPLINE_RANGE};
 
 /// Parts of a formula whose units do not fit, with the bytes at fault.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,6 +51,17 @@ pub(crate) fn check(
         Node::Binary(Operator::Add | Operator::Subtract, a, b) => same(a, b, expression, text, units, of_name),
         Node::Call(Function::Min | Function::Max, parts) => {
             same(&parts[0], &parts[1], expression, text, units, of_name)
+        }
+        Node::Call(Function::Spline, parts) => {
+            let (range, coefficients) = parts.split_at(SPLINE_RANGE);
+            range
+                .windows(2)
+                .try_for_each(|pair| same(&pair[0], &pair[1], expression, text, units, of_name).map(drop))?;
+            // Nothing is nothing in any unit.
+            let mut given = coefficients.iter().filter(|part| number(part) != Some(0.0));
+            let Some(first) = given.next() else { return Ok(Unit::one()) };
+            given.try_for_each(|other| same(first, other, expression, text, units, of_name).map(drop))?;
+            unit_of(first, units)
         }
         Node::Call(Function::Sqrt, parts) => Ok(unit_of(&parts[0], units)?.power(0.5)),
         Node::Call(Function::Abs | Function::Hinge, parts) => unit_of(&parts[0], units),
@@ -127,6 +138,8 @@ mod tests {
             ("a * exp(-z/k)", "mm"),
             ("z^(1/2)", "mm^0.5"),
             ("a * step(z - k) + hinge(z - k)", "mm"),
+            ("spline(x, 0, 1, 0, a, z, a)", "mm"),
+            ("z * spline(z, k, 2*k, 1, x, 2, 0)", "mm"),
         ] {
             assert_eq!(unit_of(text).as_deref(), Ok(expected), "{text}");
         }
@@ -141,6 +154,9 @@ mod tests {
         assert!(clash.problem.contains("the argument of sin has to be a plain number, but 'z' is in mm"), "{clash:?}");
         let clash = unit_of("log(rho/k) + k*z*z").unwrap_err();
         assert!(clash.problem.contains("'k*z*z' is in mm"), "{clash:?}");
+        let clash = unit_of("spline(z, 0, k, a, a, a, a)").unwrap_err();
+        assert!(clash.problem.contains("'z' is in mm, but '0' is a plain number"), "{clash:?}");
+        assert!(unit_of("spline(x, 0, 1, a, a, x, a)").unwrap_err().problem.contains("'a' is in mm"));
         assert!(unit_of("z^x").unwrap_err().problem.contains("an exponent that varies"));
     }
 }

@@ -9,6 +9,7 @@ use super::formula::FormulaDefinition;
 use super::parameter::Parameter;
 use super::placement::{On, Placement};
 use super::role::Role;
+use super::smooth::SmoothParameters;
 use crate::grid::layout::FieldLayout;
 use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
@@ -71,6 +72,10 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     /// Its definition, for a piece that is given as a formula; files carry it whole.
     fn formula(&self) -> Option<&FormulaDefinition> {
         None
+    }
+    /// Its parameters that are values of smooth functions.
+    fn smooth(&self) -> &[SmoothParameters] {
+        &[]
     }
     /// Where it acts on depth, and how.
     fn placement(&self) -> Placement {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::placement::Of;
+use super::smooth::SmoothParameters;
 use crate::hook::HookKind;
 
 /// An effect given as a formula instead of Rust: an entry `[[effect]]` of a file of formulas, and of a piece in
@@ -26,6 +27,9 @@ pub struct FormulaDefinition {
     pub formula: FormulaText,
     /// The fitted parameters by name, in alphabetical order. At their nominal values the formula is zero.
     pub parameters: BTreeMap<String, FormulaParameter>,
+    /// Parameters that are coefficients of a spline, with how smooth it is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub smooth: Vec<SmoothParameters>,
     /// Numbers that are not fitted, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub constants: BTreeMap<String, FormulaConstant>,

@@ -15,6 +15,7 @@ mod parameter;
 mod placed;
 mod placement;
 mod role;
+mod smooth;
 
 pub use crate::scalar::Scalar;
 pub use any::AnyPiece;
@@ -33,3 +34,4 @@ pub use parameter::Parameter;
 pub(crate) use placed::placed;
 pub use placement::{Of, On, Placement, REFERENCE_DEPTH_MM};
 pub use role::Role;
+pub use smooth::SmoothParameters;

@@ -12,6 +12,7 @@ use super::formula::FormulaDefinition;
 use super::parameter::Parameter;
 use super::placement::{On, Placement};
 use super::role::Role;
+use super::smooth::SmoothParameters;
 use crate::hook::HookKind;
 
 /// A piece of depth whose shape acts in the form of `placement`. The order of the chain has its place
@@ -83,6 +84,9 @@ impl AnyPiece for Placed {
     }
     fn formula(&self) -> Option<&FormulaDefinition> {
         self.piece.formula()
+    }
+    fn smooth(&self) -> &[SmoothParameters] {
+        self.piece.smooth()
     }
     fn placement(&self) -> Placement {
         self.placement

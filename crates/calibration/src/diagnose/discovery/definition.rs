@@ -15,9 +15,10 @@ use super::term::{Product, Term};
 const PARAMETERS: [&str; 3] = ["a", "b", "c"];
 
 /// Exponents of mm, s, px and °C.
-type Exponents = [i32; 4];
+pub(super) type Exponents = [i32; 4];
 
-fn unit_of(covariate: C) -> Exponents {
+/// The unit of a covariate.
+pub(super) fn unit_of(covariate: C) -> Exponents {
     match covariate {
         C::Z | C::Range | C::BoardX | C::BoardY => [1, 0, 0, 0],
         C::Rho => [-1, 0, 0, 0],
@@ -39,7 +40,7 @@ fn unit_of_value(function: &Function) -> Exponents {
 }
 
 /// A unit as files have it.
-fn unit_text(exponents: Exponents) -> String {
+pub(super) fn unit_text(exponents: Exponents) -> String {
     let part = |sign: i32| -> Vec<String> {
         let named = ["mm", "s", "px", "°C"].into_iter().zip(exponents);
         let own = named.filter(|(_, exponent)| exponent * sign > 0);
@@ -166,6 +167,7 @@ pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<Formul
         texts.push(product_text(product, names, &mut constants));
     }
     FormulaEffect::new(FormulaDefinition {
+        smooth: Vec::new(),
         name: name.to_owned(),
         hook: HookKind::Depth,
         adds_to: Some(adds_to),
