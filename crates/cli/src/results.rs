@@ -22,8 +22,8 @@ impl Output {
     }
 }
 
-/// Writes results into a folder, and then further files elsewhere by `write_more`; only where both succeed do the results replace the
-/// earlier ones. Returns the value of `write_more`.
+/// Writes results into a folder, and then further files elsewhere by `write_more`; only where both succeed do the results
+/// replace the earlier ones. Returns the value of `write_more`.
 pub(super) fn save<T>(
     results: &dyn Results,
     made: &Made,

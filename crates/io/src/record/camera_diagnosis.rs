@@ -95,6 +95,36 @@ pub struct DiagnosisStep {
     pub formula: Option<DiagnosisFormula>,
 }
 
+impl CameraDiagnosis {
+    /// Whether nothing is left, and only that makes the verdict `unexplained` that something was added whose cause is not known.
+    pub fn lacks_only_causes(&self) -> bool {
+        let is_description = |step: &DiagnosisStep| step.formula.as_ref().is_some_and(|formula| !formula.confirmed);
+        self.verdict == Verdict::Unexplained && self.left_over.is_empty() && self.steps.iter().any(is_description)
+    }
+}
+
+impl DiagnosisStep {
+    /// Its parameters that are no coefficients of a spline, and the coefficients of each spline.
+    pub fn parameters_and_splines(&self) -> (Vec<&DiagnosisParameter>, Vec<Vec<&DiagnosisParameter>>) {
+        let smooth = self.formula.iter().flat_map(|formula| &formula.definition.smooth);
+        let named = |name: &String| self.parameters.iter().find(|parameter| parameter.name == *name);
+        let splines: Vec<Vec<&DiagnosisParameter>> = smooth
+            .map(|function| function.parameters.iter().filter_map(named).collect())
+            .filter(|s: &Vec<_>| s.len() > 1)
+            .collect();
+        let is_single =
+            |parameter: &&DiagnosisParameter| !splines.iter().flatten().any(|other| other.name == parameter.name);
+        (self.parameters.iter().filter(is_single).collect(), splines)
+    }
+}
+
+impl DiagnosisFormula {
+    /// Whether it is a smooth function without a name, rather than a formula of few parameters.
+    pub fn is_smooth_function(&self) -> bool {
+        !self.definition.smooth.is_empty()
+    }
+}
+
 /// A formula that was found in the residuals: a description of what is left, not its cause.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisFormula {

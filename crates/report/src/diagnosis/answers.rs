@@ -78,6 +78,9 @@ pub(crate) fn pill(d: &ReportDiagnosis<'_>) -> (Level, String) {
     let (level, text) = match d.record.verdict {
         Verdict::Adequate => (Level::Good, "Adequate: nothing is missing that these captures can show"),
         Verdict::Effect => (Level::Good, "Effect: what was missing was found and added; nothing else is left"),
+        Verdict::Unexplained if d.record.lacks_only_causes() => {
+            (Level::Care, "Unexplained: nothing else is left, but the cause of a function is not known")
+        }
         Verdict::Unexplained => (Level::Care, "Unexplained: something is left that no known effect explains"),
     };
     if declarations > 0 {
@@ -162,7 +165,7 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
             Verdict::Adequate => "The declared model describes it; no known effect is missing".to_owned(),
             _ => "Unknown: no known effect explains the errors under the declared model".to_owned(),
         });
-    } else if d.record.verdict == Verdict::Unexplained {
+    } else if d.record.verdict == Verdict::Unexplained && !d.record.lacks_only_causes() {
         parts.push("and something that no known effect explains".to_owned());
     }
     let rivals: Vec<String> = d

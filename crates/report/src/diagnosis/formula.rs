@@ -37,18 +37,31 @@ pub(crate) fn formula_sentences(f: &DiagnosisFormula, form: &FormulaText) -> Vec
         ),
         (_, None) => "a candidate only: frames that the search did not see are too few to confirm it".to_owned(),
     };
-    let mut sentences = vec![
-        format!("{}: a formula that describes what was left; a description, not a cause", expression(&f.expression)),
-        state,
-        format!(
-            "the best of {} terms has the same covariates ({}) in {} of resampled captures; it explains {} of what the best free \
+    let mut sentences = if f.is_smooth_function() {
+        let text =
+            FormulaEffect::new(f.definition.clone()).map_or_else(|_| f.expression.clone(), |effect| effect.text());
+        vec![format!(
+            "{}: a smooth function of {}, which no effect and no formula explains as well; a description, not a cause",
+            expression(&text),
+            join(&f.covariates)
+        )]
+    } else {
+        vec![
+            format!(
+                "{}: a formula that describes what was left; a description, not a cause",
+                expression(&f.expression)
+            ),
+            state,
+            format!(
+                "the best of {} terms has the same covariates ({}) in {} of resampled captures; it explains {} of what the best free \
              function of them explains",
-            f.terms,
-            join(&f.covariates),
-            percent(100.0 * f.stability),
-            percent(100.0 * f.share_of_free_function)
-        ),
-    ];
+                f.terms,
+                join(&f.covariates),
+                percent(100.0 * f.stability),
+                percent(100.0 * f.share_of_free_function)
+            ),
+        ]
+    };
     for exchange in &f.covariates_not_told_apart {
         sentences.push(format!(
             "these captures cannot tell whether it depends on {} or on {}, which rise and fall together",

@@ -7,6 +7,7 @@ use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 use super::answers::{arrow, gain};
 use super::formula::formulas;
 use super::sentences::{capture, covariate, decision, declaration, frame_cause, place, refuted};
+use super::text::spline_words;
 use crate::format::{count, join, measured, number, p_value, percent, shown_unit};
 use crate::html::escape;
 use crate::input::ReportDiagnosis;
@@ -86,7 +87,11 @@ fn parameters(d: &ReportDiagnosis<'_>) -> String {
             "<tr class=\"piece\"><th colspan=\"3\" scope=\"rowgroup\"><code>{}</code></th></tr>",
             escape(&d.register.words(&step.with))
         );
-        for p in &step.parameters {
+        let (parameters, splines) = step.parameters_and_splines();
+        for spline in &splines {
+            let _ = writeln!(rows, "<tr><td colspan=\"3\" class=\"text\">{}</td></tr>", escape(&spline_words(spline)));
+        }
+        for p in parameters {
             let unit = shown_unit(&p.unit);
             let _ = writeln!(
                 rows,

@@ -20,6 +20,9 @@ pub fn verdict_sentence(d: &CameraDiagnosis) -> String {
         (Verdict::Adequate, _) => "adequate: these captures show nothing that the model lacks".to_owned(),
         (Verdict::Effect, _) => format!("effect: {added}; these captures show nothing else"),
         (Verdict::Unexplained, true) => "unexplained: something is left that no known effect explains".to_owned(),
+        (Verdict::Unexplained, false) if d.lacks_only_causes() => {
+            format!("unexplained: {added}; nothing else is left, but the cause of a function is not known")
+        }
         (Verdict::Unexplained, false) => {
             format!("unexplained: {added}; something is left that no known effect explains")
         }
@@ -69,7 +72,9 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register) -> S
     if let Some(place) = place(s) {
         let _ = writeln!(t, "   {place}");
     }
-    s.parameters.iter().for_each(|p| t += &parameter(p));
+    let (parameters, splines) = s.parameters_and_splines();
+    parameters.into_iter().for_each(|p| t += &parameter(p));
+    splines.iter().for_each(|spline| t += &format!("     {}\n", spline_words(spline)));
     let _ = writeln!(t, "   held-out frames: {}", errors(&s.before, &s.after));
     if let Some(gain) = &s.depth_gain_percent {
         let range = interval(gain.low, gain.high, "%");
@@ -93,6 +98,20 @@ fn parameter(p: &DiagnosisParameter) -> String {
     let unit = shown_unit(&p.unit);
     let line = format!("     {:6} {:>12} {std:<11} {unit}", p.name, shown.value);
     format!("{}\n", line.trim_end())
+}
+
+/// The coefficients of a spline in words: their names, and the least and the largest value.
+pub(super) fn spline_words(coefficients: &[&DiagnosisParameter]) -> String {
+    let (Some(first), Some(last)) = (coefficients.first(), coefficients.last()) else { return String::new() };
+    let least = coefficients.iter().map(|p| p.value).fold(f64::INFINITY, f64::min);
+    let largest = coefficients.iter().map(|p| p.value).fold(f64::NEG_INFINITY, f64::max);
+    let (least, largest, unit) = (number(least), number(largest), shown_unit(&first.unit));
+    format!(
+        "{} … {}: {} coefficients of a spline, {least} to {largest} {unit}",
+        first.name,
+        last.name,
+        coefficients.len()
+    )
 }
 
 /// Errors before and after, in one line.
@@ -236,6 +255,59 @@ capture next: for temporal_drift: the frames have no times; record timestamp_s i
             diagnosis_text(&d, &Register::builtin())
                 .contains("mm rms, 0.04 % → 1.00 % of the board left out, reprojection")
         );
+    }
+
+    /// A step that is a spline of six coefficients.
+    fn with_smooth_function() -> CameraDiagnosis {
+        let text = "[[effect]]\nname = \"found_r\"\nhook = \"depth\"\nformula = \"spline(r, r0, r1, c1, c2, c3, c4)\"\n\
+                    parameters = { c1 = \"mm\", c2 = \"mm\", c3 = \"mm\", c4 = \"mm\" }\nconstants = { r0 = 0, r1 = 0.7 }\n\
+                    smooth = [{ parameters = [\"c1\", \"c2\", \"c3\", \"c4\"], roughness = 0.5, deviation = 10 }]\n";
+        let effect = depthcal_formula::FormulaFile::parse(text).unwrap().effects()[0].clone();
+        let mut d = record();
+        let step = &mut d.steps[0];
+        (step.effects, step.indistinguishable, step.with) = (vec!["found_r".to_owned()], Vec::new(), effect.spec());
+        let values = [("c1", -1.0), ("c2", 2.0), ("c3", 0.5), ("c4", 0.0)];
+        let parameter = |(name, value): (&str, f64)| DiagnosisParameter {
+            name: name.into(),
+            value,
+            unit: "mm".into(),
+            std: Some(0.1),
+        };
+        step.parameters = values.map(parameter).to_vec();
+        step.formula = Some(depthcal_io::DiagnosisFormula {
+            expression: "spline(r, r0, r1, c1, c2, c3, c4)".to_owned(),
+            covariates: vec!["r".to_owned()],
+            covariates_not_told_apart: Vec::new(),
+            place: DiagnosisPlace { of: Of::True, on: On::Depth },
+            stability: 1.0,
+            confirmed: false,
+            resembles: Vec::new(),
+            replication: None,
+            share_of_free_function: 1.0,
+            terms: 100,
+            replaced: Vec::new(),
+            runners_up: Vec::new(),
+            components: Vec::new(),
+            definition: effect.definition().clone(),
+        });
+        d.verdict = Verdict::Unexplained;
+        d
+    }
+
+    #[test]
+    fn a_smooth_function_is_a_correction_without_a_cause() {
+        let mut d = with_smooth_function();
+        let text = diagnosis_text(&d, &Register::builtin());
+        for expected in [
+            "unexplained: found_r was missing and was added; nothing else is left, but the cause of a function is not known",
+            "     c1 … c4: 4 coefficients of a spline, −1.00 to 2.00 mm\n",
+            "z + spline(r, r₀, r₁, c₁, …, c₄): a smooth function of r, which no effect and no formula explains as well",
+        ] {
+            assert!(text.contains(expected), "{text}");
+        }
+        assert!(!text.contains("resampled captures"), "{text}");
+        d.left_over.push(depthcal_io::DiagnosisLeftOver::FramePlanes { share_of_frames: 0.5, rms_mm: 1.0 });
+        assert!(verdict_sentence(&d).ends_with("something is left that no known effect explains"));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use depthcal_model::{PieceSpec, Register};
 use tracing::info;
 
+use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::CalibrateOptions;
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::discovery::Discovery;
@@ -54,6 +55,12 @@ impl AugmentedModel {
     /// The model with the first `count` of the added effects.
     pub fn first(&self, count: usize) -> Self {
         Self { added: self.added[..count].to_vec(), formulas: self.formulas.clone() }
+    }
+
+    /// The model without the added effects of depth that images do not show.
+    pub fn without_depth_effects(&self) -> Self {
+        let added = self.added.iter().filter(|effect| !is_depth_only(&effect.evidence.block)).cloned().collect();
+        Self { added, formulas: self.formulas.clone() }
     }
 
     /// Gives the effect that was added last another specification.

@@ -7,7 +7,7 @@ use depthcal_solver::score::ScoreError;
 use super::augmented_model::AugmentedModel;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
-use crate::diagnose::discovery::{Chance, Search};
+use crate::diagnose::discovery::{Chance, Component, Search};
 use crate::diagnose::examination::{EffectTest, Examination};
 use crate::diagnose::held_out::{Gain, HeldOut, gain};
 use crate::diagnose::options::DiagnoseOptions;
@@ -79,6 +79,9 @@ pub(super) trait Bench {
 
     /// Searches a formula for what a fit leaves, with none of the names `taken`.
     fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search;
+
+    /// The functions that what a fit leaves depends on, each certain given all others, with none of the names `taken`.
+    fn components(&self, fit: &Calibrated, taken: &[String]) -> Vec<Component>;
 
     /// Options of the declared model.
     fn declared(&self) -> &CalibrateOptions {

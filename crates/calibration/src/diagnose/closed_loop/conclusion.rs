@@ -120,8 +120,8 @@ mod tests {
         assert_eq!(verdict(&[], &[], &[]), Verdict::Adequate);
         assert_eq!(verdict(&[], &[], &steps), Verdict::Effect);
         assert_eq!(verdict(&[left], &[], &steps), Verdict::Unexplained);
-        assert_eq!(verdict(&[], &[formula()], &steps), Verdict::Effect);
-        assert_eq!(verdict(&[], &[Discovery { confirmed: false, ..formula() }], &steps), Verdict::Unexplained);
+        assert_eq!(verdict(&[], &[formula(FORMULA)], &steps), Verdict::Effect);
+        assert_eq!(verdict(&[], &[Discovery { confirmed: false, ..formula(FORMULA) }], &steps), Verdict::Unexplained);
     }
 
     #[test]
@@ -129,9 +129,9 @@ mod tests {
         let bench = LinearBench::new(&[("range_offset", 0.5, regressor(1)), (FORMULA, 0.5, regressor(2))]);
         let state = bench.state(&["range_offset"]);
         let mut steps = steps(&state.model.added, &state.first.held_out, &state.present.fit).unwrap();
-        assert!(formulas_in(&steps, &[formula()]).is_empty());
-        steps[0].spec = formula().effect.spec();
-        assert_eq!(formulas_in(&steps, &[formula()]).len(), 1);
+        assert!(formulas_in(&steps, &[formula(FORMULA)]).is_empty());
+        steps[0].spec = formula(FORMULA).effect.spec();
+        assert_eq!(formulas_in(&steps, &[formula(FORMULA)]).len(), 1);
     }
 
     #[test]

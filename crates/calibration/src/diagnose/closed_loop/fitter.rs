@@ -13,7 +13,7 @@ use crate::calibrate::{
     CalibrateError, CalibrateOptions, Calibrated, calibrate_keeping_samples, has_fields, image_blocks,
     light_of_samples, readjust, sampled_under,
 };
-use crate::diagnose::discovery::{self, Chance, Search};
+use crate::diagnose::discovery::{self, Chance, Component, Search, additive_components};
 use crate::diagnose::examination::{EffectTest, Examination, examine, test_effect};
 use crate::diagnose::held_out::HeldOut;
 use crate::diagnose::options::DiagnoseOptions;
@@ -165,6 +165,10 @@ impl Bench for OnFrames<'_> {
 
     fn test(&self, fit: &Calibrated, register: &Register, effect: &PieceSpec) -> Option<EffectTest> {
         test_effect(fit, register, effect)
+    }
+
+    fn components(&self, fit: &Calibrated, taken: &[String]) -> Vec<Component> {
+        additive_components(fit, taken)
     }
 
     fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search {

@@ -1,6 +1,6 @@
 //! Formulas for the structure that the present model leaves, and instead of the effects that were added.
 
-use depthcal_model::Placement;
+use depthcal_model::{PieceSpec, Placement, Register};
 use tracing::info;
 
 use super::augmented_model::AugmentedModel;
@@ -26,7 +26,7 @@ const MOST_FORMULAS: usize = 2;
 pub(super) fn may_be_searched(bench: &impl Bench, state: &State) -> bool {
     bench.options().formulas
         && state.rounds.len() < bench.thresholds().most_rounds
-        && state.model.formulas.len() < MOST_FORMULAS
+        && state.model.formulas.iter().filter(|formula| !formula.is_smooth_function()).count() < MOST_FORMULAS
 }
 
 /// Searches a formula for something that no named effect explains.
@@ -87,13 +87,13 @@ fn accepted_formula(
         return Ok(Err(Refused { reason, together: None }));
     };
     let largest_share = memory.largest_share.max(model.share_of_last(examination.cost()));
-    let Revisited { model, present, removed } = without_needless(bench, model, fitted, 0, examination.tests)?;
+    let Revisited { model, present, removed } = without_needless(bench, model, fitted, 0, true, examination.tests)?;
     let outcome = Some(RoundOutcome::Added { effects: vec![spec], removed });
     Ok(Ok(Accepted { model, present, largest_share, outcome }))
 }
 
 /// The model with a formula, where the held-out errors fall for certain with it.
-fn with_formula(
+pub(super) fn with_formula(
     bench: &impl Bench,
     model: &AugmentedModel,
     present: &Fitted,
@@ -105,21 +105,7 @@ fn with_formula(
     let mut model = model.clone();
     model.formulas.push(discovery);
     let register = model.register(bench.declared());
-    let test = bench.test(&present.fit, &register, &spec)?;
-    let evidence = Evidence {
-        name: spec.name.clone(),
-        value: None,
-        reduced: None,
-        along: None,
-        score: test.score,
-        p_value,
-        gains: test.gains,
-        expected_size_mm: f64::NAN,
-        minimal_detectable_mm: f64::NAN,
-        block: register.make(&spec, None).ok()?,
-        index: 0,
-        spec,
-    };
+    let evidence = Evidence { p_value, ..evidence_of_formula(bench, &present.fit, &register, spec)? };
     let effect = AddedEffect {
         placements_not_told_apart: placements,
         ..AddedEffect::alone(evidence, p_value, present.held_out.clone())
@@ -132,6 +118,30 @@ fn with_formula(
             None
         }
     }
+}
+
+/// The evidence for a formula, which a register knows, in what a fit leaves; `None` where the problem cannot be evaluated.
+pub(super) fn evidence_of_formula(
+    bench: &impl Bench,
+    fit: &Calibrated,
+    register: &Register,
+    spec: PieceSpec,
+) -> Option<Evidence> {
+    let test = bench.test(fit, register, &spec)?;
+    Some(Evidence {
+        name: spec.name.clone(),
+        value: None,
+        reduced: None,
+        along: None,
+        p_value: test.score.p_value,
+        score: test.score,
+        gains: test.gains,
+        expected_size_mm: f64::NAN,
+        minimal_detectable_mm: f64::NAN,
+        block: register.make(&spec, None).ok()?,
+        index: 0,
+        spec,
+    })
 }
 
 /// Compares a formula with all added effects, once: effects of the catalogue can imitate an error that the catalogue lacks.
@@ -165,7 +175,7 @@ pub(super) fn formula_instead(bench: &impl Bench, state: &State) -> Result<Optio
 }
 
 /// The model with a formula in the place of all added effects: where the held-out errors with it alone are lower for certain and
-/// the effects lack a part that matters, and where it says the same with less, one formula of fewer parameters for several
+/// the effects lack a part that matters, and where it says the same with less, one formula of no more parameters for several
 /// effects without which the errors are not lower for certain. A formula that is a special case of an effect always predicts a
 /// little better, because it has fewer parameters: that refutes no name.
 fn with_formula_instead(bench: &impl Bench, state: &State, discovery: Discovery) -> Option<(AugmentedModel, Fitted)> {
@@ -184,7 +194,7 @@ fn with_formula_instead(bench: &impl Bench, state: &State, discovery: Discovery)
         && of_effects < thresholds.least_explained_of_own * of_formula;
     info!("errors fall by {of_effects:.2} % with the effects, by {of_formula:.2} % with a formula instead");
     let says_it_with_less = before.len() > with.added.len()
-        && parameters(before) > parameters(&with.added)
+        && parameters(before) >= parameters(&with.added)
         && !matches!(present.gain_over(&fitted, before, thresholds), Gain::Certain);
     if !(is_better || says_it_with_less) {
         return None;

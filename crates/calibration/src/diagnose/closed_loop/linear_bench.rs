@@ -22,7 +22,7 @@ use super::trial::fitted_with;
 use crate::adjust::smoothness_prior::Smoothness;
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator};
 use crate::diagnose::added_effect::AddedEffect;
-use crate::diagnose::discovery::{Chance, Discovery, Refused, Search};
+use crate::diagnose::discovery::{Chance, Component, Discovery, Refused, Search};
 use crate::diagnose::evidence::Evidence;
 use crate::diagnose::examination::{EffectTest, Examination};
 use crate::diagnose::held_out::HeldOut;
@@ -39,6 +39,8 @@ const FOLDS: usize = 5;
 
 /// Name of the formula that a search finds.
 pub(super) const FORMULA: &str = "row_gain";
+/// Names of functions that the residuals depend on.
+pub(super) const FUNCTIONS: [&str; 2] = ["found_r", "found_z"];
 
 /// Independent values of a regressor, one for each row.
 pub(super) fn regressor(seed: u64) -> Vec<f64> {
@@ -61,6 +63,8 @@ pub(super) struct LinearBench {
     pub unfittable: Vec<&'static str>,
     /// Whether a search finds the formula.
     pub finds_formula: bool,
+    /// The functions that the residuals depend on.
+    pub functions: Vec<&'static str>,
     /// Effects of the models that were fitted, in order.
     pub fits: RefCell<Vec<Vec<String>>>,
 }
@@ -77,6 +81,7 @@ impl LinearBench {
             regressors: effects.iter().map(|(name, _, values)| (*name, values.clone())).collect(),
             unfittable: Vec::new(),
             finds_formula: false,
+            functions: Vec::new(),
             fits: RefCell::default(),
         }
     }
@@ -259,9 +264,14 @@ impl Bench for LinearBench {
         Some(EffectTest { score, gains: (0..FRAMES).map(gain).collect(), cost: fit.cost })
     }
 
+    fn components(&self, _: &Calibrated, taken: &[String]) -> Vec<Component> {
+        let free = self.functions.iter().filter(|name| !taken.contains(&(**name).to_owned()));
+        free.map(|name| Component { share: 0.5, description: formula(name) }).collect()
+    }
+
     fn discover(&self, _: &Calibrated, _: Chance<'_>, _: &Examination, _: &[String]) -> Search {
         match self.finds_formula {
-            true => Search::Found(Box::new(formula())),
+            true => Search::Found(Box::new(formula(FORMULA))),
             false => Search::Nothing(Refused { reason: "no term".to_owned(), together: None }),
         }
     }
@@ -280,10 +290,10 @@ fn no_frames<F>() -> Capture<F> {
     }
 }
 
-/// The formula that a search finds.
-pub(super) fn formula() -> Discovery {
+/// A formula.
+pub(super) fn formula(name: &str) -> Discovery {
     let text = format!(
-        "[[effect]]\nname = \"{FORMULA}\"\nhook = \"depth\"\nadds_to = \"inverse_depth\"\nformula = \"a * y * rho\"\n\
+        "[[effect]]\nname = \"{name}\"\nhook = \"depth\"\nadds_to = \"inverse_depth\"\nformula = \"a * y * rho\"\n\
          parameters = {{ a = \"1\" }}\n"
     );
     Discovery {

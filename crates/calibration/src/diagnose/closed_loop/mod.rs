@@ -15,6 +15,7 @@
 //! A step reads the [`State`] and returns an [`Event`]; `State::apply` alone changes the state. What fits and judges models is
 //! behind the trait [`Bench`].
 
+mod additive;
 mod augmented_model;
 mod bench;
 mod conclusion;
@@ -32,9 +33,10 @@ mod state;
 mod trial;
 mod unexplained;
 
+use self::additive::{explained_anew, explained_together};
 use self::bench::Bench;
 use self::conclusion::conclude;
-use self::decided::{Decided, decided};
+use self::decided::Decided;
 use self::fitter::{Fitter, OnFrames};
 use self::formula::{formula_for_residuals, formula_for_unexplained, formula_instead, may_be_searched};
 use self::proposal::Proposal;
@@ -75,6 +77,9 @@ pub fn diagnose(
     conclude(&fitter, closed_loop.state, examination)
 }
 
+/// Functions that are explained together before single effects are; one alone is what the rounds find.
+const FEWEST_TOGETHER: usize = 2;
+
 /// The loop with its state.
 struct ClosedLoop<'a> {
     fitter: &'a Fitter<'a>,
@@ -91,7 +96,7 @@ impl ClosedLoop<'_> {
     fn run(&mut self) -> Result<Examination, DiagnoseError> {
         let examination = loop {
             let examination = self.rounds()?;
-            if self.formula_after_rounds(&examination)? != Next::Examine {
+            if self.formula_after_rounds(&examination)? != Next::Examine && self.anew(&examination)? != Next::Examine {
                 break examination;
             }
         };
@@ -122,10 +127,16 @@ impl ClosedLoop<'_> {
 
     /// A round: a decision on the residuals, and what comes of it.
     fn round(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
+        // Effects that hide each other: later rounds have what the first names leave.
+        if self.state.rounds.is_empty() && self.together(examination, FEWEST_TOGETHER)? == Next::Examine {
+            return Ok(Next::Examine);
+        }
         let State { present, memory, .. } = &self.state;
-        let Decided { decision, refuted } = decided(&present.fit, examination, memory, self.bench().options())?;
+        let Decided { decision, refuted } =
+            decided::decided(&present.fit, examination, memory, self.bench().options())?;
         self.state.apply(Event::Decided(Box::new(Round::new(examination, decision.clone(), refuted))));
         match &decision {
+            Decision::Nothing if self.together(examination, 1)? == Next::Examine => Ok(Next::Examine),
             Decision::Nothing => Ok(self.state.apply(Event::Stopped(None))),
             Decision::Unexplained { free, explained, .. } => self.explain(examination, *free, *explained),
             Decision::Add { effect, jointly_with, indistinguishable, .. } => {
@@ -137,6 +148,9 @@ impl ClosedLoop<'_> {
     /// Tries the effects of a proposal. Where they are accepted, frames are looked at again.
     fn add(&mut self, examination: &Examination, proposal: Proposal<'_>) -> Result<Next, DiagnoseError> {
         let event = tried(&self.bench(), &self.state, examination, proposal)?;
+        if matches!(event, Event::Stopped(_)) && self.together(examination, 1)? == Next::Examine {
+            return Ok(Next::Examine);
+        }
         let next = self.state.apply(event);
         if next == Next::Examine
             && let Some(event) = other_frames_excluded(self.fitter, &self.state)?
@@ -144,6 +158,36 @@ impl ClosedLoop<'_> {
             self.state.apply(event);
         }
         Ok(next)
+    }
+
+    /// Explains what is left by several functions at once, at least `least`; once under each model.
+    fn together(&mut self, examination: &Examination, least: usize) -> Result<Next, DiagnoseError> {
+        if self.state.memory.tried.functions == Some(least) || !self.functions_are_wanted() {
+            return Ok(Next::GoOn);
+        }
+        let with = explained_together(&self.bench(), &self.state, examination, least)?;
+        let next = self.state.apply(Event::ExplainedTogether { least, with });
+        if next == Next::Examine
+            && let Some(event) = other_frames_excluded(self.fitter, &self.state)?
+        {
+            self.state.apply(event);
+        }
+        Ok(next)
+    }
+
+    /// Whether functions without a name are searched, and a round is left.
+    fn functions_are_wanted(&self) -> bool {
+        let bench = self.bench();
+        bench.options().formulas && self.state.rounds.len() < bench.thresholds().most_rounds
+    }
+
+    /// Explains all effects of depth anew, once under each model.
+    fn anew(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
+        if self.state.memory.tried.anew || !self.functions_are_wanted() {
+            return Ok(Next::GoOn);
+        }
+        let event = Event::ExplainedAnew(explained_anew(&self.bench(), &self.state, examination)?);
+        Ok(self.state.apply(event))
     }
 
     /// Something that no named effect explains: effects of the lens may have been added for it; a formula may describe it, or
@@ -166,6 +210,9 @@ impl ClosedLoop<'_> {
             if self.state.apply(event) == Next::Examine {
                 return Ok(Next::Examine);
             }
+        }
+        if self.together(examination, 1)? == Next::Examine {
+            return Ok(Next::Examine);
         }
         let event = unexplained(&self.bench(), &self.state, examination, free, explained);
         Ok(self.state.apply(event))

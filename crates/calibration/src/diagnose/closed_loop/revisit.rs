@@ -41,7 +41,7 @@ pub(super) struct Revisited {
 
 /// Removes effects that later ones have made unnecessary: an effect that resembles two others is found before them. Of those that
 /// were added together, from number `together` on, each has to gain for certain given the others: one that is certain must not
-/// carry another that is not. The last effect stays: its trial has just been made.
+/// carry another that is not. The last effect stays where its trial has just been made (`is_last_tried`).
 ///
 /// # Errors
 ///
@@ -51,11 +51,13 @@ pub(super) fn without_needless(
     model: AugmentedModel,
     present: Fitted,
     mut together: usize,
+    is_last_tried: bool,
     tests: usize,
 ) -> Result<Revisited, CalibrateError> {
     let mut revisited = Revisited { model, present, removed: Vec::new() };
     let mut i = 0;
-    while i + 1 < revisited.model.added.len() {
+    let kept = usize::from(is_last_tried);
+    while i + kept < revisited.model.added.len() {
         let (effect, is_new) = (&revisited.model.added[i], i >= together);
         if !is_new && is_plain_by_wald(&revisited.present.fit, effect, bench.thresholds()) {
             i += 1;
@@ -253,7 +255,8 @@ mod tests {
         let bench = of_a_sum();
         let State { model, present, .. } = bench.state(&["range_offset", "radial_range", "incidence_bias"]);
         let together = model.added.len();
-        let Revisited { model, present, removed } = without_needless(&bench, model, present, together, 20).unwrap();
+        let Revisited { model, present, removed } =
+            without_needless(&bench, model, present, together, true, 20).unwrap();
         assert_eq!(names(&removed), ["range_offset"]);
         assert_eq!(names(&model.specs_from(0)), ["radial_range", "incidence_bias"]);
         // Without the removed one, and the models along the way; the others are plainly needed by their parameters alone.
@@ -265,11 +268,11 @@ mod tests {
     fn the_effects_of_one_trial_have_to_gain_each_by_itself() {
         let bench = LinearBench::new(&[("range_offset", 0.0, regressor(1)), ("radial_range", 0.5, regressor(2))]);
         let State { model, present, .. } = bench.state(&["range_offset", "radial_range"]);
-        let revisited = without_needless(&bench, model, present, 0, 20).unwrap();
+        let revisited = without_needless(&bench, model, present, 0, true, 20).unwrap();
         assert_eq!(names(&revisited.removed), ["range_offset"]);
         let bench = LinearBench::new(&[("range_offset", 0.5, regressor(1)), ("radial_range", 0.5, regressor(2))]);
         let State { model, present, .. } = bench.state(&["range_offset", "radial_range"]);
-        let revisited = without_needless(&bench, model, present, 0, 20).unwrap();
+        let revisited = without_needless(&bench, model, present, 0, true, 20).unwrap();
         assert!(revisited.removed.is_empty());
         // Of new effects a fit without is made, however plain they are.
         assert_eq!(bench.fits.take(), [["radial_range"]]);
@@ -280,7 +283,7 @@ mod tests {
         let mut bench = of_a_sum();
         let State { model, present, .. } = bench.state(&["range_offset", "radial_range", "incidence_bias"]);
         bench.unfittable = vec!["radial_range"];
-        let revisited = without_needless(&bench, model, present, 3, 20).unwrap();
+        let revisited = without_needless(&bench, model, present, 3, true, 20).unwrap();
         assert!(revisited.removed.is_empty());
         assert_eq!(revisited.model.added.len(), 3);
     }
@@ -314,7 +317,7 @@ mod tests {
         }
         // The last effect stays: the loop tests it when it is added.
         let together = model.added.len();
-        let revisited = without_needless(&bench, model, present, together, examination.tests).unwrap();
+        let revisited = without_needless(&bench, model, present, together, true, examination.tests).unwrap();
         assert_eq!(names(&revisited.removed), ["incidence_bias"]);
         assert_eq!(names(&revisited.model.specs_from(0)), ["cyclic_depth", "radial_range"]);
         // Every step begins with the errors with which the one before ended.

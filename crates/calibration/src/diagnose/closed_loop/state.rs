@@ -50,6 +50,10 @@ pub(super) struct Tried {
     pub rejected: Vec<String>,
     /// Those that were tried together.
     pub together: Vec<BTreeSet<String>>,
+    /// The least number of functions that explain the residuals together for which was searched.
+    pub functions: Option<usize>,
+    /// Whether all effects of depth were explained anew.
+    pub anew: bool,
 }
 
 /// Results for the report.
@@ -80,6 +84,15 @@ pub(super) enum Event {
         /// Why they are not in the model.
         because: Rejection,
     },
+    /// Functions that explain the residuals together were searched; the model with them, where they are certain.
+    ExplainedTogether {
+        /// The least number of functions.
+        least: usize,
+        /// The model.
+        with: Option<Box<Accepted>>,
+    },
+    /// All effects of depth were explained anew; the model with the explanations, where it is better.
+    ExplainedAnew(Option<Box<Accepted>>),
     /// A formula was compared with all added effects; the model that has it instead of them, where it is better.
     FormulaCompared(Option<Box<Accepted>>),
     /// No formula describes what the present model leaves.
@@ -174,6 +187,14 @@ impl State {
             Event::Accepted(accepted) => self.accept(*accepted),
             Event::TakenOut(taken_out) => self.take_out(*taken_out),
             Event::Rejected { effects, because } => self.reject(effects, because),
+            Event::ExplainedTogether { least, with } => {
+                self.memory.tried.functions = Some(least);
+                with.map_or(Next::GoOn, |accepted| self.accept(*accepted))
+            }
+            Event::ExplainedAnew(anew) => {
+                self.memory.tried.anew = true;
+                anew.map_or(Next::GoOn, |accepted| self.accept(Accepted { outcome: None, ..*accepted }))
+            }
             Event::FormulaCompared(instead) => {
                 self.memory.compared_with_formula = true;
                 instead.map_or(Next::GoOn, |accepted| self.accept(*accepted))

@@ -9,9 +9,11 @@
 //! are listed (`places`). Frames that the search has not seen confirm its sign and size, or do not (`confirmation`). Drawn is
 //! what the formula describes of the residuals (`component`).
 
+mod additive;
 mod component;
 mod confirmation;
 mod definition;
+mod discovered;
 mod exchange;
 mod free;
 mod library;
@@ -31,13 +33,15 @@ mod null_tests;
 use std::cell::OnceCell;
 
 use depthcal_formula::FormulaEffect;
-use depthcal_io::{DiagnosisComponent, DiagnosisPlace};
-use depthcal_model::{Options, PieceSpec};
+use depthcal_io::DiagnosisPlace;
+use depthcal_model::Options;
 use tracing::{debug, info};
 
+pub use self::additive::{Component, additive_components};
 pub use self::component::components;
 use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};
+pub use self::discovered::{Discovery, RunnerUp};
 use self::exchange::{Exchange, exchanges};
 use self::free::{gain_of_free_function, without_free_function};
 use self::observations::Observations;
@@ -52,54 +56,6 @@ use self::which_covariates::which_covariates;
 use super::examination::Examination;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
-
-/// A formula that was found, with what speaks for it.
-#[derive(Debug, Clone)]
-pub struct Discovery {
-    /// The formula as an effect.
-    pub effect: FormulaEffect,
-    /// Names of its covariates, sorted.
-    pub covariates: Vec<String>,
-    /// Covariates that may stand for one of these: the formula's own, and the other one. The frames do not tell which of them it
-    /// is.
-    pub covariates_not_told_apart: Vec<[String; 2]>,
-    /// Place and form.
-    pub place: DiagnosisPlace,
-    /// Places and forms that the frames cannot tell from it.
-    pub places_not_told_apart: Vec<DiagnosisPlace>,
-    /// How often the best of all terms explains as much where the signs of the frames are drawn at random.
-    pub p_value: f64,
-    /// Share of resamples of the frames in which the best term has the same covariates, or ones that are not told apart from
-    /// them.
-    pub stability: f64,
-    /// Whether the frames that the search did not see confirm sign and size.
-    pub confirmed: bool,
-    /// Size in these frames over that in the others, with its standard error.
-    pub replication: Option<[f64; 2]>,
-    /// Share that it explains of what the best free function of its covariates explains, on left-out frames.
-    pub share_of_free_function: f64,
-    /// Effects of the catalogue that explain nearly as much.
-    pub resembles: Vec<String>,
-    /// The best formulas of other covariates.
-    pub runners_up: Vec<RunnerUp>,
-    /// Number of terms that were scored.
-    pub terms: usize,
-    /// Effects that it took the place of: they imitated it.
-    pub replaced: Vec<PieceSpec>,
-    /// What it describes of the residuals of the last model.
-    pub components: Vec<DiagnosisComponent>,
-}
-
-/// A formula that lost.
-#[derive(Debug, Clone)]
-pub struct RunnerUp {
-    /// The formula as an effect.
-    pub effect: FormulaEffect,
-    /// Names of its covariates, sorted.
-    pub covariates: Vec<String>,
-    /// What it explains on left-out frames, over what the winner does.
-    pub gain_share: f64,
-}
 
 /// What a search came to.
 #[derive(Debug, Clone)]

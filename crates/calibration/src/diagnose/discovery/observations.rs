@@ -3,13 +3,15 @@
 
 use depthcal_formula::FormulaCovariate as C;
 use depthcal_model::chain::POSE;
-use depthcal_model::{Context, Of, On};
+use depthcal_model::{Camera, Context, Of, On};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::library::Span;
 use super::term::Term;
 use crate::adjust::adjustment::Adjustment;
+use crate::adjust::smoothness_prior::rows_of_smooth_functions;
+use crate::adjust::smoothness_selection::add_rows;
 use crate::calibrate::Calibrated;
 use crate::diagnose::candidate_blocks::with_probes;
 use crate::diagnose::observed_states::Range;
@@ -114,6 +116,16 @@ impl Sample {
 impl Observations {
     /// The rows of a fit; `None` where its frames cannot be evaluated.
     pub fn of(fit: &Calibrated) -> Option<Self> {
+        Self::thinned(fit, MOST_SAMPLES)
+    }
+
+    /// The samples of all frames.
+    pub fn samples(&self) -> impl Iterator<Item = &Sample> + Clone {
+        self.frames.iter().flat_map(|frame| &frame.samples)
+    }
+
+    /// The rows of about so many samples of a fit at most; `None` where its frames cannot be evaluated.
+    pub fn thinned(fit: &Calibrated, most_samples: usize) -> Option<Self> {
         let (camera, probes) = with_probes(&fit.camera);
         let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, true);
         let starts: Vec<usize> = camera.parameter_ranges().map(|range| range.start).collect();
@@ -122,7 +134,7 @@ impl Observations {
             free.iter().copied().chain(probes.map(|block| starts[block])).map(|column| POSE + column).collect();
         let shared = free.len();
         let total: usize = fit.capture.frames.iter().map(|frame| frame.samples.len()).sum();
-        let step = total.div_ceil(MOST_SAMPLES).max(1);
+        let step = total.div_ceil(most_samples).max(1);
         let frames: Vec<FrameRows> = (0..fit.capture.frames.len())
             .into_par_iter()
             .filter_map(|index| {
@@ -159,7 +171,29 @@ impl Observations {
                 FrameRows::new(samples?, &own, &residuals, &normal, &gradient)
             })
             .collect();
-        (frames.len() > 2).then_some(Self { frames, shared })
+        (frames.len() > 2).then(|| Self { frames, shared }.with_smooth_functions(&camera))
+    }
+
+    /// The same with the priors of smooth functions that pieces of the camera have themselves: every frame has its share of them.
+    fn with_smooth_functions(mut self, camera: &Camera) -> Self {
+        let (mut precision, mut deviation) = (DMatrix::zeros(self.shared, self.shared), Vec::new());
+        for block in camera.blocks() {
+            let mut places = Vec::new();
+            for (i, parameter) in block.parameters().iter().enumerate() {
+                places.push(block.free[i].then_some(deviation.len()));
+                if block.free[i] {
+                    deviation.push(block.theta[i] - parameter.nominal);
+                }
+            }
+            add_rows(&mut precision, &rows_of_smooth_functions(block), &places);
+        }
+        precision /= self.frames.len() as f64;
+        let gradient = &precision * DVector::from_vec(deviation);
+        for frame in &mut self.frames {
+            frame.hessian += &precision;
+            frame.gradient += &gradient;
+        }
+        self
     }
 
     /// The same with frames that are set aside: those of another capture under the same camera where there is one, else blocks of
@@ -219,7 +253,9 @@ impl Observations {
 }
 
 impl FrameRows {
-    fn new(
+    /// The rows of samples with the Jacobian `own` of pose and shared parameters, whose normal equations `normal` and `gradient` may
+    /// have more rows; `None` where these do not determine the pose.
+    pub fn new(
         samples: Vec<Sample>,
         own: &DMatrix<f64>,
         residuals: &DVector<f64>,
@@ -300,7 +336,7 @@ impl FrameRows {
     }
 
     /// Normal equations over the shared columns and others.
-    fn normal(&self, columns: &DMatrix<f64>) -> Normal {
+    pub fn normal(&self, columns: &DMatrix<f64>) -> Normal {
         let (shared, more) = (self.hessian.nrows(), columns.ncols());
         let products = transposed_product(&self.matrix, columns);
         let of_pose = products.rows(0, POSE);

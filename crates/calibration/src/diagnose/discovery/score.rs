@@ -70,6 +70,32 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
+/// Fall of the cost of every frame when the columns after the first `shared` are estimated from the frames of all other parts, over
+/// that with the shared columns alone; `part_of` has the part of every frame. `prior` is added to the columns' normal matrix.
+pub(super) fn left_out_gains(
+    normals: &[Normal],
+    shared: usize,
+    prior: &DMatrix<f64>,
+    part_of: &[usize],
+    parts: usize,
+) -> Vec<f64> {
+    let of_part = |part: usize| {
+        let others = sum(normals.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(normal, _)| normal))?;
+        let without = step(&of_shared(&others, shared));
+        let mut with = others;
+        let more = with.gradient.len() - shared;
+        let mut block = with.hessian.view_mut((shared, shared), (more, more));
+        block += prior;
+        Some((without, step(&with)))
+    };
+    let steps: Vec<Option<(DVector<f64>, DVector<f64>)>> = (0..parts).map(of_part).collect();
+    let gain = |(normal, part): (&Normal, &usize)| {
+        let Some((without, with)) = &steps[*part] else { return 0.0 };
+        change(&of_shared(normal, shared), without) - change(normal, with)
+    };
+    normals.iter().zip(part_of).map(gain).collect()
+}
+
 /// Strengths of a prior, relative to the columns' own information, that are compared on left-out frames.
 const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 

@@ -1,0 +1,371 @@
+//! Several effects at once: functions first, names second.
+//!
+//! Two effects hide each other where each is tried alone. So what the residuals depend on is found together, as functions without a
+//! name, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the catalogue, by a
+//! formula, or by nothing. A function that nothing explains stays as the correction that it is.
+
+use depthcal_io::GainInterval;
+use tracing::info;
+
+use super::augmented_model::AugmentedModel;
+use super::bench::{Bench, Fitted};
+use super::decided::{Decided, decided};
+use super::formula::{evidence_of_formula, with_formula};
+use super::proposal::Proposal;
+use super::revisit::{Revisited, without_needless};
+use super::state::{Accepted, Memory, State};
+use crate::adjust::blocks::is_depth_only;
+use crate::calibrate::{CalibrateError, Calibrated};
+use crate::diagnose::added_effect::AddedEffect;
+use crate::diagnose::decision::Decision;
+use crate::diagnose::discovery::{Chance, Component, Search};
+use crate::diagnose::error::DiagnoseError;
+use crate::diagnose::examination::Examination;
+use crate::diagnose::held_out::Gain;
+use crate::diagnose::merit::merit;
+use crate::diagnose::round::RoundOutcome;
+use crate::judge::cross_validation::weighted_gain_percent;
+
+/// A model and its fit.
+type Model = (AugmentedModel, Fitted);
+
+/// Where an explanation starts, and the model that it has to be better than.
+struct Task<'a> {
+    /// The model whose residuals are explained.
+    model: &'a AugmentedModel,
+    base: &'a Fitted,
+    incumbent: &'a Fitted,
+    /// Functions that there have to be.
+    least: usize,
+}
+
+/// Searches with the noise that the functions of the last one leave: what is missing counts as noise before.
+const SEARCHES: usize = 2;
+
+/// The present model with explanations of all functions that its residuals depend on, where there are at least `least` and the
+/// held-out errors fall for certain with them. `None` where there is nothing, or nothing certain.
+///
+/// # Errors
+///
+/// [`DiagnoseError`] where models along the way cannot be fitted or examined.
+pub(super) fn explained_together(
+    bench: &impl Bench,
+    state: &State,
+    examination: &Examination,
+    least: usize,
+) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+    let State { model, present, .. } = state;
+    explained(bench, state, examination, Task { model, base: present, incumbent: present, least })
+}
+
+/// The model whose effects of depth are all explained anew, together, where the held-out errors are lower for certain: effects that
+/// were added one after the other may have taken up parts of each other.
+///
+/// # Errors
+///
+/// [`DiagnoseError`] where models along the way cannot be fitted or examined.
+pub(super) fn explained_anew(
+    bench: &impl Bench,
+    state: &State,
+    examination: &Examination,
+) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+    let State { model, present, .. } = state;
+    let without = model.without_depth_effects();
+    // Names that explain most took up no part of others, nor did a single effect that leaves nothing.
+    let largest = model.added.iter().max_by(|a, b| merit(&a.evidence).total_cmp(&merit(&b.evidence)));
+    let is_described =
+        largest.is_some_and(|effect| model.formulas.iter().any(|f| f.effect.name() == effect.evidence.name));
+    let effects = model.added.len() - without.added.len();
+    if !is_described || effects == 0 || effects == 1 && state.findings.left_over.is_empty() {
+        return Ok(None);
+    }
+    let base = if without.added.is_empty() {
+        state.first.clone()
+    } else {
+        match bench.fitted(&without.options(bench.declared())) {
+            Ok(base) => base,
+            Err(error) => {
+                info!("additive: without effects of depth: {error}");
+                return Ok(None);
+            }
+        }
+    };
+    explained(bench, state, examination, Task { model: &without, base: &base, incumbent: present, least: 1 })
+}
+
+fn explained(
+    bench: &impl Bench,
+    state: &State,
+    examination: &Examination,
+    task: Task<'_>,
+) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+    let before = task.model.added.len();
+    let Some((mut described, shares)) = functions(bench, &task)? else { return Ok(None) };
+    let gain = described.1.gain_over(task.incumbent, &described.0.added[before..], bench.thresholds());
+    if !matches!(gain, Gain::Certain) {
+        let percent = lower_percent(task.incumbent, &described.1).unwrap_or(f64::NAN);
+        info!("additive: the errors on left-out frames fall by {percent:.2} %, not for certain");
+        return Ok(None);
+    }
+    for (place, _) in (before..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED) {
+        if let Some(named) = named(bench, &state.memory, &described, place)? {
+            described = named;
+        }
+    }
+    let (model, fitted) = described;
+    let Revisited { model, present, removed } =
+        without_needless(bench, model, fitted, before, false, examination.tests)?;
+    let effects = model.specs_from(before);
+    if effects.is_empty() {
+        return Ok(None);
+    }
+    let share = |effect: &AddedEffect| merit(&effect.evidence) / examination.cost();
+    let largest_share = model.added[before..].iter().map(share).fold(state.memory.largest_share, f64::max);
+    let outcome = Some(RoundOutcome::Added { effects, removed });
+    Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
+}
+
+/// The model of a task with the functions that its residuals depend on, and the share that each explains; searched again with the noise that they leave as long as the
+/// held-out errors fall.
+fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+    let Task { model, base, incumbent, least } = task;
+    bench.report("searching what the residuals depend on", &model.options(bench.declared()));
+    let taken = model_names(model, base);
+    let mut noise = incumbent.fit.noise;
+    let mut best: Option<(Model, Vec<f64>)> = None;
+    for _ in 0..SEARCHES {
+        let components = bench.components(&Calibrated { noise, ..base.fit.clone() }, &taken);
+        if components.len() < (*least).max(1) {
+            break;
+        }
+        let shares = components.iter().map(|component| component.share).collect();
+        let Some(with) = with_descriptions(bench, model, base, components)? else { break };
+        if best
+            .as_ref()
+            .is_some_and(|((_, best), _)| lower_percent(best, &with.1).is_none_or(|percent| percent < LEAST_FALL))
+        {
+            break;
+        }
+        let [before, after] = [noise, with.1.fit.noise].map(|noise| noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
+        noise = with.1.fit.noise;
+        best = Some((with, shares));
+        if after > OTHER_NOISE * before {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// Share of the noise before that is left, above which a further search would find the same …
+const OTHER_NOISE: f64 = 0.9;
+/// … at this inverse depth, 1/mm.
+const TYPICAL_INVERSE_DEPTH: f64 = 1e-3;
+/// Share of the squared residuals that a function explains, from which on it is explained: names of less would be chance.
+const LEAST_NAMED: f64 = 0.05;
+/// Least fall of the held-out error by a further search, per cent.
+const LEAST_FALL: f64 = 0.5;
+
+/// Fall of the held-out error of depth from one model to another, per cent, weighted by the noise of the latter.
+fn lower_percent(before: &Fitted, after: &Fitted) -> Option<f64> {
+    let [b, a] = [before, after].map(|fitted| &fitted.held_out.evaluated);
+    weighted_gain_percent(b, a, &after.fit.noise.depth).map(|gain| gain.value)
+}
+
+/// Names that no further piece may have.
+fn model_names(model: &AugmentedModel, present: &Fitted) -> Vec<String> {
+    let formulas = model.formulas.iter().map(|formula| formula.effect.name().to_owned());
+    present.piece_names().into_iter().chain(formulas).collect()
+}
+
+/// The model with the formulas that describe some components, fitted together; `None` where it cannot be fitted.
+fn with_descriptions(
+    bench: &impl Bench,
+    model: &AugmentedModel,
+    present: &Fitted,
+    components: Vec<Component>,
+) -> Result<Option<Model>, CalibrateError> {
+    let mut with = model.clone();
+    for Component { description, .. } in components {
+        let spec = description.effect.spec();
+        with.formulas.push(description);
+        let register = with.register(bench.declared());
+        let Some(evidence) = evidence_of_formula(bench, &present.fit, &register, spec) else { return Ok(None) };
+        with = with.with(AddedEffect::alone(evidence, 0.0, present.held_out.clone()));
+    }
+    match bench.fitted(&with.options(bench.declared())) {
+        Ok(fitted) => {
+            with.added.iter_mut().skip(model.added.len()).for_each(|added| added.after = fitted.held_out.clone());
+            Ok(Some((with, fitted)))
+        }
+        Err(error) => {
+            info!("additive: the functions cannot be fitted together: {error}");
+            Ok(None)
+        }
+    }
+}
+
+/// The model with a name or a formula in the place of the function number `place`, given all others; `None` where none says as much.
+fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Option<Model>, DiagnoseError> {
+    let (model, fitted) = with;
+    let without = model.without(place);
+    let rest = match bench.fitted(&without.options(bench.declared())) {
+        Ok(rest) => rest,
+        Err(error) => {
+            info!("additive: without {}: {error}", model.added[place].evidence.spec);
+            return Ok(None);
+        }
+    };
+    // What is missing is no noise.
+    let rest = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..rest.fit }, ..rest };
+    let examination = bench.examine(&rest.fit)?;
+    let tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
+    let Decided { decision, .. } = decided(&rest.fit, &examination, &tried, bench.options())?;
+    if let Decision::Add { effect, indistinguishable, .. } = &decision {
+        let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
+        let effect = proposal.effects(&examination, &rest.held_out).swap_remove(0);
+        let name = effect.evidence.spec.to_string();
+        // A function of depth is explained by an effect of depth.
+        let is_of_depth = is_depth_only(&effect.evidence.block);
+        match bench.refined(without.clone().with(effect)) {
+            Ok((mut model, named)) if is_of_depth && says_as_much(&rest, fitted, &named, &name) => {
+                if let Some(last) = model.added.last_mut() {
+                    last.after = named.held_out.clone();
+                }
+                return Ok(Some((in_place(model, place), named)));
+            }
+            Ok(_) => {}
+            Err(error) => info!("additive: {name}: {error}"),
+        }
+    }
+    let taken = model_names(model, fitted);
+    let Search::Found(discovery) = bench.discover(&rest.fit, Chance::Complete(&fitted.fit), &examination, &taken)
+    else {
+        return Ok(None);
+    };
+    let name = discovery.effect.text();
+    let formula = with_formula(bench, &without, &rest, *discovery);
+    let formula = formula.filter(|(_, named)| says_as_much(&rest, fitted, named, &name));
+    Ok(formula.map(|(model, named)| (in_place(model, place), named)))
+}
+
+/// The model with its last effect at number `place`.
+fn in_place(mut model: AugmentedModel, place: usize) -> AugmentedModel {
+    if let Some(last) = model.added.pop() {
+        model.added.insert(place, last);
+    }
+    model
+}
+
+/// Share of its gain that a function may lose to a name: names extrapolate, and close gaps.
+const LOST: f64 = 0.03;
+/// Share of that gain by which a name may gain more: one that gains much more explains something else.
+const MORE: f64 = 0.25;
+/// Width of a 95 % interval in standard errors.
+const WIDTH: f64 = 3.92;
+
+/// Whether a name explains of the errors of `rest`, the model without it, nearly as much as a function does.
+fn says_as_much(rest: &Fitted, function: &Fitted, named: &Fitted, name: &str) -> bool {
+    let gain = |before: &Fitted, after: &Fitted| {
+        weighted_gain_percent(&before.held_out.evaluated, &after.held_out.evaluated, &function.fit.noise.depth)
+    };
+    let (Some(whole), Some(lost)) = (gain(rest, function), gain(named, function)) else { return false };
+    let GainInterval { value, low, high } = lost;
+    let error = (high - low) / WIDTH;
+    let says = value <= error.max(LOST * whole.value) && value >= -error.max(MORE * whole.value);
+    info!(
+        "additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {:.2} % of its function: {says}",
+        whole.value
+    );
+    says
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::linear_bench::{FORMULA, FUNCTIONS, LinearBench, regressor, sum};
+    use super::super::state::Event;
+    use super::*;
+    use crate::diagnose::left_over::LeftOver;
+    use crate::diagnose::linear_examination::{Planted, examined};
+
+    /// Name of a function that is the mean of the two.
+    const IMITATION: &str = "found_r_z";
+
+    /// Two functions of given sizes that share most of what they explain, one that is their mean, an effect
+    /// that is each of them, and a formula that is the first.
+    fn bench(sizes: [f64; 2]) -> LinearBench {
+        let common = regressor(1);
+        let [first, second] = [2, 3].map(|seed| sum(&[(1.0, &common), (0.5, &regressor(seed))]));
+        let between = sum(&[(0.5, &first), (0.5, &second)]);
+        let mut bench = LinearBench::new(&[
+            (FUNCTIONS[0], sizes[0], first.clone()),
+            (FUNCTIONS[1], sizes[1], second.clone()),
+            (IMITATION, 0.0, between),
+            ("range_offset", 0.0, first.clone()),
+            ("radial_range", 0.0, second),
+            (FORMULA, 0.0, first),
+        ]);
+        bench.functions = FUNCTIONS.to_vec();
+        bench
+    }
+
+    fn names(accepted: &Accepted) -> Vec<&str> {
+        accepted.model.added.iter().map(|effect| effect.evidence.name.as_str()).collect()
+    }
+
+    #[test]
+    fn functions_that_hide_each_other_are_added_together() {
+        let bench = bench([0.6, -0.6]);
+        let state = bench.state(&[]);
+        let examination = examined(Planted::default(), 1);
+        let accepted = explained_together(&bench, &state, &examination, 2).unwrap().unwrap();
+        assert_eq!(names(&accepted), FUNCTIONS);
+        assert_eq!(accepted.model.formulas.len(), 2);
+        assert!(matches!(accepted.outcome, Some(RoundOutcome::Added { ref effects, .. }) if effects.len() == 2));
+        assert!(explained_together(&bench, &state, &examination, 3).unwrap().is_none(), "there are two");
+    }
+
+    #[test]
+    fn functions_that_do_not_help_are_not_added() {
+        let bench = bench([0.0, 0.0]);
+        let examination = examined(Planted::default(), 1);
+        assert!(explained_together(&bench, &bench.state(&[]), &examination, 1).unwrap().is_none());
+    }
+
+    /// One of the two explains nothing that the other does not.
+    #[test]
+    fn a_needless_function_is_removed() {
+        let bench = bench([0.6, 0.0]);
+        let examination = examined(Planted::default(), 1);
+        let accepted = explained_together(&bench, &bench.state(&[]), &examination, 2).unwrap().unwrap();
+        assert_eq!(names(&accepted), FUNCTIONS[..1]);
+    }
+
+    #[test]
+    fn a_formula_that_says_as_much_takes_the_place_of_its_function() {
+        let mut bench = bench([0.6, -0.6]);
+        bench.finds_formula = true;
+        let examination = examined(Planted::default(), 1);
+        let accepted = explained_together(&bench, &bench.state(&[]), &examination, 2).unwrap().unwrap();
+        assert_eq!(names(&accepted), [FORMULA, FUNCTIONS[1]]);
+    }
+
+    #[test]
+    fn effects_that_took_up_parts_of_each_other_are_explained_anew() {
+        let mut bench = bench([0.9, -0.3]);
+        let examination = examined(Planted::default(), 1);
+        let state = bench.state(&["range_offset", "radial_range"]);
+        let accepted = explained_anew(&bench, &state, &examination).unwrap();
+        assert!(accepted.is_none(), "the two explain as much");
+        // One function that imitates both was found first.
+        bench.functions = vec![IMITATION];
+        let mut state = bench.state(&[]);
+        let with = explained_together(&bench, &state, &examination, 1).unwrap();
+        assert_eq!(names(with.as_ref().unwrap()), [IMITATION]);
+        state.apply(Event::ExplainedTogether { least: 1, with });
+        assert!(explained_anew(&bench, &state, &examination).unwrap().is_none(), "a single effect, nothing left");
+        bench.functions = FUNCTIONS.to_vec();
+        state.findings.left_over.push(LeftOver::FramePlanes { share: 0.5, rms_mm: 1.0 });
+        let accepted = explained_anew(&bench, &state, &examination).unwrap().unwrap();
+        assert_eq!(names(&accepted), FUNCTIONS);
+    }
+}

@@ -1,0 +1,219 @@
+//! Products of all columns of the dictionary, by blocks of frames: everything else is algebra on these.
+
+use depthcal_model::chain::POSE;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::super::observations::{FrameRows, Observations};
+use super::dictionary::{Dictionary, WIDTH};
+use super::penalty::{Information, STRENGTH, block_diagonal};
+
+/// Blocks of consecutive frames, of which one is left out at a time.
+const BLOCKS: usize = 6;
+/// Share of its information that a group has to keep where the shared parameters are free: else it is one of these.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// A cost in the columns of the dictionary: gᵀw + ½ wᵀHw.
+struct Quadratic {
+    /// In single precision: there are two for every block, and the penalties are far above its rounding.
+    hessian: DMatrix<f32>,
+    gradient: DVector<f64>,
+}
+
+/// The costs of the frames without a block, and of the block, with the shared parameters at the optimum of the former.
+struct LeftOut {
+    fitted: Quadratic,
+    held_out: Quadratic,
+}
+
+/// The products of all columns by blocks of frames.
+pub(super) struct Blocks {
+    left_out: Vec<LeftOut>,
+    /// Penalty of every group.
+    pub penalties: Vec<DMatrix<f64>>,
+    /// Numbers of the groups that are more than the shared parameters.
+    pub tested: Vec<usize>,
+}
+
+/// The block of a frame.
+pub(super) fn block_of(frame: usize, frames: usize) -> usize {
+    frame * blocks_of(frames) / frames.max(1)
+}
+
+/// The number of blocks.
+pub(super) fn blocks_of(frames: usize) -> usize {
+    BLOCKS.min(frames)
+}
+
+/// Normal equations over the shared parameters and the columns of the dictionary.
+struct Products {
+    shared: DMatrix<f64>,
+    shared_gradient: DVector<f64>,
+    cross: DMatrix<f64>,
+    /// The upper triangle by groups.
+    own: DMatrix<f64>,
+    gradient: DVector<f64>,
+    /// Sum of every column's basis function over the samples.
+    sums: Vec<f64>,
+}
+
+impl Blocks {
+    /// The products of the frames; `None` where they do not determine the shared parameters, or there are too few.
+    pub fn of(observations: &Observations, dictionary: &Dictionary) -> Option<Self> {
+        let count = observations.frames.len();
+        let blocks = blocks_of(count);
+        if blocks < 3 || dictionary.groups.is_empty() {
+            return None;
+        }
+        let of_block = |block: usize| {
+            let mut products = Products::zeros(observations.shared, dictionary.width);
+            let frames = observations.frames.iter().enumerate().filter(|(i, _)| block_of(*i, count) == block);
+            frames.for_each(|(_, frame)| products.add(frame, dictionary));
+            products.own.fill_lower_triangle_with_upper_triangle();
+            products
+        };
+        let products: Vec<Products> = (0..blocks).into_par_iter().map(of_block).collect();
+        let mut total = Products::zeros(observations.shared, dictionary.width);
+        products.iter().for_each(|block| total.sum(block));
+        let whole = total.reduced()?;
+        let trace = |diagonal: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            dictionary.groups.iter().map(|group| group.columns.clone().map(diagonal).sum()).collect()
+        };
+        let information = trace(&|i| f64::from(whole.hessian[(i, i)]));
+        let alone = trace(&|i| total.own[(i, i)]);
+        let tested = (0..information.len()).filter(|g| information[*g] > LEAST_SHARE * alone[*g]).collect();
+        drop(whole);
+        let penalty = |number: usize| {
+            let sums = DVector::from_column_slice(&total.sums[dictionary.groups[number].columns.clone()]);
+            Information { total: information[number], sums }.penalty(dictionary, number, STRENGTH)
+        };
+        let penalties = (0..information.len()).map(penalty).collect();
+        let left_out: Option<Vec<LeftOut>> = products.into_par_iter().map(|block| total.leaving_out(&block)).collect();
+        Some(Self { left_out: left_out?, penalties, tested })
+    }
+
+    /// Fall of the cost of all blocks, each left out, with some groups, which are given by their numbers.
+    pub fn gain(&self, dictionary: &Dictionary, groups: &[usize]) -> f64 {
+        let columns: Vec<usize> = groups.iter().flat_map(|g| dictionary.groups[*g].columns.clone()).collect();
+        let penalty = block_diagonal(groups.iter().map(|g| &self.penalties[*g]));
+        self.left_out.iter().map(|part| part.gain(&columns, &penalty)).sum()
+    }
+}
+
+impl LeftOut {
+    fn gain(&self, columns: &[usize], penalty: &DMatrix<f64>) -> f64 {
+        let n = columns.len();
+        let mut hessian = penalty.clone();
+        for (j, column) in columns.iter().enumerate() {
+            let of_column = self.fitted.hessian.column(*column);
+            (0..n).for_each(|i| hessian[(i, j)] += f64::from(of_column[columns[i]]));
+        }
+        let Some(factor) = hessian.cholesky() else { return 0.0 };
+        let step = factor.solve(&DVector::from_fn(n, |i, _| -self.fitted.gradient[columns[i]]));
+        let mut change = 0.0;
+        for (j, column) in columns.iter().enumerate() {
+            let of_column = self.held_out.hessian.column(*column);
+            let product: f64 = (0..n).map(|i| f64::from(of_column[columns[i]]) * step[i]).sum();
+            change += step[j] * (self.held_out.gradient[*column] + 0.5 * product);
+        }
+        if change.is_finite() { -change } else { 0.0 }
+    }
+}
+
+impl Products {
+    fn zeros(shared: usize, width: usize) -> Self {
+        Self {
+            shared: DMatrix::zeros(shared, shared),
+            shared_gradient: DVector::zeros(shared),
+            cross: DMatrix::zeros(shared, width),
+            own: DMatrix::zeros(width, width),
+            gradient: DVector::zeros(width),
+            sums: vec![0.0; width],
+        }
+    }
+
+    fn sum(&mut self, other: &Self) {
+        self.shared += &other.shared;
+        self.shared_gradient += &other.shared_gradient;
+        self.cross += &other.cross;
+        self.own += &other.own;
+        self.gradient += &other.gradient;
+        self.sums.iter_mut().zip(&other.sums).for_each(|(sum, own)| *sum += own);
+    }
+
+    /// Adds the rows of a frame. Columns are sparse until the pose is eliminated, which takes off a product of rank six.
+    fn add(&mut self, frame: &FrameRows, dictionary: &Dictionary) {
+        let rows = frame.matrix();
+        let kinds = rows.ncols();
+        let shared = kinds - POSE - 1;
+        let mut with_rows = DMatrix::zeros(kinds, dictionary.width);
+        for (row, sample) in frame.samples.iter().enumerate() {
+            let values = dictionary.values(sample);
+            let of_row: Vec<(usize, [f64; WIDTH], usize)> = dictionary
+                .groups
+                .iter()
+                .map(|group| {
+                    let (first, entries) = values.entries(group);
+                    (group.columns.start + first, entries, group.columns.len().min(WIDTH))
+                })
+                .collect();
+            for (i, (start, entries, count)) in of_row.iter().enumerate() {
+                for a in 0..*count {
+                    let entry = entries[a];
+                    if entry == 0.0 {
+                        continue;
+                    }
+                    let column = start + a;
+                    for kind in 0..kinds {
+                        with_rows[(kind, column)] += rows[(row, kind)] * entry;
+                    }
+                    self.sums[column] += entry.abs();
+                    for (other, values, count) in &of_row[i..] {
+                        for b in 0..*count {
+                            self.own[(column, other + b)] += entry * values[b];
+                        }
+                    }
+                }
+            }
+        }
+        let of_pose = with_rows.rows(0, POSE);
+        self.own.gemm_tr(-1.0, &of_pose, &of_pose, 1.0);
+        self.cross += with_rows.rows(POSE, shared);
+        self.gradient += with_rows.row(POSE + shared).transpose();
+        self.shared += frame.hessian();
+        self.shared_gradient += frame.gradient();
+    }
+
+    /// The cost with the shared parameters at their optimum.
+    fn reduced(&self) -> Option<Quadratic> {
+        let factor = self.shared.clone().cholesky()?;
+        let carried = factor.solve(&self.cross);
+        let step = factor.solve(&-&self.shared_gradient);
+        let mut own = self.own.clone();
+        own.fill_lower_triangle_with_upper_triangle();
+        own.gemm_tr(-1.0, &self.cross, &carried, 1.0);
+        Some(Quadratic { hessian: own.cast(), gradient: &self.gradient + self.cross.tr_mul(&step) })
+    }
+
+    /// The costs of all frames but a block, and of the block.
+    fn leaving_out(&self, block: &Self) -> Option<LeftOut> {
+        let factor = (&self.shared - &block.shared).cholesky()?;
+        let cross = &self.cross - &block.cross;
+        let carried = factor.solve(&cross);
+        let step = factor.solve(&(&block.shared_gradient - &self.shared_gradient));
+        let mut fitted = &self.own - &block.own;
+        fitted.fill_lower_triangle_with_upper_triangle();
+        fitted.gemm_tr(-1.0, &cross, &carried, 1.0);
+        let gradient = &self.gradient - &block.gradient + cross.tr_mul(&step);
+        let fitted = Quadratic { hessian: fitted.cast(), gradient };
+        // With the shared parameters at `step` − `carried` w the block's cost is, up to a constant, this in w.
+        let mut held_out = block.own.clone();
+        let turned = block.cross.tr_mul(&carried);
+        held_out -= &turned;
+        held_out -= turned.transpose();
+        held_out += carried.tr_mul(&(&block.shared * &carried));
+        let shared_gradient = &block.shared_gradient + &block.shared * &step;
+        let gradient = &block.gradient + block.cross.tr_mul(&step) - carried.tr_mul(&shared_gradient);
+        Some(LeftOut { fitted, held_out: Quadratic { hessian: held_out.cast(), gradient } })
+    }
+}

@@ -1,0 +1,79 @@
+//! What the residuals depend on, several functions at once: an additive model of smooth functions of one covariate, each alone or
+//! times another, in every place and form.
+//!
+//! Two effects hide each other where each is tested alone: neither lowers the error of left-out frames for certain while the other
+//! is there. So all pairs of functions are compared, by algebra on one matrix of products per block of frames (`blocks`), members
+//! are exchanged against all others, and each is held against chance given all others (`search`). A function that no name explains
+//! is a formula that describes it (`description`).
+//!
+//! The model: Hastie, Tibshirani, *Generalized Additive Models* (1990); its smooth functions: Eilers, Marx, *Flexible smoothing with
+//! B-splines and penalties*, Statistical Science 11 (1996).
+
+mod blocks;
+mod description;
+mod dictionary;
+mod penalty;
+mod search;
+mod spline_formula;
+#[cfg(test)]
+mod tests;
+
+use tracing::info;
+
+use self::blocks::Blocks;
+use self::description::Descriptions;
+use self::dictionary::Dictionary;
+use self::search::{Found, components};
+use super::discovered::Discovery;
+use super::observations::{FrameRows, Observations};
+use crate::calibrate::Calibrated;
+
+/// Depth samples that take part, about: the products of all columns take most of the time.
+const MOST_SAMPLES: usize = 6000;
+
+/// A function that the residuals depend on, given all others, as a formula that describes it.
+#[derive(Debug, Clone)]
+pub struct Component {
+    /// Share of the squared residuals of left-out frames that it explains given all others.
+    pub share: f64,
+    /// A smooth formula.
+    pub description: Discovery,
+}
+
+/// The functions that the residuals of a fit depend on, none of them chance given all others; `taken` are names of pieces. Empty
+/// where nothing is found, or where the frames cannot be evaluated.
+pub fn additive_components(fit: &Calibrated, taken: &[String]) -> Vec<Component> {
+    Observations::thinned(fit, MOST_SAMPLES).map_or_else(Vec::new, |observations| described(&observations, taken))
+}
+
+/// The functions that residuals depend on, described by formulas.
+fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
+    let dictionary = Dictionary::of(observations, 1);
+    let Some(blocks) = Blocks::of(observations, &dictionary) else { return Vec::new() };
+    let found = components(observations, &dictionary, &blocks);
+    if found.is_empty() {
+        return Vec::new();
+    }
+    let Some(descriptions) = Descriptions::best(observations, &found) else { return Vec::new() };
+    let cost: f64 = observations.frames.iter().map(FrameRows::cost).sum();
+    let groups_but = |without: Option<usize>| -> Vec<usize> {
+        let others = found.iter().enumerate().filter(|(place, _)| Some(*place) != without);
+        others.flat_map(|(_, function)| function.groups.clone()).collect()
+    };
+    let gain = |without| blocks.gain(&dictionary, &groups_but(without));
+    let share = |place: usize| (gain(None) - gain(Some(place))) / cost;
+    let mut taken = taken.to_vec();
+    let mut described = Vec::new();
+    for (place, Found { covariates, .. }) in found.iter().enumerate() {
+        let names: Vec<&str> = covariates.iter().map(|c| c.name()).collect();
+        match descriptions.formula(place, &taken) {
+            Ok(description) => {
+                info!("additive: {}: {}", names.join(", "), description.effect.text());
+                taken.push(description.effect.name().to_owned());
+                described.push(Component { share: share(place), description });
+            }
+            Err(reason) => info!("additive: {}: {reason}", names.join(", ")),
+        }
+    }
+    described
+}

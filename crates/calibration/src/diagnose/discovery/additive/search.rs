@@ -1,0 +1,192 @@
+//! The search of the additive model: all pairs of groups, exchanges, and the test of every member given all others.
+
+use std::collections::BTreeSet;
+
+use depthcal_formula::FormulaCovariate as C;
+use depthcal_statistics::normal_tail;
+use rayon::prelude::*;
+use tracing::debug;
+
+use super::super::observations::{Normal, Observations};
+use super::super::score::left_out_gains;
+use super::blocks::{Blocks, block_of, blocks_of};
+use super::dictionary::Dictionary;
+use super::penalty::block_diagonal;
+
+/// Most functions of a model.
+const MOST: usize = 5;
+/// Passes of exchanges.
+const PASSES: usize = 3;
+/// Least fall of the cost ½ Σ r² of left-out frames by a function given all others, and the same per sample …
+const LEAST_GAIN: f64 = 15.0;
+const LEAST_GAIN_PER_SAMPLE: f64 = 0.002;
+/// … and the level of Wilcoxon's test over frames, and the least share of frames that it makes better: the gain of single frames may be
+/// large by chance, but not that of most.
+const LEVEL: f64 = 0.01;
+const LEAST_SHARE: f64 = 0.7;
+/// Share by which the gain of a pair has to exceed that of the best single group.
+const WORTH: f64 = 0.02;
+
+/// A function of some covariates: the groups that describe it.
+#[derive(Debug, Clone)]
+pub(super) struct Found {
+    pub covariates: BTreeSet<C>,
+    /// Numbers of its groups.
+    pub groups: Vec<usize>,
+}
+
+/// The model of a search.
+struct Search<'a> {
+    observations: &'a Observations,
+    dictionary: &'a Dictionary,
+    blocks: &'a Blocks,
+    samples: usize,
+}
+
+/// The functions that the residuals depend on, each certain given all others.
+pub(super) fn components(observations: &Observations, dictionary: &Dictionary, blocks: &Blocks) -> Vec<Found> {
+    let samples = observations.frames.iter().map(|frame| frame.samples.len()).sum();
+    let search = Search { observations, dictionary, blocks, samples };
+    let mut found: Vec<Found> = Vec::new();
+    for group in search.members() {
+        let covariates = dictionary.covariates(&dictionary.groups[group]);
+        match found.iter_mut().find(|other| other.covariates == covariates) {
+            Some(other) => other.groups.push(group),
+            None => found.push(Found { covariates, groups: vec![group] }),
+        }
+    }
+    found
+}
+
+impl Search<'_> {
+    fn members(&self) -> Vec<usize> {
+        let mut members = self.start();
+        while !members.is_empty() && members.len() < MOST {
+            let Some((group, _)) = self.best_addition(&members) else { break };
+            let extended = self.exchanged([&members[..], &[group]].concat());
+            if !self.are_certain(&extended) {
+                break;
+            }
+            members = extended;
+        }
+        members
+    }
+
+    /// The best pair of which both are certain given the other, else the best single group that is certain; empty where none is.
+    fn start(&self) -> Vec<usize> {
+        let tested = &self.blocks.tested;
+        let Some((single, of_single)) = self.best_addition(&[]) else { return Vec::new() };
+        let with = |place: usize| {
+            let gain = |second: &usize| {
+                let pair = [tested[place], *second];
+                (pair, self.blocks.gain(self.dictionary, &pair))
+            };
+            tested[place + 1..].iter().map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
+        };
+        let pairs: Vec<([usize; 2], f64)> = (0..tested.len()).into_par_iter().filter_map(with).collect();
+        let pair = pairs.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        debug!(
+            "additive: {} alone {:.1}, pair {:?}",
+            self.words(&[single]),
+            of_single,
+            pair.map(|p| (self.words(&p.0), p.1))
+        );
+        if let Some((pair, gain)) = pair
+            && *gain > (1.0 + WORTH) * of_single.max(0.0)
+        {
+            let exchanged = self.exchanged(pair.to_vec());
+            if self.are_certain(&exchanged) {
+                return exchanged;
+            }
+        }
+        if self.are_certain(&[single]) { vec![single] } else { Vec::new() }
+    }
+
+    /// The group with which the model of some members gains most.
+    fn best_addition(&self, members: &[usize]) -> Option<(usize, f64)> {
+        let gain = |group: usize| (group, self.blocks.gain(self.dictionary, &[members, &[group]].concat()));
+        let others = self.blocks.tested.par_iter().copied().filter(|group| !members.contains(group));
+        others.map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// The members, each exchanged against all other groups as long as that gains.
+    fn exchanged(&self, mut members: Vec<usize>) -> Vec<usize> {
+        let mut gain = self.blocks.gain(self.dictionary, &members);
+        for _ in 0..PASSES {
+            let before = members.clone();
+            for place in 0..members.len() {
+                let mut others = members.clone();
+                others.remove(place);
+                if let Some((group, other)) = self.best_addition(&others)
+                    && other > gain
+                {
+                    (members[place], gain) = (group, other);
+                }
+            }
+            if members == before {
+                break;
+            }
+        }
+        members
+    }
+
+    /// Whether every member is certain given all others.
+    fn are_certain(&self, members: &[usize]) -> bool {
+        let whole = self.frame_gains(members);
+        members.iter().all(|member| {
+            let others: Vec<usize> = members.iter().copied().filter(|other| other != member).collect();
+            let without = if others.is_empty() { vec![0.0; whole.len()] } else { self.frame_gains(&others) };
+            let gains: Vec<f64> = whole.iter().zip(&without).map(|(with, without)| with - without).collect();
+            let is_certain = is_certain(&gains, self.samples);
+            debug!(
+                "additive: {} given {}: gain {:.1}, p {:.2e}, {:.2} of frames, certain: {is_certain}",
+                self.words(&[*member]),
+                self.words(&others),
+                gains.iter().sum::<f64>(),
+                signed_rank_p_value(&gains),
+                share_above_zero(&gains)
+            );
+            is_certain
+        })
+    }
+
+    /// Fall of the cost of every frame with some groups that are estimated without its block.
+    fn frame_gains(&self, groups: &[usize]) -> Vec<f64> {
+        let normals: Vec<Normal> = self.observations.normals_of(|frame| self.dictionary.columns(frame, groups));
+        let penalty = block_diagonal(groups.iter().map(|g| &self.blocks.penalties[*g]));
+        let count = normals.len();
+        let parts: Vec<usize> = (0..count).map(|frame| block_of(frame, count)).collect();
+        left_out_gains(&normals, self.observations.shared, &penalty, &parts, blocks_of(count))
+    }
+
+    fn words(&self, groups: &[usize]) -> String {
+        let word = |group: &usize| {
+            let group = &self.dictionary.groups[*group];
+            let smooth = group.smooth.map_or("1", |i| self.dictionary.smooth[i].covariate.name());
+            let factor = group.factor.map_or(String::new(), |f| format!("·{}", self.dictionary.factors[f].0.name()));
+            format!("s({smooth}){factor} {} {}", group.of.name(), group.on.name())
+        };
+        groups.iter().map(word).collect::<Vec<_>>().join(" + ")
+    }
+}
+
+/// Whether gains of frames, from so many samples, are more than chance and more than next to nothing.
+fn is_certain(gains: &[f64], samples: usize) -> bool {
+    gains.iter().sum::<f64>() >= LEAST_GAIN.max(LEAST_GAIN_PER_SAMPLE * samples as f64)
+        && signed_rank_p_value(gains) < LEVEL
+        && share_above_zero(gains) >= LEAST_SHARE
+}
+
+fn share_above_zero(gains: &[f64]) -> f64 {
+    gains.iter().filter(|gain| **gain > 0.0).count() as f64 / gains.len().max(1) as f64
+}
+
+/// Probability that the sum of the ranks of positive gains is as large by chance, by its normal distribution (Wilcoxon 1945).
+fn signed_rank_p_value(gains: &[f64]) -> f64 {
+    let mut gains: Vec<f64> = gains.iter().copied().filter(|gain| *gain != 0.0).collect();
+    gains.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let n = gains.len() as f64;
+    let sum: f64 = (1..).map(f64::from).zip(&gains).map(|(rank, gain)| rank * gain.signum()).sum();
+    let deviation = (n * (n + 1.0) * (2.0 * n + 1.0) / 6.0).sqrt();
+    if deviation > 0.0 { normal_tail(sum / deviation) } else { 1.0 }
+}

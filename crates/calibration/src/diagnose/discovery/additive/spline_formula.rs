@@ -1,0 +1,147 @@
+//! Splines as a formula, with their coefficients as its parameters.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use depthcal_formula::{FormulaCovariate as C, FormulaEffect};
+use depthcal_model::hook::HookKind;
+use depthcal_model::{
+    AddsTo, ConstantTable, FormulaConstant, FormulaDefinition, FormulaParameter, FormulaText, On, ParameterTable,
+    SmoothParameters,
+};
+
+use super::super::definition::{unit_of, unit_text};
+use super::dictionary::{Group, Smooth};
+use super::penalty::Precision;
+
+/// A group of the dictionary with what its formula needs.
+#[derive(Debug)]
+pub(super) struct Part<'a> {
+    pub group: &'a Group,
+    /// Of the spline, with its axis; `None` of a constant.
+    pub smooth: Option<Smooth>,
+    /// With the mean that is subtracted.
+    pub factor: Option<(C, f64)>,
+    pub precision: Precision,
+    /// Root mean square over the samples of the change of inverse depth where the function is 1.
+    pub rms: f64,
+}
+
+/// Typical change of inverse depth, 1/mm: a millimetre at a metre.
+const TYPICAL: f64 = 1e-6;
+
+/// The sum of some groups as a formula, `found_r_z` or the like.
+pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[String]) -> Result<FormulaEffect, String> {
+    // Groups of one function may have different forms: they are brought to the first one's by powers of depth.
+    let (of, on) = (parts[0].group.of, parts[0].group.on);
+    let (adds_to, target) = match on {
+        On::Depth => (AddsTo::Depth, [1, 0, 0, 0]),
+        On::InverseDepth => (AddsTo::InverseDepth, [-1, 0, 0, 0]),
+        On::Factor => (AddsTo::Factor, [0; 4]),
+    };
+    let mut definition = FormulaDefinition {
+        name: free_name(covariates, taken),
+        hook: HookKind::Depth,
+        adds_to: Some(adds_to),
+        of,
+        formula: FormulaText::One(String::new()),
+        parameters: BTreeMap::new(),
+        smooth: Vec::new(),
+        constants: BTreeMap::new(),
+        summary: "a smooth function that describes what is left, without a cause".to_owned(),
+        source: "found in the residuals by depthcal diagnose".to_owned(),
+    };
+    let mut texts = Vec::new();
+    for (number, part) in parts.iter().enumerate() {
+        let mut unit = target;
+        let mut factors = String::new();
+        if let Some((covariate, mean)) = part.factor {
+            let name = format!("m{}", number + 1);
+            definition.constants.insert(name.clone(), constant(mean, covariate));
+            factors += &format!("({} - {name}) * ", covariate.name());
+            unit.iter_mut().zip(unit_of(covariate)).for_each(|(unit, own)| *unit -= own);
+        }
+        let (power, exponent) = power_between(part.group.on, on);
+        factors += power;
+        unit[0] -= exponent;
+        let first = definition.parameters.len() + 1;
+        // Digits keep the order of names that of numbers.
+        let names: Vec<String> = (first..first + part.group.columns.len()).map(|c| format!("c{c:02}")).collect();
+        for name in &names {
+            let table = ParameterTable {
+                unit: unit_text(unit),
+                nominal: 0.0,
+                scale: Some(rounded(TYPICAL / part.rms, 1)),
+                value: None,
+                meaning: "Coefficient of the spline.".to_owned(),
+            };
+            definition.parameters.insert(name.clone(), FormulaParameter::Table(table));
+        }
+        let coefficients = names.join(", ");
+        texts.push(match part.smooth {
+            Some(smooth) => format!("{factors}spline({}, {coefficients})", range(&mut definition, smooth, number + 1)),
+            None => format!("{factors}{coefficients}"),
+        });
+        let deviation = |precision: f64| rounded(1.0 / precision.sqrt(), 3);
+        let Precision { roughness, ridge } = part.precision;
+        let (roughness, deviation) = (deviation(roughness), deviation(ridge));
+        definition.smooth.push(SmoothParameters { parameters: names, roughness, deviation });
+    }
+    definition.formula = FormulaText::One(texts.join(" + "));
+    FormulaEffect::new(definition).map_err(|error| error.to_string())
+}
+
+/// The first arguments of a spline: its covariate with both ends of the range, which become constants.
+fn range(definition: &mut FormulaDefinition, smooth: Smooth, number: usize) -> String {
+    let Smooth { covariate, axis, .. } = smooth;
+    // Amplitudes are spread over decades: the axis has their logarithm.
+    let is_log = covariate == C::Amplitude;
+    let ends = if is_log { [axis.low.exp(), axis.high.exp()] } else { [axis.low, axis.high] };
+    let [low, high] = ["low", "high"].map(|word| format!("{word}{number}"));
+    for (name, end) in [&low, &high].into_iter().zip(ends) {
+        definition.constants.insert(name.clone(), constant(end, covariate));
+    }
+    let name = covariate.name();
+    if is_log { format!("log({name} / {low}), 0, log({high} / {low})") } else { format!("{name}, {low}, {high}") }
+}
+
+fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.digits$e}").parse().unwrap_or(value)
+}
+
+fn constant(value: f64, covariate: C) -> FormulaConstant {
+    FormulaConstant::Table(ConstantTable {
+        value: rounded(value, 6),
+        unit: Some(unit_text(unit_of(covariate))),
+        search: None,
+    })
+}
+
+/// A power of depth that takes the values of one form to another, as text that ends in a product sign, and its exponent of mm: a
+/// change of depth is ρ² times one of inverse depth with the other sign, and ρ times a factor.
+fn power_between(own: On, other: On) -> (&'static str, i32) {
+    // Exponent of z in δz of either form.
+    let exponent = |on: On| match on {
+        On::Depth => 0,
+        On::Factor => 1,
+        On::InverseDepth => 2,
+    };
+    match exponent(own) - exponent(other) {
+        2 => ("z^2 * ", 2),
+        1 => ("z * ", 1),
+        -1 => ("rho * ", -1),
+        -2 => ("rho^2 * ", -2),
+        _ => ("", 0),
+    }
+}
+
+/// `found_r_z` or the like, with a number where it is taken.
+fn free_name(covariates: &BTreeSet<C>, taken: &[String]) -> String {
+    let short = |covariate: &C| match covariate {
+        C::Time => "time",
+        C::Temperature => "temperature",
+        other => other.name(),
+    };
+    let name = format!("found_{}", covariates.iter().map(short).collect::<Vec<_>>().join("_"));
+    let numbered = (2..).map(|n| format!("{name}_{n}"));
+    std::iter::once(name.clone()).chain(numbered).take(100).find(|name| !taken.contains(name)).unwrap_or(name)
+}

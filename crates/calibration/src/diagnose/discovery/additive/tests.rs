@@ -1,0 +1,95 @@
+//! Functions planted in rows of frames whose poses, and three shared parameters, are free.
+
+use std::collections::BTreeSet;
+
+use depthcal_formula::FormulaCovariate as C;
+use depthcal_model::Context;
+use depthcal_model::chain::POSE;
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+use super::super::observations::{FrameRows, Observations, Sample};
+use super::{Component, described};
+
+const FRAMES: usize = 24;
+const SAMPLES: usize = 150;
+/// Standard deviation of inverse depth, 1/mm.
+const SIGMA: f64 = 1e-6;
+/// Inverse depth, offset and slopes of a plane are known to this many times [`SIGMA`] from the markers.
+const POSE_SIGMAS: f64 = 0.5;
+
+/// Planes of 24 frames from 0.6 m to 2.4 m, whose depth has an error, mm: a function of the ray (x, y) and depth, mm.
+fn observations(seed: u64, error_mm: impl Fn([f64; 2], f64) -> f64) -> Observations {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let frames = (0..FRAMES).map(|_| {
+        let centre = [0, 1].map(|_| rng.random_range(-0.25..0.25));
+        let slopes = [0, 1].map(|_| rng.random_range(-0.6..0.6));
+        let distance: f64 = rng.random_range(600.0..2400.0);
+        let half_width = (200.0 / distance).min(0.2);
+        let mut own = DMatrix::zeros(SAMPLES, POSE + 3);
+        let mut samples = Vec::new();
+        for row in 0..SAMPLES {
+            let [x, y] = centre.map(|centre| centre + rng.random_range(-half_width..half_width));
+            let rho = (1.0 + slopes[0] * (x - centre[0]) + slopes[1] * (y - centre[1])) / distance;
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            // Predicted less measured inverse depth.
+            let residual = noise + rho * rho * error_mm([x, y], 1.0 / rho) / SIGMA;
+            let state = [x, y, rho, 0.9];
+            let slopes = [1.0 / SIGMA; 2];
+            samples.push(Sample { state, measured_rho: rho, context: Context::default(), residual, slopes });
+            for (column, value) in [(0, 1.0), (1, x), (2, y), (POSE, 1.0), (POSE + 1, 1e3 * rho), (POSE + 2, x)] {
+                own[(row, column)] = value;
+            }
+        }
+        let residuals = DVector::from_iterator(SAMPLES, samples.iter().map(|sample| sample.residual));
+        let mut normal = own.tr_mul(&own);
+        (0..POSE).for_each(|i| normal[(i, i)] += POSE_SIGMAS.powi(-2));
+        FrameRows::new(samples, &own, &residuals, &normal, &own.tr_mul(&residuals)).unwrap()
+    });
+    Observations { frames: frames.collect(), shared: 3 }
+}
+
+fn covariates(found: &[Component]) -> Vec<BTreeSet<C>> {
+    let of = |component: &Component| component.description.covariates.iter().filter_map(|name| C::of(name)).collect();
+    found.iter().map(of).collect()
+}
+
+fn saw(z: f64) -> f64 {
+    (3.0 * (2.0 * std::f64::consts::PI * z / 420.0).sin()).atan()
+}
+
+fn ring([x, y]: [f64; 2]) -> f64 {
+    ((x.hypot(y) - 0.25) / 0.08).tanh()
+}
+
+#[test]
+fn nothing_is_found_where_nothing_is() {
+    for seed in 0..6 {
+        let found = described(&observations(seed, |_, _| 0.0), &[]);
+        assert_eq!(covariates(&found), [] as [BTreeSet<C>; 0], "seed {seed}");
+    }
+}
+
+#[test]
+fn two_functions_are_found_together() {
+    let found = described(&observations(1, |ray, z| 3.0 * saw(z) + 4.0 * ring(ray)), &[]);
+    let mut found = covariates(&found);
+    found.sort();
+    let mut expected = vec![BTreeSet::from([C::R]), BTreeSet::from([C::Z])];
+    expected.sort();
+    assert_eq!(found, expected);
+}
+
+/// A name is taken already: another is found. The formula is a spline, and smooth.
+#[test]
+fn a_function_is_described_by_a_spline_with_a_name_of_its_own() {
+    let found = described(&observations(2, |_, z| 3.0 * saw(z)), &["found_z".to_owned()]);
+    assert_eq!(covariates(&found), [BTreeSet::from([C::Z])]);
+    let effect = &found[0].description.effect;
+    assert_eq!(effect.name(), "found_z_2");
+    assert!(effect.text().contains("spline(z, "), "{}", effect.text());
+    assert!(found[0].description.is_smooth_function() && !found[0].description.confirmed);
+    assert!(found[0].share > 0.1, "{}", found[0].share);
+}
