@@ -98,13 +98,8 @@ fn spline(graph: &mut Graph, [x, low, high]: [Id; 3], coefficients: &[Id]) -> Id
     let t = graph.multiply(share, spans);
     let t = larger(graph, t, zero);
     let t = smaller(graph, t, spans);
-    coefficients.iter().enumerate().fold(zero, |sum, (i, coefficient)| {
-        let centre = graph.constant(i as f64 - 1.0);
-        let from_centre = graph.subtract(t, centre);
-        let basis = graph.function(Unary::BSpline(0), from_centre);
-        let term = graph.multiply(*coefficient, basis);
-        graph.add(sum, term)
-    })
+    let coefficients = graph.new_coefficients(coefficients);
+    graph.spline(0, t, coefficients)
 }
 
 fn hinge(graph: &mut Graph, a: Id) -> Id {

@@ -107,60 +107,81 @@ struct CrossValidation<'a> {
     thresholds: FieldThresholds,
 }
 
-/// Adds the normal matrix of rows over the parameters of a block, whose places among the free parameters are `places`.
-pub(crate) fn add_rows(to: &mut DMatrix<f64>, rows: &[PriorRow], places: &[Option<usize>]) {
-    for PriorRow { entries } in rows {
-        for (i, a) in entries {
-            for (j, b) in entries {
-                if let (Some(p), Some(q)) = (places[*i], places[*j]) {
-                    to[(p, q)] += a * b;
+/// Every parameter's place among the free parameters of a camera, and the deviations of these from their nominal values.
+struct FreeParameters {
+    places: Vec<Option<usize>>,
+    deviation: DVector<f64>,
+}
+
+impl FreeParameters {
+    fn of(camera: &Camera) -> Self {
+        let (mut places, mut deviation) = (Vec::new(), Vec::new());
+        for block in camera.blocks() {
+            for (i, parameter) in block.parameters().iter().enumerate() {
+                places.push(block.free[i].then_some(deviation.len()));
+                if block.free[i] {
+                    deviation.push(block.theta[i] - parameter.nominal);
                 }
+            }
+        }
+        Self { places, deviation: DVector::from_vec(deviation) }
+    }
+}
+
+/// Adds the normal matrix of a row over the parameters of a block, in units of `scale`, whose places among the free parameters are
+/// `places`.
+fn add_row(
+    matrix: &mut DMatrix<f64>,
+    PriorRow { entries }: &PriorRow,
+    places: &[Option<usize>],
+    scale: impl Fn(usize) -> f64,
+) {
+    for (i, a) in entries {
+        for (j, b) in entries {
+            if let (Some(p), Some(q)) = (places[*i], places[*j]) {
+                matrix[(p, q)] += a * b / (scale(*i) * scale(*j));
             }
         }
     }
 }
 
+/// Precision matrix of the smooth functions that pieces of a camera have themselves, over its free parameters, and their pull at the
+/// parameters' present values (the gradient of their cost).
+pub(crate) fn prior_of_smooth_functions(camera: &Camera) -> (DMatrix<f64>, DVector<f64>) {
+    let free = FreeParameters::of(camera);
+    let precision = precision_of_smooth_functions(camera, &free);
+    let pull = &precision * free.deviation;
+    (precision, pull)
+}
+
+fn precision_of_smooth_functions(camera: &Camera, free: &FreeParameters) -> DMatrix<f64> {
+    let count = free.deviation.len();
+    let mut precision = DMatrix::zeros(count, count);
+    for (block, range) in camera.blocks_with_ranges() {
+        let rows = rows_of_smooth_functions(block);
+        rows.iter().for_each(|row| add_row(&mut precision, row, &free.places[range.clone()], |_| 1.0));
+    }
+    precision
+}
+
 impl<'a> CrossValidation<'a> {
     fn new(camera: &Camera, smoothness: &Smoothness, frames: &'a [FrameInformation]) -> Self {
         let n = frames.first().map_or(0, |f| f.fitted.1.len());
-        let mut place = Vec::new();
-        let mut deviation = Vec::new();
-        let mut next = 0;
-        for block in camera.blocks() {
-            for i in 0..block.theta.len() {
-                place.push(block.free[i].then_some(next));
-                if block.free[i] {
-                    next += 1;
-                    deviation.push(block.theta[i] - block.parameters()[i].nominal);
-                }
-            }
-        }
+        let free = FreeParameters::of(camera);
         let mut penalties = vec![DMatrix::zeros(n, n); smoothness.fields.len()];
         let mut ridge_matrix = DMatrix::zeros(n, n);
-        let mut given = DMatrix::zeros(n, n);
         for (block, range) in camera.blocks_with_ranges() {
-            let own = &place[range];
-            add_rows(&mut given, &rows_of_smooth_functions(block), own);
             let Some(layout) = block.piece().and_then(|p| p.field()) else { continue };
-            let add = |to: &mut DMatrix<f64>, entries: &[(usize, f64)]| {
-                for (i, a) in entries {
-                    for (j, b) in entries {
-                        if let (Some(p), Some(q)) = (own[*i], own[*j]) {
-                            let scales = block.parameters()[*i].scale * block.parameters()[*j].scale;
-                            to[(p, q)] += a * b / scales;
-                        }
-                    }
-                }
-            };
+            let scale = |i: usize| block.parameters()[i].scale;
             for row in differences(&layout, &block.free, |_| 1.0) {
                 let field = (row.entries[0].0 % layout.per_node()) / layout.grid.bins;
-                let at = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field);
-                if let Some(at) = at {
-                    add(&mut penalties[at], &row.entries);
+                let place = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field);
+                if let Some(place) = place {
+                    add_row(&mut penalties[place], &row, &free.places[range.clone()], scale);
                 }
             }
             for row in ridge(&layout, &block.free, 1.0) {
-                add(&mut ridge_matrix, &row.entries);
+                add_row(&mut ridge_matrix, &row, &free.places[range.clone()], scale);
             }
         }
         let count = frames.len().clamp(1, smoothness.thresholds.most_folds);
@@ -176,7 +197,8 @@ impl<'a> CrossValidation<'a> {
             add(&mut folds[i % count].held_out, &frame.held_out);
             add(&mut total, &frame.fitted);
         }
-        let deviation = DVector::from_vec(deviation);
+        let given = precision_of_smooth_functions(camera, &free);
+        let FreeParameters { deviation, .. } = free;
         let fixed_ridge = (!smoothness.with_projective).then_some(smoothness.ridge);
         let thresholds = smoothness.thresholds;
         Self { frames, penalties, given, ridge: ridge_matrix, fixed_ridge, deviation, folds, total, thresholds }

@@ -26,6 +26,20 @@ impl Graph {
                 let db = self.derivative_known(b, input, known);
                 self.of_binary(binary, id, [a, b], [da, db])
             }
+            Operation::Spline { order, t, coefficients } => {
+                let by_place = self.derivative_known(t, input, known);
+                let slope = self.spline(order.saturating_add(1), t, coefficients);
+                let along = self.multiply(slope, by_place);
+                let list = self.coefficients(coefficients);
+                list.iter().enumerate().fold(along, |sum, (i, coefficient)| {
+                    let change = self.derivative_known(*coefficient, input, known);
+                    let centre = self.constant(i as f64 - 1.0);
+                    let from_centre = self.subtract(t, centre);
+                    let basis = self.function(Unary::BSpline(order), from_centre);
+                    let term = self.multiply(change, basis);
+                    self.add(sum, term)
+                })
+            }
         };
         known.insert(id, derivative);
         derivative

@@ -1,6 +1,7 @@
 //! The nodes of a graph, simplified as they are made.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use crate::covariate::FormulaCovariate;
 
@@ -61,13 +62,24 @@ pub(crate) enum Operation {
     Input(Input),
     Unary(Unary, Id),
     Binary(Binary, Id, Id),
+    /// The derivative of an order of Σ cᵢ β(t + 1 − i), where β is the cubic B-spline and t from 0 to the number of spans.
+    Spline {
+        order: u8,
+        t: Id,
+        coefficients: Coefficients,
+    },
 }
+
+/// Coefficients of a spline, as the number of their list in the [`Graph`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Coefficients(u32);
 
 /// A graph of operations without repetitions. A node's parts come before it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Graph {
     nodes: Vec<Operation>,
     known: HashMap<Key, Id>,
+    coefficients: Vec<Arc<[Id]>>,
 }
 
 /// An operation, with the bits of constants.
@@ -77,6 +89,7 @@ enum Key {
     Input(Input),
     Unary(Unary, Id),
     Binary(Binary, Id, Id),
+    Spline(u8, Id, Coefficients),
 }
 
 impl Unary {
@@ -119,6 +132,27 @@ fn b_spline(order: u8, x: f64) -> f64 {
     }
 }
 
+/// Coefficients of which a spline is made up at one place.
+const SUPPORT: usize = 4;
+
+/// The derivative of an order, up to the third, of Σ cᵢ β(t + 1 − i) with `count` coefficients, at least four; t is from 0 to
+/// `count` − 3. Four of them count, with the polynomials of their span (de Boor, *A Practical Guide to Splines*, 1978).
+#[inline]
+pub(crate) fn spline(order: u8, t: f64, count: usize, coefficient: impl Fn(usize) -> f64) -> f64 {
+    // A negative t and one that is not a number are in the first span.
+    let span = (t as usize).min(count - SUPPORT);
+    let u = t - span as f64;
+    let v = 1.0 - u;
+    let basis = match order {
+        0 => [v * v * v, (3.0 * u - 6.0) * u * u + 4.0, (3.0 * v - 6.0) * v * v + 4.0, u * u * u].map(|b| b / 6.0),
+        1 => [-v * v, (3.0 * u - 4.0) * u, (4.0 - 3.0 * v) * v, u * u].map(|b| 0.5 * b),
+        2 => [v, 3.0 * u - 2.0, 3.0 * v - 2.0, u],
+        3 => [-1.0, 3.0, -3.0, 1.0],
+        _ => [0.0; SUPPORT],
+    };
+    (0..SUPPORT).map(|i| coefficient(span + i) * basis[i]).sum()
+}
+
 impl Binary {
     /// Its value.
     #[inline]
@@ -158,6 +192,7 @@ impl Graph {
             Operation::Input(input) => Key::Input(input),
             Operation::Unary(unary, a) => Key::Unary(unary, a),
             Operation::Binary(binary, a, b) => Key::Binary(binary, a, b),
+            Operation::Spline { order, t, coefficients } => Key::Spline(order, t, coefficients),
         };
         let nodes = &mut self.nodes;
         *self.known.entry(key).or_insert_with(|| {
@@ -169,6 +204,25 @@ impl Graph {
     /// A number.
     pub fn constant(&mut self, value: f64) -> Id {
         self.intern(Operation::Constant(value))
+    }
+
+    /// The derivative of an order of a spline, see [`Operation::Spline`]; at least four coefficients.
+    pub fn spline(&mut self, order: u8, t: Id, coefficients: Coefficients) -> Id {
+        self.intern(Operation::Spline { order, t, coefficients })
+    }
+
+    /// A list of coefficients, which has its number from now on.
+    pub fn new_coefficients(&mut self, coefficients: &[Id]) -> Coefficients {
+        let known = self.coefficients.iter().position(|list| **list == *coefficients);
+        Coefficients(known.unwrap_or_else(|| {
+            self.coefficients.push(coefficients.into());
+            self.coefficients.len() - 1
+        }) as u32)
+    }
+
+    /// The nodes of a list of coefficients.
+    pub fn coefficients(&self, list: Coefficients) -> Arc<[Id]> {
+        self.coefficients[list.0 as usize].clone()
     }
 
     /// A number of the state.
@@ -184,5 +238,26 @@ impl Graph {
     /// A covariate of the context.
     pub fn of_context(&mut self, covariate: FormulaCovariate) -> Id {
         self.intern(Operation::Input(Input::Context(covariate)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The sum over all coefficients with the basis function of each.
+    #[test]
+    fn a_spline_is_the_sum_of_its_basis_functions() {
+        let coefficients = [0.3, -1.2, 0.7, 2.1, -0.4, 0.9];
+        let count = coefficients.len();
+        for order in 0..=3 {
+            for step in 1..=30 {
+                // Knots, where the third derivative jumps, are between the steps.
+                let t = (f64::from(step) * 0.1 - 1e-3).clamp(0.0, 3.0);
+                let all: f64 = (0..count).map(|i| coefficients[i] * b_spline(order, t + 1.0 - i as f64)).sum();
+                let local = spline(order, t, count, |i| coefficients[i]);
+                assert!((all - local).abs() < 1e-13, "order {order} at {t}: {local}, {all} by all");
+            }
+        }
     }
 }

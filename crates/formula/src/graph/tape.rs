@@ -2,7 +2,7 @@
 
 use depthcal_model::Context;
 
-use super::node::{Binary, Graph, Id, Input, Operation, Unary};
+use super::node::{Binary, Graph, Id, Input, Operation, Unary, spline};
 
 /// A step of a [`Tape`]; its result is the register of its own number.
 #[derive(Debug, Clone, Copy)]
@@ -11,12 +11,21 @@ enum Instruction {
     Input(Input),
     Unary(Unary, u32),
     Binary(Binary, u32, u32),
+    /// A spline of the register `t`, with the registers of its coefficients as a part of [`Tape::coefficients`].
+    Spline {
+        order: u8,
+        t: u32,
+        first: u32,
+        count: u32,
+    },
 }
 
 /// Instructions in the order in which they run.
 #[derive(Debug, Clone)]
 pub(crate) struct Tape {
     instructions: Vec<Instruction>,
+    /// Registers of the coefficients of splines.
+    coefficients: Vec<u32>,
     /// Registers of the results, in the order asked for.
     outputs: Vec<u32>,
 }
@@ -35,11 +44,11 @@ impl Tape {
         // Parts have lower numbers than what is made of them.
         for id in (0..highest).rev() {
             if needed[id] {
-                parts(graph.operation(id as Id)).for_each(|part| needed[part as usize] = true);
+                for_each_part(graph, graph.operation(id as Id), |part| needed[part as usize] = true);
             }
         }
         let mut register = vec![u32::MAX; highest];
-        let mut instructions = Vec::new();
+        let (mut instructions, mut coefficients) = (Vec::new(), Vec::new());
         for id in (0..highest).filter(|id| needed[*id]) {
             register[id] = instructions.len() as u32;
             instructions.push(match graph.operation(id as Id) {
@@ -49,9 +58,14 @@ impl Tape {
                 Operation::Binary(binary, a, b) => {
                     Instruction::Binary(binary, register[a as usize], register[b as usize])
                 }
+                Operation::Spline { order, t, coefficients: list } => {
+                    let (list, first) = (graph.coefficients(list), coefficients.len() as u32);
+                    coefficients.extend(list.iter().map(|coefficient| register[*coefficient as usize]));
+                    Instruction::Spline { order, t: register[t as usize], first, count: list.len() as u32 }
+                }
             });
         }
-        Self { instructions, outputs: outputs.iter().map(|id| register[*id as usize]).collect() }
+        Self { instructions, coefficients, outputs: outputs.iter().map(|id| register[*id as usize]).collect() }
     }
 
     /// Runs over a batch: `states` has `inputs` numbers per observation. `store` gets the number of the observation, that of
@@ -94,6 +108,10 @@ impl Tape {
                 Instruction::Input(Input::Context(covariate)) => covariate.of_context(context),
                 Instruction::Unary(unary, a) => unary.of(register(a)),
                 Instruction::Binary(binary, a, b) => binary.of(register(a), register(b)),
+                Instruction::Spline { order, t, first, count } => {
+                    let coefficients = &self.coefficients[first as usize..][..count as usize];
+                    spline(order, register(t), coefficients.len(), |c| register(coefficients[c]))
+                }
             };
         }
     }
@@ -116,19 +134,28 @@ impl Tape {
                 }
                 Instruction::Unary(unary, a) => unary_batch(unary, part(a), out),
                 Instruction::Binary(binary, a, b) => binary_batch(binary, part(a), part(b), out),
+                Instruction::Spline { order, t, first, count } => {
+                    let coefficients = &self.coefficients[first as usize..][..count as usize];
+                    for (k, (t, out)) in part(t).iter().zip(out).enumerate() {
+                        *out = spline(order, *t, coefficients.len(), |c| before[coefficients[c] as usize * CHUNK + k]);
+                    }
+                }
             }
         }
     }
 }
 
-/// The nodes that an operation is made of.
-fn parts(operation: Operation) -> impl Iterator<Item = Id> {
-    let parts = match operation {
-        Operation::Constant(_) | Operation::Input(_) => [None, None],
-        Operation::Unary(_, a) => [Some(a), None],
-        Operation::Binary(_, a, b) => [Some(a), Some(b)],
-    };
-    parts.into_iter().flatten()
+/// Hands on the nodes that an operation is made of.
+fn for_each_part(graph: &Graph, operation: Operation, mut part: impl FnMut(Id)) {
+    match operation {
+        Operation::Constant(_) | Operation::Input(_) => {}
+        Operation::Unary(_, a) => part(a),
+        Operation::Binary(_, a, b) => [a, b].into_iter().for_each(part),
+        Operation::Spline { t, coefficients, .. } => {
+            part(t);
+            graph.coefficients(coefficients).iter().copied().for_each(part);
+        }
+    }
 }
 
 /// One function over a batch; the choice is made once, outside the loop.

@@ -13,7 +13,8 @@ use super::decided::{Decided, decided};
 use super::formula::{evidence_of_formula, with_formula};
 use super::proposal::Proposal;
 use super::revisit::{Revisited, without_needless};
-use super::state::{Accepted, Memory, State};
+use super::state::{Accepted, Event, Memory, State};
+use super::trial::tried;
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::{CalibrateError, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
@@ -43,7 +44,7 @@ struct Task<'a> {
 const SEARCHES: usize = 2;
 
 /// The present model with explanations of all functions that its residuals depend on, where there are at least `least` and the
-/// held-out errors fall for certain with them. `None` where there is nothing, or nothing certain.
+/// held-out errors fall for certain with them.
 ///
 /// # Errors
 ///
@@ -53,9 +54,35 @@ pub(super) fn explained_together(
     state: &State,
     examination: &Examination,
     least: usize,
-) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+) -> Result<Event, DiagnoseError> {
     let State { model, present, .. } = state;
-    explained(bench, state, examination, Task { model, base: present, incumbent: present, least })
+    let task = Task { model, base: present, incumbent: present, least };
+    let Functions { untried, described } = functions(bench, &task)?;
+    let with = match described {
+        None => None,
+        Some(described) => match one_effect_instead(bench, state, examination, &described.0.1)? {
+            Some(alone) => Some(alone),
+            None => explained(bench, state, examination, &task, described)?,
+        },
+    };
+    Ok(Event::ExplainedTogether { untried, with })
+}
+
+/// The present model with the one effect that the residuals decide for, where it says as much as all `functions` together: they are
+/// its parts.
+fn one_effect_instead(
+    bench: &impl Bench,
+    state: &State,
+    examination: &Examination,
+    functions: &Fitted,
+) -> Result<Option<Box<Accepted>>, DiagnoseError> {
+    let State { present, memory, .. } = state;
+    let Decided { decision, .. } = decided(&present.fit, examination, memory, bench.options())?;
+    let Decision::Add { effect, indistinguishable, .. } = &decision else { return Ok(None) };
+    let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
+    let Event::Accepted(accepted) = tried(bench, state, examination, proposal)? else { return Ok(None) };
+    let lost = lost(present, functions, &accepted.present);
+    Ok(lost.filter(|lost| lost.is_little()).map(|_| accepted))
 }
 
 /// The model whose effects of depth are all explained anew, together, where the held-out errors are lower for certain: effects that
@@ -90,17 +117,22 @@ pub(super) fn explained_anew(
             }
         }
     };
-    explained(bench, state, examination, Task { model: &without, base: &base, incumbent: present, least: 1 })
+    let task = Task { model: &without, base: &base, incumbent: present, least: 1 };
+    match functions(bench, &task)?.described {
+        Some(described) => explained(bench, state, examination, &task, described),
+        None => Ok(None),
+    }
 }
 
+/// The model with the functions of a task explained, where the held-out errors fall for certain with them.
 fn explained(
     bench: &impl Bench,
     state: &State,
     examination: &Examination,
-    task: Task<'_>,
+    task: &Task<'_>,
+    (mut described, shares): (Model, Vec<f64>),
 ) -> Result<Option<Box<Accepted>>, DiagnoseError> {
     let before = task.model.added.len();
-    let Some((mut described, shares)) = functions(bench, &task)? else { return Ok(None) };
     let gain = described.1.gain_over(task.incumbent, &described.0.added[before..], bench.thresholds());
     if !matches!(gain, Gain::Certain) {
         let percent = lower_percent(task.incumbent, &described.1).unwrap_or(f64::NAN);
@@ -125,35 +157,47 @@ fn explained(
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
 
-/// The model of a task with the functions that its residuals depend on, and the share that each explains; searched again with the noise that they leave as long as the
-/// held-out errors fall.
-fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+/// The result of a search for functions that the residuals depend on.
+struct Functions {
+    /// The number of functions that were found and that are too few for the task.
+    untried: usize,
+    /// The model of the task with them, and the share of the squared residuals that each explains.
+    described: Option<(Model, Vec<f64>)>,
+}
+
+/// Searches functions that the residuals of a task depend on; again with the noise that they leave as long as the held-out errors
+/// fall.
+fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Functions, CalibrateError> {
     let Task { model, base, incumbent, least } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
     let taken = model_names(model, base);
     let mut noise = incumbent.fit.noise;
-    let mut best: Option<(Model, Vec<f64>)> = None;
+    let mut functions = Functions { untried: 0, described: None };
     for _ in 0..SEARCHES {
         let components = bench.components(&Calibrated { noise, ..base.fit.clone() }, &taken);
-        if components.len() < (*least).max(1) {
+        let before = &mut functions.described;
+        if components.len() < *least {
+            if before.is_none() {
+                functions.untried = components.len();
+            }
             break;
         }
         let shares = components.iter().map(|component| component.share).collect();
         let Some(with) = with_descriptions(bench, model, base, components)? else { break };
-        if best
+        if before
             .as_ref()
-            .is_some_and(|((_, best), _)| lower_percent(best, &with.1).is_none_or(|percent| percent < LEAST_FALL))
+            .is_some_and(|((_, before), _)| lower_percent(before, &with.1).is_none_or(|percent| percent < LEAST_FALL))
         {
             break;
         }
-        let [before, after] = [noise, with.1.fit.noise].map(|noise| noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
+        let [earlier, later] = [noise, with.1.fit.noise].map(|noise| noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
         noise = with.1.fit.noise;
-        best = Some((with, shares));
-        if after > OTHER_NOISE * before {
+        *before = Some((with, shares));
+        if later > OTHER_NOISE * earlier {
             break;
         }
     }
-    Ok(best)
+    Ok(functions)
 }
 
 /// Share of the noise before that is left, above which a further search would find the same …
@@ -263,26 +307,48 @@ const MORE: f64 = 0.25;
 /// Width of a 95 % interval in standard errors.
 const WIDTH: f64 = 3.92;
 
-/// Whether a name explains of the errors of `rest`, the model without it, nearly as much as a function does.
-fn says_as_much(rest: &Fitted, function: &Fitted, named: &Fitted, name: &str) -> bool {
+/// What functions gain, and what of it a name loses, per cent of the errors on left-out frames.
+struct Lost {
+    whole: f64,
+    lost: GainInterval,
+}
+
+/// What a name loses of the gain of functions over `without`, the model that has neither.
+fn lost(without: &Fitted, functions: &Fitted, named: &Fitted) -> Option<Lost> {
     let gain = |before: &Fitted, after: &Fitted| {
-        weighted_gain_percent(&before.held_out.evaluated, &after.held_out.evaluated, &function.fit.noise.depth)
+        weighted_gain_percent(&before.held_out.evaluated, &after.held_out.evaluated, &functions.fit.noise.depth)
     };
-    let (Some(whole), Some(lost)) = (gain(rest, function), gain(named, function)) else { return false };
-    let GainInterval { value, low, high } = lost;
-    let error = (high - low) / WIDTH;
-    let says = value <= error.max(LOST * whole.value) && value >= -error.max(MORE * whole.value);
-    info!(
-        "additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {:.2} % of its function: {says}",
-        whole.value
-    );
+    Some(Lost { whole: gain(without, functions)?.value, lost: gain(named, functions)? })
+}
+
+impl Lost {
+    fn standard_error(&self) -> f64 {
+        (self.lost.high - self.lost.low) / WIDTH
+    }
+
+    /// The name says nearly as much as the functions, or more.
+    fn is_little(&self) -> bool {
+        self.lost.value <= self.standard_error().max(LOST * self.whole)
+    }
+
+    /// The name says much more than the functions.
+    fn is_much_more(&self) -> bool {
+        self.lost.value < -self.standard_error().max(MORE * self.whole)
+    }
+}
+
+/// Whether a name explains of the errors of `rest`, the model without it, nearly what a function does.
+fn says_as_much(rest: &Fitted, function: &Fitted, named: &Fitted, name: &str) -> bool {
+    let Some(lost) = lost(rest, function, named) else { return false };
+    let says = lost.is_little() && !lost.is_much_more();
+    let Lost { whole, lost: GainInterval { value, low, high } } = lost;
+    info!("additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {whole:.2} % of its function: {says}");
     says
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::linear_bench::{FORMULA, FUNCTIONS, LinearBench, regressor, sum};
-    use super::super::state::Event;
     use super::*;
     use crate::diagnose::left_over::LeftOver;
     use crate::diagnose::linear_examination::{Planted, examined};
@@ -308,6 +374,14 @@ mod tests {
         bench
     }
 
+    /// The model with at least so many functions explained, and the number of those that were too few.
+    fn together(bench: &LinearBench, state: &State, least: usize) -> (usize, Option<Box<Accepted>>) {
+        match explained_together(bench, state, &examined(Planted::default(), 1), least).unwrap() {
+            Event::ExplainedTogether { untried, with } => (untried, with),
+            _ => panic!("another event"),
+        }
+    }
+
     fn names(accepted: &Accepted) -> Vec<&str> {
         accepted.model.added.iter().map(|effect| effect.evidence.name.as_str()).collect()
     }
@@ -316,27 +390,27 @@ mod tests {
     fn functions_that_hide_each_other_are_added_together() {
         let bench = bench([0.6, -0.6]);
         let state = bench.state(&[]);
-        let examination = examined(Planted::default(), 1);
-        let accepted = explained_together(&bench, &state, &examination, 2).unwrap().unwrap();
-        assert_eq!(names(&accepted), FUNCTIONS);
+        let (untried, accepted) = together(&bench, &state, 2);
+        let accepted = accepted.unwrap();
+        assert_eq!((untried, names(&accepted)), (0, FUNCTIONS.to_vec()));
         assert_eq!(accepted.model.formulas.len(), 2);
         assert!(matches!(accepted.outcome, Some(RoundOutcome::Added { ref effects, .. }) if effects.len() == 2));
-        assert!(explained_together(&bench, &state, &examination, 3).unwrap().is_none(), "there are two");
+        let (untried, with) = together(&bench, &state, 3);
+        assert!(untried == 2 && with.is_none(), "there are two");
     }
 
     #[test]
     fn functions_that_do_not_help_are_not_added() {
         let bench = bench([0.0, 0.0]);
-        let examination = examined(Planted::default(), 1);
-        assert!(explained_together(&bench, &bench.state(&[]), &examination, 1).unwrap().is_none());
+        let (untried, with) = together(&bench, &bench.state(&[]), 1);
+        assert!(untried == 0 && with.is_none(), "they were tried");
     }
 
     /// One of the two explains nothing that the other does not.
     #[test]
     fn a_needless_function_is_removed() {
         let bench = bench([0.6, 0.0]);
-        let examination = examined(Planted::default(), 1);
-        let accepted = explained_together(&bench, &bench.state(&[]), &examination, 2).unwrap().unwrap();
+        let accepted = together(&bench, &bench.state(&[]), 2).1.unwrap();
         assert_eq!(names(&accepted), FUNCTIONS[..1]);
     }
 
@@ -344,8 +418,7 @@ mod tests {
     fn a_formula_that_says_as_much_takes_the_place_of_its_function() {
         let mut bench = bench([0.6, -0.6]);
         bench.finds_formula = true;
-        let examination = examined(Planted::default(), 1);
-        let accepted = explained_together(&bench, &bench.state(&[]), &examination, 2).unwrap().unwrap();
+        let accepted = together(&bench, &bench.state(&[]), 2).1.unwrap();
         assert_eq!(names(&accepted), [FORMULA, FUNCTIONS[1]]);
     }
 
@@ -359,9 +432,9 @@ mod tests {
         // One function that imitates both was found first.
         bench.functions = vec![IMITATION];
         let mut state = bench.state(&[]);
-        let with = explained_together(&bench, &state, &examination, 1).unwrap();
+        let (untried, with) = together(&bench, &state, 1);
         assert_eq!(names(with.as_ref().unwrap()), [IMITATION]);
-        state.apply(Event::ExplainedTogether { least: 1, with });
+        state.apply(Event::ExplainedTogether { untried, with });
         assert!(explained_anew(&bench, &state, &examination).unwrap().is_none(), "a single effect, nothing left");
         bench.functions = FUNCTIONS.to_vec();
         state.findings.left_over.push(LeftOver::FramePlanes { share: 0.5, rms_mm: 1.0 });

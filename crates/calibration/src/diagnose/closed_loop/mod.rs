@@ -40,7 +40,7 @@ use self::decided::Decided;
 use self::fitter::{Fitter, OnFrames};
 use self::formula::{formula_for_residuals, formula_for_unexplained, formula_instead, may_be_searched};
 use self::proposal::Proposal;
-use self::revisit::{frames_readmitted, other_frames_excluded, without_hidden_lens_effects};
+use self::revisit::{frames_readmitted, other_frames_excluded, without_hidden_lens_effects, without_uncertain};
 use self::start::{options_of_fits, start};
 use self::state::{Event, Next, State};
 use self::trial::tried;
@@ -94,12 +94,16 @@ impl ClosedLoop<'_> {
 
     /// Runs the loop to its end. Returns the last examination.
     fn run(&mut self) -> Result<Examination, DiagnoseError> {
-        let examination = loop {
+        let mut examination = loop {
             let examination = self.rounds()?;
             if self.formula_after_rounds(&examination)? != Next::Examine && self.anew(&examination)? != Next::Examine {
                 break examination;
             }
         };
+        if let Some(event) = without_uncertain(&self.bench(), &self.state)? {
+            self.state.apply(event);
+            examination = self.examine()?;
+        }
         if let Some(event) = frames_readmitted(self.fitter, &self.state)? {
             self.state.apply(event);
         }
@@ -160,13 +164,14 @@ impl ClosedLoop<'_> {
         Ok(next)
     }
 
-    /// Explains what is left by several functions at once, at least `least`; once under each model.
+    /// Explains what is left by several functions at once, at least `least`; those that were tried under this model are not tried
+    /// again.
     fn together(&mut self, examination: &Examination, least: usize) -> Result<Next, DiagnoseError> {
-        if self.state.memory.tried.functions == Some(least) || !self.functions_are_wanted() {
+        if self.state.memory.tried.functions.is_some_and(|untried| untried < least) || !self.functions_are_wanted() {
             return Ok(Next::GoOn);
         }
-        let with = explained_together(&self.bench(), &self.state, examination, least)?;
-        let next = self.state.apply(Event::ExplainedTogether { least, with });
+        let event = explained_together(&self.bench(), &self.state, examination, least)?;
+        let next = self.state.apply(event);
         if next == Next::Examine
             && let Some(event) = other_frames_excluded(self.fitter, &self.state)?
         {

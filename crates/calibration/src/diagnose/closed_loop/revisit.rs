@@ -5,6 +5,7 @@
 //! | effects in the model | effects or a formula were added | [`without_needless`] |
 //! | effects of the lens in the model | something is unexplained | [`without_hidden_lens_effects`] |
 //! | frames that are fitted | effects were added | [`other_frames_excluded`] |
+//! | effects of the last model | no round is left | [`without_uncertain`] |
 //! | frames that are excluded | no round is left | [`frames_readmitted`] |
 
 use depthcal_model::PieceSpec;
@@ -18,13 +19,14 @@ use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::frames::{readmitted, without_outlying};
-use super::state::{Event, FramesChanged, State, TakenOut};
+use super::state::{Event, FramesChanged, State, TakenOut, Uncertain};
 use crate::calibrate::{CalibrateError, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::held_out::{Gain, HeldOut};
 use crate::diagnose::lens_in_image::shows_in_images;
 use crate::diagnose::merit::significant;
+use crate::diagnose::possible::Possible;
 use crate::diagnose::thresholds::Thresholds;
 
 /// Half the Wald statistic of an effect that is kept without a fit, over what an effect must explain to be plainly needed: the
@@ -146,6 +148,48 @@ fn with_errors_along(
         };
     }
     Ok(model)
+}
+
+/// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes first, as
+/// another may be certain without it. A free map stays, which names nothing. `None` where all are certain.
+///
+/// # Errors
+///
+/// [`CalibrateError`] where models along the way cannot be fitted again.
+pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Option<Event>, CalibrateError> {
+    let State { model, present, .. } = state;
+    let (mut model, mut present, mut possible) = (model.clone(), present.clone(), Vec::new());
+    let is_map = |effect: &AddedEffect| effect.evidence.block.piece().is_some_and(|piece| piece.field().is_some());
+    let mut doubtful: Vec<String> =
+        model.added.iter().filter(|effect| !is_map(effect)).map(|effect| effect.evidence.name.clone()).collect();
+    while !doubtful.is_empty() {
+        let mut uncertain = Vec::new();
+        for name in &doubtful {
+            let Some(place) = model.added.iter().position(|effect| effect.evidence.name == *name) else { continue };
+            let without = match bench.fitted(&model.without(place).options(bench.declared())) {
+                Ok(without) => without,
+                Err(error) => {
+                    info!("without {name}: {error}");
+                    continue;
+                }
+            };
+            match present.gain_over(&without, &model.added[place..=place], bench.thresholds()) {
+                Gain::Certain => {}
+                Gain::Possible(gain) => uncertain.push((gain.value, Some(gain), place, without)),
+                Gain::None => uncertain.push((0.0, None, place, without)),
+            }
+        }
+        doubtful = uncertain.iter().map(|(_, _, place, _)| model.added[*place].evidence.name.clone()).collect();
+        let Some((_, gain, place, without)) = uncertain.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let effect = model.added.remove(place);
+        doubtful.retain(|name| *name != effect.evidence.name);
+        let frames = present.held_out.evaluated.frames.len();
+        possible.extend(gain.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
+        model = with_errors_along(bench, model, place, &without.held_out)?;
+        present = without;
+    }
+    let is_another = model.added.len() < state.model.added.len();
+    Ok(is_another.then(|| Event::Uncertain(Box::new(Uncertain { model, present, possible }))))
 }
 
 /// Removes the effects of the lens that were added and that images alone do not show, each given the others. `None` where there
@@ -297,6 +341,20 @@ mod tests {
         let errors = |model: &AugmentedModel| model.added.iter().map(|e| e.after.errors).collect::<Vec<_>>();
         assert_eq!(errors(&taken_out.model), errors(&expected.model));
         assert_eq!(names(&taken_out.effects), ["range_offset"]);
+    }
+
+    /// Without the second effect, which is not there, the first, which resembles it, is certain.
+    #[test]
+    fn uncertain_effects_of_the_last_model_are_possible() {
+        let (a, other) = (regressor(1), regressor(2));
+        let resembling = sum(&[(1.0, &a), (0.3, &other)]);
+        let bench = LinearBench::new(&[("range_offset", 0.3, a), ("radial_range", 0.0, resembling)]);
+        let mut state = bench.state(&["range_offset", "radial_range"]);
+        let event = without_uncertain(&bench, &state).unwrap().unwrap();
+        state.apply(event);
+        assert_eq!(names(&state.model.specs_from(0)), ["range_offset"]);
+        assert_eq!(state.present.fit.camera.blocks().len(), 1);
+        assert!(without_uncertain(&bench, &state).unwrap().is_none(), "it is certain");
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub(super) struct Tried {
     pub rejected: Vec<String>,
     /// Those that were tried together.
     pub together: Vec<BTreeSet<String>>,
-    /// The least number of functions that explain the residuals together for which was searched.
+    /// The number of functions that the residuals depend on and that were not tried, as they were too few; `None` before a search.
     pub functions: Option<usize>,
     /// Whether all effects of depth were explained anew.
     pub anew: bool,
@@ -77,6 +77,8 @@ pub(super) enum Event {
     Accepted(Box<Accepted>),
     /// Effects of the lens are removed from the present model.
     TakenOut(Box<TakenOut>),
+    /// Effects of the last model are possible, not certain.
+    Uncertain(Box<Uncertain>),
     /// Effects were tried in vain.
     Rejected {
         /// Names of the effects that were tried together, the one that was found first.
@@ -86,8 +88,8 @@ pub(super) enum Event {
     },
     /// Functions that explain the residuals together were searched; the model with them, where they are certain.
     ExplainedTogether {
-        /// The least number of functions.
-        least: usize,
+        /// The number of functions that were found and not tried, as they were too few.
+        untried: usize,
         /// The model.
         with: Option<Box<Accepted>>,
     },
@@ -131,6 +133,14 @@ pub(super) struct TakenOut {
     pub present: Fitted,
     /// The removed effects.
     pub effects: Vec<PieceSpec>,
+}
+
+/// The last model without effects whose gain is not certain given all others.
+pub(super) struct Uncertain {
+    pub model: AugmentedModel,
+    pub present: Fitted,
+    /// The removed effects that may be there.
+    pub possible: Vec<Possible>,
 }
 
 /// Why effects that were tried are not in the model.
@@ -186,9 +196,16 @@ impl State {
             }
             Event::Accepted(accepted) => self.accept(*accepted),
             Event::TakenOut(taken_out) => self.take_out(*taken_out),
+            Event::Uncertain(uncertain) => {
+                let Uncertain { model, present, possible } = *uncertain;
+                (self.model, self.present) = (model, present);
+                self.findings.possible.retain(|earlier| possible.iter().all(|p| p.spec.name != earlier.spec.name));
+                self.findings.possible.extend(possible);
+                Next::Examine
+            }
             Event::Rejected { effects, because } => self.reject(effects, because),
-            Event::ExplainedTogether { least, with } => {
-                self.memory.tried.functions = Some(least);
+            Event::ExplainedTogether { untried, with } => {
+                self.memory.tried.functions = Some(untried);
                 with.map_or(Next::GoOn, |accepted| self.accept(*accepted))
             }
             Event::ExplainedAnew(anew) => {

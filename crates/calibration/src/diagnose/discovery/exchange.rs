@@ -43,7 +43,7 @@ impl Exchange {
 
     /// Whether one of the two covariates rises or falls with the other.
     pub fn rise_together(self, observations: &Observations, of: Of) -> bool {
-        let count: usize = observations.frames.iter().map(|frame| frame.samples.len()).sum();
+        let count = observations.samples().count();
         let samples = observations.frames.iter().flat_map(|frame| &frame.samples).step_by((count / SAMPLES).max(1));
         let values = samples.map(|s| [s.value(self.own, of), s.value(self.other, of)]);
         let known: Vec<[f64; 2]> = values.filter(|v| v.iter().all(|v| v.is_finite())).collect();

@@ -10,8 +10,7 @@ use rayon::prelude::*;
 use super::library::Span;
 use super::term::Term;
 use crate::adjust::adjustment::Adjustment;
-use crate::adjust::smoothness_prior::rows_of_smooth_functions;
-use crate::adjust::smoothness_selection::add_rows;
+use crate::adjust::smoothness_selection::prior_of_smooth_functions;
 use crate::calibrate::Calibrated;
 use crate::diagnose::candidate_blocks::with_probes;
 use crate::diagnose::observed_states::Range;
@@ -176,22 +175,13 @@ impl Observations {
 
     /// The same with the priors of smooth functions that pieces of the camera have themselves: every frame has its share of them.
     fn with_smooth_functions(mut self, camera: &Camera) -> Self {
-        let (mut precision, mut deviation) = (DMatrix::zeros(self.shared, self.shared), Vec::new());
-        for block in camera.blocks() {
-            let mut places = Vec::new();
-            for (i, parameter) in block.parameters().iter().enumerate() {
-                places.push(block.free[i].then_some(deviation.len()));
-                if block.free[i] {
-                    deviation.push(block.theta[i] - parameter.nominal);
-                }
-            }
-            add_rows(&mut precision, &rows_of_smooth_functions(block), &places);
-        }
-        precision /= self.frames.len() as f64;
-        let gradient = &precision * DVector::from_vec(deviation);
+        let (mut precision, mut pull) = prior_of_smooth_functions(camera);
+        let frames = self.frames.len() as f64;
+        precision /= frames;
+        pull /= frames;
         for frame in &mut self.frames {
             frame.hessian += &precision;
-            frame.gradient += &gradient;
+            frame.gradient += &pull;
         }
         self
     }

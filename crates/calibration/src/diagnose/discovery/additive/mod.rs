@@ -61,7 +61,8 @@ fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
         others.flat_map(|(_, function)| function.groups.clone()).collect()
     };
     let gain = |without| blocks.gain(&dictionary, &groups_but(without));
-    let share = |place: usize| (gain(None) - gain(Some(place))) / cost;
+    let gain_of_all = gain(None);
+    let share = |place: usize| (gain_of_all - gain(Some(place))) / cost;
     let mut taken = taken.to_vec();
     let mut described = Vec::new();
     for (place, Found { covariates, .. }) in found.iter().enumerate() {

@@ -45,7 +45,7 @@ struct Search<'a> {
 
 /// The functions that the residuals depend on, each certain given all others.
 pub(super) fn components(observations: &Observations, dictionary: &Dictionary, blocks: &Blocks) -> Vec<Found> {
-    let samples = observations.frames.iter().map(|frame| frame.samples.len()).sum();
+    let samples = observations.samples().count();
     let search = Search { observations, dictionary, blocks, samples };
     let mut found: Vec<Found> = Vec::new();
     for group in search.members() {
