@@ -139,13 +139,13 @@ impl<'a> CrossValidation<'a> {
         let mut ridge_matrix = DMatrix::zeros(n, n);
         let mut given = DMatrix::zeros(n, n);
         for (block, range) in camera.blocks_with_ranges() {
-            let own = &place[range];
-            add_rows(&mut given, &rows_of_smooth_functions(block), own);
+            let places = &place[range];
+            add_rows(&mut given, &rows_of_smooth_functions(block), places);
             let Some(layout) = block.piece().and_then(|p| p.field()) else { continue };
             let add = |to: &mut DMatrix<f64>, entries: &[(usize, f64)]| {
                 for (i, a) in entries {
                     for (j, b) in entries {
-                        if let (Some(p), Some(q)) = (own[*i], own[*j]) {
+                        if let (Some(p), Some(q)) = (places[*i], places[*j]) {
                             let scales = block.parameters()[*i].scale * block.parameters()[*j].scale;
                             to[(p, q)] += a * b / scales;
                         }
@@ -154,9 +154,9 @@ impl<'a> CrossValidation<'a> {
             };
             for row in differences(&layout, &block.free, |_| 1.0) {
                 let field = (row.entries[0].0 % layout.per_node()) / layout.grid.bins;
-                let at = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field);
-                if let Some(at) = at {
-                    add(&mut penalties[at], &row.entries);
+                let field_index = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field);
+                if let Some(field_index) = field_index {
+                    add(&mut penalties[field_index], &row.entries);
                 }
             }
             for row in ridge(&layout, &block.free, 1.0) {
@@ -198,8 +198,8 @@ impl<'a> CrossValidation<'a> {
         let prior = self.precision(roughness);
         let pull = &prior * &self.deviation;
         let estimate = |FrameInformation { fitted, .. }: &FrameInformation| {
-            let rest = &self.total.0 - &fitted.0 + &prior;
-            solve_scaled(rest, &-(&self.total.1 - &fitted.1 + &pull))
+            let normal = &self.total.0 - &fitted.0 + &prior;
+            solve_scaled(normal, &-(&self.total.1 - &fitted.1 + &pull))
         };
         self.folds.iter().map(estimate).collect()
     }
@@ -361,8 +361,10 @@ fn field_members(camera: &Camera, smoothness: &Smoothness) -> Vec<Vec<usize>> {
             }
             if let Some(layout) = layout.filter(|l| i < l.parameter_count() - l.shared) {
                 let field = (i % layout.per_node()) / layout.grid.bins;
-                if let Some(at) = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field) {
-                    members[at].push(next);
+                if let Some(field_index) =
+                    smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field)
+                {
+                    members[field_index].push(next);
                 }
             }
             next += 1;
