@@ -179,8 +179,8 @@ struct Chance<'a> {
 }
 
 impl Chance<'_> {
-    /// Cross-group statistic Σᵢ≠ⱼ uᵢᵀ (V + P)⁻¹ uⱼ of the scores, observed and under random signs of the leave-one-out scores, which
-    /// the function, estimated from the other groups, leaves (as [`p_value`](super::significance::p_value) of terms).
+    /// Cross-group statistic Σᵢ≠ⱼ uᵢᵀ (V + P)⁻¹ uⱼ of the scores, observed and under random signs of the leave-one-out scores:
+    /// those that the function, estimated from the other groups, leaves (as [`p_value`](super::significance::p_value) of terms).
     fn statistics(&self, signs: &DMatrix<f64>) -> Option<(f64, Vec<f64>)> {
         let whole = (&self.score.information + self.prior).cholesky()?;
         let statistic = |u: &DVector<f64>| u.dot(&whole.solve(u));
