@@ -1,8 +1,8 @@
 //! Several effects at once: functions first, names second.
 //!
-//! Two effects hide each other where each is tried alone. So what the residuals depend on is found together, as functions without a
-//! name, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the catalogue, by a
-//! formula, or by nothing. A function that nothing explains stays as the correction that it is.
+//! Two effects can hide each other where each is tried alone. So all functions on which the residuals depend are found together,
+//! without names, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the
+//! catalogue, by a formula, or by nothing. A function that nothing explains stays as the correction that it is.
 
 use depthcal_io::GainInterval;
 use tracing::info;
@@ -58,7 +58,7 @@ pub(super) fn explained_together(
     explained(bench, state, examination, Task { model, base: present, incumbent: present, least })
 }
 
-/// The model whose effects of depth are all explained anew, together, where the held-out errors are lower for certain: effects that
+/// The model with all effects of depth explained anew, together, where the held-out errors are lower for certain: effects that
 /// were added one after the other may have taken up parts of each other.
 ///
 /// # Errors
@@ -125,8 +125,8 @@ fn explained(
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
 
-/// The model of a task with the functions that its residuals depend on, and the share that each explains; searched again with the noise that they leave as long as the
-/// held-out errors fall.
+/// The model of a task with the functions that its residuals depend on, and the share that each explains. They are searched again
+/// with the noise that they leave as long as the held-out errors fall.
 fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
     let Task { model, base, incumbent, least } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
@@ -204,30 +204,31 @@ fn with_descriptions(
     }
 }
 
-/// The model with a name or a formula in the place of the function number `place`, given all others; `None` where none says as much.
+/// The model with an effect or a formula in the place of the function number `place`, given all others; `None` where neither
+/// explains as much.
 fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Option<Model>, DiagnoseError> {
     let (model, fitted) = with;
     let without = model.without(place);
-    let rest = match bench.fitted(&without.options(bench.declared())) {
-        Ok(rest) => rest,
+    let reduced = match bench.fitted(&without.options(bench.declared())) {
+        Ok(reduced) => reduced,
         Err(error) => {
             info!("additive: without {}: {error}", model.added[place].evidence.spec);
             return Ok(None);
         }
     };
     // What is missing is no noise.
-    let rest = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..rest.fit }, ..rest };
-    let examination = bench.examine(&rest.fit)?;
+    let reduced = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
+    let examination = bench.examine(&reduced.fit)?;
     let tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
-    let Decided { decision, .. } = decided(&rest.fit, &examination, &tried, bench.options())?;
+    let Decided { decision, .. } = decided(&reduced.fit, &examination, &tried, bench.options())?;
     if let Decision::Add { effect, indistinguishable, .. } = &decision {
         let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
-        let effect = proposal.effects(&examination, &rest.held_out).swap_remove(0);
+        let effect = proposal.effects(&examination, &reduced.held_out).swap_remove(0);
         let name = effect.evidence.spec.to_string();
         // A function of depth is explained by an effect of depth.
         let is_of_depth = is_depth_only(&effect.evidence.block);
         match bench.refined(without.clone().with(effect)) {
-            Ok((mut model, named)) if is_of_depth && says_as_much(&rest, fitted, &named, &name) => {
+            Ok((mut model, named)) if is_of_depth && says_as_much(&reduced, fitted, &named, &name) => {
                 if let Some(last) = model.added.last_mut() {
                     last.after = named.held_out.clone();
                 }
@@ -238,13 +239,13 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
         }
     }
     let taken = model_names(model, fitted);
-    let Search::Found(discovery) = bench.discover(&rest.fit, Chance::Complete(&fitted.fit), &examination, &taken)
+    let Search::Found(discovery) = bench.discover(&reduced.fit, Chance::Complete(&fitted.fit), &examination, &taken)
     else {
         return Ok(None);
     };
     let name = discovery.effect.text();
-    let formula = with_formula(bench, &without, &rest, *discovery);
-    let formula = formula.filter(|(_, named)| says_as_much(&rest, fitted, named, &name));
+    let formula = with_formula(bench, &without, &reduced, *discovery);
+    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, &name));
     Ok(formula.map(|(model, named)| (in_place(model, place), named)))
 }
 

@@ -56,8 +56,8 @@ pub(super) fn without_needless(
 ) -> Result<Revisited, CalibrateError> {
     let mut revisited = Revisited { model, present, removed: Vec::new() };
     let mut i = 0;
-    let kept = usize::from(is_last_tried);
-    while i + kept < revisited.model.added.len() {
+    let protected = usize::from(is_last_tried);
+    while i + protected < revisited.model.added.len() {
         let (effect, is_new) = (&revisited.model.added[i], i >= together);
         if !is_new && is_plain_by_wald(&revisited.present.fit, effect, bench.thresholds()) {
             i += 1;
