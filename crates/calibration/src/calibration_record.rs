@@ -179,7 +179,7 @@ pub fn piece_records(camera: &Camera, std_devs: &[Option<f64>]) -> Vec<PieceReco
 }
 
 fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {
-    let of = |name: &str| fitted.frames.iter().find(|f| f.name == name).map(|f| f.record());
+    let errors_of = |name: &str| fitted.frames.iter().find(|f| f.name == name).map(|f| f.record());
     result
         .capture
         .frames
@@ -188,7 +188,7 @@ fn frame_records(result: &Calibrated, fitted: &Evaluated) -> Vec<FrameRecord> {
             let pose = &frame.camera_from_board;
             let q = pose.rotation.quaternion();
             let t = pose.translation.vector;
-            let errors = of(&frame.name);
+            let errors = errors_of(&frame.name);
             FrameRecord {
                 name: frame.name.clone(),
                 rotation: [q.w, q.i, q.j, q.k],
@@ -219,11 +219,11 @@ pub fn camera_from_record(record: &CameraRecord, register: &Register) -> Result<
                 None => Block::new(register.placed_piece(&piece.name, &piece.options, placement)?),
             }
         };
-        let found: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
+        let names: Vec<&str> = piece.parameters.iter().map(|p| p.name.as_str()).collect();
         let expected: Vec<&str> = block.parameters().iter().map(|p| &*p.name).collect();
-        if found != expected {
-            let (found, expected) = (found.join(", "), expected.join(", "));
-            return Err(RecordError::Parameters { piece: piece.name.clone(), found, expected });
+        if names != expected {
+            let (names, expected) = (names.join(", "), expected.join(", "));
+            return Err(RecordError::Parameters { piece: piece.name.clone(), found: names, expected });
         }
         block.theta = piece.parameters.iter().map(|p| p.value).collect();
         block.free = piece.parameters.iter().map(|p| !p.fixed).collect();

@@ -18,7 +18,7 @@ pub trait Progress: fmt::Debug + Send + Sync {
 
 /// A job in progress. It ends when this is dropped.
 pub trait Job: fmt::Debug + Send + Sync {
-    /// What the job is doing now.
+    /// Tells what the job is doing now.
     fn doing(&self, what: String);
     /// One step is done. Called from any thread.
     fn advance(&self);
@@ -95,7 +95,7 @@ struct TimedJob {
     now: Mutex<Now>,
 }
 
-/// What a job is doing.
+/// Present activity of a job.
 #[derive(Debug)]
 struct Now {
     stage: Option<Stage>,

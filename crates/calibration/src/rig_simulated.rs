@@ -41,15 +41,15 @@ pub fn pose(pose: &Pose) -> Isometry3<f64> {
 pub fn true_value(truth: &RigCameraTruth, parameter: &str) -> Option<f64> {
     let camera = &truth.truth.camera;
     let (piece, name) = parameter.split_once('.')?;
-    let of = |names: &[&str], values: &[f64]| names.iter().position(|n| *n == name).map(|i| values[i]);
+    let named = |names: &[&str], values: &[f64]| names.iter().position(|n| *n == name).map(|i| values[i]);
     match piece {
         "pinhole" => {
             let values =
                 [camera.focal_px[0], camera.focal_px[1], camera.centre_px[0], camera.centre_px[1], camera.skew_px];
-            of(&["fx", "fy", "cx", "cy", "skew"], &values)
+            named(&["fx", "fy", "cx", "cy", "skew"], &values)
         }
-        "brown_conrady" => of(&["k1", "k2", "p1", "p2", "k3"], &camera.lens),
-        "projective" => of(&["dx", "dy", "dz", "dw"], &camera.depth),
+        "brown_conrady" => named(&["k1", "k2", "p1", "p2", "k3"], &camera.lens),
+        "projective" => named(&["dx", "dy", "dz", "dw"], &camera.depth),
         _ => None,
     }
 }
@@ -61,20 +61,26 @@ pub fn true_value(truth: &RigCameraTruth, parameter: &str) -> Option<f64> {
 /// [`RegisterError`] where the register lacks these pieces.
 pub fn true_cameras(truth: &RigTruth, register: &Register) -> Result<Vec<PlacedCamera>, RegisterError> {
     let placed = |camera: &RigCameraTruth| {
-        let own = &camera.truth.camera;
+        let true_camera = &camera.truth.camera;
         let with = |name: &str, values: &[f64]| {
             let mut block = register.block(name, None)?;
             block.theta.copy_from_slice(values);
             Ok::<_, RegisterError>(block)
         };
-        let mut blocks = vec![with("brown_conrady", &own.lens)?];
+        let mut blocks = vec![with("brown_conrady", &true_camera.lens)?];
         if camera.streams.has_depth() {
-            blocks.push(with("projective", &own.depth)?);
+            blocks.push(with("projective", &true_camera.depth)?);
         }
-        let pinhole = [own.focal_px[0], own.focal_px[1], own.centre_px[0], own.centre_px[1], own.skew_px];
+        let pinhole = [
+            true_camera.focal_px[0],
+            true_camera.focal_px[1],
+            true_camera.centre_px[0],
+            true_camera.centre_px[1],
+            true_camera.skew_px,
+        ];
         Ok(PlacedCamera {
             name: camera.name.clone(),
-            camera: Camera::new(own.width, own.height, pinhole, blocks),
+            camera: Camera::new(true_camera.width, true_camera.height, pinhole, blocks),
             camera_from_rig: pose(&camera.camera_from_rig),
             drift: None,
         })
@@ -88,19 +94,19 @@ pub fn errors(fit: &RigCalibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
     let mut errors = Vec::new();
     let mut row = 0;
     for camera in &fit.cameras {
-        let Some(own) = truth.cameras.iter().find(|t| t.name == camera.name) else { continue };
+        let Some(true_camera) = truth.cameras.iter().find(|t| t.name == camera.name) else { continue };
         if camera.place_std_dev.is_some() {
-            errors.extend(place_error(camera, own).iter().enumerate().map(|(i, e)| (row + i, *e)));
+            errors.extend(place_error(camera, true_camera).iter().enumerate().map(|(i, e)| (row + i, *e)));
             row += if camera.drift.is_some() { 12 } else { 6 };
             if let Some(offset) = camera.time_offset {
-                errors.push((row, own.time_offset_s - offset.value_s));
+                errors.push((row, true_camera.time_offset_s - offset.value_s));
                 row += 1;
             }
         }
         let model = &camera.calibrated.camera;
         let names = crate::calibration_record::parameter_names(model);
         for (i, ((name, free), value)) in names.iter().zip(model.theta()).enumerate() {
-            if let (true, Some(is)) = (*free, true_value(own, name)) {
+            if let (true, Some(is)) = (*free, true_value(true_camera, name)) {
                 errors.push((row + i, is - value));
             }
         }

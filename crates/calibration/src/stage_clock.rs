@@ -8,7 +8,7 @@ use tracing::{debug, info};
 /// The time of one stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageTime {
-    /// What was done.
+    /// Name of the stage.
     pub stage: String,
     /// Wall time, s; of all occurrences together.
     pub seconds: f64,

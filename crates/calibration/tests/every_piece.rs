@@ -1,4 +1,4 @@
-//! What holds for every registered piece, so that a new one is covered without a test of its own: it survives saving and loading,
+//! Properties of every registered piece, so that a new one is covered without a test of its own: it survives saving and loading,
 //! and folds of depth are found. Derivatives and inverse: `crates/model/tests/jacobians.rs`.
 
 use depthcal_calibration::calibration_record::{camera_from_record, piece_records};
@@ -85,7 +85,7 @@ fn folds_of_depth_are_found() {
         for trial in 0..60 {
             let camera = camera(name, [1.0, 10.0, 100.0, 1000.0][trial % 4], &mut rng);
             let context = context(&mut rng);
-            let found = camera.check_depth_folds(&context, RANGE_MM, STEPS);
+            let check = camera.check_depth_folds(&context, RANGE_MM, STEPS);
             let rho =
                 |i: usize| 1.0 / RANGE_MM[0] + (1.0 / RANGE_MM[1] - 1.0 / RANGE_MM[0]) * i as f64 / (30 * STEPS) as f64;
             let measured: Option<Vec<f64>> = (0..=30 * STEPS)
@@ -98,10 +98,10 @@ fn folds_of_depth_are_found() {
             let falls = |step: usize| measured.windows(step + 1).all(|w| w[step] < w[0] && w[step] > 0.0);
             // A fold narrower than a step of the check may be missed; one as wide as two may not.
             if !falls(60) {
-                assert!(found.is_err(), "{name}, {:?}: a fold is not found", camera.theta());
+                assert!(check.is_err(), "{name}, {:?}: a fold is not found", camera.theta());
                 folded += 1;
             } else if falls(1) {
-                assert!(found.is_ok(), "{name}, {:?}: {found:?}", camera.theta());
+                assert!(check.is_ok(), "{name}, {:?}: {check:?}", camera.theta());
                 sound += 1;
             }
         }

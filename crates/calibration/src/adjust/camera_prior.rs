@@ -138,12 +138,13 @@ impl CameraPriorBatch {
         let part = prior.of(camera)?;
         let (mut used, mut columns, mut width) = (Vec::new(), vec![usize::MAX; part.places.len()], 0);
         for ((_, range), key) in camera.blocks_with_ranges().zip(keys) {
-            let own: Vec<usize> = (0..part.places.len()).filter(|i| range.contains(&part.places[*i])).collect();
-            if own.is_empty() {
+            let places_of_block: Vec<usize> =
+                (0..part.places.len()).filter(|i| range.contains(&part.places[*i])).collect();
+            if places_of_block.is_empty() {
                 continue;
             }
             used.push((*key)?);
-            for i in own {
+            for i in places_of_block {
                 columns[i] = width + part.places[i] - range.start;
             }
             width += range.len();

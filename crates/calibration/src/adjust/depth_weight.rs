@@ -13,8 +13,9 @@ use super::smoothness_selection::{FrameInformation, solve_scaled};
 /// Parts, blocks of consecutive frames, of which one is left out at a time.
 const PARTS: usize = 5;
 
-/// Whether the depth of a camera with its weight divided by `design_effect` predicts the depth of left-out frames better than with
-/// its whole weight, with which `adjustment` was solved: both linearised there, poses of left-out frames from everything else.
+/// Whether the depth of a camera with its weight divided by `design_effect` predicts the depth of left-out frames better than
+/// with its whole weight, with which `adjustment` was solved. Both are linearised there; poses of left-out frames come from
+/// everything else.
 pub fn less_predicts_better(adjustment: &Adjustment, camera: usize, design_effect: f64) -> bool {
     let frames = adjustment.frame_information_of_depth(camera, [1.0, 1.0 / design_effect]);
     let (whole, less): (Vec<_>, Vec<_>) = frames.into_iter().map(|[whole, less]| (whole, less)).unzip();
@@ -29,8 +30,8 @@ fn held_out_cost(fitted: &[FrameInformation], held_out: &[FrameInformation]) -> 
     let part_of = |frame: usize| frame * PARTS / count.max(1);
     let without = |part: usize| {
         let n = fitted.first()?.fitted.1.len();
-        let rest = fitted.iter().enumerate().filter(|(i, _)| part_of(*i) != part).map(|(_, frame)| frame);
-        let (normal, gradient) = FrameInformation::added((DMatrix::zeros(n, n), DVector::zeros(n)), rest);
+        let other_frames = fitted.iter().enumerate().filter(|(i, _)| part_of(*i) != part).map(|(_, frame)| frame);
+        let (normal, gradient) = FrameInformation::added((DMatrix::zeros(n, n), DVector::zeros(n)), other_frames);
         solve_scaled(normal, &-gradient)
     };
     let estimates: Vec<Option<DVector<f64>>> = (0..PARTS).map(without).collect();

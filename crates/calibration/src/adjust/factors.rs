@@ -43,7 +43,7 @@ pub struct CameraVariables {
     pub offset: Option<Key<DVector<f64>>>,
 }
 
-/// What a camera observed of the board in one frame.
+/// Observations of the board by a camera in one frame.
 #[derive(Debug, Clone)]
 pub enum Observations {
     /// Markers in the image.

@@ -1,5 +1,5 @@
-//! What every frame says of the parameters that all frames share, at the present values of an adjustment: its rows and its normal
-//! equations with the pose of the board eliminated.
+//! Information of every frame on the parameters that all frames share, at the present values of an adjustment: its rows and its
+//! normal equations with the pose of the board eliminated.
 
 use std::ops::Range;
 
@@ -103,15 +103,15 @@ impl Adjustment {
         shared.free.iter().map(|parameter| rows[*parameter]).collect()
     }
 
-    /// What every frame says of the free parameters that all frames share, priors left out, with residuals weighted
-    /// by their losses. Frames that cannot be evaluated say nothing.
+    /// Information of every frame on the free parameters that all frames share, without priors and with residuals weighted by
+    /// their losses. It is zero for frames that cannot be evaluated.
     pub fn frame_information(&self, curvature: Curvature) -> Vec<FrameInformation> {
         let parts = self.information_of_parts([&self.image_batches(), &self.depth_batches()], curvature, [1.0]);
         parts.into_iter().map(|[frame]| frame).collect()
     }
 
-    /// [`Adjustment::frame_information`], with the weights of the solver, where only the depth of one camera is judged, and counts
-    /// with one of two factors where frames are fitted.
+    /// [`Adjustment::frame_information`] with the weights of the solver. Of held-out frames only the depth of `camera` is judged;
+    /// where frames are fitted, its weight is multiplied with each of two `factors`.
     pub fn frame_information_of_depth(&self, camera: usize, factors: [f64; 2]) -> Vec<[FrameInformation; 2]> {
         let judged = self.cameras[camera].depth;
         let mut others = self.image_batches();

@@ -42,8 +42,8 @@ pub fn cameras_without_parts<F: AdjustableFrame>(
     }
     let free = camera.free_parameters();
     let without = |part: usize| {
-        let rest = frames.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(frame, _)| frame);
-        let (normal, gradient) = FrameInformation::added((precision.clone(), pull.clone()), rest);
+        let other_frames = frames.iter().zip(part_of).filter(|(_, of)| **of != part).map(|(frame, _)| frame);
+        let (normal, gradient) = FrameInformation::added((precision.clone(), pull.clone()), other_frames);
         let step = solve_scaled(normal, &-gradient)?;
         let mut theta = camera.theta();
         for (i, step) in free.iter().zip(step.iter()) {

@@ -228,15 +228,16 @@ mod tests {
     #[test]
     fn the_scatter_of_planes_is_recovered() {
         for truth in [2.0, 0.5] {
-            let found = scatter_of(&planes(200, truth, 3), &[]).of_noise;
-            assert!((found / truth - 1.0).abs() < 0.12, "{found} {truth}");
+            let scatter = scatter_of(&planes(200, truth, 3), &[]).of_noise;
+            assert!((scatter / truth - 1.0).abs() < 0.12, "{scatter} {truth}");
         }
     }
 
     #[test]
     fn planes_of_noise_are_no_scatter() {
-        let found = (0..200).filter(|seed| scatter_of(&planes(30, 0.0, *seed), &[]) != PlaneScatter::NONE).count();
-        assert!(found <= 2, "{found} of 200 at a level of 0.1 %");
+        let false_scatters =
+            (0..200).filter(|seed| scatter_of(&planes(30, 0.0, *seed), &[]) != PlaneScatter::NONE).count();
+        assert!(false_scatters <= 2, "{false_scatters} of 200 at a level of 0.1 %");
         assert_eq!(scatter_of(&planes(5, 9.0, 1), &[]), PlaneScatter::NONE, "too few frames");
     }
 }

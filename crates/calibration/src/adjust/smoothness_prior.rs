@@ -7,7 +7,7 @@
 //! is not penalised; there its strength is chosen from the data as well. Nodes that no sample touches are held at their
 //! nominal values.
 //!
-//! Smooth functions that pieces have themselves, such as splines in formulas, have a prior of the same kind, whose strength is given.
+//! Smooth functions that pieces have themselves, such as splines in formulas, have a prior of the same kind of given strength.
 
 use std::collections::BTreeMap;
 
@@ -70,8 +70,8 @@ impl Smoothness {
         for block in camera.blocks() {
             let Some((piece, layout)) = block.piece().and_then(|p| Some((p, p.field()?))) else { continue };
             for index in 0..layout.fields {
-                let own: Vec<bool> = indices(&layout, index).map(|i| block.free[i]).collect();
-                let nodes = own.iter().filter(|free| **free).count();
+                let is_free: Vec<bool> = indices(&layout, index).map(|i| block.free[i]).collect();
+                let nodes = is_free.iter().filter(|free| **free).count();
                 let name = &piece.parameters()[index * layout.grid.bins].name;
                 fields.push(FieldRoughness {
                     piece: piece.name(),
@@ -79,7 +79,7 @@ impl Smoothness {
                     index,
                     roughness: thresholds.first_roughness,
                     nodes,
-                    untouched: own.len() - nodes,
+                    untouched: is_free.len() - nodes,
                     effective: None,
                 });
             }
@@ -123,7 +123,7 @@ pub struct PriorRow {
     pub entries: Vec<(usize, f64)>,
 }
 
-/// The prior's rows for the smooth functions that a piece has itself ([`SmoothParameters`]), whose strength is a part of the piece.
+/// The prior's rows for the smooth functions that a piece has itself ([`SmoothParameters`]), whose strength is part of the piece.
 ///
 /// [`SmoothParameters`]: depthcal_model::SmoothParameters
 pub fn rows_of_smooth_functions(block: &Block) -> Vec<PriorRow> {
@@ -156,7 +156,7 @@ pub(crate) fn differences(layout: &FieldLayout, free: &[bool], roughness: impl F
     let mut all = Vec::new();
     for field in 0..layout.fields {
         let weight = 1.0 / roughness(field);
-        let at = |c: usize, r: usize, b: usize| layout.node(c, r) + field * bins + b;
+        let index = |c: usize, r: usize, b: usize| layout.node(c, r) + field * bins + b;
         let mut add = |entries: &[(usize, f64)]| {
             if entries.iter().all(|(i, _)| free[*i]) {
                 all.push(PriorRow { entries: entries.iter().map(|(i, c)| (*i, c * weight)).collect() });
@@ -164,17 +164,22 @@ pub(crate) fn differences(layout: &FieldLayout, free: &[bool], roughness: impl F
         };
         for (r, c, b) in (0..rows).flat_map(|r| (0..columns).flat_map(move |c| (0..bins).map(move |b| (r, c, b)))) {
             if c + 2 < columns {
-                add(&[(at(c, r, b), 1.0), (at(c + 1, r, b), -2.0), (at(c + 2, r, b), 1.0)]);
+                add(&[(index(c, r, b), 1.0), (index(c + 1, r, b), -2.0), (index(c + 2, r, b), 1.0)]);
             }
             if r + 2 < rows {
-                add(&[(at(c, r, b), 1.0), (at(c, r + 1, b), -2.0), (at(c, r + 2, b), 1.0)]);
+                add(&[(index(c, r, b), 1.0), (index(c, r + 1, b), -2.0), (index(c, r + 2, b), 1.0)]);
             }
             if b + 2 < bins {
-                add(&[(at(c, r, b), 1.0), (at(c, r, b + 1), -2.0), (at(c, r, b + 2), 1.0)]);
+                add(&[(index(c, r, b), 1.0), (index(c, r, b + 1), -2.0), (index(c, r, b + 2), 1.0)]);
             }
             if c + 1 < columns && r + 1 < rows {
                 let s = std::f64::consts::SQRT_2;
-                add(&[(at(c, r, b), s), (at(c + 1, r, b), -s), (at(c, r + 1, b), -s), (at(c + 1, r + 1, b), s)]);
+                add(&[
+                    (index(c, r, b), s),
+                    (index(c + 1, r, b), -s),
+                    (index(c, r + 1, b), -s),
+                    (index(c + 1, r + 1, b), s),
+                ]);
             }
         }
     }
@@ -249,7 +254,7 @@ impl SmoothnessBatch {
         Self { name: format!("smoothness of {}", block.name()), groups }
     }
 
-    /// The same for a block with one variable per node, and a last one for shared parameters.
+    /// The prior's rows for a block with one variable per node, and a last one for shared parameters.
     pub fn by_node(block: &Block, layout: &FieldLayout, keys: &[Key<DVector<f64>>], rows: &[PriorRow]) -> Self {
         let (size, nodes) = (layout.per_node(), layout.grid.columns_and_rows());
         let place = |i: usize| if i < nodes * size { (i / size, i % size) } else { (nodes, i - nodes * size) };

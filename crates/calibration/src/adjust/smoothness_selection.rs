@@ -128,8 +128,8 @@ impl FreeParameters {
     }
 }
 
-/// Adds the normal matrix of a row over the parameters of a block, in units of `scale`, whose places among the free parameters are
-/// `places`.
+/// Adds the normal matrix of a row over the parameters of a block, in units of `scale`; `places` are their places among the free
+/// parameters.
 fn add_row(
     matrix: &mut DMatrix<f64>,
     PriorRow { entries }: &PriorRow,
@@ -145,8 +145,8 @@ fn add_row(
     }
 }
 
-/// Precision matrix of the smooth functions that pieces of a camera have themselves, over its free parameters, and their pull at the
-/// parameters' present values (the gradient of their cost).
+/// Precision matrix of the smooth functions that pieces of a camera have themselves, over its free parameters, and their pull at
+/// the parameters' present values (the gradient of their cost).
 pub(crate) fn prior_of_smooth_functions(camera: &Camera) -> (DMatrix<f64>, DVector<f64>) {
     let free = FreeParameters::of(camera);
     let precision = precision_of_smooth_functions(camera, &free);
@@ -220,8 +220,8 @@ impl<'a> CrossValidation<'a> {
         let prior = self.precision(roughness);
         let pull = &prior * &self.deviation;
         let estimate = |FrameInformation { fitted, .. }: &FrameInformation| {
-            let rest = &self.total.0 - &fitted.0 + &prior;
-            solve_scaled(rest, &-(&self.total.1 - &fitted.1 + &pull))
+            let normal = &self.total.0 - &fitted.0 + &prior;
+            solve_scaled(normal, &-(&self.total.1 - &fitted.1 + &pull))
         };
         self.folds.iter().map(estimate).collect()
     }
@@ -383,8 +383,10 @@ fn field_members(camera: &Camera, smoothness: &Smoothness) -> Vec<Vec<usize>> {
             }
             if let Some(layout) = layout.filter(|l| i < l.parameter_count() - l.shared) {
                 let field = (i % layout.per_node()) / layout.grid.bins;
-                if let Some(at) = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field) {
-                    members[at].push(next);
+                if let Some(field_index) =
+                    smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field)
+                {
+                    members[field_index].push(next);
                 }
             }
             next += 1;

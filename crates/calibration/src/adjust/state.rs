@@ -242,9 +242,10 @@ impl<F: AdjustableFrame> State<F> {
         }
         let boards = self.frames.iter().map(|frame| frame.board + 1).max().unwrap_or(0);
         for board in 0..boards {
-            let mut own: Vec<&mut RigFrame> = self.frames.iter_mut().filter(|frame| frame.board == board).collect();
-            let poses: Vec<_> = own.iter().map(|f| (f.metadata.timestamp_s, f.rig_from_board)).collect();
-            for (frame, motion) in own.iter_mut().zip(motions(&poses)) {
+            let mut frames_of_board: Vec<&mut RigFrame> =
+                self.frames.iter_mut().filter(|frame| frame.board == board).collect();
+            let poses: Vec<_> = frames_of_board.iter().map(|f| (f.metadata.timestamp_s, f.rig_from_board)).collect();
+            for (frame, motion) in frames_of_board.iter_mut().zip(motions(&poses)) {
                 frame.motion = motion;
             }
         }

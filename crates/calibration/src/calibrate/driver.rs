@@ -33,8 +33,8 @@ pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibr
     calibrate_depth(from_image, options)
 }
 
-/// The same by the joint adjustment, and the depth samples before any were left out as outliers: what
-/// [`readjust`](super::readjust::readjust) starts from.
+/// Calibrates a depth camera by the joint adjustment. Returns the fit and the depth samples before any were left out as outliers,
+/// from which [`readjust`](super::readjust::readjust) starts.
 ///
 /// # Errors
 ///

@@ -114,7 +114,7 @@ pub enum CalibrateError {
     TimeOffset {
         /// The camera.
         camera: String,
-        /// What is lacking, and the remedy.
+        /// The missing data and the remedy, in words.
         reason: String,
     },
     /// A depth camera without images has no start values.
@@ -122,7 +122,7 @@ pub enum CalibrateError {
     DepthStart {
         /// The camera.
         camera: String,
-        /// What is lacking, and the remedy.
+        /// The missing data and the remedy, in words.
         reason: String,
     },
     /// A prior has no finite standard deviation.

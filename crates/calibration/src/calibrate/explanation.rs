@@ -131,7 +131,7 @@ fn add_once(names: &mut Vec<String>, name: String) {
     }
 }
 
-/// What captures offer.
+/// Extent of a capture: frames, tilts, distances and reach in the image.
 struct Facts {
     frames: usize,
     /// Largest angle between two boards.

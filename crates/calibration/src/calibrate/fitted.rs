@@ -20,8 +20,8 @@ use crate::observe::{Capture, PosedFrame, SampledFrame};
 pub struct Calibrated<F = SampledFrame> {
     /// The camera.
     pub camera: Camera,
-    /// What was fitted: frames with their poses and the depth samples that were used. Frames that turned out unusable are
-    /// among its dropped.
+    /// The fitted data: frames with their poses and the depth samples that were used. Frames that turned out unusable are among
+    /// its dropped.
     pub capture: Capture<F>,
     /// Frames among the dropped whose depth belongs to another pose, or whose board has another size.
     pub foreign_depth: Vec<ForeignDepth>,
@@ -74,7 +74,7 @@ impl<F> Calibrated<F> {
 }
 
 impl Calibrated<PosedFrame> {
-    /// The same fit with frames that have no depth samples.
+    /// This fit with frames that have no depth samples.
     pub(super) fn without_samples(self) -> Calibrated {
         let sampled = |posed| SampledFrame { posed, samples: Arc::default() };
         let mut capture = self.capture.with_frames(Vec::new());

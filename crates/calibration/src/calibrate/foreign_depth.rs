@@ -131,18 +131,18 @@ fn is_foreign(deviation: f64, median: f64) -> bool {
 /// frames hardly reach the ends of the range, where the others may deviate by what the half does not determine.
 fn deviations(frames: &[OfFrame]) -> Option<(Vec<f64>, f64)> {
     let mut theta = trimmed(frames)?;
-    let mut own: Vec<bool> = Vec::new();
+    let mut fitted_frames: Vec<bool> = Vec::new();
     let mut last = None;
     for _ in 0..STEPS[1] {
         let all: Vec<f64> = frames.iter().map(|f| f.deviation(&theta)).collect();
         let median = upper_median(&mut all.clone())?;
         let fits: Vec<bool> = all.iter().map(|deviation| !is_foreign(*deviation, median)).collect();
         last = Some((all, median));
-        if fits == own {
+        if fits == fitted_frames {
             break;
         }
         theta = fitted(frames.iter().zip(&fits).filter(|(_, fits)| **fits).map(|(f, _)| f))?;
-        own = fits;
+        fitted_frames = fits;
     }
     last
 }

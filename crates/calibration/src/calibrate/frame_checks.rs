@@ -75,14 +75,14 @@ pub(super) fn posed(capture: &Capture, camera: &Camera) -> Capture<PosedFrame> {
 
 /// The capture with those frames that are kept; names and reasons of the others are among its dropped.
 fn keep<F>(capture: &Capture, judged: impl Iterator<Item = Result<F, (String, String)>>) -> Capture<F> {
-    let mut kept = capture.with_frames(Vec::new());
+    let mut remaining = capture.with_frames(Vec::new());
     for frame in judged {
         match frame {
-            Ok(frame) => kept.frames.push(frame),
-            Err((name, reason)) => drop_frame(&mut kept.dropped, name, reason),
+            Ok(frame) => remaining.frames.push(frame),
+            Err((name, reason)) => drop_frame(&mut remaining.dropped, name, reason),
         }
     }
-    kept
+    remaining
 }
 
 fn drop_frame(dropped: &mut Vec<DroppedFrame>, name: String, reason: String) {
@@ -115,8 +115,8 @@ pub(super) fn repair(
         drop_frame(&mut capture.dropped, frame.name.clone(), reason);
     }
     if capture.frames.len() < FEWEST_FRAMES {
-        let found = capture.frames.len();
-        return Err(StartError::TooFewFrames { found, needed: FEWEST_FRAMES }.into());
+        let usable = capture.frames.len();
+        return Err(StartError::TooFewFrames { found: usable, needed: FEWEST_FRAMES }.into());
     }
     Ok(true)
 }

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use crate::calibrate::{CalibrateOptions, calibrate, with_frame_scatter};
 use crate::simulated;
 
-/// What frames have of their own: planes of a millimetre or so, or terms in the inverse amplitude, which are as large at dark
-/// pixels.
+/// Depth errors that differ from frame to frame: planes of a millimetre or so, or terms in the inverse amplitude, which are as
+/// large at dark pixels.
 #[derive(Clone, Copy, PartialEq)]
 enum Own {
     Planes,

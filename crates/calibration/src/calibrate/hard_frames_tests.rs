@@ -92,9 +92,9 @@ fn markers_in_the_wrong_place_are_left_out() {
         let mut hard = capture(published(), 60 + seed);
         let mut wrong = Vec::new();
         for (k, frame) in hard.frames.iter_mut().enumerate().step_by(5) {
-            let at = (7 * k + seed as usize) % frame.markers.len();
-            frame.markers[at].pixel[k % 2] += if k % 3 == 0 { 2.0 } else { -3.0 };
-            wrong.push((frame.name.clone(), frame.markers[at].index));
+            let marker = (7 * k + seed as usize) % frame.markers.len();
+            frame.markers[marker].pixel[k % 2] += if k % 3 == 0 { 2.0 } else { -3.0 };
+            wrong.push((frame.name.clone(), frame.markers[marker].index));
         }
         let result = calibrate_image(&hard, &CalibrateOptions::default()).unwrap();
         let frames = &result.capture.frames;
@@ -129,8 +129,8 @@ fn the_order_of_a_lens_follows_the_data() {
         assert!(lens.theta.iter().zip(&lens.free).all(|(value, free)| *free || *value == 0.0));
         let corner = |camera: &Camera| {
             let ray = true_ray(&truth, [width - 1.0, height - 1.0]);
-            let at = camera.project(&nalgebra::Vector3::new(1000.0 * ray[0], 1000.0 * ray[1], 1000.0));
-            at.map_or(f64::INFINITY, |p| (p[0] - width + 1.0).hypot(p[1] - height + 1.0))
+            let pixel = camera.project(&nalgebra::Vector3::new(1000.0 * ray[0], 1000.0 * ray[1], 1000.0));
+            pixel.map_or(f64::INFINITY, |p| (p[0] - width + 1.0).hypot(p[1] - height + 1.0))
         };
         let errors = [corner(&chosen.camera), full.map_or(f64::INFINITY, |f| corner(&f.camera))];
         println!(
@@ -275,7 +275,7 @@ fn the_precision_of_a_pose_is_as_predicted() {
             *sum += ((fit * p).z / (pose * p).z - 1.0).powi(2);
         }
     }
-    let found = squares.iter().fold(0.0, |a: f64, s| a.max(s / f64::from(runs))).sqrt();
+    let largest_scatter = squares.iter().fold(0.0, |a: f64, s| a.max(s / f64::from(runs))).sqrt();
     // The standard deviation of 400 draws has a relative error of 3.5 %.
-    assert!((found / predicted - 1.0).abs() < 0.12, "{found} for {predicted}");
+    assert!((largest_scatter / predicted - 1.0).abs() < 0.12, "{largest_scatter} for {predicted}");
 }

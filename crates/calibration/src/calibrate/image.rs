@@ -37,7 +37,7 @@ pub fn calibrate_image(
     calibrate_image_with_lens(capture, options)
 }
 
-/// The same with the lens model that the options name.
+/// [`calibrate_image`] with the lens model that the options name.
 fn calibrate_image_with_lens(
     capture: &Capture,
     options: &CalibrateOptions,

@@ -163,8 +163,8 @@ fn compare_orders(fit: &Calibrated<PosedFrame>, orders: &[LensOrder]) -> Vec<Com
             let folds = frames.len().clamp(1, MOST_FOLDS);
             let sum = |keep: &dyn Fn(usize) -> bool| {
                 let n = step.held.len();
-                let kept = frames.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, frame)| frame);
-                step.solve(&FrameInformation::added((DMatrix::zeros(n, n), DVector::zeros(n)), kept))
+                let summed = frames.iter().enumerate().filter(|(i, _)| keep(*i)).map(|(_, frame)| frame);
+                step.solve(&FrameInformation::added((DMatrix::zeros(n, n), DVector::zeros(n)), summed))
             };
             let left_out: Vec<Option<DVector<f64>>> = (0..folds).map(|fold| sum(&|i| i % folds != fold)).collect();
             let cost = |(i, (f, present)): (usize, (&FrameInformation, &f64))| {
@@ -219,19 +219,19 @@ impl Step {
         let mut step = DVector::from_iterator(self.held.len(), self.held.iter().map(|h| h.unwrap_or(0.0)));
         let free: Vec<usize> = (0..self.held.len()).filter(|i| self.held[*i].is_none()).collect();
         let slope = gradient + normal * &step;
-        let rest = DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(free[i], free[j])]);
-        let solved = solve_scaled(rest, &DVector::from_fn(free.len(), |i, _| -slope[free[i]]))?;
+        let normal_of_free = DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(free[i], free[j])]);
+        let solved = solve_scaled(normal_of_free, &DVector::from_fn(free.len(), |i, _| -slope[free[i]]))?;
         free.iter().zip(solved.iter()).for_each(|(i, change)| step[*i] = *change);
         Some(step)
     }
 
     /// The camera after the change.
     fn apply(&self, camera: &Camera, step: &DVector<f64>) -> Camera {
-        let mut rest = step.iter();
+        let mut changes = step.iter();
         camera.map_blocks(|mut block| {
             for i in 0..block.theta.len() {
                 if block.free[i] {
-                    block.theta[i] += rest.next().copied().unwrap_or(0.0);
+                    block.theta[i] += changes.next().copied().unwrap_or(0.0);
                 }
             }
             block

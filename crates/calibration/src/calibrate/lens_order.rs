@@ -103,7 +103,7 @@ pub fn lens_named(lens: &str, register: &Register) -> Result<Option<Block>, Regi
 pub struct LensChoice {
     /// The chosen order.
     pub order: LensOrder,
-    /// What was compared, the simplest order first.
+    /// Compared orders, the simplest first.
     pub candidates: Vec<LensCandidate>,
 }
 

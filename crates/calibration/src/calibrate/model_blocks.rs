@@ -5,8 +5,8 @@ use depthcal_model::{Block, RegisterError};
 use super::options::CalibrateOptions;
 use crate::adjust::blocks::is_depth_only;
 
-/// Effects that depth alone shows, and the depth model. Effects are the sensor's and act on the true depth; the depth model, as D does,
-/// distorts what they leave.
+/// Effects that depth alone shows, and the depth model. Effects are the sensor's and act on the true depth; the depth model, like
+/// D, distorts the result.
 ///
 /// # Errors
 ///

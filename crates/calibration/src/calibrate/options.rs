@@ -1,4 +1,4 @@
-//! What to fit, and how.
+//! Options of a calibration: models, start values, held parameters and estimator.
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ impl Estimator {
     }
 }
 
-/// What to fit, and how.
+/// Options of a calibration: models, start values, held parameters and estimator.
 #[derive(Debug, Clone)]
 pub struct CalibrateOptions {
     /// Depth model.
@@ -75,7 +75,7 @@ pub struct CalibrateOptions {
 }
 
 impl CalibrateOptions {
-    /// The same with a register that knows the board ([`Register::for_board`]).
+    /// These options with a register that knows the board ([`Register::for_board`]).
     #[must_use]
     pub fn for_board(&self, target: &Target) -> Self {
         Self { register: self.register.clone().for_board(target), ..self.clone() }

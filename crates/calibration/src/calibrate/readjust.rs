@@ -60,8 +60,9 @@ fn with_model(
     let options = &options.for_board(&capture.target);
     let domain = seen(capture);
     let is_effect = |b: &Block| b.piece().is_some_and(|p| p.role() == Role::Effect);
-    let (pinhole, own): (Vec<Block>, Vec<Block>) = camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
-    let mut pieces: Vec<Block> = own.into_iter().filter(|b| !is_depth_only(b) && !is_effect(b)).collect();
+    let (pinhole, with_piece): (Vec<Block>, Vec<Block>) =
+        camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
+    let mut pieces: Vec<Block> = with_piece.into_iter().filter(|b| !is_depth_only(b) && !is_effect(b)).collect();
     let effects = image_blocks(options)?;
     let depth = depth_blocks(options)?.into_iter().map(|block| block.over(&domain));
     for mut block in effects.into_iter().chain(depth) {

@@ -1,4 +1,4 @@
-//! What a calibration does in each of its rounds.
+//! Rules for the rounds of a calibration.
 
 use super::error::CalibrateError;
 use crate::adjust::adjustment::AdjustedCamera;
@@ -32,7 +32,7 @@ pub(super) struct Attempt {
 pub(super) type Repair<'a, F> =
     &'a dyn Fn(Attempt, &mut CameraState<F>, &AdjustedCamera) -> Result<bool, CalibrateError>;
 
-/// What a calibration does in each round.
+/// Rules for the rounds of a calibration.
 pub(super) struct Rules<'a, F> {
     /// Whether depth samples take part.
     pub with_depth: bool,

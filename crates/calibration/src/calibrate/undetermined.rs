@@ -1,4 +1,4 @@
-//! What captures leave undetermined, in the users' words: which parameters, why, and what to do about it.
+//! Parameters that the captures leave undetermined, in the users' words, with reasons and remedies.
 
 use std::fmt;
 
@@ -13,9 +13,9 @@ pub struct UndeterminedModel {
     pub parameters: Vec<String>,
     /// Frames whose poses take part, where no parameter of the camera does.
     pub frames: Vec<String>,
-    /// What the captures lack, in words.
+    /// Why they are undetermined, in words.
     pub reasons: Vec<String>,
-    /// What to capture, in words.
+    /// Captures that would determine them, in words.
     pub captures: Vec<String>,
 }
 

@@ -42,8 +42,8 @@ pub fn compare(train: &Capture, verify: &[Capture], options: &CompareOptions) ->
     // Cross-validation: every fold's fit, and the frames that it holds out.
     let folds: Vec<(ImageCalibrations, Capture)> = if verify.is_empty() {
         let part = |fold: usize| {
-            let rest = train.subset(|i, _| i % options.folds != fold);
-            (ImageCalibrations::new(rest, &lenses, base), train.subset(|i, _| i % options.folds == fold))
+            let training = train.subset(|i, _| i % options.folds != fold);
+            (ImageCalibrations::new(training, &lenses, base), train.subset(|i, _| i % options.folds == fold))
         };
         (0..options.folds).into_par_iter().map(part).collect()
     } else {

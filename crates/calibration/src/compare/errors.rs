@@ -9,7 +9,7 @@ use depthcal_statistics::{Bootstrap, Estimate};
 
 use crate::judge::evaluate::Evaluated;
 
-/// The same draws of frames for all models.
+/// Bootstrap over frames, with equal draws for all models.
 const BOOTSTRAP: Bootstrap = Bootstrap { resamples: 2000, seed: 0x636f_6d70_6172_6500 };
 
 /// Sum and number of values.

@@ -19,11 +19,11 @@ pub(super) struct ImageCalibrations {
 impl ImageCalibrations {
     /// Calibrates a capture from its images with each lens model of `lenses`.
     pub fn new(capture: Capture, lenses: &[&str], base: &CalibrateOptions) -> Self {
-        let of = |lens: &&str| {
+        let calibrated = |lens: &&str| {
             let options = CalibrateOptions { lens: (*lens).to_owned(), ..base.clone() };
             ((*lens).to_owned(), calibrate_image(&capture, &options).map_err(|e| e.to_string()))
         };
-        let by_lens = lenses.par_iter().map(of).collect();
+        let by_lens = lenses.par_iter().map(calibrated).collect();
         Self { capture, by_lens }
     }
 

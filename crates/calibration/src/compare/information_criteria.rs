@@ -8,8 +8,8 @@ pub(super) fn effective_parameters(fitted: &Calibrated) -> f64 {
     let fields = &fitted.smoothness.fields;
     let blocks = fitted.camera.blocks().iter().map(|block| {
         let free = block.free.iter().filter(|f| **f).count() as f64;
-        let own = fields.iter().filter(|f| f.piece == block.name());
-        own.fold(free, |count, f| count - f.nodes as f64 + f.effective.unwrap_or(f.nodes as f64))
+        let fields_of_block = fields.iter().filter(|f| f.piece == block.name());
+        fields_of_block.fold(free, |count, f| count - f.nodes as f64 + f.effective.unwrap_or(f.nodes as f64))
     });
     blocks.sum()
 }

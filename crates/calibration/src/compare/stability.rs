@@ -39,7 +39,7 @@ pub(super) fn stability(
     let held = calibrated.camera.map_blocks(|block| block.hold());
     let options = CalibrateOptions { camera: Some(held), ..base.clone() };
     let captures: Vec<&Capture> = std::iter::once(train).chain(verify).collect();
-    let of = |capture: &&Capture| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
+    let refit = |capture: &&Capture| -> (Vec<StabilityEstimate>, Option<Estimate>, Option<String>) {
         let from_image = ImageCalibrations::new((*capture).clone(), &[base.lens.as_str()], &options);
         let (mut estimates, mut joint, mut failure) = (Vec::new(), None, None);
         let d = PieceSpec::new("projective");
@@ -69,7 +69,7 @@ pub(super) fn stability(
         }
         (estimates, joint, failure)
     };
-    let all: Vec<_> = captures.par_iter().map(of).collect();
+    let all: Vec<_> = captures.par_iter().map(refit).collect();
     let joint: Vec<&Estimate> = all.iter().filter_map(|(_, joint, _)| joint.as_ref()).collect();
     let mut record = StabilityRecord {
         estimates: all.iter().flat_map(|(e, ..)| e.iter().cloned()).collect(),

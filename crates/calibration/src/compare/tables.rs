@@ -29,14 +29,14 @@ fn with_interval(value: Option<Interval>) -> String {
 pub fn tables(c: &Comparison) -> Vec<Table> {
     let mut all = vec![ranking(c)];
     all.extend(learning(c));
-    let of = |model: &str, estimator: &str| {
+    let variant = |model: &str, estimator: &str| {
         c.variants.iter().find(|v| {
             v.model.to_string() == model && v.estimator == estimator && v.lens != "none" && v.failed.is_none()
         })
     };
     for (number, model) in [("6.1", "projective"), ("6.4", "projective:xw")] {
         for estimator in ["nonlinear", "joint"] {
-            if let Some(v) = of(model, estimator).filter(|_| c.variants.len() > c.models.len()) {
+            if let Some(v) = variant(model, estimator).filter(|_| c.variants.len() > c.models.len()) {
                 let title = format!("Table {number}: errors per dataset, {model}, {estimator} (* fitted)");
                 all.push(Table { title, text: table(&v.per_dataset, Some(&c.train)) });
             }
@@ -166,8 +166,8 @@ fn averaged(datasets: &[DatasetEvaluation]) -> Option<[MeanStd; 2]> {
     let mean = |pick: &dyn Fn(&DatasetEvaluation) -> Option<MeanStd>| {
         let values: Vec<MeanStd> = datasets.iter().filter_map(pick).collect();
         let n = values.len() as f64;
-        let of = |f: &dyn Fn(&MeanStd) -> f64| values.iter().map(f).sum::<f64>() / n;
-        (!values.is_empty()).then(|| MeanStd { mean: of(&|v| v.mean), std: of(&|v| v.std) })
+        let average = |f: &dyn Fn(&MeanStd) -> f64| values.iter().map(f).sum::<f64>() / n;
+        (!values.is_empty()).then(|| MeanStd { mean: average(&|v| v.mean), std: average(&|v| v.std) })
     };
     Some([mean(&|d| Some(d.dot_error_mm?.after))?, mean(&|d| Some(d.plane_error_mm?.after))?])
 }
@@ -188,11 +188,11 @@ fn subset_table(c: &Comparison, of: impl Fn(&ModelComparison) -> Option<[MeanStd
     for (label, lens, model) in rows {
         let _ = write!(text, "{label:32}");
         for estimator in ["nonlinear", "joint"] {
-            let found = c.variants.iter().find(|v| {
+            let variant = c.variants.iter().find(|v| {
                 v.model.to_string() == model && v.lens == lens && v.estimator == estimator && v.failed.is_none()
             });
             let value = |m: MeanStd| format!("{:.1} ({:.1})", m.mean, m.std);
-            let cells = found.and_then(&of).map_or(["–".to_owned(), "–".to_owned()], |pair| pair.map(value));
+            let cells = variant.and_then(&of).map_or(["–".to_owned(), "–".to_owned()], |pair| pair.map(value));
             let _ = write!(text, " {:>14} {:>14}  ", cells[0], cells[1]);
         }
         text.push('\n');

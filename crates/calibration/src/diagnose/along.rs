@@ -1,4 +1,4 @@
-//! What free functions depend on.
+//! Covariates of free functions.
 
 use depthcal_model::Context;
 

@@ -62,12 +62,13 @@ pub fn explain(fit: &Calibrated, bad: &[&FramePlane], thresholds: &Thresholds) -
     let indices: Vec<usize> = bad.iter().filter_map(|p| find(&p.name)).collect();
     bad.iter()
         .map(|plane| {
-            let own = find(&plane.name);
+            let index = find(&plane.name);
             // The bad frame whose pose fits this depth image best.
-            let partner = own.and_then(|own| {
-                let before = deviation(own, &pose_of(own))?;
-                let rest = indices.iter().filter(|i| **i != own);
-                rest.filter_map(|i| Some((*i, deviation(own, &pose_of(*i))?)))
+            let partner = index.and_then(|index| {
+                let before = deviation(index, &pose_of(index))?;
+                let others = indices.iter().filter(|i| **i != index);
+                others
+                    .filter_map(|i| Some((*i, deviation(index, &pose_of(*i))?)))
                     .filter(|(_, after)| *after < thresholds.exchanged_deviation_ratio * before)
                     .min_by(|a, b| a.1.total_cmp(&b.1))
             });
@@ -99,25 +100,25 @@ fn deviation(fit: &Calibrated, rays: &PixelRays<'_>, frame: usize, pose: &Isomet
 /// the copies.
 pub fn without_duplicates(capture: &Capture, thresholds: &Thresholds) -> (Capture, Vec<BadFrame>) {
     let mut bad = Vec::new();
-    let mut kept: Vec<&DetectedFrame> = Vec::new();
+    let mut unique: Vec<&DetectedFrame> = Vec::new();
     let same_markers = |a: &DetectedFrame, b: &DetectedFrame| {
         a.markers.len() >= thresholds.least_identical_markers
             && a.markers.len() == b.markers.len()
             && a.markers.iter().zip(&b.markers).all(|(m, n)| m.index == n.index && m.pixel == n.pixel)
     };
     for frame in &capture.frames {
-        let earlier = kept.iter().find(|k| same_markers(k, frame) || same_depth(k, frame));
+        let earlier = unique.iter().find(|k| same_markers(k, frame) || same_depth(k, frame));
         match earlier {
             Some(earlier) => {
-                let of = earlier.name.clone();
+                let original = earlier.name.clone();
                 let reason = if same_markers(earlier, frame) {
-                    BadFrameReason::SameImage { of }
+                    BadFrameReason::SameImage { of: original }
                 } else {
-                    BadFrameReason::SameDepthImage { of }
+                    BadFrameReason::SameDepthImage { of: original }
                 };
                 bad.push(BadFrame { name: frame.name.clone(), reason });
             }
-            None => kept.push(frame),
+            None => unique.push(frame),
         }
     }
     (capture.subset(|_, f| bad.iter().all(|b| b.name != f.name)), bad)

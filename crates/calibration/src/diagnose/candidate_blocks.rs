@@ -44,7 +44,7 @@ pub(super) fn linearize(fit: &Calibrated, candidates: &[CandidateBlock]) -> Resu
     linearize_with(fit, candidates, true)
 }
 
-/// The same of the markers alone, without depth.
+/// [`linearize`] of the markers alone, without depth.
 ///
 /// # Errors
 ///
@@ -69,8 +69,9 @@ fn with_candidates<'a>(camera: &Camera, candidates: impl Iterator<Item = &'a Blo
     // Effects act on the true depth, before the depth model: they come first.
     let mut pieces: Vec<Block> = candidates.map(|block| block.clone().hold()).collect();
     let count = pieces.len();
-    let (pinhole, own): (Vec<Block>, Vec<Block>) = camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
-    pieces.extend(own);
+    let (pinhole, with_piece): (Vec<Block>, Vec<Block>) =
+        camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
+    pieces.extend(with_piece);
     let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole([f64::NAN; 5]));
     let (camera, mut places) = Camera::assemble(camera.width, camera.height, pinhole, pieces);
     places.truncate(count);
@@ -147,14 +148,14 @@ mod tests {
     fn candidates_are_found_in_the_chain() {
         let register = Register::builtin();
         let block = |name: &str| register.block(name, None).unwrap();
-        let own = ["brown_conrady", "cyclic_depth", "projective", "print_scale"].map(block);
-        let camera = Camera::new(640, 480, [500.0, 500.0, 320.0, 240.0, 0.0], own.to_vec());
+        let of_camera = ["brown_conrady", "cyclic_depth", "projective", "print_scale"].map(block);
+        let camera = Camera::new(640, 480, [500.0, 500.0, 320.0, 240.0, 0.0], of_camera.to_vec());
         let names = ["range_offset", "thin_prism", "bspline", "board_bow", "depth_registration", "tilted_sensor"];
         let blocks = names.map(block);
         let (extended, places) = with_candidates(&camera, blocks.iter());
         assert_eq!(extended.blocks().len(), camera.blocks().len() + names.len());
-        let found: Vec<&str> = places.iter().map(|p| extended.blocks()[*p].name()).collect();
-        assert_eq!(found, names);
+        let placed: Vec<&str> = places.iter().map(|p| extended.blocks()[*p].name()).collect();
+        assert_eq!(placed, names);
         assert!(places.iter().all(|p| extended.blocks()[*p].free.iter().all(|free| !free)));
     }
 }

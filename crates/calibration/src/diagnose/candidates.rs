@@ -132,9 +132,9 @@ pub fn finer(values: &[f64], best: f64) -> Vec<f64> {
     let inverse = |v: f64| 1.0 / v;
     let mut sorted: Vec<f64> = values.iter().map(|v| inverse(*v)).collect();
     sorted.sort_by(f64::total_cmp);
-    let Some(at) = sorted.iter().position(|v| *v == inverse(best)) else { return Vec::new() };
-    let low = sorted[at.saturating_sub(1)];
-    let high = sorted[(at + 1).min(sorted.len() - 1)];
+    let Some(place) = sorted.iter().position(|v| *v == inverse(best)) else { return Vec::new() };
+    let low = sorted[place.saturating_sub(1)];
+    let high = sorted[(place + 1).min(sorted.len() - 1)];
     let parts = f64::from(REFINED_PARTS);
     (1..REFINED_PARTS)
         .map(|i| low + (high - low) * f64::from(i) / parts)
@@ -147,8 +147,8 @@ pub fn finer(values: &[f64], best: f64) -> Vec<f64> {
 pub fn around(present: f64, values: &[f64]) -> Vec<f64> {
     let mut sorted: Vec<f64> = values.iter().map(|v| 1.0 / v).collect();
     sorted.sort_by(f64::total_cmp);
-    let at = sorted.iter().position(|v| *v >= 1.0 / present).unwrap_or(sorted.len() - 1).max(1);
-    let step = sorted[at] - sorted[at - 1];
+    let place = sorted.iter().position(|v| *v >= 1.0 / present).unwrap_or(sorted.len() - 1).max(1);
+    let step = sorted[place] - sorted[place - 1];
     (-VALUES_TO_EITHER_SIDE..=VALUES_TO_EITHER_SIDE)
         .map(|i| 1.0 / present + step * SHARE_OF_STEP * f64::from(i))
         .filter(|v| *v > 0.0)

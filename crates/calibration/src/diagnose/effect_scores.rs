@@ -43,9 +43,9 @@ pub fn effect_scores(
         .iter()
         .map(|candidate| {
             let count = candidate.block.theta.len();
-            let own = joint.scatter.view((first, first), (count, count)).into_owned();
+            let scatter = joint.scatter.view((first, first), (count, count)).into_owned();
             first += count;
-            scored(candidate, &own, &states)
+            scored(candidate, &scatter, &states)
         })
         .collect();
     Ok(Some(Scores {
@@ -69,12 +69,12 @@ fn testable(
         let information = linearization.efficient_scores(&[0]).information;
         information.iter().all(|v| v.is_finite()) && information.diagonal().iter().all(|v| *v > 0.0)
     };
-    let kept: Vec<CandidateBlock> = candidates.into_iter().filter(shows).collect();
-    if kept.is_empty() {
+    let shown: Vec<CandidateBlock> = candidates.into_iter().filter(shows).collect();
+    if shown.is_empty() {
         return Ok(None);
     }
-    let linearization = linearize(fit, &kept)?;
-    Ok(Some((kept, linearization)))
+    let linearization = linearize(fit, &shown)?;
+    Ok(Some((shown, linearization)))
 }
 
 /// Names and values of the free parameters of a fit, in the order of the linearisation's shared columns.

@@ -115,7 +115,7 @@ pub fn scores(fit: &Calibrated, register: &Register, specs: &[PieceSpec]) -> Res
     Ok((0..candidates.len()).map(|i| linearization.score(i)).collect())
 }
 
-/// What one effect, with the constants of its spec and no search, would bring to a fit that lacks it.
+/// Test of one effect, with the constants of its spec and no search, that a fit lacks.
 pub(super) struct EffectTest {
     /// Its score test.
     pub score: Score,
@@ -185,18 +185,18 @@ impl Test<'_> {
         if self.candidate.along.is_some() || score.rank == 0 || score.rank == parameters.len() {
             return None;
         }
-        let mut rest = self.linearization.visible_information(self.index);
+        let mut remaining = self.linearization.visible_information(self.index);
         for (i, a) in parameters.iter().enumerate() {
             for (k, b) in parameters.iter().enumerate() {
-                rest[(i, k)] *= a.scale * b.scale;
+                remaining[(i, k)] *= a.scale * b.scale;
             }
         }
         let mut free = Vec::new();
         for _ in 0..score.rank {
-            let pivot = (0..parameters.len()).max_by(|a, b| rest[(*a, *a)].total_cmp(&rest[(*b, *b)]))?;
-            let column = rest.column(pivot).into_owned();
+            let pivot = (0..parameters.len()).max_by(|a, b| remaining[(*a, *a)].total_cmp(&remaining[(*b, *b)]))?;
+            let column = remaining.column(pivot).into_owned();
             let scale = column[pivot];
-            rest -= &column * column.transpose() / scale;
+            remaining -= &column * column.transpose() / scale;
             free.push(pivot);
         }
         let letter = |i: usize| parameters[i].name.chars().last();

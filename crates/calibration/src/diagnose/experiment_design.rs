@@ -248,8 +248,8 @@ fn pose(fit: &Calibrated, depth_mm: f64, pixel: [f64; 2], turn_deg: [f64; 2]) ->
     let middle = points.iter().fold(Vector3::zeros(), |c, p| c + Vector3::new(p[0], p[1], 0.0) / n);
     let rotation = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), turn_deg[0].to_radians())
         * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turn_deg[1].to_radians());
-    let at = Vector3::new(ray[0], ray[1], 1.0) * depth_mm;
-    Some(Isometry3::from_parts(Translation3::from(at - rotation * middle), rotation))
+    let point = Vector3::new(ray[0], ray[1], 1.0) * depth_mm;
+    Some(Isometry3::from_parts(Translation3::from(point - rotation * middle), rotation))
 }
 
 /// Markers and depth samples that the fitted camera predicts for a pose; `None` where a marker leaves the image.
@@ -266,11 +266,12 @@ fn predicted_frame(fit: &Calibrated, pose: &Isometry3<f64>, context: &Context) -
     let hull = BoardRegion::new(target).hull().to_vec();
     let span = |i: usize| hull.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), p| (l.min(p[i]), u.max(p[i])));
     let (x, y) = (span(0), span(1));
-    let at = |range: (f64, f64), i: usize| range.0 + (range.1 - range.0) * (i as f64 + 0.5) / SAMPLES_PER_SIDE as f64;
+    let coordinate =
+        |range: (f64, f64), i: usize| range.0 + (range.1 - range.0) * (i as f64 + 0.5) / SAMPLES_PER_SIDE as f64;
     let mut samples = Vec::new();
     for i in 0..SAMPLES_PER_SIDE {
         for k in 0..SAMPLES_PER_SIDE {
-            let board_seed = [at(x, i), at(y, k)];
+            let board_seed = [coordinate(x, i), coordinate(y, k)];
             let Some(pixel) = pixel_of(board_seed) else { continue };
             let depth_mm = (pose * Point3::new(board_seed[0], board_seed[1], 0.0)).z;
             samples.push(DepthSample { context: Context { pixel, ..*context }, depth_mm, board_seed });

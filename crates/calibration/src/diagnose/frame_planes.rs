@@ -48,11 +48,11 @@ fn plane_of(frame: &SampledFrame, fit: &Calibrated, rows: &FrameRows) -> Option<
     let samples = &frame.samples;
     let placed: Vec<_> = samples.iter().map(|s| (s.context, 1.0 / s.depth_mm)).collect();
     let shapes = plane_shapes(&fit.camera, &placed, &fit.noise.depth);
-    let own = own_plane(rows, &shapes)?;
-    let statistic = own.statistic();
+    let fitted = own_plane(rows, &shapes)?;
+    let statistic = fitted.statistic();
     let (mut sum, mut squares, mut of_noise) = (0.0, 0.0, 0.0);
     for (k, sample) in samples.iter().enumerate() {
-        let in_noise = shapes[k].dot(&own.plane);
+        let in_noise = shapes[k].dot(&fitted.plane);
         let mm = -in_noise * fit.noise.depth.sigma(1.0 / sample.depth_mm) * sample.depth_mm * sample.depth_mm;
         sum += mm;
         squares += mm * mm;
@@ -87,6 +87,6 @@ pub fn outlying<'a>(planes: &'a [FramePlane], least_mm: f64, thresholds: &Thresh
 /// Share of the frames whose plane is significant and not small against the noise of single pixels.
 pub fn share_with_own_plane(planes: &[FramePlane], thresholds: &Thresholds) -> f64 {
     let level = thresholds.own_plane_level / planes.len().max(1) as f64;
-    let own = planes.iter().filter(|p| p.p_value < level && p.of_noise > thresholds.own_plane_of_noise).count();
-    own as f64 / planes.len().max(1) as f64
+    let significant = planes.iter().filter(|p| p.p_value < level && p.of_noise > thresholds.own_plane_of_noise).count();
+    significant as f64 / planes.len().max(1) as f64
 }

@@ -63,7 +63,7 @@ pub(super) fn promising_modulations(
         return Ok(Vec::new());
     };
     let constants = piece.constants();
-    let of = |mhz: &[f64]| {
+    let with_mhz = |mhz: &[f64]| {
         let plain = PieceSpec::new(added.name.as_str());
         constants.iter().zip(mhz).fold(plain, |spec, (constant, f)| spec.with(constant.name, *f))
     };
@@ -74,7 +74,7 @@ pub(super) fn promising_modulations(
     let rays = PixelRays::new(&without.camera, &without.capture.target);
     let gains = |spec: &PieceSpec| gains(&without, &rays, register, spec);
     let tested = KNOWN_MHZ.iter().map(|mhz| {
-        let spec = of(mhz);
+        let spec = with_mhz(mhz);
         Ok((gains(&spec)?, spec))
     });
     let mut tested: Vec<(Vec<f64>, PieceSpec)> = tested.collect::<Result<_, ModulationError>>()?;

@@ -45,8 +45,8 @@ impl Range {
     pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = values.filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
-        let at = |q: f64| nearest_rank(&sorted, q);
-        Some(Self { low: at(RANGE_QUANTILES[0])?, middle: at(0.5)?, high: at(RANGE_QUANTILES[1])? })
+        let quantile = |q: f64| nearest_rank(&sorted, q);
+        Some(Self { low: quantile(RANGE_QUANTILES[0])?, middle: quantile(0.5)?, high: quantile(RANGE_QUANTILES[1])? })
     }
 
     /// Length of the range.

@@ -20,7 +20,7 @@ use crate::calibrate::Calibrated;
 /// Basis functions: two and a half for each cycle of the shortest wave that is searched. Their smoothness is chosen by gains on
 /// left-out frames.
 const BASIS_FUNCTIONS: usize = 64;
-/// The same of a function of the place in the image, along its columns and its rows.
+/// Basis functions of a function of the place in the image, along its columns and its rows.
 const MAP: [usize; 2] = [12, 9];
 /// Share by which D may scale inverse depth: the measured one has a range that is wider by it at both ends.
 const DEPTH_MODEL_MARGIN: f64 = 0.08;
@@ -77,16 +77,16 @@ pub(super) fn own_covariate(block: &Block, states: &ObservedStates) -> Option<Al
 /// The free function that an effect is compared with, over an image of `size` columns and rows; `None` for effects of several
 /// covariates.
 fn own_function(block: &Block, states: &ObservedStates, size: [usize; 2]) -> Option<FreeFunction> {
-    let (along, on, of) = (own_covariate(block, states)?, form(block)?, block.placement().of);
+    let (along, on, placement) = (own_covariate(block, states)?, form(block)?, block.placement());
     let axes = if along == Along::Pixel {
         [0, 1].map(|i| Axis { low: 0.0, high: size[i] as f64 - 1.0, count: MAP[i], degree: CUBIC }).to_vec()
     } else {
         let range = states.range(|state, context| along.coordinates(state, context)[0]).filter(|r| r.span() > 0.0)?;
-        let margin = if along == Along::Depth && of == Of::Measured { DEPTH_MODEL_MARGIN } else { 0.0 };
+        let margin = if along == Along::Depth && placement.of == Of::Measured { DEPTH_MODEL_MARGIN } else { 0.0 };
         let (low, high) = (range.low * (1.0 - margin), range.high * (1.0 + margin));
         vec![Axis { low, high, count: BASIS_FUNCTIONS, degree: CUBIC }]
     };
-    Some(free_function("its own covariate", along, Action::Depth(of, on), axes))
+    Some(free_function("its own covariate", along, Action::Depth(placement.of, on), axes))
 }
 
 /// Share that an effect explains, given the `others` that are added with it, of what it and the free function of its own
@@ -158,23 +158,23 @@ mod tests {
         let fit = calibrate(&capture, &CalibrateOptions::default()).unwrap();
         let states = ObservedStates::of(&fit);
         let register = Register::builtin();
-        let own = |name: &str, placement: Placement| {
+        let covariate = |name: &str, placement: Placement| {
             own_covariate(&register.make(&PieceSpec::new(name).placed(placement), None).unwrap(), &states)
         };
         for of in Of::ALL {
             for on in On::ALL {
                 let placement = Placement { of, on: Some(on) };
-                assert_eq!(own("cyclic_depth", placement), Some(Along::Depth), "{placement}");
-                assert_eq!(own("disparity_ripple", placement), Some(Along::Depth), "{placement}");
-                assert_eq!(own("quadratic_depth", placement), Some(Along::Depth), "{placement}");
-                assert_eq!(own("incidence_bias", placement), Some(Along::Incidence), "{placement}");
-                assert_eq!(own("reflectivity_bias", placement), Some(Along::Amplitude), "{placement}");
+                assert_eq!(covariate("cyclic_depth", placement), Some(Along::Depth), "{placement}");
+                assert_eq!(covariate("disparity_ripple", placement), Some(Along::Depth), "{placement}");
+                assert_eq!(covariate("quadratic_depth", placement), Some(Along::Depth), "{placement}");
+                assert_eq!(covariate("incidence_bias", placement), Some(Along::Incidence), "{placement}");
+                assert_eq!(covariate("reflectivity_bias", placement), Some(Along::Amplitude), "{placement}");
                 for of_place in ["projector_distortion", "radial_range", "range_offset"] {
-                    assert_eq!(own(of_place, placement), Some(Along::Pixel), "{of_place}{placement}");
+                    assert_eq!(covariate(of_place, placement), Some(Along::Pixel), "{of_place}{placement}");
                 }
-                assert_eq!(own("temporal_drift", placement), None, "{placement}");
+                assert_eq!(covariate("temporal_drift", placement), None, "{placement}");
             }
         }
-        assert_eq!(own("board_bow", Placement::default()), None);
+        assert_eq!(covariate("board_bow", Placement::default()), None);
     }
 }

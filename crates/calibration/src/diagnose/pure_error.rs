@@ -20,14 +20,14 @@ const FRAMES: [usize; 2] = [12, 64];
 /// pixels.
 const MOST_PIXELS: usize = 12_000_000;
 
-/// What is left, the part of it that frames share, and the rest.
+/// The depth residuals, the part of them that frames share, and the rest.
 #[derive(Debug, Clone)]
 pub struct PureError {
     /// Root mean square of the depth residuals over the board pixels of all frames, mm.
     pub residual_mm: f64,
-    /// The same without what frames certainly share: the error that no function of the covariates could take away, mm.
+    /// Root mean square without what frames certainly share: the error that no function of the covariates could take away, mm.
     pub pure_mm: f64,
-    /// What frames certainly share, by falling size: one entry for each covariate or pair.
+    /// Structure that frames certainly share, by falling size: one entry for each covariate or pair.
     pub shared: Vec<Shared>,
     /// The law of the pure error over depth, and how far it is correlated; `None` where residuals are too few to tell.
     pub noise: Option<PureNoise>,
@@ -135,8 +135,8 @@ mod tests {
     #[test]
     fn noise_is_not_shared() {
         for seed in 0..4 {
-            let found = striped(0.0, seed);
-            assert!(found.shared.is_empty() && found.ratio() == 1.0, "seed {seed}: {:?}", found.shared);
+            let pure = striped(0.0, seed);
+            assert!(pure.shared.is_empty() && pure.ratio() == 1.0, "seed {seed}: {:?}", pure.shared);
         }
     }
 
@@ -144,15 +144,15 @@ mod tests {
     #[test]
     fn fine_stripes_are_shared() {
         let noise_mm = striped(0.0, 7).residual_mm;
-        let found = striped(0.5 * noise_mm, 7);
-        let first = &found.shared[0];
-        assert_eq!((first.along.as_slice(), first.scale), ([Along::Column].as_slice(), 1.0), "{:?}", found.shared);
+        let pure = striped(0.5 * noise_mm, 7);
+        let first = &pure.shared[0];
+        assert_eq!((first.along.as_slice(), first.scale), ([Along::Column].as_slice(), 1.0), "{:?}", pure.shared);
         assert!((first.size_mm / (0.5 * noise_mm) - 1.0).abs() < 0.3, "{first:?}, noise {noise_mm} mm");
-        assert!(found.ratio() > 1.05, "{}", found.ratio());
+        assert!(pure.ratio() > 1.05, "{}", pure.ratio());
         // The noise is that of the capture without the stripes, but for these being the same in mm and not in standard
         // deviations: with them in the noise it would be 12 % more.
-        let std_mm = |found: &PureError| found.noise.as_ref().unwrap().at[1].std_mm;
-        let (with, without) = (std_mm(&found), std_mm(&striped(0.0, 7)));
+        let std_mm = |pure: &PureError| pure.noise.as_ref().unwrap().at[1].std_mm;
+        let (with, without) = (std_mm(&pure), std_mm(&striped(0.0, 7)));
         assert!((with / without - 1.0).abs() < 0.07, "{with} mm, without stripes {without} mm");
     }
 }

@@ -106,10 +106,10 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
     let sums = frames
         .par_iter()
         .map(|frame| {
-            let own = shared.map_or_else(Vec::new, |cover| cell_sums(frame, cover, size));
+            let frame_sums = shared.map_or_else(Vec::new, |cover| cell_sums(frame, cover, size));
             let others = |c: &Cells| {
-                let at = index(shared?, c, size);
-                let (sum, n) = (total[at].0 - own[at].0, total[at].1 - own[at].1);
+                let cell = index(shared?, c, size);
+                let (sum, n) = (total[cell].0 - frame_sums[cell].0, total[cell].1 - frame_sums[cell].1);
                 (n > 0.5).then(|| f64::from(sum / n))
             };
             let mut sums = Sums::default();
@@ -129,24 +129,24 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
             a.distances.iter_mut().zip(&b.distances).for_each(|(a, b)| a.merge(b));
             a
         });
-    let kept: Vec<f64> = sums
+    let pure_shares: Vec<f64> = sums
         .bins
         .iter()
         .map(|products| {
-            let [own, with_others] = products.means();
-            1.0 - (with_others / own).clamp(0.0, LARGEST_SHARE)
+            let [variance, with_others] = products.means();
+            1.0 - (with_others / variance).clamp(0.0, LARGEST_SHARE)
         })
         .collect();
     let residual = |c: &Cells| {
         let rho = 1.0 / c.depth_mm();
-        (rho, f64::from(c.value) * fit.noise.depth.sigma(rho) * kept[bin_of(c.depth_mm())].sqrt())
+        (rho, f64::from(c.value) * fit.noise.depth.sigma(rho) * pure_shares[bin_of(c.depth_mm())].sqrt())
     };
     let law = DepthNoise::fit(&some().map(residual).collect::<Vec<_>>(), 1.0)?;
-    let at = STATED.map(|q| {
+    let stated = STATED.map(|q| {
         let depth_mm = nearest_rank(&depths, q).unwrap_or(f64::NAN);
         DiagnosisNoiseAtDepth { depth_mm, std_mm: law.sigma(1.0 / depth_mm) * depth_mm * depth_mm }
     });
-    Some(PureNoise { law, at, correlation_px: has_images.then(|| correlation_px(&sums.distances)) })
+    Some(PureNoise { law, at: stated, correlation_px: has_images.then(|| correlation_px(&sums.distances)) })
 }
 
 /// Adds the products of every `step`-th of a frame's pixels with those to the right of and below it.
@@ -157,13 +157,13 @@ fn add_distances(sums: &mut Sums, frame: &[Cells], step: usize, others: impl Fn(
     let place = |c: &Cells| usize::from(c.pixel[1]) * columns + usize::from(c.pixel[0]);
     frame.iter().enumerate().for_each(|(i, c)| at_pixel[place(c)] = i);
     for c in frame.iter().step_by(step) {
-        let own = (f64::from(c.value), others(c));
+        let pixel = (f64::from(c.value), others(c));
         for (h, products) in sums.distances.iter_mut().enumerate().skip(1) {
             for next in [place(c) + h, place(c) + h * columns] {
                 let Some(neighbour) = frame.get(at_pixel[next]) else { continue };
                 let value = f64::from(neighbour.value);
-                let with_others = others(neighbour).zip(own.1).map(|(a, b)| 0.5 * (own.0 * a + value * b));
-                products.add(own.0 * value, with_others);
+                let with_others = others(neighbour).zip(pixel.1).map(|(a, b)| 0.5 * (pixel.0 * a + value * b));
+                products.add(pixel.0 * value, with_others);
             }
         }
     }
@@ -172,8 +172,8 @@ fn add_distances(sums: &mut Sums, frame: &[Cells], step: usize, others: impl Fn(
 /// The correlation length by the structure function C(0) − C(h), as where depth is sampled.
 fn correlation_px(distances: &[Products; LONGEST_PX + 1]) -> usize {
     let covariance = distances.map(|products| {
-        let [own, with_others] = products.means();
-        own - with_others
+        let [product, with_others] = products.means();
+        product - with_others
     });
     distance_of_the_sill(|h| covariance[0] - covariance[h])
 }

@@ -121,10 +121,10 @@ fn step(step: &Step) -> DiagnosisStep {
     }
 }
 
-/// What speaks for a step that is a formula.
+/// Evidence for a step that is a formula; `None` for other steps.
 fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
-    let found = diagnosis.formulas.iter().find(|formula| formula.effect.name() == step.spec.name)?;
-    let definition = found.effect.definition();
+    let discovery = diagnosis.formulas.iter().find(|formula| formula.effect.name() == step.spec.name)?;
+    let definition = discovery.effect.definition();
     let runner_up = |r: &RunnerUp| DiagnosisRunnerUp {
         expression: r.effect.definition().formula.texts().join("; "),
         covariates: r.covariates.clone(),
@@ -132,18 +132,18 @@ fn formula(diagnosis: &Diagnosis, step: &Step) -> Option<DiagnosisFormula> {
     };
     Some(DiagnosisFormula {
         expression: definition.formula.texts().join("; "),
-        covariates: found.covariates.clone(),
-        covariates_not_told_apart: found.covariates_not_told_apart.iter().map(exchange).collect(),
-        place: found.place,
-        stability: found.stability,
-        confirmed: found.confirmed,
-        resembles: found.resembles.clone(),
-        replication: found.replication.map(|[size, standard_error]| DiagnosisReplication { size, standard_error }),
-        share_of_free_function: found.share_of_free_function,
-        terms: found.terms,
-        replaced: found.replaced.iter().map(ToString::to_string).collect(),
-        runners_up: found.runners_up.iter().map(runner_up).collect(),
-        components: found.components.clone(),
+        covariates: discovery.covariates.clone(),
+        covariates_not_told_apart: discovery.covariates_not_told_apart.iter().map(exchange).collect(),
+        place: discovery.place,
+        stability: discovery.stability,
+        confirmed: discovery.confirmed,
+        resembles: discovery.resembles.clone(),
+        replication: discovery.replication.map(|[size, standard_error]| DiagnosisReplication { size, standard_error }),
+        share_of_free_function: discovery.share_of_free_function,
+        terms: discovery.terms,
+        replaced: discovery.replaced.iter().map(ToString::to_string).collect(),
+        runners_up: discovery.runners_up.iter().map(runner_up).collect(),
+        components: discovery.components.clone(),
         definition: definition.clone(),
     })
 }
@@ -156,10 +156,10 @@ fn decision(round: &Round) -> DiagnosisDecision {
     match &round.decision {
         Decision::Nothing => DiagnosisDecision::Nothing,
         Decision::Add { effect, jointly_with, explained, of_planes, leaves_unexplained, .. } => {
-            let found = &round.evidence[*effect];
+            let evidence = &round.evidence[*effect];
             DiagnosisDecision::Add {
-                effect: found.name.clone(),
-                spec: found.spec.clone(),
+                effect: evidence.name.clone(),
+                spec: evidence.spec.clone(),
                 with: round.names(jointly_with),
                 explained_share: *explained,
                 of_frame_planes: (*of_planes < LARGEST_RATIO).then_some(*of_planes),

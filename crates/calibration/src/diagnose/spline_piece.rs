@@ -79,17 +79,17 @@ pub(super) struct SplinePiece {
 impl SplinePiece {
     /// Calls `take` with number and value of every basis function that is not zero at an observation.
     fn each(&self, state: &[f64], context: &Context, mut take: impl FnMut(usize, f64)) {
-        let at = self.along.coordinates(state, context);
+        let coordinates = self.along.coordinates(state, context);
         // Where the covariate is unknown the function is zero.
-        if !at[0].is_finite() || !at[1].is_finite() {
+        if !coordinates[0].is_finite() || !coordinates[1].is_finite() {
             return;
         }
-        let (first, a) = self.axes[0].basis(at[0]);
+        let (first, a) = self.axes[0].basis(coordinates[0]);
         let width = self.axes[0].degree + 1;
         match self.axes.get(1) {
             None => (0..width).for_each(|i| take(first + i, a[i])),
             Some(second) => {
-                let (row, b) = second.basis(at[1]);
+                let (row, b) = second.basis(coordinates[1]);
                 for k in 0..=second.degree {
                     for i in 0..width {
                         take((row + k) * self.axes[0].count + first + i, a[i] * b[k]);

@@ -82,8 +82,8 @@ fn scored(
 
 /// The variant of effect `i` with the largest statistic among those that `select` accepts; of equals the first.
 fn best(scores: &[Scored], i: usize, select: impl Fn(&Variant) -> bool) -> Option<(Variant, f64)> {
-    let own = scores.iter().filter(|(k, v, _)| *k == i && select(v)).map(|(_, v, s)| (*v, *s));
-    own.reduce(|a, b| if b.1 > a.1 { b } else { a })
+    let of_effect = scores.iter().filter(|(k, v, _)| *k == i && select(v)).map(|(_, v, s)| (*v, *s));
+    of_effect.reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
 
 /// The fit with every [`SAMPLE_STEP`]-th sample of its frames.
@@ -142,21 +142,21 @@ pub(super) fn best_variants(
     scores.extend(scored(fit, register, effects, &forms)?);
     // Finer values in the best place and form.
     let fine = effects.iter().enumerate().filter(|(_, effect)| effect.refine).flat_map(|(i, effect)| {
-        let found = best(&scores, i, |_| true).map(|(v, _)| v);
-        let value = found.and_then(|v| v.value).filter(|v| v.is_finite());
+        let best_variant = best(&scores, i, |_| true).map(|(v, _)| v);
+        let value = best_variant.and_then(|v| v.value).filter(|v| v.is_finite());
         let values = value.map_or_else(Vec::new, |value| finer(&effect.values, value));
-        found
+        best_variant
             .into_iter()
             .flat_map(move |v| values.clone().into_iter().map(move |x| (i, Variant { value: Some(x), ..v })))
     });
     let fine: Vec<_> = fine.collect();
     scores.extend(scored(fit, register, effects, &fine)?);
-    let found = effects.iter().enumerate().map(|(i, effect)| {
+    let chosen = effects.iter().enumerate().map(|(i, effect)| {
         let (variant, _) = best(&scores, i, |_| true)?;
         let variants = (effect.values.len().max(1) * effect.placements.len()) as f64;
         Some(BestVariant { variant, correction: (variants / thresholds.values_per_test).max(1.0) })
     });
-    Ok(found.collect())
+    Ok(chosen.collect())
 }
 
 /// An effect that was added, as a search jointly with everything else that `fit` has finds it.
@@ -200,8 +200,8 @@ pub(super) fn refined_variant(
     let of_place = |of: Of| best(&scores, 0, |v| v.placement.of == of);
     // The few values that are searched afterwards only are searched in every form: a wrong one may decide between forms.
     let forms = effect.placements.iter().flat_map(|placement| {
-        let found = of_place(placement.of).into_iter().map(|(v, _)| v.value);
-        let values: Vec<_> = if effect.afterwards.is_empty() { found.collect() } else { values.clone() };
+        let values_of_place = of_place(placement.of).into_iter().map(|(v, _)| v.value);
+        let values: Vec<_> = if effect.afterwards.is_empty() { values_of_place.collect() } else { values.clone() };
         values.into_iter().map(|value| (0, Variant { value, placement: *placement }))
     });
     let forms: Vec<_> = forms.filter(|(_, new)| !scores.iter().any(|(_, v, _)| v == new)).collect();
@@ -225,8 +225,8 @@ pub(super) fn refined_variant(
         explains_as_much(v) || mean_to_standard_error(&difference(of_top, own)) < thresholds.distinguishing_t
     };
     let tied: Vec<Variant> = gains.iter().filter(|(v, own)| is_rival(v, own)).map(|(v, _)| *v).collect();
-    let own = tied.iter().copied().find(|v| v.placement == Placement::default() && explains_as_much(v));
-    let chosen = own.unwrap_or(top);
+    let default_form = tied.iter().copied().find(|v| v.placement == Placement::default() && explains_as_much(v));
+    let chosen = default_form.unwrap_or(top);
     let rivals = tied.iter().map(|v| v.placement).filter(|p| *p != chosen.placement).collect();
     let spec = effect.spec(chosen.value, chosen.placement);
     Some(Refined { evidence: Evidence { spec, value: chosen.value, ..added.clone() }, rivals })

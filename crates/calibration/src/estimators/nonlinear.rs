@@ -67,7 +67,7 @@ pub fn nonlinear(points: &[MarkerPoint], free: [bool; 4]) -> Result<Vector4<f64>
 /// A marker's back-projection in the camera frame (mm), z (x, y, 1) with 1/z = (ρ_m − dx x − dy y − dz) / dw, and ∂z/∂d.
 fn back_project(p: &MarkerPoint, d: &Vector4<f64>) -> (Vector3<f64>, Vector4<f64>) {
     let [x, y] = p.ray;
-    let rest = p.inverse_depth - d[0] * x - d[1] * y - d[2];
-    let z = d[3] / rest;
-    (Vector3::new(x * z, y * z, z), Vector4::new(x * z, y * z, z, 1.0) / rest)
+    let difference = p.inverse_depth - d[0] * x - d[1] * y - d[2];
+    let z = d[3] / difference;
+    (Vector3::new(x * z, y * z, z), Vector4::new(x * z, y * z, z, 1.0) / difference)
 }

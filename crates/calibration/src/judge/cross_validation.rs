@@ -19,9 +19,9 @@ use crate::observe::{Capture, SampledFrame};
 /// The frames to fit and the held-out ones, every `every`-th counted from `first`.
 pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture) {
     let held = |i: usize| i % every == first;
-    let mut rest = capture.subset(|i, _| held(i));
-    rest.dropped.clear();
-    (capture.subset(|i, _| !held(i)), rest)
+    let mut held_out = capture.subset(|i, _| held(i));
+    held_out.dropped.clear();
+    (capture.subset(|i, _| !held(i)), held_out)
 }
 
 /// Errors of every frame of a fit under a model that was adjusted without it: the model of `options`, adjusted again without each
@@ -30,7 +30,7 @@ pub fn split(capture: &Capture, every: usize, first: usize) -> (Capture, Capture
 ///
 /// # Errors
 ///
-/// [`CalibrateError`] where the model can be adjusted without none of the parts.
+/// [`CalibrateError`] if no fold could be fitted.
 pub fn cross_validate(
     fit: &Calibrated,
     parts: usize,
@@ -40,12 +40,12 @@ pub fn cross_validate(
     cross_validate_thinned(fit, parts, how, usize::MAX, options)
 }
 
-/// The same, judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames have the weight
-/// that they have with all their pixels.
+/// [`cross_validate`] judged on about `most_pixels` board pixels of a frame on average: enough to compare models. Frames have the
+/// weight that they have with all their pixels.
 ///
 /// # Errors
 ///
-/// [`CalibrateError`] where the model can be adjusted without none of the parts.
+/// [`CalibrateError`] if no fold could be fitted.
 pub fn cross_validate_thinned(
     fit: &Calibrated,
     parts: usize,
@@ -68,20 +68,20 @@ pub fn cross_validate_thinned(
     let of_part = |part: usize| {
         let mut held = fit.capture.subset(|i, _| part_of[i] == part);
         held.dropped.clear();
-        let rest = || fit.capture.subset(|i, _| part_of[i] != part);
+        let others = || fit.capture.subset(|i, _| part_of[i] != part);
         let near = match &steps[part] {
             Some(camera) if is_linear(fit, camera) => Some(camera.clone()),
             // One step does not lead to the optimum without the part.
             Some(_) => {
                 debug!("without part {part} of the frames the model is adjusted");
-                camera_of_frames(&rest(), &fit.camera, &fit.noise, priors)
+                camera_of_frames(&others(), &fit.camera, &fit.noise, priors)
             }
             None => None,
         };
         let camera = match near {
             Some(camera) => Ok(camera),
-            None if is_joint => readjust(fit, rest(), options).map(|fit| fit.camera),
-            None => calibrate(&rest().detected(), options).map(|fit| fit.camera),
+            None if is_joint => readjust(fit, others(), options).map(|fit| fit.camera),
+            None => calibrate(&others().detected(), options).map(|fit| fit.camera),
         };
         let evaluated = camera
             .map(|camera| EvaluatedRig::of_camera(CAMERA, evaluate_part(&camera, &held, thinning, markers.len())))
@@ -185,7 +185,8 @@ pub fn depth_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainI
     gain_over(pairs.len(), |drawn| fall_percent([side(drawn, 0), side(drawn, 1)]))
 }
 
-/// The same of the mean dot error after correction. `None` without depth at markers.
+/// Fall of the mean dot error after correction from one model to another on the same frames, per cent, with its 95 % interval
+/// over frames. `None` without depth at markers.
 pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInterval> {
     let sum = |f: &EvaluatedFrame| (f.dots.iter().map(|d| d[1]).sum::<f64>(), f.dots.len() as f64);
     let pairs: Vec<[(f64, f64); 2]> =
@@ -197,16 +198,16 @@ pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInt
     gain_over(pairs.len(), |drawn| fall_percent([side(drawn, 0), side(drawn, 1)]))
 }
 
-/// The same of depth weighted by the noise, so that near pixels, where noise is small, count as much as far ones, and of the
-/// reprojection error, together: the sum of their falls. Every frame counts alike, by the geometric mean of the frames' errors: a
-/// frame far outside the others' poses, which they do not determine, decides nothing alone.
+/// Sum of the falls of two errors, per cent, with its 95 % interval over frames: of depth weighted by the noise, so that near
+/// pixels, where noise is small, count as much as far ones, and of reprojection. Every frame counts alike, by the geometric mean
+/// of the frames' errors: a frame far outside the others' poses, which they do not determine, decides nothing alone.
 pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
     let falls = weighted_falls(before, after, noise);
     gain_over(falls.len(), |drawn| mean_fall_percent(drawn.iter().map(|d| falls[*d])))
 }
 
-/// The same with its interval over blocks of consecutive frames, which are resampled whole: what a function of time takes up in
-/// one stretch of a recording may be anything that happened there.
+/// [`weighted_gain_percent`] with its interval over blocks of consecutive frames, which are resampled whole: what a function of
+/// time takes up in one stretch of a recording may be anything that happened there.
 pub fn weighted_gain_of_blocks_percent(
     before: &Evaluated,
     after: &Evaluated,

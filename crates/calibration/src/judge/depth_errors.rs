@@ -98,10 +98,11 @@ impl DepthErrors {
     /// Mean and standard deviation of absolute heights over the board (thesis eq. 5.4, 5.5), mm; `None` of no pixels.
     pub fn plane_error_mm(&self) -> Option<BeforeAfter<MeanStd>> {
         let n = self.pixels as f64;
-        let of = |sums: &Sums| {
+        let mean_std = |sums: &Sums| {
             let mean = sums.sizes_mm / n;
             MeanStd { mean, std: (sums.squares_mm2 / n - mean * mean).max(0.0).sqrt() }
         };
-        (self.pixels > 0).then(|| BeforeAfter { before: of(&self.height.before), after: of(&self.height.after) })
+        (self.pixels > 0)
+            .then(|| BeforeAfter { before: mean_std(&self.height.before), after: mean_std(&self.height.after) })
     }
 }

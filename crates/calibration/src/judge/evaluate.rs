@@ -86,7 +86,7 @@ where
     evaluate_part(camera, capture, Thinning::ALL, capture.frames.len())
 }
 
-/// The same of a part of `frames` frames that are evaluated together, and on the board pixels that `thinning` keeps.
+/// Evaluates a camera on one part of `frames` frames that are evaluated together, on the board pixels that `thinning` keeps.
 pub(crate) fn evaluate_part<F>(camera: &Camera, capture: &Capture<F>, thinning: Thinning, frames: usize) -> Evaluated
 where
     F: EvaluableFrame,
@@ -129,7 +129,7 @@ where
     evaluated
 }
 
-/// What all frames of an evaluation share.
+/// Data that all frames of an evaluation share.
 struct Evaluation<'a, F> {
     camera: &'a Camera,
     /// Of the camera without pixel and depth pieces.
@@ -164,11 +164,11 @@ impl<F: Sync> Evaluation<'_, F> {
             if distances.iter().all(|d| *d <= limit) {
                 continue;
             }
-            let mut rest = frame.as_ref().clone();
-            rest.wrong_markers.extend(take_wrong(&mut rest.markers, distances, limit));
+            let mut cleaned = frame.as_ref().clone();
+            cleaned.wrong_markers.extend(take_wrong(&mut cleaned.markers, distances, limit));
             let Ok(known) = pose.as_ref().map(|p| p.camera_from_board) else { continue };
-            if let Ok(without) = self.pose(&rest, Some(&known)) {
-                (*frame, *pose) = (Cow::Owned(rest), Ok(without));
+            if let Ok(without) = self.pose(&cleaned, Some(&known)) {
+                (*frame, *pose) = (Cow::Owned(cleaned), Ok(without));
             }
         }
     }
@@ -176,9 +176,9 @@ impl<F: Sync> Evaluation<'_, F> {
     /// Where a marker was found, and how far that is from its projection, [u, v, du, dv], px; `None` where it has none.
     fn reprojection(&self, marker: &MarkerObservation, pose: &Isometry3<f64>) -> Option<[f64; 4]> {
         let p = self.camera.board_point(self.capture.target.point(marker.index));
-        let at = self.camera.project(&(pose * nalgebra::Point3::from(p)).coords)?;
+        let projected = self.camera.project(&(pose * nalgebra::Point3::from(p)).coords)?;
         let [u, v] = marker.pixel;
-        Some([u, v, u - at[0], v - at[1]])
+        Some([u, v, u - projected[0], v - projected[1]])
     }
 
     /// The frame's board pixels, seen from a pose, before and after correction.
@@ -204,10 +204,10 @@ impl<F: Sync> Evaluation<'_, F> {
         let Judged { measured: all, corrected, outliers, outlier_limit_mm } = self.judged(frame, open, &surface, &pose);
         let points = |pixels: &[BoardPixel]| marker_points(frame, pixels, self.rays.camera(), target, &pose);
         let before = points(&all);
-        let found = all.len();
-        let thinning = self.thinning.further(found, self.kept_pixels);
+        let measured = all.len();
+        let thinning = self.thinning.further(measured, self.kept_pixels);
         let mut depth = DepthErrors::default();
-        let mut pixels = Vec::with_capacity(found.min(self.kept_pixels + self.kept_pixels / 8));
+        let mut pixels = Vec::with_capacity(measured.min(self.kept_pixels + self.kept_pixels / 8));
         for (p, corrected) in all.iter().zip(&corrected) {
             let Some(c) = corrected else { continue };
             let error = pixel_error(p, c, &surface);
@@ -220,10 +220,10 @@ impl<F: Sync> Evaluation<'_, F> {
             }
         }
         drop(all);
-        let kept: Vec<BoardPixel> = corrected.into_iter().flatten().collect();
+        let correctable: Vec<BoardPixel> = corrected.into_iter().flatten().collect();
         let pairs: Vec<(usize, [MarkerPoint; 2])> = before
             .into_iter()
-            .zip(points(&kept))
+            .zip(points(&correctable))
             .zip(&frame.markers)
             .filter_map(|((before, after), marker)| Some((marker.index, [before?, after?])))
             .collect();
@@ -244,7 +244,7 @@ impl<F: Sync> Evaluation<'_, F> {
             pixels,
             outliers,
             outlier_limit_mm,
-            uncorrectable: found - kept.len(),
+            uncorrectable: measured - correctable.len(),
         }
     }
 
@@ -296,8 +296,8 @@ fn pixel_error(measured: &BoardPixel, corrected: &BoardPixel, surface: &BoardSur
     }
 }
 
-/// What `take` makes of the errors of every board pixel of every frame, at the frames' own poses instead of those that the images
-/// alone show. Frames whose images cannot be read have no pixels.
+/// Results of `take` for the errors of all board pixels of each frame, at the adjusted poses of `capture` instead of those that
+/// the images alone show. Frames whose images cannot be read have no pixels.
 pub fn residual_pixels<F, T>(
     camera: &Camera,
     capture: &Capture<F>,
@@ -340,7 +340,7 @@ fn mean_std(values: impl Iterator<Item = f64> + Clone) -> MeanStd {
 }
 
 impl Evaluated {
-    /// The same without single pixels: sums and counts.
+    /// Sums and counts, without the errors of single pixels.
     pub(crate) fn without_pixels(&self) -> Self {
         let frames = self.frames.iter().map(EvaluatedFrame::without_pixels).collect();
         Self { name: self.name.clone(), frames, dropped: self.dropped.clone() }
@@ -410,7 +410,7 @@ impl EvaluatedFrame {
 }
 
 impl EvaluatedFrame {
-    /// The same without single pixels, which take nearly all of its memory.
+    /// This frame without the errors of single pixels, which take nearly all of its memory.
     fn without_pixels(&self) -> Self {
         Self {
             name: self.name.clone(),

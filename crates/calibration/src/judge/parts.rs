@@ -20,17 +20,17 @@ pub enum Parts {
 pub fn parts_of(markers: &[usize], parts: usize, how: Parts) -> Vec<usize> {
     let mut counts: Vec<f64> = markers.iter().map(|m| *m as f64).collect();
     let enough = upper_median(&mut counts).unwrap_or(0.0) / 2.0;
-    let mut of = vec![0; markers.len()];
+    let mut part_of = vec![0; markers.len()];
     for carries in [true, false] {
         let members: Vec<usize> = (0..markers.len()).filter(|i| (markers[*i] as f64 >= enough) == carries).collect();
         for (k, frame) in members.iter().enumerate() {
-            of[*frame] = match how {
+            part_of[*frame] = match how {
                 Parts::Interleaved => k % parts,
                 Parts::Blocks => k * parts / members.len(),
             };
         }
     }
-    of
+    part_of
 }
 
 #[cfg(test)]
@@ -49,13 +49,13 @@ mod tests {
         for how in [Parts::Interleaved, Parts::Blocks] {
             // With more poor frames than good ones the median is poor: nothing tells them apart, and nothing has to.
             let markers: Vec<usize> = (0..25).map(|i| if i % 5 == 0 || i % 5 == 3 { 40 } else { 38 }).collect();
-            let of = parts_of(&markers, 5, how);
-            assert!((0..5).all(|p| of.iter().filter(|o| **o == p).count() == 5));
+            let part_of = parts_of(&markers, 5, how);
+            assert!((0..5).all(|p| part_of.iter().filter(|o| **o == p).count() == 5));
             let markers: Vec<usize> = (0..25).map(|i| if i % 5 == 0 { 6 } else { 40 }).collect();
-            let of = parts_of(&markers, 5, how);
+            let part_of = parts_of(&markers, 5, how);
             for part in 0..5 {
-                let poor = (0..25).filter(|i| of[*i] == part && markers[*i] == 6).count();
-                assert_eq!(poor, 1, "{how:?}, part {part}: {of:?}");
+                let poor = (0..25).filter(|i| part_of[*i] == part && markers[*i] == 6).count();
+                assert_eq!(poor, 1, "{how:?}, part {part}: {part_of:?}");
             }
         }
     }

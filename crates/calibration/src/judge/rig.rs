@@ -26,8 +26,8 @@ pub struct EvaluatedRig {
 /// out.
 pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig {
     let both = rig.iter().filter_map(|placed| {
-        let own = capture.cameras.iter().find(|c| c.name == placed.name)?;
-        own.has_markers().then_some((placed, own))
+        let camera = capture.cameras.iter().find(|c| c.name == placed.name)?;
+        camera.has_markers().then_some((placed, camera))
     });
     let both: Vec<_> = both.collect();
     let evaluated: Vec<Evaluated> = both
@@ -52,8 +52,8 @@ pub(super) struct NotFitted {
 }
 
 impl EvaluatedRig {
-    /// Adds the errors of all parts of a cross-validation. The frames of those without which the others do not determine the `model`
-    /// (a model or a rig, in words) are dropped with the reason.
+    /// Adds the errors of all parts of a cross-validation. The frames of a part without which the others do not determine the
+    /// `model` (a model or a rig, in words) are dropped with the reason.
     ///
     /// # Errors
     ///
@@ -73,8 +73,10 @@ impl EvaluatedRig {
                     let names: BTreeSet<&String> = frames.iter().flat_map(|(_, names)| names).collect();
                     warn!("{} frames are not judged: {reason}", names.len());
                     for (camera, evaluated) in &mut self.cameras {
-                        let own = frames.iter().filter(|(name, _)| name == camera).flat_map(|(_, names)| names);
-                        let dropped = own.map(|name| DroppedFrame { name: name.clone(), reason: reason.clone() });
+                        let camera_frames =
+                            frames.iter().filter(|(name, _)| name == camera).flat_map(|(_, names)| names);
+                        let dropped =
+                            camera_frames.map(|name| DroppedFrame { name: name.clone(), reason: reason.clone() });
                         evaluated.dropped.extend(dropped);
                     }
                     failure = Some(error);

@@ -12,13 +12,13 @@ use crate::calibrate::rig::RigCalibrated;
 use crate::observe::{CameraCapture, PlacedCamera, RigCapture};
 use crate::progress::ProgressHandle;
 
-/// Errors of every frame of a rig under cameras and extrinsics that were adjusted without it: without each of so many parts of the
-/// frames, with the noise of all. A frame is left out of all cameras. Where the others do not determine the rig, the part's frames
-/// are dropped with the reason.
+/// Errors of every frame of a rig under cameras and extrinsics that were adjusted without it: without each of `parts` parts of
+/// the frames, with the noise of all. A frame is left out of all cameras. Where the others do not determine the rig, the part's
+/// frames are dropped with the reason.
 ///
 /// # Errors
 ///
-/// [`CalibrateError`] where the rig can be adjusted without none of the parts.
+/// [`CalibrateError`] if no fold could be fitted.
 pub fn cross_validate_rig(
     fit: &RigCalibrated,
     capture: &RigCapture,
@@ -30,10 +30,10 @@ pub fn cross_validate_rig(
     let state = &fit.state;
     let part_of = parts_of(&markers_of_frames(state), parts, how);
     let of_part = |part: usize| {
-        let rest = state.subset(|frame| part_of[frame] != part);
+        let fitted = state.subset(|frame| part_of[frame] != part);
         let is_held = |name: &str| state.frames.iter().zip(&part_of).any(|(f, of)| *of == part && f.name == name);
         let held = capture.subset(is_held);
-        let evaluated = adjusted(rest).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| {
+        let evaluated = adjusted(fitted).map(|rig| evaluate_rig(&rig, &held)).map_err(|error| {
             let names = |camera: &CameraCapture| camera.capture.frames.iter().map(|f| f.name.clone()).collect();
             let frames = held.cameras.iter().map(|camera| (camera.name.clone(), names(camera))).collect();
             Box::new(NotFitted { error, frames })

@@ -24,7 +24,7 @@ pub struct TransferPoint {
     pub pixel: [f64; 2],
     /// Where the first camera's corrected depth puts it, minus that, px.
     pub error_px: [f64; 2],
-    /// The same by depth as measured, px.
+    /// The error with depth as measured, px.
     pub before_px: [f64; 2],
     /// Distance of the point from the second camera's line of sight, mm.
     pub error_mm: f64,
@@ -45,7 +45,7 @@ pub struct Transfer {
 
 /// Errors between all pairs of cameras; pairs without common markers are left out.
 pub(super) fn transfers(cameras: &[(&PlacedCamera, &CameraCapture)], evaluated: &[Evaluated]) -> Vec<Transfer> {
-    let mut found = Vec::new();
+    let mut transfers = Vec::new();
     for (from, from_errors) in cameras.iter().zip(evaluated) {
         for (to, to_errors) in cameras.iter().zip(evaluated) {
             if from.0.name == to.0.name {
@@ -53,11 +53,11 @@ pub(super) fn transfers(cameras: &[(&PlacedCamera, &CameraCapture)], evaluated: 
             }
             let points = points(from.0, from_errors, *to, to_errors);
             if !points.is_empty() {
-                found.push(Transfer { from: from.0.name.clone(), to: to.0.name.clone(), points });
+                transfers.push(Transfer { from: from.0.name.clone(), to: to.0.name.clone(), points });
             }
         }
     }
-    found
+    transfers
 }
 
 fn points(
@@ -95,11 +95,11 @@ fn points(
 /// Distance in the image (px) and of the point from the line of sight (mm); `None` where the point has no image.
 fn error(camera: &Camera, to_from: &Isometry3<f64>, point_mm: [f64; 3], pixel: [f64; 2]) -> Option<([f64; 2], f64)> {
     let point = to_from * Point3::from(point_mm);
-    let at = camera.project(&point.coords)?;
+    let projected = camera.project(&point.coords)?;
     let [x, y] = camera.ray(pixel, 1.0 / point.z).ok()?;
     let sight = Vector3::new(x, y, 1.0).normalize();
     let off = point.coords - sight * point.coords.dot(&sight);
-    Some(([at[0] - pixel[0], at[1] - pixel[1]], off.norm()))
+    Some(([projected[0] - pixel[0], projected[1] - pixel[1]], off.norm()))
 }
 
 impl Transfer {

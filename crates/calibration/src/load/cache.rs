@@ -22,7 +22,7 @@ pub(super) const LAYOUT: &str = "charuco_layout";
 /// The setting that holds the digest of everything else in the file.
 const CHECKSUM: &str = "checksum";
 
-/// What the cache holds of a dataset; `None` where it is damaged, or of another version, dataset or board.
+/// Reads the cached detections of a dataset; `None` where the cache is damaged, or of another version, dataset or board.
 pub(super) fn read(path: &Path, digest: &str, dataset: &DatasetCamera) -> Option<Found> {
     if !path.exists() {
         return None;
@@ -50,12 +50,12 @@ pub(super) fn read(path: &Path, digest: &str, dataset: &DatasetCamera) -> Option
         return None;
     }
     let parts = target.parts();
-    let of = |name: &str| -> Option<Vec<MarkerObservation>> {
-        let own = parts.iter().map(|part| cached.frame(&part.frame_name(name)));
-        let found = own.collect::<Option<Vec<_>>>()?;
-        Some(found.into_iter().flat_map(|frame| frame.markers.clone()).collect())
+    let frame_markers = |name: &str| -> Option<Vec<MarkerObservation>> {
+        let frames = parts.iter().map(|part| cached.frame(&part.frame_name(name)));
+        let frames = frames.collect::<Option<Vec<_>>>()?;
+        Some(frames.into_iter().flat_map(|frame| frame.markers.clone()).collect())
     };
-    let markers = dataset.frames.iter().map(|f| of(&f.name)).collect::<Option<_>>()?;
+    let markers = dataset.frames.iter().map(|f| frame_markers(&f.name)).collect::<Option<_>>()?;
     let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
     Some(Found { markers, circle_diameter, charuco_layout })
 }

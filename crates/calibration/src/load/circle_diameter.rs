@@ -24,7 +24,7 @@ pub struct MeasuredDiameter {
     pub std_mm: f64,
     /// Number of frames that were measured.
     pub frames: usize,
-    /// What `dataset.toml` declares, mm; `None` where it declares none.
+    /// Diameter declared in `dataset.toml`, mm; `None` where it declares none.
     pub declared_mm: Option<f64>,
 }
 

@@ -81,14 +81,14 @@ pub struct Loaded {
     pub cameras: Vec<LoadedCamera>,
 }
 
-/// What a dataset declares of a camera, and what that observed.
+/// A camera of a dataset: its declaration and its observations.
 #[derive(Debug, Clone)]
 pub struct LoadedCamera {
-    /// What `dataset.toml` declares; a diameter of dots that it does not declare is the measured one.
+    /// Declaration in `dataset.toml`; a diameter of dots that it does not give is the measured one.
     pub declared: DatasetCamera,
     /// Path and digest, for the record.
     pub reference: FileReference,
-    /// What was observed; frames of a camera without images have no markers.
+    /// Observations; frames of a camera without images have no markers.
     pub capture: Capture,
     /// Whether the markers came from the cache.
     pub from_cache: bool,
@@ -137,7 +137,7 @@ impl Loaded {
         self.cameras.first().is_some_and(|camera| camera.reference.digest == calibration.dataset.digest)
     }
 
-    /// What all cameras observed.
+    /// Observations of all cameras, without declared intrinsics.
     pub fn observed(&self) -> RigCapture {
         let camera = |loaded: &LoadedCamera| CameraCapture {
             name: loaded.declared.name.clone(),
@@ -148,7 +148,7 @@ impl Loaded {
         RigCapture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
     }
 
-    /// What all cameras observed, with the cameras that the dataset declares.
+    /// Observations of all cameras, with the intrinsics that the dataset declares.
     ///
     /// # Errors
     ///
@@ -217,8 +217,8 @@ impl LoadedCamera {
             None => (DETECTION, DETECTION_VERSION.to_owned()),
         };
         let layout = self.charuco_layout.map(|layout| (LAYOUT, layout.name().to_owned()));
-        let own = layout.into_iter().chain([origin]).map(|(name, value)| (name.to_owned(), value));
-        self.circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain(own).collect()
+        let marker_settings = layout.into_iter().chain([origin]).map(|(name, value)| (name.to_owned(), value));
+        self.circle_diameter.into_iter().flat_map(MeasuredDiameter::to_settings).chain(marker_settings).collect()
     }
 }
 
@@ -277,17 +277,18 @@ fn read_camera(
     let (frames, (width, height)) = read_frames(&dataset, options.image_memory, &options.progress)?;
     if let Some(given) = given {
         let names: Vec<&str> = frames.iter().map(|frame| frame.name.as_str()).collect();
-        let found = Found { markers: markers_of(&names, &dataset.target, given)?, ..Found::default() };
-        return Ok(assemble(dataset, reference, frames, (width, height), found, None)?.0);
+        let detected = Found { markers: markers_of(&names, &dataset.target, given)?, ..Found::default() };
+        return Ok(assemble(dataset, reference, frames, (width, height), detected, None)?.0);
     }
     let file = options.markers.as_deref();
-    let kept = options.cache.as_ref().filter(|_| file.is_none()).map(|folder| folder.join(format!("{digest}.json")));
-    let cached = kept.as_ref().filter(|_| !options.refresh).and_then(|path| cache::read(path, &digest, &dataset));
+    let cache_path =
+        options.cache.as_ref().filter(|_| file.is_none()).map(|folder| folder.join(format!("{digest}.json")));
+    let cached = cache_path.as_ref().filter(|_| !options.refresh).and_then(|path| cache::read(path, &digest, &dataset));
     let from_cache = cached.is_some();
-    let found = match (cached, file) {
-        (Some(found), _) => {
+    let detected = match (cached, file) {
+        (Some(detected), _) => {
             debug!("markers of {} come from the cache", dataset.title);
-            found
+            detected
         }
         (None, Some(file)) => given_markers(file, &dataset, (width, height))?,
         (None, None) => find_markers(&dataset, &frames, options)?,
@@ -296,9 +297,10 @@ fn read_camera(
         let digest = digest_files(file.parent().unwrap_or(Path::new("")), &[file.to_owned()])?;
         Ok::<_, LoadError>(FileReference { path: file.display().to_string(), digest })
     });
-    let (mut loaded, without_board) = assemble(dataset, reference, frames, (width, height), found, file.transpose()?)?;
+    let (mut loaded, without_board) =
+        assemble(dataset, reference, frames, (width, height), detected, file.transpose()?)?;
     loaded.from_cache = from_cache;
-    if let (Some(path), false) = (kept, from_cache) {
+    if let (Some(path), false) = (cache_path, from_cache) {
         let without = &loaded.capture.dropped[..without_board];
         cache::write(&path, loaded.observations(), without, [width, height]);
     }
@@ -326,7 +328,7 @@ pub(super) fn assemble(
         }
     }
     let mut dropped = Vec::new();
-    let mut kept = Vec::new();
+    let mut frames_with_board = Vec::new();
     let target = &dataset.target;
     let of_boards = frames.into_iter().zip(markers).flat_map(|(raw, markers)| {
         per_board(raw, target).into_iter().zip(markers_per_board(&markers, target)).collect::<Vec<_>>()
@@ -339,15 +341,20 @@ pub(super) fn assemble(
             };
             dropped.push(DroppedFrame { name: raw.name, reason });
         } else {
-            kept.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
+            frames_with_board.push(DetectedFrame { raw, markers, wrong_markers: Vec::new() });
         }
     }
-    if kept.is_empty() {
+    if frames_with_board.is_empty() {
         let size = |part: &BoardPart<'_>| format!("{} × {}", part.board.columns, part.board.rows);
         let board = dataset.target.parts().iter().map(size).collect::<Vec<_>>().join(", ");
         return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len() });
     }
-    info!("{}: the board was found in {} of {} frames", dataset.title, kept.len(), kept.len() + dropped.len());
+    info!(
+        "{}: the board was found in {} of {} frames",
+        dataset.title,
+        frames_with_board.len(),
+        frames_with_board.len() + dropped.len()
+    );
     let without_board = dropped.len();
     dropped.extend(dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() }));
     let capture = Capture {
@@ -356,7 +363,7 @@ pub(super) fn assemble(
         width,
         height,
         depth_unit_mm: dataset.depth_unit_mm,
-        frames: kept,
+        frames: frames_with_board,
         dropped,
     };
     let given = LoadedCamera::of_capture(dataset, reference, capture);
@@ -436,10 +443,10 @@ fn read_frames(
     let mut frames = Vec::with_capacity(read.len());
     let mut expected = None;
     for item in read {
-        let (frame, path, found) = item?;
-        let expected = *expected.get_or_insert(found);
-        if found != expected {
-            return Err(LoadError::Size { path, found, expected });
+        let (frame, path, size) = item?;
+        let expected = *expected.get_or_insert(size);
+        if size != expected {
+            return Err(LoadError::Size { path, found: size, expected });
         }
         frames.push(frame);
     }

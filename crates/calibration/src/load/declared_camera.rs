@@ -69,17 +69,17 @@ pub fn declared_camera(
         (None, Some(file)) => read_camera(dataset.root.join(file))?,
         (None, None) => return Ok(None),
     };
-    let found = [width, height];
-    if let Some(declared) = intrinsics.size.filter(|size| *size != found) {
-        return Err(DeclaredCameraError::Size { dataset: dataset.root.clone(), declared, found });
+    let image_size = [width, height];
+    if let Some(declared) = intrinsics.size.filter(|size| *size != image_size) {
+        return Err(DeclaredCameraError::Size { dataset: dataset.root.clone(), declared, found: image_size });
     }
-    let camera = intrinsics.camera(found, register)?;
-    let own = intrinsics.lens.as_ref().map_or("none", |lens| lens.piece);
+    let camera = intrinsics.camera(image_size, register)?;
+    let declared_lens = intrinsics.lens.as_ref().map_or("none", |lens| lens.piece);
     if hint.fixed {
         if let Some(asked) = lens.filter(|lens| *lens != AUTO) {
             let piece = lens_named(asked, register)?.map_or("none", |block| block.name());
-            if piece != own {
-                let (declared, asked) = (own.to_owned(), asked.to_owned());
+            if piece != declared_lens {
+                let (declared, asked) = (declared_lens.to_owned(), asked.to_owned());
                 return Err(DeclaredCameraError::FixedLens { dataset: dataset.root.clone(), declared, asked });
             }
         }
@@ -89,7 +89,7 @@ pub fn declared_camera(
         // The comparison has start values of its own.
         Some(AUTO) => return Ok(None),
         // A pinhole that is a start value alone says nothing of the lens.
-        None if own == "none" => Some("brown_conrady"),
+        None if declared_lens == "none" => Some("brown_conrady"),
         asked => asked,
     };
     let Some(lens) = lens else { return Ok(Some(camera)) };
@@ -155,12 +155,12 @@ mod tests {
     #[test]
     fn a_file_gives_its_lens_or_the_nearest_of_another() {
         let file = "intrinsics = \"factory.yaml\"";
-        let own = declared(file, None).unwrap().unwrap();
-        assert_eq!(own.block("kannala_brandt").unwrap().theta, [0.01, 0.002, 0.0, 0.0]);
+        let from_file = declared(file, None).unwrap().unwrap();
+        assert_eq!(from_file.block("kannala_brandt").unwrap().theta, [0.01, 0.002, 0.0, 0.0]);
         let other = declared(&format!("{file}\nlens = \"opencv8\""), None).unwrap().unwrap();
         assert_eq!(other.block("opencv_lens").unwrap().free.iter().filter(|f| **f).count(), 8);
         for pixel in [[0.0, 0.0], [639.0, 479.0], [320.0, 100.0]] {
-            let [x, y] = own.ray(pixel, 1e-3).unwrap();
+            let [x, y] = from_file.ray(pixel, 1e-3).unwrap();
             let [u, v] = other.project(&nalgebra::Vector3::new(x, y, 1.0)).unwrap();
             assert!((u - pixel[0]).hypot(v - pixel[1]) < 0.05, "{pixel:?}: {u} {v}");
         }

@@ -21,7 +21,7 @@ use crate::start::{FrameMarkers, is_wide};
 const ROUNDS: usize = 2;
 /// Number of frames in which the diameter of dots is measured, at most.
 const MEASURED_FRAMES: usize = 24;
-/// What no fit of one dot's grey values knows (uneven print, rounding), px: no marker counts as better than this.
+/// Smallest standard deviation of a marker, px: the fit of one dot's grey values does not see errors of print and rounding.
 const FLOOR_PX: f64 = 0.02;
 
 /// Markers of every frame, in order; none where the board was not found. The diameter of dots is measured. Dots are refined as in
@@ -71,10 +71,11 @@ fn one_layout(
     frames: &[RawFrame],
     detections: &mut [Option<Detection>],
 ) -> Result<Option<CharucoLayout>, LoadError> {
-    let of = |detections: &[Option<Detection>], layout| {
+    let frames_with = |detections: &[Option<Detection>], layout| {
         detections.iter().flatten().filter(|d| d.charuco_layout == Some(layout)).count()
     };
-    let [current, legacy] = [CharucoLayout::Current, CharucoLayout::Legacy].map(|layout| of(detections, layout));
+    let [current, legacy] =
+        [CharucoLayout::Current, CharucoLayout::Legacy].map(|layout| frames_with(detections, layout));
     if current + legacy == 0 {
         return Ok(None);
     }
@@ -110,9 +111,9 @@ fn detect(
             Some((frame.name.clone(), move || image.get().map(|image| (*image).clone())))
         })
         .collect();
-    let found = depthcal_detect::detect_all(&loaders, target, &DetectOptions::default(), &|_, _| job.advance());
-    let mut detections = Vec::with_capacity(found.len());
-    for result in found {
+    let results = depthcal_detect::detect_all(&loaders, target, &DetectOptions::default(), &|_, _| job.advance());
+    let mut detections = Vec::with_capacity(results.len());
+    for result in results {
         detections.push(match result {
             Ok(detection) => detection,
             Err(FrameError::Detect { source, .. }) => return Err(source.into()),
@@ -130,10 +131,10 @@ fn measure(
     frames: &[RawFrame],
     detections: &[Option<Detection>],
 ) -> Result<Option<MeasuredDiameter>, LoadError> {
-    let found: Vec<_> =
+    let with_board: Vec<_> =
         frames.iter().zip(detections).filter_map(|(f, d)| Some((f.image.as_ref()?, d.as_ref()?))).collect();
-    let every = found.len().div_ceil(MEASURED_FRAMES).max(1);
-    let chosen: Vec<_> = found.into_iter().step_by(every).collect();
+    let every = with_board.len().div_ceil(MEASURED_FRAMES).max(1);
+    let chosen: Vec<_> = with_board.into_iter().step_by(every).collect();
     let measured: Vec<Option<CircleDiameter>> = chosen
         .into_par_iter()
         .map(|(image, detection)| Ok(measure_circle_diameter(&*image.get()?, detection, target)?))

@@ -53,7 +53,7 @@ pub enum LoadError {
     NoBoard {
         /// The dataset's folder.
         root: PathBuf,
-        /// What was looked for.
+        /// Size of the board that was searched for, in words.
         board: String,
         /// Frames looked at.
         frames: usize,
@@ -63,7 +63,7 @@ pub enum LoadError {
     Marker {
         /// The frame.
         frame: String,
-        /// What is wrong with it.
+        /// The fault, in words.
         problem: String,
     },
     /// This program was built without detection.

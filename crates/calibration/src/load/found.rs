@@ -1,4 +1,4 @@
-//! What detection gives for a dataset.
+//! Results of detection in a dataset.
 
 use depthcal_model::CharucoLayout;
 

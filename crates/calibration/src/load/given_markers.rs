@@ -194,10 +194,10 @@ mod tests {
             let place = |i: usize| [50.0 + mirror * 10.0 * (i % 3) as f64, 20.0 + 10.0 * (i / 3) as f64];
             (0..9).map(|i| (i != 4).then(|| place(i))).collect()
         };
-        let of = |pixels: &[Option<[f64; 2]>]| of_image(file, &corners(pixels), &board, [100, 80]);
-        let markers = of(&seen(1.0)).unwrap();
+        let read = |pixels: &[Option<[f64; 2]>]| of_image(file, &corners(pixels), &board, [100, 80]);
+        let markers = read(&seen(1.0)).unwrap();
         assert_eq!(markers.iter().map(|m| m.index).collect::<Vec<_>>(), [0, 1, 2, 3, 5, 6, 7, 8]);
-        let message = |pixels: &[Option<[f64; 2]>]| of(pixels).unwrap_err().to_string();
+        let message = |pixels: &[Option<[f64; 2]>]| read(pixels).unwrap_err().to_string();
         assert!(message(&seen(-1.0)).contains("line 7") && message(&seen(-1.0)).contains("from behind"));
         assert!(message(&seen(1.0)[..8]).contains("8 corners, but the board has 9 (3 rows of 3)"));
         let mut outside = seen(1.0);
@@ -209,12 +209,12 @@ mod tests {
     fn images_are_known_by_the_end_of_their_path() {
         let entry = |name: &str| ImageCorners { image: name.into(), lines: vec![1], corners: Vec::new() };
         let images = [entry("/old/left/0001.png"), entry("right/0001.png"), entry("0002.png")];
-        let of = |path: &str| entry_of(Path::new("c"), Path::new(path), &images);
-        assert_eq!(of("/data/left/0001.png").unwrap(), Some(0));
-        assert_eq!(of("/data/right/0001.png").unwrap(), Some(1));
-        assert_eq!(of("/data/right/0002.png").unwrap(), Some(2));
-        assert_eq!(of("/data/right/0003.png").unwrap(), None);
-        let error = of("/data/ir/0001.png").unwrap_err().to_string();
+        let matching = |path: &str| entry_of(Path::new("c"), Path::new(path), &images);
+        assert_eq!(matching("/data/left/0001.png").unwrap(), Some(0));
+        assert_eq!(matching("/data/right/0001.png").unwrap(), Some(1));
+        assert_eq!(matching("/data/right/0002.png").unwrap(), Some(2));
+        assert_eq!(matching("/data/right/0003.png").unwrap(), None);
+        let error = matching("/data/ir/0001.png").unwrap_err().to_string();
         assert!(error.contains("may both be"), "{error}");
     }
 }

@@ -64,8 +64,8 @@ pub fn load_from_memory(given: DatasetInMemory) -> Result<Loaded, LoadError> {
         }
         let sizes =
             [frame.image.as_ref().map(|i| (i.width, i.height)), frame.depth.as_ref().map(|d| (d.width, d.height))];
-        if let Some(found) = sizes.into_iter().flatten().find(|found| *found != size) {
-            return Err(LoadError::Size { path: PathBuf::from(frame.name), found, expected: size });
+        if let Some(actual) = sizes.into_iter().flatten().find(|actual| *actual != size) {
+            return Err(LoadError::Size { path: PathBuf::from(frame.name), found: actual, expected: size });
         }
         check(&frame.name, &frame.markers, &target)?;
         contents.push((frame.name.clone(), bytes_of(&frame)));

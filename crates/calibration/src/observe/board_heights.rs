@@ -6,7 +6,7 @@ use depthcal_model::{Camera, Target};
 /// Cells along each side of the grid. A surface that bends by 2 mm over the board is interpolated within 2 µm.
 const CELLS: usize = 192;
 
-/// What the camera's board pieces make of the plane of a board: heights over it, mm, between which is interpolated.
+/// Heights of a board's surface over its plane, mm, by the camera's board pieces; interpolated between the nodes of a grid.
 #[derive(Debug, Clone)]
 pub struct BoardHeights {
     low: [f64; 2],
@@ -41,8 +41,8 @@ impl BoardHeights {
         };
         let ((i, s), (j, t)) = (cell(0), cell(1));
         let row = |j: usize| {
-            let at = j * (CELLS + 1) + i;
-            self.nodes[at] + s * (self.nodes[at + 1] - self.nodes[at])
+            let node = j * (CELLS + 1) + i;
+            self.nodes[node] + s * (self.nodes[node + 1] - self.nodes[node])
         };
         row(j) + t * (row(j + 1) - row(j))
     }

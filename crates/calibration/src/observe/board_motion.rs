@@ -105,7 +105,7 @@ pub fn motions(frames: &[(Option<f64>, Isometry3<f64>)]) -> Vec<Option<BoardMoti
     let mut order: Vec<(f64, usize)> =
         frames.iter().enumerate().filter_map(|(i, (time, _))| Some(((*time).filter(|t| t.is_finite())?, i))).collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut found = vec![None; frames.len()];
+    let mut motions = vec![None; frames.len()];
     for (place, (time, number)) in order.iter().enumerate() {
         let neighbours = |way: &mut dyn Iterator<Item = &(f64, usize)>| {
             let mut last = *time;
@@ -118,9 +118,9 @@ pub fn motions(frames: &[(Option<f64>, Isometry3<f64>)]) -> Vec<Option<BoardMoti
         };
         let mut all = neighbours(&mut order[..place].iter().rev());
         all.extend(neighbours(&mut order[place + 1..].iter()));
-        found[*number] = BoardMotion::through(&frames[*number].1, &all);
+        motions[*number] = BoardMotion::through(&frames[*number].1, &all);
     }
-    found
+    motions
 }
 
 /// J with Exp(φ + δ) ≈ Exp(φ) Exp(J δ) (Chirikjian 2012, 10.86).
@@ -146,11 +146,11 @@ mod tests {
     #[test]
     fn a_waved_board_is_found_between_frames() {
         let frames: Vec<_> = (0..9).map(|i| f64::from(i) / 30.0).map(|t| (Some(t), at(t))).collect();
-        let found = motions(&frames);
-        assert!(found[0].is_none() && found[8].is_none());
+        let motions = motions(&frames);
+        assert!(motions[0].is_none() && motions[8].is_none());
         for s in [-0.02, 0.0, 0.013] {
             let (time, pose) = (4.0 / 30.0, frames[4].1);
-            let motion = found[4].unwrap();
+            let motion = motions[4].unwrap();
             let error = motion.after(s).of(&pose) * at(time + s).inverse();
             assert!(error.rotation.angle() < 1e-6, "{}", error.rotation.angle());
             let distance = (motion.after(s).of(&pose).translation.vector - at(time + s).translation.vector).norm();

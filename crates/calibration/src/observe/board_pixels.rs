@@ -121,7 +121,7 @@ fn given_pixels(
     seen.filter(|p| region.contains(p.board, 0.0)).collect()
 }
 
-/// What a pixel sees of the board's surface; `None` where its ray does not meet it.
+/// The point of the board's surface that a pixel sees; `None` where its ray does not meet the surface.
 fn at_board(context: Context, depth_mm: f64, rays: &PixelRays<'_>, surface: &BoardSurface<'_>) -> Option<BoardPixel> {
     let ray = rays.ray(&context, depth_mm)?;
     let board_depth_mm = surface.depth(ray)?;

@@ -84,9 +84,9 @@ impl<'a> BoardSurface<'a> {
         // that graze the board or pass it far away, which meet no surface.
         let mut gap = f64::INFINITY;
         for _ in 0..MOST_ROUNDS {
-            let at = origin + direction * depth;
-            let height = heights.at([at.x, at.y]);
-            gap = (height - at.z).abs();
+            let point = origin + direction * depth;
+            let height = heights.at([point.x, point.y]);
+            gap = (height - point.z).abs();
             if gap < SETTLED_MM {
                 break;
             }
@@ -97,7 +97,7 @@ impl<'a> BoardSurface<'a> {
 
     /// Height over the surface of a point on a ray at a depth (mm), mm.
     pub fn height(&self, ray: [f64; 2], depth_mm: f64) -> f64 {
-        let at = self.plane.to_board(ray, depth_mm);
-        at.z - self.heights.map_or(0.0, |heights| heights.at([at.x, at.y]))
+        let point = self.plane.to_board(ray, depth_mm);
+        point.z - self.heights.map_or(0.0, |heights| heights.at([point.x, point.y]))
     }
 }

@@ -22,8 +22,8 @@ impl BoardRegion {
 
     /// The region within the markers that were found in a frame. What lies beyond them may be hidden, or be no board.
     pub fn within_markers(target: &Target, markers: &[MarkerObservation]) -> Self {
-        let found = markers.iter().map(|m| target.point(m.index)).collect();
-        Self { hull: convex_hull(found), dots: DotGrid::of(target) }
+        let marker_points = markers.iter().map(|m| target.point(m.index)).collect();
+        Self { hull: convex_hull(marker_points), dots: DotGrid::of(target) }
     }
 
     /// Corners of the convex hull in order, board frame, mm.
@@ -83,10 +83,11 @@ impl DotGrid {
     }
 
     fn cell(&self, point: [f64; 2]) -> Option<[usize; 2]> {
-        let at = [0, 1].map(|i| (point[i] - self.low[i]) / self.cell_mm);
+        let position = [0, 1].map(|i| (point[i] - self.low[i]) / self.cell_mm);
         let rows = self.cells.len() / self.columns;
-        let inside = at[0] >= 0.0 && at[1] >= 0.0 && at[0] < self.columns as f64 && at[1] < rows as f64;
-        inside.then(|| at.map(|t| t as usize))
+        let inside =
+            position[0] >= 0.0 && position[1] >= 0.0 && position[0] < self.columns as f64 && position[1] < rows as f64;
+        inside.then(|| position.map(|t| t as usize))
     }
 
     /// Whether the edge of any dot is nearer than `margin_mm`. Margins of more than a cell reach a dot everywhere on the board.

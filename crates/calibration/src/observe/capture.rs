@@ -26,7 +26,7 @@ pub struct Capture<F = DetectedFrame> {
 }
 
 impl<F: Clone> Capture<F> {
-    /// The same capture with those frames for which `keep` (given their position) is true.
+    /// This capture with only those frames for which `keep` (given their position) is true.
     pub fn subset(&self, keep: impl Fn(usize, &F) -> bool) -> Self {
         let frames = self.frames.iter().enumerate().filter(|(i, f)| keep(*i, f)).map(|(_, f)| f.clone()).collect();
         self.with_frames(frames)
@@ -34,7 +34,7 @@ impl<F: Clone> Capture<F> {
 }
 
 impl<F> Capture<F> {
-    /// The same dataset with other frames, for example those of another stage.
+    /// This dataset with other frames, for example those of another stage.
     pub fn with_frames<G>(&self, frames: Vec<G>) -> Capture<G> {
         Capture {
             name: self.name.clone(),

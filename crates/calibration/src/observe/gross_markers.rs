@@ -60,7 +60,7 @@ fn far_off(design: &DMatrix<f64>, pixels: &OMatrix<f64, Dyn, U2>) -> Option<FarO
         let distances = Fit::new(design, pixels, &weights)?.distances;
         weights.iter_mut().zip(&distances).for_each(|(weight, d)| *weight = 1.0 / d.max(FLOOR_PX));
     }
-    let mut found = None;
+    let mut latest = None;
     for _ in 0..ITERATIONS[1] {
         let fit = Fit::new(design, pixels, &weights)?;
         let (leverages, distances) = (fit.leverages(design), fit.distances);
@@ -73,9 +73,9 @@ fn far_off(design: &DMatrix<f64>, pixels: &OMatrix<f64, Dyn, U2>) -> Option<FarO
         let beyond = |(d, leverage): (&f64, &f64)| *d > limit * (1.0 + leverage).sqrt();
         let wrong: Vec<bool> = distances.iter().zip(&leverages).map(beyond).collect();
         weights.iter_mut().zip(&wrong).for_each(|(weight, wrong)| *weight = if *wrong { 0.0 } else { 1.0 });
-        found = Some(FarOff { wrong, std_px });
+        latest = Some(FarOff { wrong, std_px });
     }
-    found
+    latest
 }
 
 /// Monomials of the board's coordinates, scaled to −1 … 1, up to a total degree.

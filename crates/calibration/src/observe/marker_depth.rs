@@ -81,17 +81,17 @@ impl<'a> Cells<'a> {
         let area = |side: f64| (high[0] - low[0]).max(side) * (high[1] - low[1]).max(side);
         let share = std::f64::consts::PI * radius * radius / area(radius);
         let thinning = Thinning::new(pixels.len(), (MOST_PIXELS / share) as usize);
-        let kept = pixels.iter().enumerate().filter(|(number, _)| thinning.keeps(*number as u64));
-        let of: Vec<(u32, u32)> = kept.map(|(number, p)| (number as u32, cells.cell(p.board))).collect();
-        for (_, cell) in &of {
+        let thinned = pixels.iter().enumerate().filter(|(number, _)| thinning.keeps(*number as u64));
+        let pixel_cells: Vec<(u32, u32)> = thinned.map(|(number, p)| (number as u32, cells.cell(p.board))).collect();
+        for (_, cell) in &pixel_cells {
             cells.starts[*cell as usize + 1] += 1;
         }
         for i in 1..cells.starts.len() {
             cells.starts[i] += cells.starts[i - 1];
         }
         let mut next = cells.starts.clone();
-        cells.order.resize(of.len(), 0);
-        for (number, cell) in &of {
+        cells.order.resize(pixel_cells.len(), 0);
+        for (number, cell) in &pixel_cells {
             cells.order[next[*cell as usize] as usize] = *number;
             next[*cell as usize] += 1;
         }
@@ -99,14 +99,15 @@ impl<'a> Cells<'a> {
     }
 
     fn cell(&self, point: [f64; 2]) -> u32 {
-        let at = [0, 1].map(|i| ((point[i] - self.low[i]) / self.radius) as usize);
-        (at[1].min(self.rows - 1) * self.columns + at[0].min(self.columns - 1)) as u32
+        let cell = [0, 1].map(|i| ((point[i] - self.low[i]) / self.radius) as usize);
+        (cell[1].min(self.rows - 1) * self.columns + cell[0].min(self.columns - 1)) as u32
     }
 
     /// Calls `take` with every pixel within the radius of a board point.
     fn within(&self, point: [f64; 2], take: &mut impl FnMut(usize)) {
-        let at = [0, 1].map(|i| ((point[i] - self.low[i]) / self.radius).floor());
-        let range = |i: usize, n: usize| (at[i] - 1.0).max(0.0) as usize..((at[i] + 2.0).max(0.0) as usize).min(n);
+        let position = [0, 1].map(|i| ((point[i] - self.low[i]) / self.radius).floor());
+        let range =
+            |i: usize, n: usize| (position[i] - 1.0).max(0.0) as usize..((position[i] + 2.0).max(0.0) as usize).min(n);
         for row in range(1, self.rows) {
             for column in range(0, self.columns) {
                 let cell = row * self.columns + column;
@@ -203,8 +204,8 @@ mod tests {
                 }
             }
             let ray = [30.0 / 800.0, 30.0 / 800.0];
-            let found = marker_inverse_depths(&target, &[(4, ray)], &pixels)[0].unwrap();
-            assert!((found / plane(ray[0], ray[1]) - 1.0).abs() < 1e-9, "{found}");
+            let inverse_depth = marker_inverse_depths(&target, &[(4, ray)], &pixels)[0].unwrap();
+            assert!((inverse_depth / plane(ray[0], ray[1]) - 1.0).abs() < 1e-9, "{inverse_depth}");
             assert_eq!(marker_inverse_depths(&target, &[(4, ray)], &[]), [None], "no pixels");
         }
     }
@@ -224,12 +225,12 @@ mod tests {
             .collect();
         let cells = Cells::of(&pixels, 22.0);
         for p in [[0.0, 0.0], [-40.0, 30.0], [75.0, 60.0], [160.0, 110.0], [500.0, 0.0]] {
-            let mut found = Vec::new();
-            cells.within(p, &mut |i| found.push(i));
-            found.sort_unstable();
+            let mut within = Vec::new();
+            cells.within(p, &mut |i| within.push(i));
+            within.sort_unstable();
             let near = |q: &BoardPixel| (q.board[0] - p[0]).powi(2) + (q.board[1] - p[1]).powi(2) <= 22.0 * 22.0;
             let all: Vec<usize> = (0..pixels.len()).filter(|i| near(&pixels[*i])).collect();
-            assert_eq!(found, all, "{p:?}");
+            assert_eq!(within, all, "{p:?}");
         }
     }
 }

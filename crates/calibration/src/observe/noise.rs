@@ -23,8 +23,9 @@ pub struct PlaneScatter {
     /// image, in standard deviations of the noise of a pixel; 0 where frames have no planes of their own. One for all three: with
     /// one each, the scale of depth and the scatter of the constants could grow together.
     pub of_noise: f64,
-    /// The same for each coefficient alone. The fourth is the coefficient of 1/amplitude, in units of its mean over all frames; 0
-    /// where amplitudes are unknown. The covariance of the parameters takes all four into account.
+    /// Standard deviation of each coefficient by itself, in the unit of [`of_noise`](Self::of_noise). The fourth is the
+    /// coefficient of 1/amplitude, in units of its mean over all frames; 0 where amplitudes are unknown. The covariance of the
+    /// parameters takes all four into account.
     pub deviations: [f64; 4],
     /// Design effect (Kish 1965): how many times the variance of what the samples of a frame say together is larger than it would
     /// be without these planes; 1 where frames have none.

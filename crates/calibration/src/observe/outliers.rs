@@ -141,8 +141,8 @@ struct Beside {
 impl Beside {
     fn of(places: &[[i64; 2]]) -> Self {
         let bound = |i: usize| {
-            let at = places.iter().map(|p| p[i]);
-            (at.clone().min().unwrap_or(0) - RIM_PX, at.max().unwrap_or(0) + RIM_PX)
+            let coordinates = places.iter().map(|p| p[i]);
+            (coordinates.clone().min().unwrap_or(0) - RIM_PX, coordinates.max().unwrap_or(0) + RIM_PX)
         };
         let ((left, right), (top, bottom)) = (bound(0), bound(1));
         let columns = right - left + 1;
@@ -226,8 +226,8 @@ mod tests {
             }
         }
         let n = pixels.len();
-        let mut kept = pixels.clone();
-        assert_eq!(remove_outliers(&mut kept).0, wall + wild);
+        let mut without_outliers = pixels.clone();
+        assert_eq!(remove_outliers(&mut without_outliers).0, wall + wild);
         let mut fitted = pixels;
         remove_outliers_and_rim(&mut fitted);
         let noise = fitted.len() as i64 - (n - wall - wild - mixed) as i64;

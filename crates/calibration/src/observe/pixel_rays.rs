@@ -40,14 +40,14 @@ impl<'a> PixelRays<'a> {
         Self { camera, table, has_pixel_pieces, needs_surroundings, modulation, heights }
     }
 
-    /// The same for pixels that are then corrected by `camera`: they get the covariates that its pieces need.
+    /// These rays for pixels that are then corrected by `camera`: they get the covariates that its pieces need.
     pub fn to_be_corrected_by(mut self, camera: &Camera) -> Self {
         self.needs_surroundings |= needs_surroundings(camera);
         self.modulation = self.modulation.or_else(|| light_of(camera));
         self
     }
 
-    /// The same for pixels whose frame's light is needed for these modulation frequencies.
+    /// These rays for pixels that need the light of their frame at these modulation frequencies.
     pub fn with_light(mut self, modulation: Option<Modulation>) -> Self {
         self.modulation = modulation.or(self.modulation);
         self

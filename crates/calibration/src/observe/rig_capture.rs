@@ -1,4 +1,4 @@
-//! What the cameras of a rig observed.
+//! Observations of the cameras of a rig.
 
 use crate::observe::Capture;
 use depthcal_model::Camera;
@@ -12,7 +12,7 @@ pub struct RigCapture {
     pub cameras: Vec<CameraCapture>,
 }
 
-/// What one camera of a rig observed.
+/// Observations of one camera of a rig.
 #[derive(Debug, Clone)]
 pub struct CameraCapture {
     /// The camera's name.
@@ -45,7 +45,7 @@ impl RigCapture {
         names
     }
 
-    /// The same rig with those frames for which `keep`, given the name, is true.
+    /// This rig with only those frames for which `keep`, given the name, is true.
     #[must_use]
     pub fn subset(&self, keep: impl Fn(&str) -> bool) -> Self {
         let camera = |camera: &CameraCapture| CameraCapture {

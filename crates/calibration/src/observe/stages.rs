@@ -145,7 +145,7 @@ impl OpenFrame<'_> {
         context
     }
 
-    /// The same without its surroundings, which cost some hundred times as much.
+    /// [`context`](Self::context) without the covariates of the surroundings, which cost some hundred times as much.
     pub fn conditions(&self, pixel: [f64; 2]) -> Context {
         let amplitude = self.image.as_ref().map_or(f64::NAN, |image| neighbourhood::amplitude(image, pixel));
         let (time_s, temperature_c) = (self.raw.time_s, self.raw.temperature_c);

@@ -32,15 +32,15 @@ pub fn homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Matrix3<f
     Ok(fit_homography(target, frame)?.matrix)
 }
 
-/// The same homography with its precision. Markers all but one of which lie on a line leave it undetermined as well.
+/// [`homography`] with its precision. Markers all but one of which lie on a line leave it undetermined as well.
 ///
 /// # Errors
 ///
 /// [`StartError::TooFewMarkers`], [`StartError::Collinear`].
 pub fn fit_homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<HomographyFit, StartError> {
-    let found = frame.markers.len();
-    if found < FEWEST_MARKERS {
-        return Err(StartError::TooFewMarkers { frame: frame.name.to_owned(), found, needed: FEWEST_MARKERS });
+    let count = frame.markers.len();
+    if count < FEWEST_MARKERS {
+        return Err(StartError::TooFewMarkers { frame: frame.name.to_owned(), found: count, needed: FEWEST_MARKERS });
     }
     let board: Vec<[f64; 2]> = frame.markers.iter().map(|m| target.point(m.index)).collect();
     let image: Vec<[f64; 2]> = frame.markers.iter().map(|m| m.pixel).collect();
@@ -51,7 +51,7 @@ pub fn fit_homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Homog
     let apply = |n: &Matrix3<f64>, p: &[f64; 2]| [n.m11 * p[0] + n.m13, n.m22 * p[1] + n.m23];
     let board_n: Vec<[f64; 2]> = board.iter().map(|p| apply(&to_board, p)).collect();
     let image_n: Vec<[f64; 2]> = image.iter().map(|p| apply(&to_image, p)).collect();
-    let mut rows = DMatrix::zeros(2 * found, 9);
+    let mut rows = DMatrix::zeros(2 * count, 9);
     for (k, ([x, y], [u, v])) in board_n.iter().zip(&image_n).enumerate() {
         rows.row_mut(2 * k).copy_from_slice(&[*x, *y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y, -u]);
         rows.row_mut(2 * k + 1).copy_from_slice(&[0.0, 0.0, 0.0, *x, *y, 1.0, -v * x, -v * y, -v]);
@@ -85,7 +85,7 @@ pub fn fit_homography(target: &Target, frame: &FrameMarkers<'_>) -> Result<Homog
         let change = Matrix3::from_fn(|r, c| if (r, c) == (2, 2) { 0.0 } else { root[(3 * r + c, k)] });
         from_normalised(change) * (to_image.m11 / norm)
     });
-    let freedom = (2 * found - 8) as f64;
+    let freedom = (2 * count - 8) as f64;
     Ok(HomographyFit { matrix: matrix / norm, deviations, rms_px: (last.cost / freedom).sqrt() / to_image.m11 })
 }
 

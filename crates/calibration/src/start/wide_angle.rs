@@ -16,7 +16,7 @@ const FRAMES: usize = 6;
 /// Focal lengths that are tried, in image widths: from a fisheye whose image circle fills a third of the image to a telephoto
 /// lens.
 const FOCAL_LENGTHS: [f64; 2] = [0.12, 2.5];
-/// The same in focal lengths of the pinhole, where there is one.
+/// Focal lengths that are tried where a pinhole is known, as multiples of its own.
 const AROUND: [f64; 2] = [0.6, 1.7];
 /// Ratio of neighbouring focal lengths in the first search, and rounds that refine the best.
 const RATIO: f64 = 1.25;

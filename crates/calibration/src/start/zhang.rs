@@ -47,16 +47,16 @@ pub fn pinhole_from_homographies(
     let sigmas = marker_sigmas(homographies);
     let views: Vec<View> = homographies.iter().zip(&sigmas).map(|(h, s)| View::new(h, *s, &normalise)).collect();
     let assumed = ASSUMED_FOCAL_LENGTH * w / scale;
-    let (mut pinhole, mut found) = ([assumed, assumed, 0.0, 0.0], None);
+    let (mut pinhole, mut solved) = ([assumed, assumed, 0.0, 0.0], None);
     for _ in 0..WEIGHTED_ROUNDS {
         let rows = weighted_constraints(&views, pinhole);
         let full = full_form(&rows).filter(|[_, _, cx, cy]| {
             cx.abs() * scale < PRINCIPAL_POINT_PART * w && cy.abs() * scale < PRINCIPAL_POINT_PART * h
         });
         let Some(next) = full.or_else(|| focal_lengths(&rows)) else { break };
-        (pinhole, found) = (next, Some(next));
+        (pinhole, solved) = (next, Some(next));
     }
-    let [fx, fy, cx, cy] = found.ok_or(StartError::NoFocalLength { frames: homographies.len() })?;
+    let [fx, fy, cx, cy] = solved.ok_or(StartError::NoFocalLength { frames: homographies.len() })?;
     Ok([fx * scale, fy * scale, cx * scale + middle[0], cy * scale + middle[1], 0.0])
 }
 
@@ -83,15 +83,15 @@ impl View {
 
     /// Its two constraints, and their variances under the conic `b`.
     fn constraints(&self, b: &[f64; 5]) -> [([f64; 5], f64); 2] {
-        let at = |h: &Matrix3<f64>| constraints(h).map(|c| c.iter().zip(b).map(|(c, b)| c * b).sum::<f64>());
+        let values = |h: &Matrix3<f64>| constraints(h).map(|c| c.iter().zip(b).map(|(c, b)| c * b).sum::<f64>());
         // The constraints are quadratic in H: their central differences are exact.
         let changes = self.deviations.map(|d| {
-            let (plus, minus) = (at(&(self.matrix + d)), at(&(self.matrix - d)));
+            let (plus, minus) = (values(&(self.matrix + d)), values(&(self.matrix - d)));
             [0, 1].map(|i| 0.5 * (plus[i] - minus[i]))
         });
         let variance = [0, 1].map(|i| changes.iter().map(|c| c[i] * c[i]).sum::<f64>());
-        let own = constraints(&self.matrix);
-        [0, 1].map(|i| (own[i], variance[i]))
+        let rows = constraints(&self.matrix);
+        [0, 1].map(|i| (rows[i], variance[i]))
     }
 }
 

@@ -75,8 +75,8 @@ impl CompareRequest {
             let Some((train, base)) = examined(camera, &fit, &options)? else { continue };
             // In another dataset a camera without images has no poses of its own; its frames are cross-validated.
             let of_camera = |v: &Arc<Loaded>| {
-                let found = v.cameras.iter().find(|c| c.name() == camera.name);
-                found.filter(|_| camera.has_markers()).map(|c| c.capture.clone())
+                let verified = v.cameras.iter().find(|c| c.name() == camera.name);
+                verified.filter(|_| camera.has_markers()).map(|c| c.capture.clone())
             };
             let captures = verify.iter().filter_map(of_camera).collect();
             compared.push(self.compare_camera(&camera.name, train, captures, base)?);

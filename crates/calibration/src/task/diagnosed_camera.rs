@@ -22,7 +22,7 @@ use crate::judge::rig::EvaluatedRig;
 use crate::load::{Loaded, LoadedCamera};
 use crate::progress::ProgressHandle;
 
-/// What the model of a camera lacks.
+/// Diagnosis of a camera: the effects that its model lacks, its errors, and the record.
 pub struct DiagnosedCamera {
     /// Name of its captures.
     pub title: String,
@@ -46,7 +46,7 @@ pub struct DiagnosedCamera {
     pub story: Vec<String>,
 }
 
-/// What the joint adjustment of a rig showed of one camera.
+/// Findings on one camera from the joint adjustment of its rig.
 pub struct CameraInRig {
     /// Whether the poses of the board come from the other cameras, because this one has no images.
     pub poses_from_others: bool,

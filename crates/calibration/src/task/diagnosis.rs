@@ -1,4 +1,4 @@
-//! What the models of a dataset's cameras lack.
+//! Diagnosis of a dataset's cameras: the effects that their models lack.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -83,9 +83,9 @@ impl DiagnoseRequest {
         let calibrate = self.model.for_camera(self.model.options(base)?, camera)?;
         let (folds, formulas) = (self.folds, self.formulas);
         let options = DiagnoseOptions { calibrate, folds, formulas, ..DiagnoseOptions::default() };
-        let found = diagnose(&camera.capture, verify.map(|verify| &verify.capture), &options)?;
+        let diagnosis = diagnose(&camera.capture, verify.map(|verify| &verify.capture), &options)?;
         let model = self.model.depth_model(&register)?;
-        let diagnosed = DiagnosedCamera::new(found, (loaded, 0), model, verify.is_some(), &register, &progress)?;
+        let diagnosed = DiagnosedCamera::new(diagnosis, (loaded, 0), model, verify.is_some(), &register, &progress)?;
         let record = Diagnosis::from(diagnosed.record.clone());
         Ok(Diagnosed { cameras: vec![(camera.declared.name.clone(), diagnosed)], rig: None, record })
     }
@@ -101,10 +101,10 @@ impl DiagnoseRequest {
         let (folds, formulas) = (self.folds, self.formulas);
         let options = RigDiagnoseOptions { rig, folds, formulas, ..RigDiagnoseOptions::default() };
         let other = verify.map(Loaded::observed);
-        let mut found = diagnose_rig(&loaded.capture(&register)?, other.as_ref(), &options)?;
+        let mut rig_diagnosis = diagnose_rig(&loaded.capture(&register)?, other.as_ref(), &options)?;
         let no_cameras = || CalibrateError::NoImages { dataset: loaded.name.clone() };
         let (mut cameras, mut records) = (Vec::new(), Vec::new());
-        for camera in std::mem::take(&mut found.cameras) {
+        for camera in std::mem::take(&mut rig_diagnosis.cameras) {
             let index = loaded.cameras.iter().position(|l| l.name() == camera.name).ok_or_else(no_cameras)?;
             let verified = verify.is_some() && !camera.poses_from_others;
             let (diagnosis, model) = (camera.diagnosis, self.model.depth_model(&register)?);
@@ -121,8 +121,8 @@ impl DiagnoseRequest {
             cameras.push((camera.name, diagnosed));
         }
         let dataset = loaded.cameras.first().map(|camera| camera.reference.clone()).ok_or_else(no_cameras)?;
-        let verdict = found.verdict;
-        let rig = DiagnosedRig::new(found, dataset.clone()).ok_or_else(no_cameras)?;
+        let verdict = rig_diagnosis.verdict;
+        let rig = DiagnosedRig::new(rig_diagnosis, dataset.clone()).ok_or_else(no_cameras)?;
         let record = Diagnosis { dataset, verdict, cameras: records, rig: Some(rig.findings()) };
         Ok(Diagnosed { cameras, rig: Some(rig), record })
     }

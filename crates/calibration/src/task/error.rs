@@ -23,7 +23,7 @@ pub enum TaskError {
         option: String,
         /// The text that it was given.
         text: String,
-        /// What is wrong with it, and the remedy.
+        /// The fault and the remedy, in words.
         problem: String,
     },
     /// An option that is for one camera alone, where the dataset has several.

@@ -21,7 +21,7 @@ use crate::progress::ProgressHandle;
 /// Errors of a calibration on datasets, one after another.
 #[derive(Debug, Clone)]
 pub struct Evaluations {
-    /// What the calibration is called.
+    /// Name of the calibration.
     pub title: String,
     /// Its cameras, of which there is at least one.
     pub cameras: Vec<PlacedCamera>,
@@ -45,10 +45,10 @@ impl Evaluations {
         };
         let (evaluated, missing) = match self.only_pair(loaded)? {
             Some((placed, camera)) => {
-                let (found, expected) = (size(camera), [placed.camera.width, placed.camera.height]);
-                if found != expected {
+                let (actual, expected) = (size(camera), [placed.camera.width, placed.camera.height]);
+                if actual != expected {
                     let path = path.display().to_string();
-                    return Err(UnlikeCalibration::Size { path, found, expected }.into());
+                    return Err(UnlikeCalibration::Size { path, found: actual, expected }.into());
                 }
                 let _stage = progress.stage("evaluation");
                 (EvaluatedRig::of_camera(&placed.name, evaluate(&placed.camera, &camera.capture)), Vec::new())
@@ -112,9 +112,9 @@ fn missing_cameras(cameras: &[PlacedCamera], loaded: &Loaded, path: &Path) -> Re
             missing.push(placed.name.clone());
             continue;
         };
-        let (found, expected) = (size(camera), [placed.camera.width, placed.camera.height]);
-        if found != expected {
-            return Err(UnlikeCalibration::CameraSize { path, camera: placed.name.clone(), found, expected });
+        let (actual, expected) = (size(camera), [placed.camera.width, placed.camera.height]);
+        if actual != expected {
+            return Err(UnlikeCalibration::CameraSize { path, camera: placed.name.clone(), found: actual, expected });
         }
     }
     if missing.len() == cameras.len() {

@@ -41,7 +41,7 @@ pub struct HoldOut {
     pub first: usize,
 }
 
-/// What is fitted to a dataset, and how it is judged.
+/// Request of a fit to a dataset: the model, its estimation, and the frames on which it is judged.
 #[derive(Debug, Clone)]
 pub struct FitRequest {
     /// The model.
@@ -54,7 +54,7 @@ pub struct FitRequest {
     pub cross_validate: Option<usize>,
     /// How frames are divided into these parts.
     pub parts: Parts,
-    /// What other units of a camera's type say of it, at most one of every camera.
+    /// Priors from other units of the cameras' types, at most one for every camera.
     pub priors: Vec<GivenPrior>,
 }
 
@@ -213,8 +213,8 @@ impl FitRequest {
         Ok(Fit { loaded: loaded.clone(), fitted, images_only, on_fitted, held_out, record, evaluation, register })
     }
 
-    /// Errors on frames that were not fitted: `on_held` where frames of one camera, `held`, or of a rig were held out, else those of a
-    /// cross-validation in so many parts where one is asked for.
+    /// Errors on frames that were not fitted: `on_held` where frames of one camera, `held`, or of a rig were held out, else those
+    /// of a cross-validation by `validate`, given the number of parts, where one is asked for.
     fn held_out(
         &self,
         on_held: Option<EvaluatedRig>,
@@ -296,19 +296,20 @@ impl Fit {
 }
 
 impl Fit {
-    /// Writes a folder for every camera with depth, with its own `calibration.json` and `scores.json`, as a fleet of cameras of its
-    /// type takes them.
+    /// Writes a folder for every camera with depth, with its own `calibration.json` and `scores.json`, from which a fleet of
+    /// cameras of its type can be joined.
     fn write_scores_of_cameras(&self, folder: &Path) -> Result<Vec<PathBuf>, FileError> {
         let mut written = Vec::new();
         for (name, camera) in self.fitted.cameras().into_iter().filter(|(_, camera)| camera.with_depth) {
             let loaded = self.loaded.cameras.iter().find(|loaded| loaded.name() == name);
             let (Some(loaded), Some(evaluated)) = (loaded, self.on_fitted.camera(name)) else { continue };
             let Some(scores) = scores_of(camera, &self.register, loaded) else { continue };
-            let own = folder.join(name);
-            std::fs::create_dir_all(&own).map_err(|error| FileError::Write { path: own.clone(), error })?;
+            let camera_folder = folder.join(name);
+            std::fs::create_dir_all(&camera_folder)
+                .map_err(|error| FileError::Write { path: camera_folder.clone(), error })?;
             calibration_record(camera, evaluated, loaded.reference.clone(), None)
-                .write(own.join("calibration.json"))?;
-            scores.write(own.join("scores.json"))?;
+                .write(camera_folder.join("calibration.json"))?;
+            scores.write(camera_folder.join("scores.json"))?;
             written.extend(["calibration.json", "scores.json"].map(|file| Path::new(name).join(file)));
         }
         Ok(written)

@@ -5,7 +5,7 @@ use depthcal_io::Prior;
 use super::error::TaskError;
 use crate::adjust::camera_prior::CameraPrior;
 
-/// What other units of a camera's type say of it.
+/// Prior of a camera's parameters from other units of its type.
 #[derive(Debug, Clone)]
 pub struct GivenPrior {
     /// The camera of a rig; `None` of a camera alone.

@@ -10,7 +10,7 @@ use super::made::Made;
 use super::report_input::ReportInput;
 use crate::calibrate::Calibrated;
 
-/// What a report shows.
+/// Contents of a report.
 #[derive(Debug)]
 pub enum Shown<'a> {
     /// A calibration, an evaluation or a diagnosis, of one camera or of a rig.
@@ -30,7 +30,7 @@ pub enum Shown<'a> {
     Fleet {
         /// The record.
         fleet: &'a Fleet,
-        /// What they say of the next one.
+        /// Prior of the next camera of this type.
         prior: &'a Prior,
         /// How it was made.
         made: Made,
@@ -49,7 +49,7 @@ pub trait Results {
     /// [`FileError`] with the file.
     fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FileError>;
 
-    /// What the report shows.
+    /// Contents of the report.
     fn shown(&self, made: &Made) -> Shown<'_>;
 
     /// Formulas that were found, which have files of their own.

@@ -1,4 +1,4 @@
-//! What a diagnosis says of the cameras of a rig together.
+//! Results of a rig's diagnosis that concern its cameras together.
 
 use depthcal_io::{
     Calibration, CameraDiagnosis, DiagnosedCamera as CameraRecord, Evaluation, FileReference, RigDriftTest, RigEffect,
@@ -13,7 +13,7 @@ use crate::rig_record::{drift_record, rig_record};
 
 /// The cameras of a rig, diagnosed and adjusted jointly again.
 pub struct DiagnosedRig {
-    /// What was found, without the cameras' own diagnoses.
+    /// Findings, without the cameras' own diagnoses.
     pub found: RigDiagnosis,
     /// `calibration.json`: the last rig.
     pub calibration: Calibration,

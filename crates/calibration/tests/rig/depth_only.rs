@@ -27,11 +27,11 @@ fn planes_give_place_pinhole_and_depth() {
         let camera = fit.camera("depth").expect("the camera");
         assert!(!camera.has_markers() && camera.calibrated.with_depth);
         let names = fit.parameters();
-        let own = errors(&fit, &points.truth);
-        let own: Vec<_> = own.iter().filter(|(i, _)| names[*i].0.starts_with("depth/")).collect();
-        assert_eq!(own.len(), 6 + 4 + 4, "seed {seed}");
-        within += own.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.covariance[(*i, *i)].sqrt()).count();
-        all += own.len();
+        let errors = errors(&fit, &points.truth);
+        let errors: Vec<_> = errors.iter().filter(|(i, _)| names[*i].0.starts_with("depth/")).collect();
+        assert_eq!(errors.len(), 6 + 4 + 4, "seed {seed}");
+        within += errors.iter().filter(|(i, e)| e.abs() <= 3.0 * fit.covariance[(*i, *i)].sqrt()).count();
+        all += errors.len();
         let translation = camera.camera_from_rig.translation.vector;
         assert!((translation.x + 71.5).abs() < 15.0, "seed {seed}: {translation}");
         for open in &camera.left_open {

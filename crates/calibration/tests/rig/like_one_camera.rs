@@ -47,8 +47,8 @@ fn frames_are_judged_by_a_rig_that_was_fitted_without_them() {
     let names = capture.frame_names();
     for part in 0..4 {
         let is_held = |name: &str| names.iter().position(|n| n == name).is_some_and(|i| i % 4 == part);
-        let rest = fitted(&capture.subset(|name| !is_held(name)), &options());
-        by_hand.push(evaluate_rig(&rest.placed(), &capture.subset(is_held)));
+        let refitted = fitted(&capture.subset(|name| !is_held(name)), &options());
+        by_hand.push(evaluate_rig(&refitted.placed(), &capture.subset(is_held)));
     }
     for camera in 0..2 {
         let mean_square = by_hand.iter().map(|e| reprojection_px(e)[camera].powi(2)).sum::<f64>() / 4.0;

@@ -15,8 +15,8 @@ fn calibrated(points: &RigPoints) -> Calibrated {
     calibrate(&rig_capture(points).cameras[0].capture, &CalibrateOptions::default()).expect("a calibration")
 }
 
-/// A camera's own calibration and that of a rig that has no other are one adjustment. Their start values differ, and with them where
-/// iterations end: by a small part of every parameter's standard deviation.
+/// The calibration of a camera and that of a rig of this camera alone are one adjustment. Because their start values differ,
+/// they end at values that differ by a small part of every parameter's standard deviation.
 #[test]
 fn a_camera_alone_is_a_rig_of_one() {
     let points = observed(3);
@@ -31,8 +31,8 @@ fn a_camera_alone_is_a_rig_of_one() {
 }
 
 /// eᵀ Σ⁻¹ e has as many degrees of freedom as there are parameters: over 20 captures with some 14 parameters its mean per degree
-/// of freedom has a standard deviation of √(2 / 280) = 0.085. Samples that have the standard deviation of their measured instead of
-/// their predicted depth make it larger: those that noise moves away then weigh less than those that it moves near.
+/// of freedom has a standard deviation of √(2 / 280) = 0.085. With standard deviations at the measured instead of the predicted
+/// depth it is larger: samples that noise moves away then weigh less than those that it moves near.
 #[test]
 fn errors_are_as_large_as_their_covariance_says() {
     const SEEDS: u64 = 20;

@@ -21,8 +21,10 @@ fn alone(board: Board, seed: u64) -> RigPoints {
 fn together(first: &RigPoints, second: &RigPoints) -> RigCapture {
     let (mut both, other) = (rig_capture(first), rig_capture(second));
     for (camera, other) in both.cameras.iter_mut().zip(other.cameras) {
-        let own = |name: &str, board: &Target| NumberedBoard { name: name.into(), first_tag: 0, board: board.clone() };
-        let target = Target::several(vec![own("wall", &camera.capture.target), own("floor", &other.capture.target)]);
+        let numbered =
+            |name: &str, board: &Target| NumberedBoard { name: name.into(), first_tag: 0, board: board.clone() };
+        let target =
+            Target::several(vec![numbered("wall", &camera.capture.target), numbered("floor", &other.capture.target)]);
         let offset = target.parts()[1].markers.start;
         for mut frame in other.capture.frames {
             frame.raw.name.push_str("+floor");
@@ -46,10 +48,10 @@ fn two_boards_have_a_pose_each_and_one_rig() {
     let fit = calibrate_rig(&capture, &options).expect("a fit");
     assert_eq!(fit.frames.iter().filter(|frame| frame.board == 1).count(), FRAMES);
     // Both truths are of one rig.
-    let found = errors(&fit, &first.truth);
-    let (squared, freedom) = squared_error(&fit, &found).expect("a covariance");
+    let errors = errors(&fit, &first.truth);
+    let (squared, freedom) = squared_error(&fit, &errors).expect("a covariance");
     assert!(chi_squared_tail(squared, freedom) > 1e-3, "{squared} of {freedom}");
-    for (row, error) in &found {
+    for (row, error) in &errors {
         let sigma = fit.covariance[(*row, *row)].sqrt();
         assert!(error.abs() < 3.5 * sigma, "{}: {error} ± {sigma}", fit.parameters()[*row].0);
     }

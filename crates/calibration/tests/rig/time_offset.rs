@@ -39,10 +39,10 @@ fn errors_of(capture: &RigCapture, truth: &RigPoints) -> Vec<(String, f64, f64)>
 fn the_offset_of_a_moving_board_is_found() {
     for (seed, offset_s) in [(1, 0.012), (2, -0.025)] {
         let points = video(support::colour().time_offset(offset_s), seed);
-        let found = errors_of(&rig_capture(&points), &points);
-        let (_, _, sigma) = found.iter().find(|(name, ..)| name == "colour/time_offset.dt").expect("the offset");
+        let errors = errors_of(&rig_capture(&points), &points);
+        let (_, _, sigma) = errors.iter().find(|(name, ..)| name == "colour/time_offset.dt").expect("the offset");
         assert!(*sigma < 0.02 * offset_s.abs(), "known to {sigma} s");
-        for (name, error, sigma) in &found {
+        for (name, error, sigma) in &errors {
             assert!(error.abs() < 3.5 * sigma, "{name}: {error} ± {sigma}");
         }
     }

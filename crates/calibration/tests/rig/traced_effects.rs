@@ -37,32 +37,32 @@ fn transfer(errors: &depthcal_calibration::judge::rig::EvaluatedRig) -> f64 {
 
 #[test]
 fn an_effect_of_the_reference_is_traced_to_it() {
-    let found = diagnosed(vec![support::infrared().effect(effect("radial_range", 6.0)), support::colour()], 3);
-    assert_eq!(added(&found, "infrared"), ["radial_range"]);
-    assert_eq!(found.without_depth, ["colour"]);
-    let fitted = &found.last.camera("infrared").expect("the camera").calibrated.camera;
+    let diagnosis = diagnosed(vec![support::infrared().effect(effect("radial_range", 6.0)), support::colour()], 3);
+    assert_eq!(added(&diagnosis, "infrared"), ["radial_range"]);
+    assert_eq!(diagnosis.without_depth, ["colour"]);
+    let fitted = &diagnosis.last.camera("infrared").expect("the camera").calibrated.camera;
     assert!(fitted.block("radial_range").is_some());
-    assert!(found.last.camera("colour").expect("the camera").calibrated.camera.block("radial_range").is_none());
-    let (before, after) = (transfer(&found.before), transfer(&found.after));
+    assert!(diagnosis.last.camera("colour").expect("the camera").calibrated.camera.block("radial_range").is_none());
+    let (before, after) = (transfer(&diagnosis.before), transfer(&diagnosis.after));
     assert!(after < before, "{before} mm before, {after} mm after");
 }
 
 #[test]
 fn an_effect_of_the_second_depth_camera_is_traced_to_it() {
     let second = RigCamera::usual("infrared2", 1).expect("camera 2").expect("a usual camera");
-    let found = diagnosed(vec![support::infrared(), second.effect(effect("cyclic_depth", 4.0))], 4);
-    assert_eq!(added(&found, "infrared"), [""; 0]);
-    assert_eq!(added(&found, "infrared2"), ["cyclic_depth"]);
-    assert!(transfer(&found.after) < transfer(&found.before));
+    let diagnosis = diagnosed(vec![support::infrared(), second.effect(effect("cyclic_depth", 4.0))], 4);
+    assert_eq!(added(&diagnosis, "infrared"), [""; 0]);
+    assert_eq!(added(&diagnosis, "infrared2"), ["cyclic_depth"]);
+    assert!(transfer(&diagnosis.after) < transfer(&diagnosis.before));
 }
 
 /// Its board has the poses of the infrared camera.
 #[test]
 fn an_effect_of_depth_without_images_is_traced_to_it() {
-    let found = diagnosed(vec![support::infrared(), support::depth_only().effect(effect("cyclic_depth", 6.0))], 5);
-    assert_eq!(added(&found, "infrared"), [""; 0]);
-    assert_eq!(added(&found, "depth"), ["cyclic_depth"]);
-    let camera = found.cameras.iter().find(|c| c.name == "depth").expect("the camera");
+    let diagnosis = diagnosed(vec![support::infrared(), support::depth_only().effect(effect("cyclic_depth", 6.0))], 5);
+    assert_eq!(added(&diagnosis, "infrared"), [""; 0]);
+    assert_eq!(added(&diagnosis, "depth"), ["cyclic_depth"]);
+    let camera = diagnosis.cameras.iter().find(|c| c.name == "depth").expect("the camera");
     assert!(camera.poses_from_others);
     // Pinhole and place take up a part of the effect while they are held: it is tried with these free.
     let errors = camera.in_rig[0].left_out;
@@ -86,17 +86,17 @@ fn a_rig_without_depth_is_refused() {
 #[test]
 fn a_place_that_drifts_is_told_from_one_that_keeps_still() {
     let drift = Drift::Time { rotation_rad: [0.0, 0.003, 0.0], translation_mm: [0.8, 0.0, 0.0] };
-    let found = diagnosed(vec![support::infrared(), support::colour().drift(drift)], 6);
-    let (place, _) = found.last.camera("colour").expect("the camera").drift.expect("a drift");
+    let diagnosis = diagnosed(vec![support::infrared(), support::colour().drift(drift)], 6);
+    let (place, _) = diagnosis.last.camera("colour").expect("the camera").drift.expect("a drift");
     assert_eq!(place.over, DriftOver::Time);
     // Between the first and the last frame, over the rig's axes; the camera's differ by some hundredths.
     assert!((place.change[1] - 0.003).abs() < 3e-4 && (place.change[3] - 0.8).abs() < 0.2, "{place:?}");
-    assert!(transfer(&found.after) < 0.7 * transfer(&found.before));
+    assert!(transfer(&diagnosis.after) < 0.7 * transfer(&diagnosis.before));
     // The file has the drift, with the covariance of its parameters.
     let reference = FileReference { path: "captures".into(), digest: "0".repeat(64) };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("calibration.json");
-    rig_record(&found.last, &found.fitted, reference).expect("cameras").write(&path).unwrap();
+    rig_record(&diagnosis.last, &diagnosis.fitted, reference).expect("cameras").write(&path).unwrap();
     let read = Calibration::read(&path).unwrap();
     assert_eq!(cameras_from_record(&read, &Register::builtin()).unwrap()[1].drift, Some(place));
     let name = "colour/extrinsics_drift.ry";

@@ -95,7 +95,7 @@ fn the_file_holds_the_rig() {
     assert!(read.frames[0].reprojection_rms_px > 0.0 && read.frames[0].depth_rms_mm.is_some());
 }
 
-/// The same bits on one thread and on two.
+/// Results have the same bits on one thread and on two.
 #[test]
 fn the_number_of_threads_changes_nothing() {
     let points = support::two_cameras(5, Kind::Centered1);

@@ -1,4 +1,4 @@
-//! What a depth camera without images may be assumed to be, and what its boards say less of than that.
+//! Priors of pinhole and lens of a depth camera without images, and the parameters that its boards determine no better.
 
 use crate::adjust::blocks::is_depth_only;
 use depthcal_io::LeftOpen;
@@ -45,12 +45,12 @@ pub fn left_open(
         let std_dev = std_devs[range.start + prior.component]?;
         let parameter = &block.parameters()[prior.component];
         (std_dev > LESS_THAN_PRIOR * prior.sigma).then(|| {
-            let of = if is_declared { "the declared" } else { "the assumed" };
+            let declared_or_assumed = if is_declared { "the declared" } else { "the assumed" };
             let unit = if parameter.unit == "1" { String::new() } else { format!(" {}", parameter.unit) };
             LeftOpen {
                 parameter: format!("{}.{}", block.name(), parameter.name),
                 reason: format!(
-                    "the boards determine it to ±{std_dev:.2e}{unit} only; a prior of ±{:.2e}{unit} about {of} {:.4}{unit} holds it: \
+                    "the boards determine it to ±{std_dev:.2e}{unit} only; a prior of ±{:.2e}{unit} about {declared_or_assumed} {:.4}{unit} holds it: \
                      declare the intrinsics, or capture boards that fill the image at more distances and tilts",
                     prior.sigma, prior.mean
                 ),

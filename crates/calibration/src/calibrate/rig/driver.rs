@@ -24,8 +24,8 @@ use crate::observe::{RigCapture, SampledFrame};
 pub fn calibrate_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCalibrated, CalibrateError> {
     let mut started = start(capture, options)?;
     for (camera, drift) in &options.drifts {
-        if let Some(own) = started.state.cameras.iter_mut().skip(1).find(|c| c.name == *camera) {
-            own.drift = Some(*drift);
+        if let Some(drifting) = started.state.cameras.iter_mut().skip(1).find(|c| c.name == *camera) {
+            drifting.drift = Some(*drift);
         }
     }
     fit(&capture.name, started, options)

@@ -20,7 +20,7 @@ pub struct RigCalibrated {
     /// Joint covariance of the places and parameters of all cameras, in the order of [`RigCalibrated::parameters`]; zero for held
     /// parameters.
     pub covariance: DMatrix<f64>,
-    /// What pairs of cameras share.
+    /// Pairs of cameras that share views.
     pub pairs: Vec<PairSummary>,
     /// Final cost.
     pub cost: f64,
@@ -28,7 +28,7 @@ pub struct RigCalibrated {
     pub iterations: usize,
     /// Why it stopped.
     pub termination: String,
-    /// What was adjusted last, with the values that it ended with.
+    /// Final state of the last adjustment.
     pub state: State,
 }
 
@@ -85,8 +85,8 @@ impl RigCalibrated {
             if camera.time_offset.is_some() {
                 names.push((format!("{}/time_offset.dt", camera.name), true));
             }
-            let own = crate::calibrate::parameter_names(&camera.calibrated.camera);
-            names.extend(own.into_iter().map(|(name, free)| (format!("{}/{name}", camera.name), free)));
+            let of_camera = crate::calibrate::parameter_names(&camera.calibrated.camera);
+            names.extend(of_camera.into_iter().map(|(name, free)| (format!("{}/{name}", camera.name), free)));
         }
         names
     }

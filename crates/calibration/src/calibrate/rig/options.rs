@@ -1,4 +1,4 @@
-//! What to fit to a rig, and how.
+//! Options of a rig's calibration.
 
 use std::sync::Arc;
 
@@ -29,10 +29,10 @@ pub struct HeldOf {
     pub parameter: HeldParameter,
 }
 
-/// What to fit to a rig, and how.
+/// Options of a rig's calibration.
 #[derive(Debug, Clone, Default)]
 pub struct RigOptions {
-    /// What holds for every camera: depth model, register, lens unless the dataset declares one. Its effects, held parameters and
+    /// Options of every camera: depth model, register, lens unless the dataset declares one. Its effects, held parameters and
     /// camera are not used.
     pub each: CalibrateOptions,
     /// The lens of every camera, whatever the dataset declares.
@@ -51,7 +51,7 @@ pub struct RigOptions {
 }
 
 impl RigOptions {
-    /// What to fit to one camera.
+    /// Options for one camera.
     ///
     /// # Errors
     ///
@@ -66,12 +66,13 @@ impl RigOptions {
         if !has_depth {
             options.model = ModelSpec::none();
         }
-        let own = |of: &Option<String>| of.as_ref().is_none_or(|name| *name == camera.name);
-        options.held = self.held.iter().filter(|held| own(&held.camera)).map(|held| held.parameter.clone()).collect();
+        let concerns = |of: &Option<String>| of.as_ref().is_none_or(|name| *name == camera.name);
+        options.held =
+            self.held.iter().filter(|held| concerns(&held.camera)).map(|held| held.parameter.clone()).collect();
         for EffectOf { camera: of, effect } in &self.effects {
             let block =
                 options.register.make(effect, None).map_err(|e| CalibrateError::of_camera(&camera.name)(e.into()))?;
-            if own(of) && (has_depth || !is_depth_only(&block)) {
+            if concerns(of) && (has_depth || !is_depth_only(&block)) {
                 options.effects.push(effect.clone());
             }
         }

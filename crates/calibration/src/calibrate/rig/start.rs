@@ -26,7 +26,7 @@ const NO_MOTION: &str = "fewer than 6 frames that it shares have times and neigh
 pub(super) struct Started {
     pub state: State,
     pub pairs: Vec<PairSummary>,
-    /// What the images alone gave for every camera; for the record.
+    /// Every camera calibrated before the adjustment of the rig, for the record.
     pub alone: Vec<Calibrated>,
     /// Whether a camera's intrinsics are declared, for those without images.
     pub is_declared: Vec<bool>,
@@ -44,8 +44,9 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
     }
     let mut from_images: Vec<Calibrated<PosedFrame>> = Vec::new();
     for camera in &with_images {
-        let own = options.of(camera)?;
-        from_images.push(calibrate_image(&camera.capture, &own).map_err(CalibrateError::of_camera(&camera.name))?);
+        let camera_options = options.of(camera)?;
+        from_images
+            .push(calibrate_image(&camera.capture, &camera_options).map_err(CalibrateError::of_camera(&camera.name))?);
     }
     let cameras: Vec<Camera> = from_images.iter().map(|c| c.camera.clone()).collect();
     let offsets = time_offsets(&with_images, &from_images, options)?;
@@ -67,18 +68,19 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
     let mut with_images = from_images.into_iter().zip(places.camera_from_rig).zip(offsets);
     let (mut states, mut alone, mut is_declared) = (Vec::new(), Vec::new(), Vec::new());
     for camera in &capture.cameras {
-        let own = options.of(camera)?;
+        let camera_options = options.of(camera)?;
         let (prepared, camera_from_rig, priors, offset_s) = if camera.has_markers() {
             // As many as there are cameras with markers.
             let Some(((from_image, place), offset_s)) = with_images.next() else { break };
             let lens = (from_image.lens_choice.clone(), from_image.lens_comparison.clone());
-            let mut prepared = prepare_depth(from_image, &own).map_err(CalibrateError::of_camera(&camera.name))?;
+            let mut prepared =
+                prepare_depth(from_image, &camera_options).map_err(CalibrateError::of_camera(&camera.name))?;
             (prepared.lens_choice, prepared.lens_comparison) = lens;
             is_declared.push(false);
             (prepared, place, Vec::new(), offset_s)
         } else {
             let DepthStart { prepared, camera_from_rig, is_declared: declared } =
-                start_depth_camera(camera, &rig_from_board, &own)?;
+                start_depth_camera(camera, &rig_from_board, &camera_options)?;
             let priors = priors_of(&prepared.camera, declared);
             is_declared.push(declared);
             (prepared, camera_from_rig, priors, is_asked(camera, options).then_some(0.0))
@@ -99,7 +101,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             correlation_length_px: prepared.correlation_length_px,
             outliers: prepared.outliers,
             priors,
-            prior: own.prior.clone(),
+            prior: camera_options.prior.clone(),
         });
         alone.push(prepared);
     }
@@ -130,8 +132,8 @@ fn time_offsets(
                 "it is the reference, against whose times those of the other cameras are held: ask for theirs",
             ));
         }
-        let found = offset_between(&alone[0].capture, &alone[number].capture);
-        found.map(Some).ok_or_else(|| lacking(NO_MOTION))
+        let offset_s = offset_between(&alone[0].capture, &alone[number].capture);
+        offset_s.map(Some).ok_or_else(|| lacking(NO_MOTION))
     };
     cameras.iter().enumerate().map(offset).collect()
 }
@@ -152,8 +154,8 @@ fn drop_frames_without_motion(state: &mut State) -> Result<(), CalibrateError> {
             .collect();
         camera.capture.dropped.extend(dropped);
         camera.capture = camera.capture.subset(|i, _| keep[i]);
-        let mut kept = keep.iter();
-        camera.frames.retain(|_| kept.next().is_some_and(|keep| *keep));
+        let mut keep_flags = keep.iter();
+        camera.frames.retain(|_| keep_flags.next().is_some_and(|keep| *keep));
         if camera.frames.len() < FEWEST_MOVING {
             return Err(CalibrateError::TimeOffset { camera: camera.name.clone(), reason: NO_MOTION.to_owned() });
         }
@@ -171,8 +173,8 @@ fn rig_frames(
 ) -> Vec<RigFrame> {
     let mut best: BTreeMap<String, ((bool, usize), RigFrame)> = BTreeMap::new();
     for ((camera, place), offset) in cameras.iter().zip(camera_from_rig).zip(offsets) {
-        let own: &Capture<PosedFrame> = &camera.capture;
-        for frame in &own.frames {
+        let posed: &Capture<PosedFrame> = &camera.capture;
+        for frame in &posed.frames {
             // A frame is when those cameras see it that need no offset.
             let markers = (offset.is_none(), frame.markers.len());
             let rig_from_board = place.inverse() * frame.camera_from_board;

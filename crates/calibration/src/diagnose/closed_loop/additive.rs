@@ -1,8 +1,8 @@
 //! Several effects at once: functions first, names second.
 //!
-//! Two effects hide each other where each is tried alone. So what the residuals depend on is found together, as functions without a
-//! name, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the catalogue, by a
-//! formula, or by nothing. A function that nothing explains stays as the correction that it is.
+//! Two effects can hide each other where each is tried alone. So all functions on which the residuals depend are found together,
+//! without names, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the
+//! catalogue, by a formula, or by nothing. A function that nothing explains stays as the correction that it is.
 
 use depthcal_io::GainInterval;
 use tracing::info;
@@ -68,8 +68,8 @@ pub(super) fn explained_together(
     Ok(Event::ExplainedTogether { untried, with })
 }
 
-/// The present model with the one effect that the residuals decide for, where it says as much as all `functions` together: they are
-/// its parts.
+/// The present model with the one effect that the residuals decide for, where it says as much as all `functions` together: they
+/// are its parts.
 fn one_effect_instead(
     bench: &impl Bench,
     state: &State,
@@ -85,7 +85,7 @@ fn one_effect_instead(
     Ok(lost.filter(|lost| lost.is_little()).map(|_| accepted))
 }
 
-/// The model whose effects of depth are all explained anew, together, where the held-out errors are lower for certain: effects that
+/// The model with all effects of depth explained anew, together, where the held-out errors are lower for certain: effects that
 /// were added one after the other may have taken up parts of each other.
 ///
 /// # Errors
@@ -248,30 +248,31 @@ fn with_descriptions(
     }
 }
 
-/// The model with a name or a formula in the place of the function number `place`, given all others; `None` where none says as much.
+/// The model with an effect or a formula in the place of the function number `place`, given all others; `None` where neither
+/// explains as much.
 fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Result<Option<Model>, DiagnoseError> {
     let (model, fitted) = with;
     let without = model.without(place);
-    let rest = match bench.fitted(&without.options(bench.declared())) {
-        Ok(rest) => rest,
+    let reduced = match bench.fitted(&without.options(bench.declared())) {
+        Ok(reduced) => reduced,
         Err(error) => {
             info!("additive: without {}: {error}", model.added[place].evidence.spec);
             return Ok(None);
         }
     };
     // What is missing is no noise.
-    let rest = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..rest.fit }, ..rest };
-    let examination = bench.examine(&rest.fit)?;
+    let reduced = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
+    let examination = bench.examine(&reduced.fit)?;
     let tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
-    let Decided { decision, .. } = decided(&rest.fit, &examination, &tried, bench.options())?;
+    let Decided { decision, .. } = decided(&reduced.fit, &examination, &tried, bench.options())?;
     if let Decision::Add { effect, indistinguishable, .. } = &decision {
         let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
-        let effect = proposal.effects(&examination, &rest.held_out).swap_remove(0);
+        let effect = proposal.effects(&examination, &reduced.held_out).swap_remove(0);
         let name = effect.evidence.spec.to_string();
         // A function of depth is explained by an effect of depth.
         let is_of_depth = is_depth_only(&effect.evidence.block);
         match bench.refined(without.clone().with(effect)) {
-            Ok((mut model, named)) if is_of_depth && says_as_much(&rest, fitted, &named, &name) => {
+            Ok((mut model, named)) if is_of_depth && says_as_much(&reduced, fitted, &named, &name) => {
                 if let Some(last) = model.added.last_mut() {
                     last.after = named.held_out.clone();
                 }
@@ -282,13 +283,13 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
         }
     }
     let taken = model_names(model, fitted);
-    let Search::Found(discovery) = bench.discover(&rest.fit, Chance::Complete(&fitted.fit), &examination, &taken)
+    let Search::Found(discovery) = bench.discover(&reduced.fit, Chance::Complete(&fitted.fit), &examination, &taken)
     else {
         return Ok(None);
     };
     let name = discovery.effect.text();
-    let formula = with_formula(bench, &without, &rest, *discovery);
-    let formula = formula.filter(|(_, named)| says_as_much(&rest, fitted, named, &name));
+    let formula = with_formula(bench, &without, &reduced, *discovery);
+    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, &name));
     Ok(formula.map(|(model, named)| (in_place(model, place), named)))
 }
 
@@ -307,13 +308,13 @@ const MORE: f64 = 0.25;
 /// Width of a 95 % interval in standard errors.
 const WIDTH: f64 = 3.92;
 
-/// What functions gain, and what of it a name loses, per cent of the errors on left-out frames.
+/// The gain of functions and the part of it that a name loses, per cent of the errors on left-out frames.
 struct Lost {
     whole: f64,
     lost: GainInterval,
 }
 
-/// What a name loses of the gain of functions over `without`, the model that has neither.
+/// The loss by a name of the gain of functions over `without`, the model that has neither.
 fn lost(without: &Fitted, functions: &Fitted, named: &Fitted) -> Option<Lost> {
     let gain = |before: &Fitted, after: &Fitted| {
         weighted_gain_percent(&before.held_out.evaluated, &after.held_out.evaluated, &functions.fit.noise.depth)

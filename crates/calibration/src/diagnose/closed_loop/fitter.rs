@@ -28,8 +28,8 @@ const JUDGED_PIXELS: usize = 16_000;
 /// … and in blocks, which only decide.
 const JUDGED_PIXELS_OF_BLOCKS: usize = 2000;
 
-/// Fits models to frames of a capture. Every fit starts from the last one that has the same effects in the images, with the samples
-/// that are known, so that the order of fits is a part of the results.
+/// Fits models to frames of a capture. Every fit starts from the last one that has the same effects in the images, with its known
+/// samples, so that the results depend on the order of fits.
 pub(super) struct Fitter<'a> {
     /// All frames that may be fitted.
     pub whole: Capture,
@@ -71,8 +71,8 @@ struct Basis {
     last: Calibrated,
     /// Modulation frequencies for which the samples have the light of their frames.
     light: Option<Modulation>,
-    /// Names of the effects of its model that images show. What is decided by images alone, the order of the lens above all, is decided
-    /// under them.
+    /// Names of the effects of its model that images show. What images alone decide, above all the order of the lens, is decided
+    /// with these effects.
     in_images: Vec<String>,
 }
 

@@ -58,8 +58,8 @@ pub(super) fn without_needless(
 ) -> Result<Revisited, CalibrateError> {
     let mut revisited = Revisited { model, present, removed: Vec::new() };
     let mut i = 0;
-    let kept = usize::from(is_last_tried);
-    while i + kept < revisited.model.added.len() {
+    let protected = usize::from(is_last_tried);
+    while i + protected < revisited.model.added.len() {
         let (effect, is_new) = (&revisited.model.added[i], i >= together);
         if !is_new && is_plain_by_wald(&revisited.present.fit, effect, bench.thresholds()) {
             i += 1;
@@ -150,8 +150,8 @@ fn with_errors_along(
     Ok(model)
 }
 
-/// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes first, as
-/// another may be certain without it. A free map stays, which names nothing. `None` where all are certain.
+/// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes first,
+/// as another may be certain without it. A free map stays, which names nothing. `None` where all are certain.
 ///
 /// # Errors
 ///

@@ -50,7 +50,7 @@ pub(super) struct Tried {
     pub rejected: Vec<String>,
     /// Those that were tried together.
     pub together: Vec<BTreeSet<String>>,
-    /// The number of functions that the residuals depend on and that were not tried, as they were too few; `None` before a search.
+    /// The number of functions that the residuals depend on and that were too few to be tried; `None` before a search.
     pub functions: Option<usize>,
     /// Whether all effects of depth were explained anew.
     pub anew: bool,

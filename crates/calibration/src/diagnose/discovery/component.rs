@@ -1,5 +1,5 @@
-//! What a formula describes: the residuals without it and its own value, averaged over bins of its first covariate (component and
-//! residual plot; Larsen and McCleary 1972).
+//! Component and residual plots of a formula: the residuals without it and its own value, averaged over bins of its first
+//! covariate (Larsen and McCleary 1972).
 
 use depthcal_formula::{FormulaCovariate as C, FormulaEffect};
 use depthcal_io::{
@@ -18,7 +18,7 @@ const PARTS: usize = 3;
 /// Samples that a bin needs.
 const LEAST_SAMPLES: usize = 8;
 
-/// What one sample contributes.
+/// Values of one sample: both covariates, residual without the formula and the formula's value, mm.
 struct Point {
     frame: usize,
     at: f64,
@@ -44,11 +44,11 @@ pub fn components(fit: &Calibrated, effect: &FormulaEffect, of: Of) -> Vec<Compo
         let mm = |change: f64| -change / (rho * rho);
         let formula_mm = mm(changed[0] - rho);
         let slope = sample.slopes[usize::from(of == Of::Measured)];
-        let at = sample.value(first, of);
+        let value = sample.value(first, of);
         let second = covariates.get(1).map_or(0.0, |c| sample.value(*c, of));
         let residual_mm = formula_mm + mm(-sample.residual / slope);
-        let is_known = [at, second, residual_mm].iter().all(|v| v.is_finite());
-        is_known.then_some(Point { frame, at, second, residual_mm, formula_mm })
+        let is_known = [value, second, residual_mm].iter().all(|v| v.is_finite());
+        is_known.then_some(Point { frame, at: value, second, residual_mm, formula_mm })
     };
     let points: Vec<Point> = observations
         .frames

@@ -39,16 +39,16 @@ pub(super) fn replicate(all: &Observations, term: &Term) -> Option<Replication> 
         .zip(&all.frames)
         .map(|(normal, frame)| {
             let more = theta.len();
-            let own = shared + usize::from(frame.is_set_aside);
+            let column = shared + usize::from(frame.is_set_aside);
             let mut hessian = DMatrix::zeros(size, size);
             let mut gradient = DVector::zeros(size);
             hessian.view_mut((0, 0), (shared, shared)).copy_from(&normal.hessian.view((0, 0), (shared, shared)));
             gradient.rows_mut(0, shared).copy_from(&normal.gradient.rows(0, shared));
             let cross = normal.hessian.view((0, shared), (shared, more)) * &theta;
-            hessian.view_mut((0, own), (shared, 1)).copy_from(&cross);
-            hessian.view_mut((own, 0), (1, shared)).copy_from(&cross.transpose());
-            hessian[(own, own)] = theta.dot(&(normal.hessian.view((shared, shared), (more, more)) * &theta));
-            gradient[own] = normal.gradient.rows(shared, more).dot(&theta);
+            hessian.view_mut((0, column), (shared, 1)).copy_from(&cross);
+            hessian.view_mut((column, 0), (1, shared)).copy_from(&cross.transpose());
+            hessian[(column, column)] = theta.dot(&(normal.hessian.view((shared, shared), (more, more)) * &theta));
+            gradient[column] = normal.gradient.rows(shared, more).dot(&theta);
             (hessian, gradient)
         })
         .collect();

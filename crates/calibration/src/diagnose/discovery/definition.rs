@@ -43,8 +43,8 @@ fn unit_of_value(function: &Function) -> Exponents {
 pub(super) fn unit_text(exponents: Exponents) -> String {
     let part = |sign: i32| -> Vec<String> {
         let named = ["mm", "s", "px", "°C"].into_iter().zip(exponents);
-        let own = named.filter(|(_, exponent)| exponent * sign > 0);
-        own.map(|(name, e)| if e.abs() == 1 { name.to_owned() } else { format!("{name}^{}", e.abs()) }).collect()
+        let of_sign = named.filter(|(_, exponent)| exponent * sign > 0);
+        of_sign.map(|(name, e)| if e.abs() == 1 { name.to_owned() } else { format!("{name}^{}", e.abs()) }).collect()
     };
     let (above, below) = (part(1), part(-1));
     let above = if above.is_empty() { "1".to_owned() } else { above.join(" ") };
@@ -146,8 +146,8 @@ pub(super) fn effect_of(term: &Term, name: &str, sizes: &[f64]) -> Result<Formul
         next += product.columns();
         let mut unit = target;
         for function in product.factor.iter().chain([&product.function]) {
-            let own = unit_of_value(function);
-            unit.iter_mut().zip(own).for_each(|(unit, own)| *unit -= own);
+            let exponents = unit_of_value(function);
+            unit.iter_mut().zip(exponents).for_each(|(unit, exponent)| *unit -= exponent);
         }
         for name in names {
             let size = sizes.get(parameters.len()).map(|size| three_digits(size.abs())).filter(|size| *size > 0.0);

@@ -37,7 +37,7 @@ pub struct Discovery {
     pub terms: usize,
     /// Effects that it took the place of: they imitated it.
     pub replaced: Vec<PieceSpec>,
-    /// What it describes of the residuals of the last model.
+    /// The residuals without it and its value in the last model, over its covariates.
     pub components: Vec<DiagnosisComponent>,
 }
 
@@ -55,6 +55,6 @@ pub struct RunnerUp {
     pub effect: FormulaEffect,
     /// Names of its covariates, sorted.
     pub covariates: Vec<String>,
-    /// What it explains on left-out frames, over what the winner does.
+    /// Its gain on left-out frames, over that of the winner.
     pub gain_share: f64,
 }

@@ -61,19 +61,19 @@ pub(super) fn exchanges(
     thresholds: &Thresholds,
 ) -> Vec<Exchange> {
     let families = chosen.families();
-    let mut found: Vec<Exchange> = Vec::new();
+    let mut exchanges: Vec<Exchange> = Vec::new();
     for other in others {
         let Some(exchange) = Exchange::between(&families, &other.families()) else { continue };
-        if found.contains(&exchange) || !exchange.rise_together(observations, chosen.of) {
+        if exchanges.contains(&exchange) || !exchange.rise_together(observations, chosen.of) {
             continue;
         }
         let t = certainty(observations, chosen, other);
         debug!("formulas: {:?} in the place of {:?} is worse by {t:.1} standard errors", exchange.other, exchange.own);
         if t < thresholds.distinguishing_t {
-            found.push(exchange);
+            exchanges.push(exchange);
         }
     }
-    found
+    exchanges
 }
 
 /// Standard errors over frames by which one term is better than another: on frames that are left out, or in what they explain of
@@ -83,7 +83,7 @@ fn certainty(observations: &Observations, term: &Term, other: &Term) -> f64 {
     let held_out = mean_to_standard_error(&judged(term).lost_by(&judged(other)));
     let weights = vec![1.0; observations.frames.len()];
     let explained = |term: &Term| Some(Screened::of(observations, term, weights.len())?.contributions(&weights));
-    let Some((own, of_other)) = explained(term).zip(explained(other)) else { return held_out };
-    let lost: Vec<f64> = own.iter().zip(&of_other).map(|(own, other)| own - other).collect();
+    let Some((of_term, of_other)) = explained(term).zip(explained(other)) else { return held_out };
+    let lost: Vec<f64> = of_term.iter().zip(&of_other).map(|(a, b)| a - b).collect();
     held_out.min(mean_to_standard_error(&lost))
 }

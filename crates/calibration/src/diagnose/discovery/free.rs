@@ -73,15 +73,15 @@ impl FreeFunction {
         let mut columns = DMatrix::zeros(frame.samples.len(), width);
         for (row, sample) in frame.samples.iter().enumerate() {
             let slope = sample.slope(self.of, self.on);
-            let at = |i: usize| scaled(self.covariates[i], sample.value(self.covariates[i], self.of));
-            if !at(0).is_finite() || (axes.len() > 1 && !at(1).is_finite()) {
+            let coordinate = |i: usize| scaled(self.covariates[i], sample.value(self.covariates[i], self.of));
+            if !coordinate(0).is_finite() || (axes.len() > 1 && !coordinate(1).is_finite()) {
                 continue;
             }
-            let (first, a) = axes[0].basis(at(0));
+            let (first, a) = axes[0].basis(coordinate(0));
             match axes.get(1) {
                 None => (0..=CUBIC).for_each(|i| columns[(row, first + i)] = slope * a[i]),
                 Some(second) => {
-                    let (start, b) = second.basis(at(1));
+                    let (start, b) = second.basis(coordinate(1));
                     for k in 0..=CUBIC {
                         for i in 0..=CUBIC {
                             columns[(row, (start + k) * axes[0].count + first + i)] = slope * a[i] * b[k];

@@ -57,7 +57,7 @@ use super::examination::Examination;
 use super::thresholds::Thresholds;
 use crate::calibrate::Calibrated;
 
-/// What a search came to.
+/// Outcome of a search.
 #[derive(Debug, Clone)]
 pub enum Search {
     /// A formula.
@@ -75,14 +75,15 @@ pub struct Refused {
     pub together: Option<CovariateSet>,
 }
 
-/// What is left where there is nothing to find: what chance explains is judged by it.
+/// Residuals in which there is nothing to find, by which it is judged what chance explains.
 #[derive(Debug, Clone, Copy)]
 pub enum Chance<'a> {
-    /// What the fit leaves, of every term without what the term itself explains.
+    /// Those of the fit, for every term without what the term itself explains.
     Residuals,
-    /// The same where something is left for certain: without what a smooth function of the best term's covariates explains, too.
+    /// As `Residuals`, where something is left for certain: without what a smooth function of the best term's covariates
+    /// explains, too.
     WithoutBest,
-    /// What a fit of the same frames leaves that leaves nothing unexplained.
+    /// Those of a fit of the same frames that leaves nothing unexplained.
     Complete(&'a Calibrated),
 }
 
@@ -113,8 +114,8 @@ pub fn search(
     thresholds: &Thresholds,
 ) -> Search {
     let nothing = |reason: &str| Search::Nothing(Refused { reason: reason.to_owned(), together: None });
-    let Some(own) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
-    if own.frames.len() < thresholds.least_frames_for_formulas {
+    let Some(observed) = Observations::of(fit) else { return nothing("the frames cannot be evaluated") };
+    if observed.frames.len() < thresholds.least_frames_for_formulas {
         return nothing("there are too few frames");
     }
     let complete = if let Chance::Complete(fit) = chance { Observations::of(fit) } else { None };
@@ -125,15 +126,15 @@ pub fn search(
         Some(_) => complete.clone(),
         None => complete.clone().map(|rest| rest.with_set_aside(None).searched()),
     };
-    let mut all = AllFrames::new(own.with_set_aside(other));
-    let (p, found) = search_among(&all, by_chance.as_ref(), given);
-    match found {
+    let mut all = AllFrames::new(observed.with_set_aside(other));
+    let (p, outcome) = search_among(&all, by_chance.as_ref(), given);
+    match outcome {
         Search::Nothing(_) if verify.is_none() && p <= REPEATED * thresholds.level => {
             info!("formulas: searching with all frames");
             all.search_all();
             search_among(&all, complete.as_ref(), given).1
         }
-        found => found,
+        outcome => outcome,
     }
 }
 
@@ -163,7 +164,7 @@ impl AllFrames {
     }
 }
 
-/// What a search is told of the rest of the diagnosis.
+/// Inputs of a search from the rest of the diagnosis.
 #[derive(Clone, Copy)]
 struct Given<'a> {
     examination: &'a Examination,
@@ -307,21 +308,21 @@ fn chosen_of_all(
         info!("formulas: {:?}, stability {share:.2}", names(&chosen.term));
         (chosen, exchanges, share)
     };
-    let mut found = with_stability(simplest);
+    let mut best = with_stability(simplest);
     // The simplest of those that predict alike, but other frames would have shown other covariates.
     let of_set = set.map(|set| set.covariates.clone());
     for families in of_set.into_iter().chain(resampled.most_frequent()) {
-        if found.2 < thresholds.least_stability
-            && families != found.0.term.families()
+        if best.2 < thresholds.least_stability
+            && families != best.0.term.families()
             && let Some(chosen) = choose(searched, &order, &judged, Some(&families))
         {
             let other = with_stability(chosen);
             if other.2 >= thresholds.least_stability {
-                found = other;
+                best = other;
             }
         }
     }
-    let (chosen, exchanges, stability) = found;
+    let (chosen, exchanges, stability) = best;
     if stability < thresholds.least_stability {
         let text = effect_of(&chosen.term, "refused", &[]).map_err(|error| error.to_string())?.text();
         return Err(format!("{text} has its covariates in {stability:.2} of resamples only"));
@@ -405,7 +406,7 @@ fn is_monotone(all: &Observations, effect: &FormulaEffect, theta: &[f64]) -> boo
         d[2] > 0.0
     };
     samples().all(|sample| {
-        let at = |rho: f64| rises([sample.state[0], sample.state[1], rho, sample.state[3]], sample);
-        at(sample.state[2]) && at(low / EXTENDED) && at(high * EXTENDED)
+        let rises_at = |rho: f64| rises([sample.state[0], sample.state[1], rho, sample.state[3]], sample);
+        rises_at(sample.state[2]) && rises_at(low / EXTENDED) && rises_at(high * EXTENDED)
     })
 }

@@ -150,9 +150,9 @@ impl Observations {
                 let rows: Vec<usize> = (0..residuals.len()).step_by(step).collect();
                 let jacobian = jacobian.select_rows(&rows);
                 let residuals = residuals.select_rows(&rows);
-                let own = jacobian.columns(0, size).into_owned();
-                normal.gemm_tr(1.0, &own, &own, 1.0);
-                gradient.gemm_tr(1.0, &own, &residuals, 1.0);
+                let model_jacobian = jacobian.columns(0, size).into_owned();
+                normal.gemm_tr(1.0, &model_jacobian, &model_jacobian, 1.0);
+                gradient.gemm_tr(1.0, &model_jacobian, &residuals, 1.0);
 
                 let plane = BoardPlane::new(&frame.camera_from_board);
                 let samples: Option<Vec<Sample>> = rows
@@ -167,13 +167,13 @@ impl Observations {
                         Some(Sample { state, measured_rho, context: sample.context, residual: residuals[row], slopes })
                     })
                     .collect();
-                FrameRows::new(samples?, &own, &residuals, &normal, &gradient)
+                FrameRows::new(samples?, &model_jacobian, &residuals, &normal, &gradient)
             })
             .collect();
         (frames.len() > 2).then(|| Self { frames, shared }.with_smooth_functions(&camera))
     }
 
-    /// The same with the priors of smooth functions that pieces of the camera have themselves: every frame has its share of them.
+    /// Adds the priors of smooth functions that pieces of the camera have themselves: every frame has its share of them.
     fn with_smooth_functions(mut self, camera: &Camera) -> Self {
         let (mut precision, mut pull) = prior_of_smooth_functions(camera);
         let frames = self.frames.len() as f64;
@@ -186,8 +186,7 @@ impl Observations {
         self
     }
 
-    /// The same with frames that are set aside: those of another capture under the same camera where there is one, else blocks of
-    /// its own.
+    /// Sets frames aside: those of another capture under the same camera where there is one, else blocks of its own.
     pub fn with_set_aside(mut self, other: Option<Self>) -> Self {
         let count = self.frames.len();
         match other {
@@ -236,15 +235,15 @@ impl Observations {
         self.normals_of(|frame| frame.columns(term))
     }
 
-    /// The same over any columns, given by frame.
+    /// The frames' normal equations over the shared columns and any others, given by frame.
     pub fn normals_of(&self, columns: impl Fn(&FrameRows) -> DMatrix<f64> + Sync) -> Vec<Normal> {
         self.frames.par_iter().map(|frame| frame.normal(&columns(frame))).collect()
     }
 }
 
 impl FrameRows {
-    /// The rows of samples with the Jacobian `own` of pose and shared parameters, whose normal equations `normal` and `gradient` may
-    /// have more rows; `None` where these do not determine the pose.
+    /// The rows of samples with the Jacobian `own` of pose and shared parameters, whose normal equations `normal` and `gradient`
+    /// may have more rows; `None` where these do not determine the pose.
     pub fn new(
         samples: Vec<Sample>,
         own: &DMatrix<f64>,
@@ -335,8 +334,8 @@ impl FrameRows {
         let cross = products.rows(POSE, shared);
         hessian.view_mut((0, shared), (shared, more)).copy_from(&cross);
         hessian.view_mut((shared, 0), (more, shared)).copy_from(&cross.transpose());
-        let own = transposed_product(columns, columns) - of_pose.tr_mul(&of_pose);
-        hessian.view_mut((shared, shared), (more, more)).copy_from(&own);
+        let reduced = transposed_product(columns, columns) - of_pose.tr_mul(&of_pose);
+        hessian.view_mut((shared, shared), (more, more)).copy_from(&reduced);
         let mut gradient = DVector::zeros(shared + more);
         gradient.rows_mut(0, shared).copy_from(&self.gradient);
         gradient.rows_mut(shared, more).copy_from(&products.row(POSE + shared).transpose());

@@ -16,12 +16,12 @@ pub(super) fn places_not_told_apart(
     term: &Term,
     thresholds: &Thresholds,
 ) -> Vec<DiagnosisPlace> {
-    let own = Judged::new(observations, term.clone());
+    let judged = Judged::new(observations, term.clone());
     let all = Of::ALL.into_iter().flat_map(|of| On::ALL.into_iter().map(move |on| DiagnosisPlace { of, on }));
     let is_rival = |place: &DiagnosisPlace| {
         let rival = Judged::refined(observations, Term { of: place.of, on: place.on, ..term.clone() });
-        rival.gain() >= (1.0 - thresholds.least_placement_gain) * own.gain()
-            || mean_to_standard_error(&own.lost_by(&rival)) < thresholds.distinguishing_t
+        rival.gain() >= (1.0 - thresholds.least_placement_gain) * judged.gain()
+            || mean_to_standard_error(&judged.lost_by(&rival)) < thresholds.distinguishing_t
     };
     all.filter(|place| (place.of, place.on) != (term.of, term.on) && is_rival(place)).collect()
 }

@@ -1,4 +1,4 @@
-//! What columns explain, from the frames' normal equations: in all frames, and in frames that were left out.
+//! Cost that columns explain, from the frames' normal equations: in all frames, and in frames that were left out.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -70,8 +70,9 @@ pub(super) fn held_out_gains(normals: &[Normal], shared: usize, prior: Option<&D
     normals.iter().map(gain).collect()
 }
 
-/// Fall of the cost of every frame when the columns after the first `shared` are estimated from the frames of all other parts, over
-/// that with the shared columns alone; `part_of` has the part of every frame. `prior` is added to the columns' normal matrix.
+/// Fall of the cost of every frame when the columns after the first `shared` are estimated from the frames of all other parts,
+/// over that with the shared columns alone; `part_of` has the part of every frame. `prior` is added to the columns' normal
+/// matrix.
 pub(super) fn left_out_gains(
     normals: &[Normal],
     shared: usize,
@@ -103,23 +104,23 @@ const STRENGTHS: [f64; 5] = [1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 fn best_strength(normals: &[Normal], whole: &Normal, shared: usize, prior: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     let information: f64 = (shared..whole.gradient.len()).map(|i| whole.hessian[(i, i)]).sum();
     let scale = information / prior.trace().max(f64::MIN_POSITIVE);
-    let of = |strength: f64| {
+    let with_strength = |strength: f64| {
         let prior = prior * (strength * scale);
         (held_out_gains(normals, shared, Some(&prior)), prior)
     };
     let total = |(gains, _): &(Vec<f64>, DMatrix<f64>)| gains.iter().sum::<f64>();
     // From the middle in the direction in which the gain rises; it has one maximum.
     let middle = STRENGTHS.len() / 2;
-    let (mut at, mut best) = (middle, of(STRENGTHS[middle]));
+    let (mut place, mut best) = (middle, with_strength(STRENGTHS[middle]));
     for step in [1, -1] {
-        while let Some(next) = at.checked_add_signed(step).filter(|next| *next < STRENGTHS.len()) {
-            let other = of(STRENGTHS[next]);
+        while let Some(next) = place.checked_add_signed(step).filter(|next| *next < STRENGTHS.len()) {
+            let other = with_strength(STRENGTHS[next]);
             if total(&other) <= total(&best) {
                 break;
             }
-            (at, best) = (next, other);
+            (place, best) = (next, other);
         }
-        if at != middle {
+        if place != middle {
             break;
         }
     }
@@ -152,7 +153,7 @@ pub(super) struct Score {
     /// One row per frame.
     pub parts: Vec<DVector<f64>>,
     pub information: DMatrix<f64>,
-    /// What the shared columns carry of the others: H_ss⁻¹ H_sc.
+    /// Coefficients of the shared columns that take up the others: H_ss⁻¹ H_sc.
     carried: DMatrix<f64>,
 }
 
@@ -178,8 +179,8 @@ impl Score {
         let of_shared = part.hessian.view((0, 0), (shared, shared));
         let cross = part.hessian.view((0, shared), (shared, more));
         let taken = cross.tr_mul(&self.carried);
-        let own = part.hessian.view((shared, shared), (more, more));
-        own - &taken - taken.transpose() + self.carried.tr_mul(&(of_shared * &self.carried))
+        let of_columns = part.hessian.view((shared, shared), (more, more));
+        of_columns - &taken - taken.transpose() + self.carried.tr_mul(&(of_shared * &self.carried))
     }
 
     /// The score of every part when the shared columns are estimated from the others. What they have been fitted to has smaller

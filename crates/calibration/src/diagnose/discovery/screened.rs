@@ -19,7 +19,7 @@ pub(super) struct Screened {
     pub term: Term,
     /// Score of every column, by frame, or by group of neighbouring frames where there are very many.
     pub parts: Vec<[f64; MOST_COLUMNS]>,
-    /// What the term, estimated from the other frames, leaves of each part.
+    /// Score of each part that the term, estimated from the other parts, leaves.
     unexplained: Vec<[f64; MOST_COLUMNS]>,
     /// The inverse of the information of its columns: [11, 12, 22].
     inverse: [f64; 3],
@@ -38,8 +38,8 @@ impl Screened {
             let sum = &mut parts[group_of(frame, frames, groups)];
             sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
         }
-        let of = |i: usize, j: usize| if i.max(j) < columns { score.information[(i, j)] } else { 0.0 };
-        let information = [of(0, 0), of(0, 1), of(1, 1)];
+        let entry = |i: usize, j: usize| if i.max(j) < columns { score.information[(i, j)] } else { 0.0 };
+        let information = [entry(0, 0), entry(0, 1), entry(1, 1)];
         (information[0] > 0.0).then(|| Self {
             term: term.clone(),
             parts,
@@ -74,7 +74,7 @@ impl Screened {
         aa * a * a + 2.0 * ab * a * b + bb * b * b
     }
 
-    /// What every frame, or group of frames, contributes to the statistic of their weighted sum.
+    /// Contribution of every frame, or group of frames, to the statistic of their weighted sum.
     pub fn contributions(&self, weights: &[f64]) -> Vec<f64> {
         let [mut a, mut b] = [0.0; 2];
         for (part, w) in self.parts.iter().zip(weights) {
@@ -91,8 +91,7 @@ impl Screened {
         self.statistic(weight) - self.penalty()
     }
 
-    /// What the term, estimated from the other frames, leaves of the score of each frame or group: without what frames have in
-    /// common.
+    /// Score of each frame or group that the term, estimated from the other frames, leaves: without what frames have in common.
     pub fn unexplained(&self) -> &[[f64; MOST_COLUMNS]] {
         &self.unexplained
     }
@@ -145,18 +144,18 @@ fn explained(parts: &[Part], least: impl Fn(usize) -> f64) -> Option<([f64; 3], 
     let statistic = |v: [f64; MOST_COLUMNS]| dot(v, product(inverse, v));
     let total: f64 = parts.iter().map(|part| statistic(part.gradient)).sum();
     let unexplained = parts.iter().map(|part| {
-        let own = part.gradient;
-        let of_others = [score[0] - own[0], score[1] - own[1]];
+        let part_score = part.gradient;
+        let of_others = [score[0] - part_score[0], score[1] - part_score[1]];
         // As far as the other groups agree with each other: not at all where they show no more than the best of many terms by
         // chance.
-        let agreement = statistic(of_others) / (total - statistic(own)).max(f64::MIN_POSITIVE);
+        let agreement = statistic(of_others) / (total - statistic(part_score)).max(f64::MIN_POSITIVE);
         let shrunk = (1.0 - LEAST_AGREEMENT / agreement).max(0.0);
         let information = [0, 1, 2].map(|i| information[i] - part.information[i]);
         if shrunk == 0.0 || !is_determined(information) {
-            return own;
+            return part_score;
         }
         let predicted = product(part.information, product(inverted(information, columns), of_others));
-        [own[0] - shrunk * predicted[0], own[1] - shrunk * predicted[1]]
+        [part_score[0] - shrunk * predicted[0], part_score[1] - shrunk * predicted[1]]
     });
     Some((inverse, unexplained.collect()))
 }

@@ -82,8 +82,10 @@ pub(super) fn screen_products(observations: &Observations, first: C, second: C) 
     let groups = Groups::of(observations);
     let mut screened = Vec::new();
     for of in Of::ALL {
-        let Some((own, other)) = observations.span(first, of).zip(observations.span(second, of)) else { continue };
-        let orders = [(first, own, second, other), (second, other, first, own)];
+        let Some((first_span, second_span)) = observations.span(first, of).zip(observations.span(second, of)) else {
+            continue;
+        };
+        let orders = [(first, first_span, second, second_span), (second, second_span, first, first_span)];
         for (order, (factor, factor_span, function, span)) in orders.into_iter().enumerate() {
             let factors = functions(factor, factor_span, Density::Paired);
             let mut paired = functions(function, span, Density::Paired);
@@ -224,7 +226,7 @@ impl Groups {
 /// Σ w² a b, in as many sums side by side as the processor adds at a time.
 fn weighted_dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 8;
-    let (chunks, rest) = weights.as_chunks::<LANES>();
+    let (chunks, tail) = weights.as_chunks::<LANES>();
     let ((a_chunks, a_rest), (b_chunks, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     let mut sums = [0.0; LANES];
     for ((w, a), b) in chunks.iter().zip(a_chunks).zip(b_chunks) {
@@ -232,8 +234,8 @@ fn weighted_dot(weights: &[f64], a: &[f64], b: &[f64]) -> f64 {
             sums[lane] += (w[lane] * a[lane]) * (w[lane] * b[lane]);
         }
     }
-    let rest: f64 = rest.iter().zip(a_rest).zip(b_rest).map(|((w, a), b)| (w * a) * (w * b)).sum();
-    sums.iter().sum::<f64>() + rest
+    let tail: f64 = tail.iter().zip(a_rest).zip(b_rest).map(|((w, a), b)| (w * a) * (w * b)).sum();
+    sums.iter().sum::<f64>() + tail
 }
 
 /// Sums over the frames of a group for the columns of some functions.
@@ -294,9 +296,10 @@ impl Job<'_> {
             let sum = &mut sums[groups.of_frame(f)];
             sum.cross += products.rows(POSE, shared);
             for c in 0..width {
-                let own = values.column(c);
+                let column = values.column(c);
                 let of_pose = products.view((0, c), (POSE, 1));
-                sum.squares[c] += weighted_dot(&frame.weights, own.as_slice(), own.as_slice()) - of_pose.norm_squared();
+                sum.squares[c] +=
+                    weighted_dot(&frame.weights, column.as_slice(), column.as_slice()) - of_pose.norm_squared();
                 sum.gradient[c] += products[(POSE + shared, c)];
             }
             for (function, start) in
@@ -305,8 +308,8 @@ impl Job<'_> {
                 if function.kind.columns() == 2 {
                     let of_pose = |c: usize| products.view((0, c), (POSE, 1));
                     let (sine, cosine) = (values.column(start), values.column(start + 1));
-                    let own = weighted_dot(&frame.weights, sine.as_slice(), cosine.as_slice());
-                    sum.neighbours[start] += own - of_pose(start).dot(&of_pose(start + 1));
+                    let product = weighted_dot(&frame.weights, sine.as_slice(), cosine.as_slice());
+                    sum.neighbours[start] += product - of_pose(start).dot(&of_pose(start + 1));
                 }
             }
         }
@@ -325,8 +328,8 @@ impl Job<'_> {
                 let with = |other: usize| {
                     carried.column(c).dot(&through.column(other)) - sum.cross.column(c).dot(&carried.column(other))
                 };
-                let (own, next) = (with(c), if c + 1 < width { with(c + 1) } else { 0.0 });
-                sum.squares[c] += own;
+                let (square, next) = (with(c), if c + 1 < width { with(c + 1) } else { 0.0 });
+                sum.squares[c] += square;
                 sum.neighbours[c] += next;
             }
         }

@@ -56,7 +56,7 @@ impl Judged {
         self.gains.iter().sum()
     }
 
-    /// What is lost on every frame with another one instead.
+    /// Gain that is lost on every frame with another one instead.
     pub fn lost_by(&self, other: &Self) -> Vec<f64> {
         self.gains.iter().zip(&other.gains).map(|(own, other)| own - other).collect()
     }
@@ -208,7 +208,7 @@ fn simplest<'a>(judged: &[&'a Judged]) -> Option<&'a Judged> {
     })
 }
 
-/// The same term with the constants of its last product that fit best, within the neighbours of their grids.
+/// The term with those constants of its last product that fit best, within the neighbours of their grids.
 fn refined(observations: &Observations, term: Term) -> Term {
     let last = term.products.len() - 1;
     let Product { factor, function } = term.products[last];
@@ -251,16 +251,16 @@ fn best_constant(
             (k - step, k + step)
         }
     };
-    let at = |t: f64| match function.kind {
+    let constant = |t: f64| match function.kind {
         Kind::Wave => span.length() / t,
         Kind::Decay | Kind::Settling | Kind::Ratio | Kind::Log => t.exp(),
         _ => t,
     };
     let merit = |t: f64| {
-        let normals = observations.normals(&with(at(t)));
+        let normals = observations.normals(&with(constant(t)));
         Score::of(&normals, observations.shared).map_or(0.0, |score| score.statistic(|_| 1.0))
     };
-    Some(with(at(golden(low, high, merit))))
+    Some(with(constant(golden(low, high, merit))))
 }
 
 /// Place of the maximum of a function with a single one in an interval (golden section; Kiefer 1953).
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn the_golden_section_finds_a_maximum() {
-        let found = golden(-3.0, 5.0, |t| -(t - 1.234) * (t - 1.234));
-        assert!((found - 1.234).abs() < 0.02, "{found}");
+        let maximum = golden(-3.0, 5.0, |t| -(t - 1.234) * (t - 1.234));
+        assert!((maximum - 1.234).abs() < 0.02, "{maximum}");
     }
 }

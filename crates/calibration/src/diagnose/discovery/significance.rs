@@ -157,9 +157,9 @@ impl Stability {
         };
         let counts = self.counts(|resample| if is_better(resample) { &families } else { &resample.families });
         debug!("formulas: best of resamples {counts:?}");
-        let of = |set: &BTreeSet<C>| counts.get(set).copied().unwrap_or(0);
-        let alike: usize = exchanges.iter().map(|exchange| of(&exchange.of(&families))).sum();
-        (of(&families) + alike) as f64 / RESAMPLES as f64
+        let count = |set: &BTreeSet<C>| counts.get(set).copied().unwrap_or(0);
+        let alike: usize = exchanges.iter().map(|exchange| count(&exchange.of(&families))).sum();
+        (count(&families) + alike) as f64 / RESAMPLES as f64
     }
 
     /// The covariates that are those of the best term most often.

@@ -92,7 +92,7 @@ impl Term {
         self.products.iter().position(|p| p.function.kind.is_searched())
     }
 
-    /// The same with another value of the constant of the factor of a product.
+    /// This term with another value of the constant of the factor of a product.
     pub fn with_factor_constant(&self, product: usize, value: f64) -> Self {
         let mut term = self.clone();
         if let Some(factor) = &mut term.products[product].factor {
@@ -101,7 +101,7 @@ impl Term {
         term
     }
 
-    /// The same with another value of the constant of the function of a product.
+    /// This term with another value of the constant of the function of a product.
     pub fn with_constant(&self, product: usize, value: f64) -> Self {
         let mut term = self.clone();
         term.products[product].function.constant = value;

@@ -87,14 +87,14 @@ pub(super) fn which_covariates(observations: &Observations) -> Option<CovariateS
     let stable: usize =
         counts.iter().filter(|(set, _)| is_alike(observations, set, &best.covariates)).map(|(_, n)| n).sum();
     let cost: f64 = observations.frames.iter().map(|frame| frame.cost()).sum();
-    let found = CovariateSet {
+    let set = CovariateSet {
         covariates: best.covariates.clone(),
         p_value: (as_good + 1) as f64 / (DRAWS + 1) as f64,
         stability: stable as f64 / RESAMPLES as f64,
         share_of_cost: best.gains.iter().sum::<f64>() / cost,
     };
-    info!("covariates: {found:?}");
-    Some(found)
+    info!("covariates: {set:?}");
+    Some(set)
 }
 
 /// Whether a set is another one, or has in the place of one of its covariates one that rises or falls with it.
@@ -179,9 +179,8 @@ struct Chance<'a> {
 }
 
 impl Chance<'_> {
-    /// What the groups' scores have in common, Σ uᵢᵀ (V + P)⁻¹ uⱼ over i ≠ j, as observed and for random signs of what the
-    /// function, estimated from the other groups, leaves of each group's score (as [`p_value`](super::significance::p_value) of
-    /// terms).
+    /// Cross-group statistic Σᵢ≠ⱼ uᵢᵀ (V + P)⁻¹ uⱼ of the scores, observed and under random signs of the leave-one-out scores:
+    /// those that the function, estimated from the other groups, leaves (as [`p_value`](super::significance::p_value) of terms).
     fn statistics(&self, signs: &DMatrix<f64>) -> Option<(f64, Vec<f64>)> {
         let whole = (&self.score.information + self.prior).cholesky()?;
         let statistic = |u: &DVector<f64>| u.dot(&whole.solve(u));

@@ -19,17 +19,17 @@ const FEWEST: usize = 8;
 /// put them in its image ([`with_projected_markers`]).
 pub fn alone(capture: &CameraCapture, fit: &CameraFit, rig: &RigCalibrated) -> Capture {
     let used = |name: &str| fit.calibrated.capture.frames.iter().any(|f| f.name == name);
-    let own = capture.capture.subset(|_, frame| used(&frame.name));
+    let used_frames = capture.capture.subset(|_, frame| used(&frame.name));
     if fit.has_markers() {
-        return own;
+        return used_frames;
     }
     let poses: BTreeMap<&str, Isometry3<f64>> =
         rig.frames.iter().map(|f| (f.name.as_str(), fit.camera_from_rig * f.rig_from_board)).collect();
-    with_projected_markers(&own, &fit.calibrated.camera, &poses)
+    with_projected_markers(&used_frames, &fit.calibrated.camera, &poses)
 }
 
-/// What a camera is examined with alone: its frames ([`alone`]), and what to fit to them. A camera without images keeps pinhole
-/// and lens of the rig's fit. `None` where the rig's fit lacks the camera.
+/// Frames ([`alone`]) and options with which a camera is examined alone. A camera without images keeps pinhole and lens of the
+/// rig's fit. `None` where the rig's fit lacks the camera.
 ///
 /// # Errors
 ///

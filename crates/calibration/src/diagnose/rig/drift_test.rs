@@ -70,8 +70,8 @@ pub fn drift_tests(rig: &RigCalibrated, folds: usize) -> Result<Vec<DriftTest>, 
 
 /// A drift of a camera over its frames that changes nothing. `None` where time or temperature is unknown, or frames are few.
 fn unchanged(state: &State, camera: usize, over: DriftOver) -> Option<PlaceDrift> {
-    let own = &state.cameras[camera];
-    let values: Vec<f64> = own.frames.iter().map(|f| PlaceDrift::value(over, &state.frames[*f].taken)).collect();
+    let drifting = &state.cameras[camera];
+    let values: Vec<f64> = drifting.frames.iter().map(|f| PlaceDrift::value(over, &state.frames[*f].taken)).collect();
     if values.len() < FEWEST_FRAMES || values.iter().any(|x| !x.is_finite()) {
         return None;
     }
@@ -96,11 +96,11 @@ fn fitted(state: &State, camera: usize, drift: PlaceDrift) -> Result<Option<Drif
         return Ok(None);
     };
     let Ok(covariance) = adjustment.covariance() else { return Ok(None) };
-    let own = covariance.joint(&[variable]);
-    let std_devs: [f64; 6] = std::array::from_fn(|i| own[(i, i)].max(0.0).sqrt());
+    let drift_covariance = covariance.joint(&[variable]);
+    let std_devs: [f64; 6] = std::array::from_fn(|i| drift_covariance[(i, i)].max(0.0).sqrt());
     // Correlations are inverted, whose entries are of one size: ω is in rad, τ in mm.
     let whitened = DVector::from_fn(6, |i, _| change[i] / std_devs[i]);
-    let correlation = nalgebra::DMatrix::from_fn(6, 6, |i, j| own[(i, j)] / (std_devs[i] * std_devs[j]));
+    let correlation = nalgebra::DMatrix::from_fn(6, 6, |i, j| drift_covariance[(i, j)] / (std_devs[i] * std_devs[j]));
     let Some(cholesky) = correlation.cholesky() else { return Ok(None) };
     let statistic = whitened.dot(&cholesky.solve(&whitened));
     Ok(Some(DriftTest {

@@ -40,7 +40,7 @@ impl Default for RigDiagnoseOptions {
     }
 }
 
-/// What the model of one camera lacks.
+/// Diagnosis of one camera of a rig: the effects that its model lacks.
 pub struct CameraDiagnosis {
     /// The camera.
     pub name: String,
@@ -67,7 +67,7 @@ impl CameraDiagnosis {
     }
 }
 
-/// What the models of a rig's cameras lack.
+/// Diagnosis of a rig: the effects that the models of its cameras lack, and drifts of their extrinsics.
 pub struct RigDiagnosis {
     /// The worst of the cameras' verdicts.
     pub verdict: Verdict,
@@ -83,7 +83,7 @@ pub struct RigDiagnosis {
     pub fitted: EvaluatedRig,
     /// Errors of the declared models on frames that the rig was not fitted to.
     pub before: EvaluatedRig,
-    /// The same with what was added.
+    /// Errors on these frames with the effects and drifts that were added.
     pub after: EvaluatedRig,
     /// The register with the formulas that were found.
     pub register: Register,
@@ -125,26 +125,27 @@ pub fn diagnose_rig(
             let block = with_effects.each.register.make(effect, None);
             let block = block.map_err(|e| crate::calibrate::CalibrateError::of_camera(&camera.name)(e.into()))?;
             // There is one board, which all cameras see.
-            let of = (block.hook() != HookKind::Board).then(|| camera.name.clone());
-            let is_known =
-                |known: &EffectOf| known.effect.name == effect.name && (known.camera.is_none() || known.camera == of);
+            let only_camera = (block.hook() != HookKind::Board).then(|| camera.name.clone());
+            let is_known = |known: &EffectOf| {
+                known.effect.name == effect.name && (known.camera.is_none() || known.camera == only_camera)
+            };
             if !with_effects.effects.iter().any(is_known) {
-                with_effects.effects.push(EffectOf { camera: of, effect: effect.clone() });
+                with_effects.effects.push(EffectOf { camera: only_camera, effect: effect.clone() });
             }
         }
     }
-    let kept = without_bad_frames(capture, &cameras);
-    let names = kept.frame_names();
+    let usable = without_bad_frames(capture, &cameras);
+    let names = usable.frame_names();
     let is_held = |name: &str| {
         let place = names.iter().position(|n| n == name);
         place.is_some_and(|i| i % options.folds == options.folds - 1)
     };
     let (fitted, held) = match verify {
-        Some(verify) => (kept.clone(), verify.clone()),
-        None => (kept.subset(|name| !is_held(name)), kept.subset(is_held)),
+        Some(verify) => (usable.clone(), verify.clone()),
+        None => (usable.subset(|name| !is_held(name)), usable.subset(is_held)),
     };
     let errors = |rig: &RigOptions| Ok::<_, DiagnoseError>(evaluate_rig(&calibrate_rig(&fitted, rig)?.placed(), &held));
-    let mut last = calibrate_rig(&kept, &with_frame_planes(&with_effects, asked))?;
+    let mut last = calibrate_rig(&usable, &with_frame_planes(&with_effects, asked))?;
     let drifts = drift_tests(&last, options.folds)?;
     for camera in capture.cameras.iter().map(|c| &c.name) {
         // Of time and temperature, which often go together, the one that leaves less.
@@ -155,7 +156,7 @@ pub fn diagnose_rig(
         }
     }
     if !with_effects.drifts.is_empty() {
-        last = calibrate_rig(&kept, &with_frame_planes(&with_effects, asked))?;
+        last = calibrate_rig(&usable, &with_frame_planes(&with_effects, asked))?;
     }
     let (before, after) = (errors(&options.rig)?, errors(&with_effects)?);
     let of_drifts = with_effects.drifts.first().map(|_| Verdict::Effect);
@@ -163,7 +164,7 @@ pub fn diagnose_rig(
     Ok(RigDiagnosis {
         verdict: worst(cameras.iter().map(CameraDiagnosis::verdict).chain(of_drifts)),
         drifts,
-        fitted: evaluate_rig(&last.placed(), &kept),
+        fitted: evaluate_rig(&last.placed(), &usable),
         cameras,
         without_depth,
         last,
@@ -197,11 +198,11 @@ fn in_rig(
         shown.push(effect);
         present = fit;
     }
-    let mut found = examine(camera, None, &present, &options)?;
-    let own: Vec<PieceSpec> = shown.iter().map(|effect| effect.spec.clone()).collect();
-    found.effects.splice(0..0, own);
-    found.in_rig = shown;
-    Ok(found)
+    let mut diagnosis = examine(camera, None, &present, &options)?;
+    let specs: Vec<PieceSpec> = shown.iter().map(|effect| effect.spec.clone()).collect();
+    diagnosis.effects.splice(0..0, specs);
+    diagnosis.in_rig = shown;
+    Ok(diagnosis)
 }
 
 /// The loop on one camera.
@@ -265,8 +266,8 @@ fn register_formulas(cameras: &mut [CameraDiagnosis], register: &mut Register) {
             };
             if let Some(reason) = refused {
                 info!("{}: {name} is not adjusted jointly: {reason}", camera.name);
-                let (out, kept) = std::mem::take(&mut camera.effects).into_iter().partition(|e| e.name == name);
-                camera.effects = kept;
+                let (out, remaining) = std::mem::take(&mut camera.effects).into_iter().partition(|e| e.name == name);
+                camera.effects = remaining;
                 let out: Vec<PieceSpec> = out;
                 camera.not_adjusted.extend(out);
             }
@@ -277,14 +278,14 @@ fn register_formulas(cameras: &mut [CameraDiagnosis], register: &mut Register) {
 
 /// The capture without the frames that the diagnosis of a camera left out: of that camera alone.
 fn without_bad_frames(capture: &RigCapture, diagnoses: &[CameraDiagnosis]) -> RigCapture {
-    let mut kept = capture.clone();
+    let mut usable = capture.clone();
     for (camera, found) in
-        kept.cameras.iter_mut().filter_map(|c| diagnoses.iter().find(|d| d.name == c.name).map(|d| (c, d)))
+        usable.cameras.iter_mut().filter_map(|c| diagnoses.iter().find(|d| d.name == c.name).map(|d| (c, d)))
     {
         let is_bad = |name: &str| found.diagnosis.bad_frames.iter().any(|bad| bad.name == name);
         camera.capture = camera.capture.subset(|_, frame| !is_bad(&frame.name));
     }
-    kept
+    usable
 }
 
 fn worst(verdicts: impl Iterator<Item = Verdict>) -> Verdict {

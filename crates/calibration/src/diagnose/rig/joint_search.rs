@@ -54,13 +54,13 @@ pub(super) fn joint_search(
     let problem = Problem { state, camera, register };
     let mut scores = problem.scored(&effects.iter().enumerate().flat_map(variants).collect::<Vec<_>>())?;
     let best = |scores: &[(Variant, f64)], i: usize| -> Option<(Variant, f64)> {
-        let own = scores.iter().filter(|((k, ..), _)| *k == i).cloned();
-        own.reduce(|a, b| if b.1 > a.1 { b } else { a })
+        let of_effect = scores.iter().filter(|((k, ..), _)| *k == i).cloned();
+        of_effect.reduce(|a, b| if b.1 > a.1 { b } else { a })
     };
     let fine = effects.iter().enumerate().filter(|(_, effect)| effect.refine).flat_map(|(i, effect)| {
-        let found =
+        let coarse =
             best(&scores, i).and_then(|((_, _, value, place), _)| Some((value.filter(|v| v.is_finite())?, place)));
-        let (values, place) = found.map_or_else(Default::default, |(v, place)| (finer(&effect.values, v), place));
+        let (values, place) = coarse.map_or_else(Default::default, |(v, place)| (finer(&effect.values, v), place));
         values.into_iter().map(move |value| (i, effect.spec(Some(value), place), Some(value), place))
     });
     let fine: Vec<Variant> = fine.collect();
@@ -68,7 +68,7 @@ pub(super) fn joint_search(
     let finals: Vec<Variant> =
         (0..effects.len()).filter_map(|i| best(&scores, i)).map(|(variant, _)| variant).collect();
     let count = finals.len() as f64;
-    let mut found = problem.read(&finals, |linearization, number, (i, spec, ..)| {
+    let mut evidence = problem.read(&finals, |linearization, number, (i, spec, ..)| {
         let score = linearization.score(number);
         let effect = &effects[*i];
         let searched = (effect.values.len().max(1) * effect.placements.len()) as f64;
@@ -80,8 +80,8 @@ pub(super) fn joint_search(
             gain_t: mean_to_standard_error(&linearization.held_out_gain(&[number])),
         }
     })?;
-    found.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
-    Ok(found)
+    evidence.sort_by(|a, b| b.statistic.total_cmp(&a.statistic));
+    Ok(evidence)
 }
 
 /// All values of an effect's constant, in both places where its value depends on the place.
@@ -90,8 +90,8 @@ fn variants((number, effect): (usize, &Effect)) -> Vec<Variant> {
     let places = if effect.shifts { &effect.placements[..] } else { &effect.placements[..1] };
     let own_form = places.iter().filter(|place| place.on.is_none());
     let of_place = |place: &Placement| {
-        let of = |value: &Option<f64>| (number, effect.spec(*value, *place), *value, *place);
-        values.iter().map(of).collect::<Vec<_>>()
+        let variant = |value: &Option<f64>| (number, effect.spec(*value, *place), *value, *place);
+        values.iter().map(variant).collect::<Vec<_>>()
     };
     own_form.flat_map(of_place).collect()
 }
@@ -108,7 +108,7 @@ impl Problem<'_> {
         self.read(variants, |linearization, number, variant| (variant.clone(), linearization.score(number).statistic))
     }
 
-    /// What `read` makes of every variant, given a linearisation that has it as the candidate of this number.
+    /// Results of `read` for every variant, given a linearisation that has it as the candidate of this number.
     fn read<T: Send>(
         &self,
         variants: &[Variant],
@@ -132,24 +132,26 @@ impl Problem<'_> {
 /// The state whose camera has these blocks, held, before its own pieces, and their places among its blocks.
 fn with_candidates(state: &State, camera: usize, candidates: &[Block]) -> (State, Vec<usize>) {
     let mut with = state.clone();
-    let own = &mut with.cameras[camera];
+    let camera_state = &mut with.cameras[camera];
     // Effects act on the true depth, before the depth model: they come first.
     let mut pieces: Vec<Block> = candidates.iter().map(|block| block.clone().hold()).collect();
     let (pinhole, of_camera): (Vec<Block>, Vec<Block>) =
-        own.camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
-    let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole(own.camera.pinhole()));
+        camera_state.camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
+    let pinhole = pinhole.into_iter().next().unwrap_or_else(|| Block::pinhole(camera_state.camera.pinhole()));
     pieces.extend(of_camera);
-    let (extended, mut places) = Camera::assemble(own.camera.width, own.camera.height, pinhole, pieces);
+    let (extended, mut places) =
+        Camera::assemble(camera_state.camera.width, camera_state.camera.height, pinhole, pieces);
     // Priors name blocks by their numbers.
     let mut of_pieces = places.split_off(candidates.len()).into_iter();
     let of_pinhole = extended.blocks().iter().position(|b| b.piece().is_none()).unwrap_or(0);
-    let moved: Vec<usize> = own
+    let moved: Vec<usize> = camera_state
         .camera
         .blocks()
         .iter()
         .map(|block| if block.piece().is_none() { of_pinhole } else { of_pieces.next().unwrap_or(of_pinhole) })
         .collect();
-    own.priors = own.priors.iter().map(|prior| ParameterPrior { block: moved[prior.block], ..*prior }).collect();
-    own.camera = extended;
+    camera_state.priors =
+        camera_state.priors.iter().map(|prior| ParameterPrior { block: moved[prior.block], ..*prior }).collect();
+    camera_state.camera = extended;
     (with, places)
 }

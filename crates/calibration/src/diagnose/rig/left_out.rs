@@ -84,13 +84,13 @@ fn errors_given_the_others(
             .any(|c| c.frames.iter().zip(&c.capture.frames).any(|(f, frame)| f == number && !frame.markers.is_empty()))
     };
     let [image, depth] = Adjustment::of_state(&given, true)?.whitened(camera);
-    let own = &given.cameras[camera];
-    let by_markers = own.has_markers();
-    let mut rest = if by_markers { image.iter() } else { depth.iter() };
+    let judged = &given.cameras[camera];
+    let by_markers = judged.has_markers();
+    let mut residuals = if by_markers { image.iter() } else { depth.iter() };
     let mut errors = Vec::new();
-    for (number, frame) in own.frames.iter().zip(&own.capture.frames) {
+    for (number, frame) in judged.frames.iter().zip(&judged.capture.frames) {
         let count = if by_markers { 2 * frame.markers.len() } else { frame.samples.len() };
-        let squares: f64 = rest.by_ref().take(count).map(|r| r * r).sum();
+        let squares: f64 = residuals.by_ref().take(count).map(|r| r * r).sum();
         if count > 0 && seen_by_others(number) {
             errors.push((*number, squares, count));
         }

@@ -1,4 +1,4 @@
-//! What the models of a rig's cameras lack: the loop of one camera on each camera with depth, then all cameras jointly again.
+//! Diagnosis of a rig: the loop of one camera on each camera with depth, then all cameras jointly again.
 
 mod alone;
 mod drift_test;

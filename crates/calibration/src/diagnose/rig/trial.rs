@@ -33,7 +33,7 @@ pub struct EffectInRig {
 pub(super) struct Tried<'a> {
     /// The rig without them.
     pub rig: &'a RigCalibrated,
-    /// What it was fitted with.
+    /// Options with which it was fitted.
     pub options: &'a RigOptions,
     /// The effects that are considered: those of one camera without images.
     pub register: &'a Register,
@@ -55,14 +55,15 @@ pub(super) fn tried_in_rig(
     tried: &Tried<'_>,
 ) -> Result<Option<(EffectInRig, RigCalibrated)>, DiagnoseError> {
     let Tried { rig, options, register, folds, thresholds } = *tried;
-    let (Some(number), Some(own)) = (rig.state.cameras.iter().position(|c| c.name == camera), rig.camera(camera))
+    let (Some(number), Some(camera_fit)) =
+        (rig.state.cameras.iter().position(|c| c.name == camera), rig.camera(camera))
     else {
         return Ok(None);
     };
-    let found = joint_search(&rig.state, number, &own.calibrated, register, thresholds)?;
+    let ranked = joint_search(&rig.state, number, &camera_fit.calibrated, register, thresholds)?;
     let is_tried = |e: &&JointEvidence| e.p_value < SIGNIFICANT && e.gain_t >= thresholds.least_gain_t;
     let mut best: Option<(EffectInRig, RigCalibrated)> = None;
-    for evidence in found.iter().filter(is_tried).take(MOST_TRIED) {
+    for evidence in ranked.iter().filter(is_tried).take(MOST_TRIED) {
         let JointEvidence { spec, statistic, p_value, gain_t } = evidence;
         debug!("{camera}: {spec} has a score of {statistic:.1}, p = {p_value:.1e}, gains of t = {gain_t:.1}");
         let mut with = options.clone();

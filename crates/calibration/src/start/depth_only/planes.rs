@@ -56,8 +56,8 @@ pub fn planes_of(
         .map(|frame| {
             let Some(image) = frame.depth_image() else { return Ok(None) };
             let image = image.get()?;
-            let at = |[u, v]: &[usize; 2]| depth_at(&image, *u, *v).map(|z| z * unit_mm);
-            Ok(Some(places.iter().map(at).collect::<Vec<Option<f64>>>()))
+            let depth_mm = |[u, v]: &[usize; 2]| depth_at(&image, *u, *v).map(|z| z * unit_mm);
+            Ok(Some(places.iter().map(depth_mm).collect::<Vec<Option<f64>>>()))
         })
         .collect::<Result<_, ImageError>>()?;
     let behind: Vec<f64> = (0..places.len()).map(|i| scene_behind(&images, i)).collect();

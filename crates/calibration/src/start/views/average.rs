@@ -24,9 +24,9 @@ mod tests {
     #[test]
     fn the_mean_of_turns_about_one_axis() {
         let turn = |a: f64| Isometry3::new(Vector3::new(a, 0.0, 0.0), Vector3::z() * a);
-        let found = mean(&[turn(0.1), turn(0.3)]).unwrap();
-        assert!((found.rotation.angle_to(&turn(0.2).rotation)) < 1e-12);
-        assert!((found.translation.vector.x - 0.2).abs() < 1e-12);
+        let average = mean(&[turn(0.1), turn(0.3)]).unwrap();
+        assert!((average.rotation.angle_to(&turn(0.2).rotation)) < 1e-12);
+        assert!((average.translation.vector.x - 0.2).abs() < 1e-12);
         assert!(mean(&[]).is_none());
     }
 }

@@ -39,11 +39,11 @@ pub struct Node<'a> {
 pub struct Places {
     /// `camera_from_rig` of every camera.
     pub camera_from_rig: Vec<Isometry3<f64>>,
-    /// What each pair of cameras shares, where it shares any view.
+    /// Pairs of cameras that share views.
     pub pairs: Vec<PairSummary>,
 }
 
-/// What two cameras share.
+/// Views that two cameras share, and how well they agree.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PairSummary {
     /// Their names.
@@ -79,20 +79,20 @@ pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, ExtrinsicsError> {
             let seconds: Vec<PosedFrame> = shared.iter().map(|s| nodes[b].capture.frames[s[1]].clone()).collect();
             let (firsts, seconds): (Vec<_>, Vec<_>) = (firsts.iter().collect(), seconds.iter().collect());
             let view = |n: usize, frames| PairView { camera: nodes[n].camera, frames };
-            let found = relative_pose(&nodes[a].capture.target, view(a, &firsts), view(b, &seconds));
-            let Some(found) = found else { continue };
-            check_moved([nodes[a].name, nodes[b].name], &firsts, &found)?;
-            let contradicting = found.contradicting.len();
+            let relative = relative_pose(&nodes[a].capture.target, view(a, &firsts), view(b, &seconds));
+            let Some(relative) = relative else { continue };
+            check_moved([nodes[a].name, nodes[b].name], &firsts, &relative)?;
+            let contradicting = relative.contradicting.len();
             let cameras = [a, b].map(|n| nodes[n].name.to_owned());
-            pairs.push(PairSummary { cameras, views: shared.len(), contradicting, median_px: found.median_px });
-            for (view, poses) in found.mirrored.iter().filter(|_| !moves) {
+            pairs.push(PairSummary { cameras, views: shared.len(), contradicting, median_px: relative.median_px });
+            for (view, poses) in relative.mirrored.iter().filter(|_| !moves) {
                 let [first, second] = shared[*view];
                 nodes[a].capture.frames[first].camera_from_board = poses[0];
                 nodes[b].capture.frames[second].camera_from_board = poses[1];
             }
-            drop_contradicting([a, b], nodes, &shared, &found);
+            drop_contradicting([a, b], nodes, &shared, &relative);
             let agreeing = shared.len() - contradicting;
-            edges.push(([a, b], found, agreeing));
+            edges.push(([a, b], relative, agreeing));
         }
     }
     let camera_from_rig = spanning_tree(nodes, &edges)?;
@@ -131,10 +131,10 @@ fn moving_views(
 ) -> Vec<([usize; 2], MovingView)> {
     let mut about: Vec<Option<BoardMotion>> = vec![None; first.frames.len()];
     for board in 0..first.target.parts().len() {
-        let own: Vec<usize> = (0..about.len()).filter(|i| first.frames[*i].board == board).collect();
+        let frames_of_board: Vec<usize> = (0..about.len()).filter(|i| first.frames[*i].board == board).collect();
         let pose = |i: &usize| (first.frames[*i].metadata.timestamp_s, first.frames[*i].camera_from_board);
-        let found = motions(&own.iter().map(pose).collect::<Vec<_>>());
-        own.iter().zip(found).for_each(|(i, motion)| about[*i] = motion);
+        let board_motions = motions(&frames_of_board.iter().map(pose).collect::<Vec<_>>());
+        frames_of_board.iter().zip(board_motions).for_each(|(i, motion)| about[*i] = motion);
     }
     let view = |places: &[usize; 2]| {
         let (a, b) = (&first.frames[places[0]], &second.frames[places[1]]);

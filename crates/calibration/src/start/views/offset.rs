@@ -57,7 +57,7 @@ fn disagreement_mm(views: &[MovingView], corners: &[Point3<f64>], offset_s: f64)
     let moved: Vec<Isometry3<f64>> =
         views.iter().map(|view| view.motion.after(offset_s + view.later_s).of(&view.first_from_board)).collect();
     let relative = |(view, first): (&MovingView, &Isometry3<f64>)| view.second_from_board * first.inverse();
-    let own: Vec<Isometry3<f64>> = views.iter().zip(&moved).map(relative).collect();
+    let relative_poses: Vec<Isometry3<f64>> = views.iter().zip(&moved).map(relative).collect();
     let errors = |place: &Isometry3<f64>| -> Vec<f64> {
         let error = |(view, first): (&MovingView, &Isometry3<f64>)| {
             let (a, b) = (place * first, view.second_from_board);
@@ -67,8 +67,9 @@ fn disagreement_mm(views: &[MovingView], corners: &[Point3<f64>], offset_s: f64)
     };
     let median = |errors: Vec<f64>| upper_median(&mut errors.clone());
     // Once more without the views that are farther off than most: single poses may be the wrong one of a plane's two.
-    let first = errors(&mean(&own)?);
+    let first = errors(&mean(&relative_poses)?);
     let limit = 2.0 * median(first.clone())?;
-    let near: Vec<Isometry3<f64>> = own.iter().zip(&first).filter(|(_, e)| **e <= limit).map(|(p, _)| *p).collect();
+    let near: Vec<Isometry3<f64>> =
+        relative_poses.iter().zip(&first).filter(|(_, e)| **e <= limit).map(|(p, _)| *p).collect();
     median(errors(&mean(&near)?))
 }

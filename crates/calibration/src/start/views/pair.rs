@@ -69,33 +69,33 @@ pub fn relative_pose(target: &Target, first: PairView<'_>, second: PairView<'_>)
         .zip(second.frames)
         .map(|(a, b)| View { target, cameras: [first.camera, second.camera], frames: [*a, *b] })
         .collect();
-    let own: Vec<Isometry3<f64>> = views.iter().map(View::own).collect();
-    let (mut found, mut errors) = best_of(&views, &own)?;
+    let of_views: Vec<Isometry3<f64>> = views.iter().map(View::own).collect();
+    let (mut second_from_first, mut errors) = best_of(&views, &of_views)?;
     let median = |errors: &[f64]| upper_median(&mut errors.to_vec()).unwrap_or(f64::INFINITY);
     let limit = |errors: &[f64]| (CONTRADICTS * median(errors)).max(CONTRADICTS_PX);
     let agreeing: Vec<Isometry3<f64>> =
-        own.iter().zip(&errors).filter(|(_, e)| **e <= limit(&errors)).map(|(pose, _)| *pose).collect();
+        of_views.iter().zip(&errors).filter(|(_, e)| **e <= limit(&errors)).map(|(pose, _)| *pose).collect();
     if let Some(mean) = mean(&agreeing) {
         let of_mean: Vec<f64> = views.iter().map(|v| v.error_px(&mean)).collect();
         if median(&of_mean) <= median(&errors) {
-            (found, errors) = (mean, of_mean);
+            (second_from_first, errors) = (mean, of_mean);
         }
     }
     let limit_px = limit(&errors);
     let mut contradicting = Vec::new();
     let mut mirrored = Vec::new();
     for (number, view) in views.iter().enumerate().filter(|(number, _)| errors[*number] > limit_px) {
-        if let Some(poses) = view.mirrored(&found, limit_px) {
+        if let Some(poses) = view.mirrored(&second_from_first, limit_px) {
             mirrored.push((number, poses));
-        } else if view.is_swapped(&found, limit_px) {
+        } else if view.is_swapped(&second_from_first, limit_px) {
             contradicting.push((number, Contradiction::Swapped));
         } else {
             contradicting.push((number, Contradiction::Apart(errors[number])));
         }
     }
-    let second_place = second_place(&views, &own, &contradicting, &found);
+    let second_place = second_place(&views, &of_views, &contradicting, &second_from_first);
     let median_px = median(&errors);
-    Some(RelativePose { second_from_first: found, errors_px: errors, median_px, contradicting, second_place, mirrored })
+    Some(RelativePose { second_from_first, errors_px: errors, median_px, contradicting, second_place, mirrored })
 }
 
 /// The relative pose, of some views' own, under which the median view has the least error, and the errors of all views, px.
@@ -121,9 +121,9 @@ fn second_place(
     if apart.len() < FEWEST_OF_PLACE || (apart.len() as f64) < SECOND_PLACE * views.len() as f64 {
         return None;
     }
-    let of: Vec<View<'_>> = apart.iter().map(|i| views[*i]).collect();
+    let apart_views: Vec<View<'_>> = apart.iter().map(|i| views[*i]).collect();
     let poses: Vec<Isometry3<f64>> = apart.iter().map(|i| own[*i]).collect();
-    let (place, errors) = best_of(&of, &poses)?;
+    let (place, errors) = best_of(&apart_views, &poses)?;
     let agreeing = errors.iter().filter(|e| **e <= CONTRADICTS_PX).count();
     let is_other = (place.inverse() * first).translation.vector.norm() > 0.0;
     (is_other && agreeing >= FEWEST_OF_PLACE && agreeing as f64 >= AGREEING * apart.len() as f64).then_some(place)
@@ -153,8 +153,8 @@ impl View<'_> {
         let pose = second_from_first * first_from_board;
         let distances = self.frames[1].markers.iter().map(|m| {
             let p = self.cameras[1].board_point(self.target.point(m.index));
-            let at = self.cameras[1].project(&(pose * Point3::from(p)).coords);
-            at.map_or(f64::INFINITY, |at| (at[0] - m.pixel[0]).hypot(at[1] - m.pixel[1]))
+            let projected = self.cameras[1].project(&(pose * Point3::from(p)).coords);
+            projected.map_or(f64::INFINITY, |projected| (projected[0] - m.pixel[0]).hypot(projected[1] - m.pixel[1]))
         });
         rms(distances)
     }

@@ -189,10 +189,10 @@ impl Products {
         let factor = self.shared.clone().cholesky()?;
         let carried = factor.solve(&self.cross);
         let step = factor.solve(&-&self.shared_gradient);
-        let mut own = self.own.clone();
-        own.fill_lower_triangle_with_upper_triangle();
-        own.gemm_tr(-1.0, &self.cross, &carried, 1.0);
-        Some(Quadratic { hessian: own.cast(), gradient: &self.gradient + self.cross.tr_mul(&step) })
+        let mut hessian = self.own.clone();
+        hessian.fill_lower_triangle_with_upper_triangle();
+        hessian.gemm_tr(-1.0, &self.cross, &carried, 1.0);
+        Some(Quadratic { hessian: hessian.cast(), gradient: &self.gradient + self.cross.tr_mul(&step) })
     }
 
     /// The costs of all frames but a block, and of the block.

@@ -1,5 +1,5 @@
-//! A function that has no name as a formula that describes it: splines of its covariates, as fine and as smooth as left-out frames are
-//! predicted best.
+//! Formulas that describe functions without a name: splines of their covariates, as fine and as smooth as predicts left-out
+//! frames best.
 
 use depthcal_io::DiagnosisPlace;
 use nalgebra::{DMatrix, DVector};

@@ -10,8 +10,8 @@ use nalgebra::DMatrix;
 use super::super::observations::{FrameRows, Observations, Sample};
 use crate::diagnose::spline_piece::{Axis, CUBIC};
 
-/// Covariates of smooth functions, with the number of their basis functions: errors of single columns and rows, rings, and waves over
-/// depth are finer than what amplitude, incidence, time and temperature do.
+/// Covariates of smooth functions, with the number of their basis functions: errors of single columns and rows, rings, and waves
+/// over depth are finer than effects of amplitude, incidence, time and temperature.
 const COVARIATES: [(C, usize); 8] = [
     (C::X, 16),
     (C::Y, 16),
@@ -58,7 +58,7 @@ pub(super) struct Dictionary {
     pub width: usize,
 }
 
-/// What the groups need of a sample.
+/// Values of the basis functions, factors and slopes at a sample, of which the entries of all groups are products.
 pub(super) struct Values {
     /// First basis function and values of every smooth covariate; zero where it is unknown.
     bases: Vec<(usize, [f64; WIDTH])>,
@@ -118,8 +118,8 @@ impl Dictionary {
                     let count = smooth.map_or(1, |s| s.axis.count);
                     let columns = self.width..self.width + count;
                     self.width = columns.end;
-                    let of = smooth.map_or(Of::True, |s| s.of);
-                    self.groups.push(Group { smooth: number, factor: *factor, of, on: *on, columns });
+                    let place = smooth.map_or(Of::True, |s| s.of);
+                    self.groups.push(Group { smooth: number, factor: *factor, of: place, on: *on, columns });
                 }
             }
         }
@@ -138,11 +138,11 @@ impl Dictionary {
         if of_group.is_empty() { BTreeSet::from([C::Z]) } else { of_group }
     }
 
-    /// What the groups need of a sample.
+    /// Values of the basis functions, factors and slopes at a sample.
     pub fn values(&self, sample: &Sample) -> Values {
         let basis = |smooth: &Smooth| {
-            let at = smooth.coordinate(sample);
-            if at.is_finite() { smooth.axis.basis(at) } else { (0, [0.0; WIDTH]) }
+            let coordinate = smooth.coordinate(sample);
+            if coordinate.is_finite() { smooth.axis.basis(coordinate) } else { (0, [0.0; WIDTH]) }
         };
         let factor = |(covariate, mean): &(C, f64)| {
             let value = sample.value(*covariate, Of::True) - mean;
@@ -188,7 +188,8 @@ impl Values {
         group.factor.map_or(1.0, |f| self.factors[f]) * self.slopes[place][form]
     }
 
-    /// The first of the columns of a group that are not zero, counted from its own, and their entries; of a constant the first alone.
+    /// The number of the first column of a group that is not zero, counted within the group, and the entries from it on; of a
+    /// constant the first alone.
     pub fn entries(&self, group: &Group) -> (usize, [f64; WIDTH]) {
         let factor = self.weight(group);
         match group.smooth {

@@ -1,13 +1,13 @@
-//! What the residuals depend on, several functions at once: an additive model of smooth functions of one covariate, each alone or
-//! times another, in every place and form.
+//! Additive model of the residuals, several functions at once: smooth functions of one covariate, each alone or times another, in
+//! every place and form.
 //!
-//! Two effects hide each other where each is tested alone: neither lowers the error of left-out frames for certain while the other
-//! is there. So all pairs of functions are compared, by algebra on one matrix of products per block of frames (`blocks`), members
-//! are exchanged against all others, and each is held against chance given all others (`search`). A function that no name explains
-//! is a formula that describes it (`description`).
+//! Two effects can hide each other where each is tested alone: neither lowers the error of left-out frames for certain while the
+//! other is there. So all pairs of functions are compared, by algebra on one matrix of products per block of frames (`blocks`),
+//! members are exchanged against all others, and each is tested against chance given all others (`search`). A function that no
+//! known effect explains is described by a formula (`description`).
 //!
-//! The model: Hastie, Tibshirani, *Generalized Additive Models* (1990); its smooth functions: Eilers, Marx, *Flexible smoothing with
-//! B-splines and penalties*, Statistical Science 11 (1996).
+//! The model: Hastie, Tibshirani, *Generalized Additive Models* (1990); its smooth functions: Eilers, Marx, *Flexible smoothing
+//! with B-splines and penalties*, Statistical Science 11 (1996).
 
 mod blocks;
 mod description;
@@ -50,14 +50,14 @@ pub fn additive_components(fit: &Calibrated, taken: &[String]) -> Vec<Component>
 fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
     let dictionary = Dictionary::of(observations, 1);
     let Some(blocks) = Blocks::of(observations, &dictionary) else { return Vec::new() };
-    let found = components(observations, &dictionary, &blocks);
-    if found.is_empty() {
+    let functions = components(observations, &dictionary, &blocks);
+    if functions.is_empty() {
         return Vec::new();
     }
-    let Some(descriptions) = Descriptions::best(observations, &found) else { return Vec::new() };
+    let Some(descriptions) = Descriptions::best(observations, &functions) else { return Vec::new() };
     let cost: f64 = observations.frames.iter().map(FrameRows::cost).sum();
     let groups_but = |without: Option<usize>| -> Vec<usize> {
-        let others = found.iter().enumerate().filter(|(place, _)| Some(*place) != without);
+        let others = functions.iter().enumerate().filter(|(place, _)| Some(*place) != without);
         others.flat_map(|(_, function)| function.groups.clone()).collect()
     };
     let gain = |without| blocks.gain(&dictionary, &groups_but(without));
@@ -65,7 +65,7 @@ fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
     let share = |place: usize| (gain_of_all - gain(Some(place))) / cost;
     let mut taken = taken.to_vec();
     let mut described = Vec::new();
-    for (place, Found { covariates, .. }) in found.iter().enumerate() {
+    for (place, Found { covariates, .. }) in functions.iter().enumerate() {
         let names: Vec<&str> = covariates.iter().map(|c| c.name()).collect();
         match descriptions.formula(place, &taken) {
             Ok(description) => {

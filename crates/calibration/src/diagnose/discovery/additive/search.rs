@@ -20,8 +20,8 @@ const PASSES: usize = 3;
 /// Least fall of the cost ½ Σ r² of left-out frames by a function given all others, and the same per sample …
 const LEAST_GAIN: f64 = 15.0;
 const LEAST_GAIN_PER_SAMPLE: f64 = 0.002;
-/// … and the level of Wilcoxon's test over frames, and the least share of frames that it makes better: the gain of single frames may be
-/// large by chance, but not that of most.
+/// … and the level of Wilcoxon's test over frames, and the least share of frames that it makes better: the gain of single frames
+/// may be large by chance, but not that of most.
 const LEVEL: f64 = 0.01;
 const LEAST_SHARE: f64 = 0.7;
 /// Share by which the gain of a pair has to exceed that of the best single group.
@@ -47,15 +47,15 @@ struct Search<'a> {
 pub(super) fn components(observations: &Observations, dictionary: &Dictionary, blocks: &Blocks) -> Vec<Found> {
     let samples = observations.samples().count();
     let search = Search { observations, dictionary, blocks, samples };
-    let mut found: Vec<Found> = Vec::new();
+    let mut functions: Vec<Found> = Vec::new();
     for group in search.members() {
         let covariates = dictionary.covariates(&dictionary.groups[group]);
-        match found.iter_mut().find(|other| other.covariates == covariates) {
+        match functions.iter_mut().find(|other| other.covariates == covariates) {
             Some(other) => other.groups.push(group),
-            None => found.push(Found { covariates, groups: vec![group] }),
+            None => functions.push(Found { covariates, groups: vec![group] }),
         }
     }
-    found
+    functions
 }
 
 impl Search<'_> {

@@ -32,7 +32,7 @@ const TYPICAL: f64 = 1e-6;
 /// The sum of some groups as a formula, `found_r_z` or the like.
 pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[String]) -> Result<FormulaEffect, String> {
     // Groups of one function may have different forms: they are brought to the first one's by powers of depth.
-    let (of, on) = (parts[0].group.of, parts[0].group.on);
+    let (place, on) = (parts[0].group.of, parts[0].group.on);
     let (adds_to, target) = match on {
         On::Depth => (AddsTo::Depth, [1, 0, 0, 0]),
         On::InverseDepth => (AddsTo::InverseDepth, [-1, 0, 0, 0]),
@@ -42,7 +42,7 @@ pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[Str
         name: free_name(covariates, taken),
         hook: HookKind::Depth,
         adds_to: Some(adds_to),
-        of,
+        of: place,
         formula: FormulaText::One(String::new()),
         parameters: BTreeMap::new(),
         smooth: Vec::new(),

@@ -28,7 +28,7 @@ fn observations(seed: u64, error_mm: impl Fn([f64; 2], f64) -> f64) -> Observati
         let slopes = [0, 1].map(|_| rng.random_range(-0.6..0.6));
         let distance: f64 = rng.random_range(600.0..2400.0);
         let half_width = (200.0 / distance).min(0.2);
-        let mut own = DMatrix::zeros(SAMPLES, POSE + 3);
+        let mut jacobian = DMatrix::zeros(SAMPLES, POSE + 3);
         let mut samples = Vec::new();
         for row in 0..SAMPLES {
             let [x, y] = centre.map(|centre| centre + rng.random_range(-half_width..half_width));
@@ -40,20 +40,21 @@ fn observations(seed: u64, error_mm: impl Fn([f64; 2], f64) -> f64) -> Observati
             let slopes = [1.0 / SIGMA; 2];
             samples.push(Sample { state, measured_rho: rho, context: Context::default(), residual, slopes });
             for (column, value) in [(0, 1.0), (1, x), (2, y), (POSE, 1.0), (POSE + 1, 1e3 * rho), (POSE + 2, x)] {
-                own[(row, column)] = value;
+                jacobian[(row, column)] = value;
             }
         }
         let residuals = DVector::from_iterator(SAMPLES, samples.iter().map(|sample| sample.residual));
-        let mut normal = own.tr_mul(&own);
+        let mut normal = jacobian.tr_mul(&jacobian);
         (0..POSE).for_each(|i| normal[(i, i)] += POSE_SIGMAS.powi(-2));
-        FrameRows::new(samples, &own, &residuals, &normal, &own.tr_mul(&residuals)).unwrap()
+        FrameRows::new(samples, &jacobian, &residuals, &normal, &jacobian.tr_mul(&residuals)).unwrap()
     });
     Observations { frames: frames.collect(), shared: 3 }
 }
 
 fn covariates(found: &[Component]) -> Vec<BTreeSet<C>> {
-    let of = |component: &Component| component.description.covariates.iter().filter_map(|name| C::of(name)).collect();
-    found.iter().map(of).collect()
+    let covariates_of =
+        |component: &Component| component.description.covariates.iter().filter_map(|name| C::of(name)).collect();
+    found.iter().map(covariates_of).collect()
 }
 
 fn saw(z: f64) -> f64 {
@@ -67,29 +68,29 @@ fn ring([x, y]: [f64; 2]) -> f64 {
 #[test]
 fn nothing_is_found_where_nothing_is() {
     for seed in 0..6 {
-        let found = described(&observations(seed, |_, _| 0.0), &[]);
-        assert_eq!(covariates(&found), [] as [BTreeSet<C>; 0], "seed {seed}");
+        let components = described(&observations(seed, |_, _| 0.0), &[]);
+        assert_eq!(covariates(&components), [] as [BTreeSet<C>; 0], "seed {seed}");
     }
 }
 
 #[test]
 fn two_functions_are_found_together() {
-    let found = described(&observations(1, |ray, z| 3.0 * saw(z) + 4.0 * ring(ray)), &[]);
-    let mut found = covariates(&found);
-    found.sort();
+    let components = described(&observations(1, |ray, z| 3.0 * saw(z) + 4.0 * ring(ray)), &[]);
+    let mut sets = covariates(&components);
+    sets.sort();
     let mut expected = vec![BTreeSet::from([C::R]), BTreeSet::from([C::Z])];
     expected.sort();
-    assert_eq!(found, expected);
+    assert_eq!(sets, expected);
 }
 
 /// A name is taken already: another is found. The formula is a spline, and smooth.
 #[test]
 fn a_function_is_described_by_a_spline_with_a_name_of_its_own() {
-    let found = described(&observations(2, |_, z| 3.0 * saw(z)), &["found_z".to_owned()]);
-    assert_eq!(covariates(&found), [BTreeSet::from([C::Z])]);
-    let effect = &found[0].description.effect;
+    let components = described(&observations(2, |_, z| 3.0 * saw(z)), &["found_z".to_owned()]);
+    assert_eq!(covariates(&components), [BTreeSet::from([C::Z])]);
+    let effect = &components[0].description.effect;
     assert_eq!(effect.name(), "found_z_2");
     assert!(effect.text().contains("spline(z, "), "{}", effect.text());
-    assert!(found[0].description.is_smooth_function() && !found[0].description.confirmed);
-    assert!(found[0].share > 0.1, "{}", found[0].share);
+    assert!(components[0].description.is_smooth_function() && !components[0].description.confirmed);
+    assert!(components[0].share > 0.1, "{}", components[0].share);
 }
