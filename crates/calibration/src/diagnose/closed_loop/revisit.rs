@@ -150,8 +150,8 @@ fn with_errors_along(
     Ok(model)
 }
 
-/// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes first,
-/// as another may be certain without it. A free map stays, which names nothing. `None` where all are certain.
+/// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes
+/// first, as another may be certain without it. A free map stays, which names nothing. `None` where all are certain.
 ///
 /// # Errors
 ///
