@@ -27,7 +27,8 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Yaml, CameraFileError> {
     if ost::is_one(text) {
         return Ok(ost::parse(text));
     }
-    let json = if text.starts_with(['{', '[']) { serde_json::from_str::<Value>(text) } else { Ok(Value::Null) };
+    let json =
+        if text.trim_start().starts_with(['{', '[']) { serde_json::from_str::<Value>(text) } else { Ok(Value::Null) };
     let fault = match json {
         Ok(Value::Null) => None,
         Ok(value) => {

@@ -123,7 +123,8 @@ const LISTED: usize = 12;
 /// Names for an error, the first of many.
 fn some(names: &[String]) -> String {
     let more = names.len().saturating_sub(LISTED);
-    let shown = names[..names.len() - more].join(", ");
+    let shown = |name: &String| if name.is_empty() { "one without a name (leave #NAME out)" } else { name }.to_owned();
+    let shown = names[..names.len() - more].iter().map(shown).collect::<Vec<_>>().join(", ");
     if more > 0 { format!("{shown} and {more} more") } else { shown }
 }
 

@@ -28,7 +28,7 @@ const NAMES: [(&str, LensModel); 25] = {
         ("radialtangential", BrownConrady),
         ("brownconrady", BrownConrady),
         ("brown", BrownConrady),
-        // The SDK projects both by one equation; `realsense` says how far that is from Brown's and Conrady's.
+        // The SDK projects both by one equation; `modified_lens` says how far that is from Brown's and Conrady's.
         ("modifiedbrownconrady", BrownConrady),
         ("inversebrownconrady", BrownConrady),
         ("rationalpolynomial", Rational),
@@ -63,7 +63,8 @@ const TERMS: [&str; 14] = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1",
 /// The lens model of a name; `None` where it is none.
 pub(super) fn model_named(name: &str) -> Option<LensModel> {
     let plain = plain(name);
-    let plain = plain.trim_start_matches("rs2distortion").trim_start_matches("distortion");
+    let plain = ["rs2", "ob"].iter().find_map(|maker| plain.strip_prefix(maker)).unwrap_or(&plain);
+    let plain = plain.strip_prefix("distortion").unwrap_or(plain);
     NAMES.iter().find(|(known, _)| *known == plain).map(|(_, model)| *model)
 }
 

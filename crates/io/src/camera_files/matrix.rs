@@ -9,6 +9,7 @@ use super::error::CameraFileError;
 use super::intrinsics::{FileLens, Intrinsics};
 use super::keys::{self, camera_in};
 use super::lens_words::{LensModel, from_list, from_terms, model_of};
+use super::modified_lens;
 use super::node::Node;
 
 /// Keys of the camera matrices of a mapping, one for each camera.
@@ -38,7 +39,9 @@ pub(super) fn read(node: &Node<'_>, name: &str) -> Result<Intrinsics, CameraFile
     let Some((_, camera)) = chosen else { return Err(node.fault("camera_matrix", "is missing")) };
     let field = one_of(node, keys::MATRIX, camera)?.unwrap_or("camera_matrix");
     let pinhole = node.camera_matrix(field)?;
-    Ok(Intrinsics { size: node.size()?, pinhole, lens: lens(node, camera, field)? })
+    let camera = Intrinsics { size: node.size()?, pinhole, lens: lens(node, camera, field)? };
+    modified_lens::check(node, &camera)?;
+    Ok(camera)
 }
 
 /// The lens of a camera of a mapping.

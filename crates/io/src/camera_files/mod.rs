@@ -21,6 +21,7 @@ mod keys;
 mod lens_form;
 mod lens_words;
 mod matrix;
+mod modified_lens;
 mod mrcal;
 mod named;
 mod nerf;

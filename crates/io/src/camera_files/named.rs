@@ -4,6 +4,7 @@ use super::error::CameraFileError;
 use super::intrinsics::{FileLens, Intrinsics};
 use super::keys;
 use super::lens_words::{LensModel, from_list, from_terms, model_of};
+use super::modified_lens;
 use super::node::Node;
 
 /// The only camera of a mapping with focal lengths and a principal point.
@@ -13,7 +14,9 @@ pub(super) fn cameras(node: &Node<'_>) -> Vec<String> {
 }
 
 pub(super) fn read(node: &Node<'_>, _: &str) -> Result<Intrinsics, CameraFileError> {
-    Ok(Intrinsics { size: node.size()?, pinhole: node.named_pinhole()?, lens: lens(node, node)? })
+    let camera = Intrinsics { size: node.size()?, pinhole: node.named_pinhole()?, lens: lens(node, node)? };
+    modified_lens::check(node, &camera)?;
+    Ok(camera)
 }
 
 /// The lens that stands in a mapping, in its list or mapping of coefficients; `camera` has the focal lengths, for errors.

@@ -7,8 +7,8 @@
 //! | `camera_model` | `OPENCV`, `OPENCV_FISHEYE` (k1 … k4) or `PINHOLE`; `is_fisheye` in instant-ngp |
 //! | `frames` | written empty |
 //!
-//! nerfstudio's k4 of a lens that is no fisheye belongs to r⁸, and is refused unless it is zero. Source: `get_colmap_…`,
-//! `_compute_residual_and_jacobian` of nerfstudio's camera_utils.py; instant-ngp's colmap2nerf.py.
+//! nerfstudio's k4 of a lens that is no fisheye belongs to r⁸, and is refused unless it is zero. Source: nerfstudio's
+//! camera_utils.py, `_compute_residual_and_jacobian`; instant-ngp's colmap2nerf.py.
 
 use super::capability::{HeldLens, nearest};
 use super::error::CameraFileError;
@@ -23,6 +23,8 @@ use super::text::number;
 const FORMAT: &str = "nerf transforms";
 const FISHEYE: HeldLens = HeldLens { name: "OPENCV_FISHEYE", piece: "kannala_brandt", count: 4 };
 const HELD: [HeldLens; 2] = [HeldLens { name: "OPENCV", piece: "brown_conrady", count: 4 }, FISHEYE];
+/// Models that are read; k1 … of those that have fewer terms stand alone.
+const MODELS: [&str; 6] = ["OPENCV", "OPENCV_FISHEYE", "PINHOLE", "SIMPLE_PINHOLE", "RADIAL", "SIMPLE_RADIAL"];
 /// Position of the first pixel's centre, px.
 const FIRST_PIXEL: f64 = 0.5;
 
@@ -33,6 +35,12 @@ pub(super) fn cameras(node: &Node<'_>) -> Vec<String> {
 
 pub(super) fn read(node: &Node<'_>, _: &str) -> Result<Intrinsics, CameraFileError> {
     let [fx, fy, cx, cy, skew] = node.named_pinhole()?;
+    let model = node.text("camera_model").unwrap_or("OPENCV");
+    if !MODELS.contains(&model) {
+        return Err(
+            node.unsupported(model, "OPENCV, OPENCV_FISHEYE, PINHOLE, SIMPLE_PINHOLE, RADIAL and SIMPLE_RADIAL")
+        );
+    }
     let lens = optional(node, "fl_x")?;
     Ok(Intrinsics { size: node.size()?, pinhole: [fx, fy, cx - FIRST_PIXEL, cy - FIRST_PIXEL, skew], lens })
 }

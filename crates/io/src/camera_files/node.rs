@@ -81,10 +81,23 @@ impl<'a> Node<'a> {
 
     /// The mappings in a list of this one, or the only one.
     pub fn nodes(&self, field: &str) -> Vec<Node<'a>> {
-        let Some(list) = self.value(field).and_then(Yaml::as_vec) else {
-            return self.node(field).into_iter().collect();
-        };
-        let numbered = list.iter().enumerate().filter(|(_, value)| value.as_hash().is_some());
+        match self.value(field).filter(|value| value.as_vec().is_some()) {
+            Some(list) => self.listed(list, field),
+            None => self.node(field).into_iter().collect(),
+        }
+    }
+
+    /// The mappings in this one, or in a list of a document.
+    pub fn children(&self) -> Vec<Node<'a>> {
+        if self.value.as_vec().is_some() {
+            return self.listed(self.value, "");
+        }
+        self.keys().into_iter().flat_map(|key| self.nodes(key)).collect()
+    }
+
+    /// The mappings in a list.
+    fn listed(&self, list: &'a Yaml, field: &str) -> Vec<Node<'a>> {
+        let numbered = list.as_vec().into_iter().flatten().enumerate().filter(|(_, value)| value.as_hash().is_some());
         let name = |i: usize| self.name_of(&format!("{field}[{i}]"));
         numbered.map(|(i, value)| Node { path: self.path, value, name: name(i) }).collect()
     }

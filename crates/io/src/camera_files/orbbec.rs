@@ -10,6 +10,7 @@
 use super::error::CameraFileError;
 use super::intrinsics::Intrinsics;
 use super::keys::plain;
+use super::modified_lens;
 use super::named;
 use super::node::Node;
 
@@ -40,5 +41,8 @@ pub(super) fn read(node: &Node<'_>, name: &str) -> Result<Intrinsics, CameraFile
     let pinhole = node.node(name).ok_or_else(|| missing(name))?;
     let distortion = camera_of(name).and_then(|camera| distortion_of(node, &camera));
     let lens = distortion.and_then(|key| node.node(key)).ok_or_else(|| missing("distortion"))?;
-    Ok(Intrinsics { size: pinhole.size()?, pinhole: pinhole.named_pinhole()?, lens: named::lens(&lens, &lens)? })
+    let camera =
+        Intrinsics { size: pinhole.size()?, pinhole: pinhole.named_pinhole()?, lens: named::lens(&lens, &lens)? };
+    modified_lens::check(&lens, &camera)?;
+    Ok(camera)
 }

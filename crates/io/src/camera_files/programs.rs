@@ -52,5 +52,5 @@ pub(super) fn cameras<'a>(node: &Node<'a>) -> Vec<Found<'a>> {
             return parts.into_iter().map(camera).collect();
         }
     }
-    node.keys().into_iter().flat_map(|key| node.nodes(key)).flat_map(|inner| cameras(&inner)).collect()
+    node.children().iter().flat_map(cameras).collect()
 }

@@ -39,7 +39,7 @@ fn text_of(bytes: &[u8]) -> &'static str {
 /// [`CameraFileError`].
 pub fn parse_camera(path: &Path, text: &str, name: Option<&str>) -> Result<Intrinsics, CameraFileError> {
     // Azure Kinect's factory calibration ends with a zero.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text).trim_end_matches('\0').trim_start();
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text).trim_end_matches('\0').trim_start_matches(['\r', '\n']);
     if colmap::is_one(text) {
         let cameras = colmap::cameras(text);
         let ids = cameras.iter().map(|(id, _)| (*id).to_owned()).collect();

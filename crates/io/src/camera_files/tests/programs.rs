@@ -84,6 +84,11 @@ fn several_cameras_are_chosen_by_name() {
     let list = format!("{{\"cameras\": [{{\"K\": [[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]], \"dist\": {D:?}}}]}}");
     check(&list, None, None, Some("brown_conrady"), &D);
     check(&list, Some("cameras[0]"), None, Some("brown_conrady"), &D);
+    let document = format!("[{{\"name\": 1, \"K\": [525, 0, 319.5, 0, 525, 239.5, 0, 0, 1], \"dist\": {D:?}}}]");
+    check(&document, Some("[0]"), None, Some("brown_conrady"), &D);
+    let only = format!("K: {K}\ndist: {D:?}\n");
+    let named = parse_camera(Path::new("one.yml"), &only, Some("left")).unwrap_err().to_string();
+    assert!(named.contains("has no camera 'left', but one without a name (leave #NAME out)"), "{named}");
     let sides = format!("mtxL: {K}\ndistL: {D:?}\nmtxR: {K}\ndistR: {D:?}\n");
     check(&sides, Some("mtxR"), None, Some("brown_conrady"), &D);
 }
@@ -182,6 +187,9 @@ fn realsense_and_orbbec() {
     let fisheye = realsense("distortion.kannala_brandt4", "[0.12, -0.25, 0.001, -0.002, 0.0]");
     check(&fisheye, None, SIZE, Some("kannala_brandt"), &D[..4]);
     check(&realsense("distortion.none", "[0, 0, 0, 0, 0]"), None, SIZE, None, &[]);
+    check(&realsense("OB_DISTORTION_BROWN_CONRADY", &k), None, SIZE, Some("brown_conrady"), &D);
+    let unnamed = fails(&realsense("distortion.polynomial", &k));
+    assert!(unnamed.contains("model distortion.polynomial is not supported; brown_conrady"), "{unnamed}");
     // Decentring as strong as no RealSense has it.
     let message = fails(&realsense("distortion.inverse_brown_conrady", "[0.5, -0.25, 0.02, -0.02, 0.05]"));
     assert!(
@@ -260,6 +268,8 @@ fn open3d_by_columns_and_nerf_with_its_pixels() {
     );
     let fisheye = "\"camera_model\": \"OPENCV_FISHEYE\", \"k1\": 0.12, \"k2\": -0.25, \"k3\": 0.001, \"k4\": -0.002,";
     check(&nerf(fisheye), None, SIZE, Some("kannala_brandt"), &D[..4]);
+    let sphere = fails(&nerf("\"camera_model\": \"EQUIRECTANGULAR\","));
+    assert!(sphere.contains("model EQUIRECTANGULAR is not supported; OPENCV"), "{sphere}");
     let message = fails(&nerf("\"camera_model\": \"OPENCV\", \"k1\": 0.12, \"k4\": -0.002,"));
     assert!(message.contains("`k4` stands without k5 and k6"), "{message}");
 }
