@@ -1,9 +1,9 @@
 //! The lenses that RealSense calls modified and inverse Brown–Conrady.
 //!
 //! `rs2_project_point_to_pixel` (librealsense, rs.cpp) takes both from undistorted rays to pixels, with the decentring at the
-//! radially distorted point: x' = f x + 2 p1 (f x)(f y) + p2 (r² + 2 (f x)²), f = 1 + k1 r² + k2 r⁴ + k3 r⁶; since 2.45
-//! `rs2_deproject_pixel_to_point` is the inverse of that (librealsense 8523). Brown's and Conrady's lens has x and y there, which
-//! is equal where p1 = p2 = 0. It is read as that lens where it differs by less than 0.05 px over the image.
+//! radially distorted point: x' = f x + 2 p1 (f x)(f y) + p2 (r² + 2 (f x)²), f = 1 + k1 r² + k2 r⁴ + k3 r⁶; its inverse,
+//! `rs2_deproject_pixel_to_point`, agrees since librealsense's pull request 8523. Brown's and Conrady's lens has x and y there,
+//! which is equal where p1 = p2 = 0. It is read as that lens where it differs by less than 0.05 px over the image.
 
 use super::error::CameraFileError;
 use super::intrinsics::Intrinsics;

@@ -65,7 +65,7 @@ fn hint(node: &Node<'_>) -> &'static str {
         "it is depthcal's own: `depthcal export` writes a camera file of a calibration"
     } else if node.has("camera_angle_x") {
         "transforms without fl_x do not say the image's size: write w, h, fl_x, fl_y, cx and cy"
-    } else if node.has("distortion_coefficients") || node.key(keys::COEFFICIENTS).is_some() {
+    } else if node.key(keys::COEFFICIENTS).is_some() {
         "there is a lens, but no camera matrix: write it as `camera_matrix`, row by row"
     } else {
         "write `camera_matrix` (row by row) and `distortion_coefficients` as OpenCV does; docs/lenses.md lists what is read"
