@@ -164,6 +164,37 @@ fn exports() {
     assert_eq!(folder.names("new"), ["colmap", "kalibr", "mrcal", "opencv", "ros"]);
 }
 
+/// A camera file of one program becomes that of another; what it does not say is asked for.
+#[test]
+fn exports_camera_files() {
+    let folder = Folder::new();
+    let matrix = "[525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0]";
+    let stereo = format!("M1: {matrix}\nD1: [0.12, -0.25, 0.001, -0.002]\nM2: {matrix}\nD2: [0.0, 0.0, 0.0, 0.0]\n");
+    folder.write("stereo.yml", stereo);
+    folder.write("bare.json", format!("{{\"K\": {matrix}, \"lens\": [0.1]}}"));
+    let [stereo, first, out] = ["stereo.yml", "stereo.yml#M1", "cameras.txt"].map(|name| folder.arg(name));
+    let colmap = |file: &str, more: &[&str]| {
+        let arguments = ["export", file, "--format", "colmap", "--out", &out];
+        support::command(arguments.iter().chain(more)).output().unwrap()
+    };
+    let refused = |file: &str, more: &[&str], part: &str| {
+        let output = colmap(file, more);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains(part), "{}", stderr(&output));
+    };
+    refused(&stereo, &[], "stereo.yml#NAME with one of M1, M2");
+    refused(&first, &[], "give --size, such as --size 640x480");
+    refused(&folder.arg("bare.json"), &[], "no lens is recognised beside `K`, only the keys K, lens");
+    let output = colmap(&first, &["--size", "640x480"]);
+    assert!(output.status.success() && !stderr(&output).contains("warning"), "{}", stderr(&output));
+    let text = std::fs::read_to_string(&out).unwrap();
+    assert!(text.ends_with("1 OPENCV 640 480 525.0 525.0 320.0 240.0 0.12 -0.25 0.001 -0.002\n"), "{text}");
+    let json = folder.arg("camera.json");
+    succeeds(["export", &out, "--format", "opencv-json", "--out", &json]);
+    succeeds(["export", &json, "--format", "colmap", "--out", &out]);
+    assert_eq!(std::fs::read_to_string(&out).unwrap(), text);
+}
+
 /// dx x + dy y + dz at a pixel, 1/mm: what `CALIBRATION` adds to inverse depth there.
 fn a(index: usize) -> f64 {
     let [fx, fy, cx, cy] = PINHOLE;

@@ -34,7 +34,7 @@ use depthcal_report::format::count;
   depthcal evaluate factory.yml captures/ --out check/              another program's camera
   depthcal evaluate result/calibration.json other/ --json --out check/ | jq '.datasets[].depth_rms_mm'")]
 pub(super) struct Evaluate {
-    /// A calibration.json, or the folder that it is in; or a camera file of OpenCV, ROS, Kalibr, mrcal or COLMAP, which corrects
+    /// A calibration.json, or the folder that it is in; or a camera file of another program, which corrects
     /// no depth.
     #[arg(value_parser = calibration_path())]
     calibration: PathBuf,

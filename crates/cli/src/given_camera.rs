@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use depthcal_calibration::observe::PlacedCamera;
 use depthcal_calibration::rig_record::unnamed_camera;
-use depthcal_io::{Calibration, Intrinsics, read_camera};
+use depthcal_io::{Calibration, CameraFileError, Intrinsics, read_camera};
 use depthcal_model::Register;
 
 use super::common::read_cameras;
@@ -20,12 +20,22 @@ pub(super) enum GivenCamera {
 }
 
 impl GivenCamera {
-    /// Reads a file: a calibration where its name ends with `.json`, else a file of another program.
+    /// Reads a file: a calibration where it has depthcal's `format`, else a file of another program. A file that is neither is
+    /// judged as a calibration where it is called as one.
     pub(super) fn read(path: &Path) -> Result<Self, Failure> {
-        if path.extension().is_none_or(|extension| extension == "json") {
-            return Ok(Self::Calibration(path.to_owned(), Box::new(Calibration::read(path).map_err(input)?)));
+        let calibration = || Ok(Self::Calibration(path.to_owned(), Box::new(Calibration::read(path).map_err(input)?)));
+        if is_of_depthcal(path) {
+            return calibration();
         }
-        Ok(Self::Intrinsics(path.to_owned(), read_camera(path).map_err(input)?))
+        let is_called_so =
+            path.extension().is_none() || path.file_name().is_some_and(|name| name == "calibration.json");
+        match read_camera(path) {
+            Ok(intrinsics) => Ok(Self::Intrinsics(path.to_owned(), intrinsics)),
+            Err(
+                CameraFileError::Read { .. } | CameraFileError::UnknownFormat { .. } | CameraFileError::Syntax { .. },
+            ) if is_called_so => calibration(),
+            Err(error) => Err(input(error)),
+        }
     }
 
     /// Size of its images, px, where its file has one.
@@ -55,4 +65,10 @@ impl GivenCamera {
             Self::Intrinsics(..) => None,
         }
     }
+}
+
+/// Whether a file is JSON with a `format` of depthcal's.
+fn is_of_depthcal(path: &Path) -> bool {
+    let json = std::fs::read(path).ok().and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok());
+    json.is_some_and(|json| json["format"].as_str().is_some_and(|format| format.starts_with("depthcal")))
 }

@@ -63,10 +63,12 @@ fn opencv_reads_and_writes_the_same_camera() {
         ("opencv_lens", &COEFFICIENTS[..]),
         ("kannala_brandt", &FISHEYE[..]),
     ];
-    for (i, (piece, values)) in cases.into_iter().enumerate() {
+    let formats = [(CameraFormat::OpenCv, "yml"), (CameraFormat::OpenCvXml, "xml"), (CameraFormat::OpenCvJson, "json")];
+    for ((piece, values), (format, ending)) in cases.into_iter().flat_map(|case| formats.map(|format| (case, format))) {
         let camera = camera(piece, values);
-        let [ours, theirs] = ["ours", "theirs"].map(|name| folder.path().join(format!("{name}{i}.yml")));
-        let export = ExportCamera { camera: camera.clone(), depth: Vec::new() }.export(CameraFormat::OpenCv).unwrap();
+        let path = |name: &str| folder.path().join(format!("{name}_{piece}{}.{ending}", values.len()));
+        let [ours, theirs] = ["ours", "theirs"].map(path);
+        let export = ExportCamera { camera: camera.clone(), depth: Vec::new() }.export(format).unwrap();
         assert!(export.warnings.is_empty());
         std::fs::write(&ours, export.text).unwrap();
         let program = format!(
@@ -80,7 +82,7 @@ fn opencv_reads_and_writes_the_same_camera() {
         let read = read_camera(&theirs).unwrap();
         assert_eq!(read.size, Some([640, 480]));
         let error = error_px(&camera, &read.camera([0, 0], &Register::builtin()).unwrap());
-        assert!(error < 1e-6, "{piece}: {error:e} px");
+        assert!(error < 1e-6, "{piece}, {ending}: {error:e} px");
     }
 }
 

@@ -14,17 +14,40 @@ pub enum CameraFileError {
         /// The operating system's words.
         reason: String,
     },
+    /// The file is no text.
+    #[error("{}: is binary, not text: {remedy}", path.display())]
+    Binary {
+        /// The file.
+        path: PathBuf,
+        /// How it becomes text.
+        remedy: &'static str,
+    },
     /// The text is none of the formats.
-    #[error(
-        "{}: is none of the formats that are read: OpenCV's YAML, ROS camera_info, Kalibr's camchain, mrcal's .cameramodel, COLMAP's \
-         cameras.txt",
-        path.display()
-    )]
+    #[error("{}: is none of the camera files that are read, it has {}: {hint}", path.display(), shown_keys(keys))]
     UnknownFormat {
         /// The file.
         path: PathBuf,
+        /// Its keys.
+        keys: Vec<String>,
+        /// The remedy.
+        hint: &'static str,
     },
-    /// The text is no valid YAML.
+    /// A camera matrix, or focal lengths, without a lens that is known.
+    #[error(
+        "{}: no lens is recognised beside `{pinhole}`, only {}: call the coefficients `distortion_coefficients`, or write \
+         `distortion_coefficients: [0, 0, 0, 0, 0]` for a camera without distortion",
+        path.display(),
+        shown_keys(keys)
+    )]
+    NoLens {
+        /// The file.
+        path: PathBuf,
+        /// The field of the matrix or of a focal length.
+        pinhole: String,
+        /// The keys beside it.
+        keys: Vec<String>,
+    },
+    /// The text is no valid YAML, JSON or XML.
     #[error("{}: {reason}", path.display())]
     Syntax {
         /// The file.
@@ -53,7 +76,7 @@ pub enum CameraFileError {
         known: &'static str,
     },
     /// Several cameras, none of which was named.
-    #[error("{}: has several cameras: write {}#NAME with one of {}", path.display(), path.display(), cameras.join(", "))]
+    #[error("{}: has several cameras: write {}#NAME with one of {}", path.display(), path.display(), some(cameras))]
     SeveralCameras {
         /// The file.
         path: PathBuf,
@@ -61,7 +84,7 @@ pub enum CameraFileError {
         cameras: Vec<String>,
     },
     /// There is no camera of the name that was given.
-    #[error("{}: has no camera '{name}', but {}", path.display(), cameras.join(", "))]
+    #[error("{}: has no camera '{name}', but {}", path.display(), some(cameras))]
     NoSuchCamera {
         /// The file.
         path: PathBuf,
@@ -85,9 +108,27 @@ pub enum ExportError {
         value: f64,
     },
     /// An unknown format.
-    #[error("unknown format \"{name}\": use opencv, ros, kalibr, mrcal or colmap")]
+    #[error("unknown format \"{name}\": use one of {known}")]
     UnknownFormat {
+        /// Names of the formats.
+        known: String,
         /// The name that was given.
         name: String,
     },
+}
+
+/// Most names that an error lists.
+const LISTED: usize = 12;
+
+/// Names for an error, the first of many.
+fn some(names: &[String]) -> String {
+    let more = names.len().saturating_sub(LISTED);
+    let shown = |name: &String| if name.is_empty() { "one without a name (leave #NAME out)" } else { name }.to_owned();
+    let shown = names[..names.len() - more].iter().map(shown).collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{shown} and {more} more") } else { shown }
+}
+
+/// Keys for an error.
+fn shown_keys(keys: &[String]) -> String {
+    if keys.is_empty() { "no keys".to_owned() } else { format!("the keys {}", some(keys)) }
 }

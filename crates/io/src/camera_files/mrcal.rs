@@ -11,9 +11,9 @@ use super::capability::{HeldLens, nearest};
 use super::error::CameraFileError;
 use super::export_camera::ExportCamera;
 use super::intrinsics::{FileLens, Intrinsics};
+use super::node::Node;
 use super::outcome::Export;
 use super::text::list;
-use super::yaml::Node;
 
 const FORMAT: &str = "mrcal";
 const HELD: [HeldLens; 4] = [
@@ -37,12 +37,12 @@ pub(super) fn without_binary(text: &str) -> String {
     out + unread
 }
 
-/// Whether a document is of this format.
-pub(super) fn is_one(node: &Node<'_>) -> bool {
-    node.has("lensmodel")
+/// The only camera of a document of this format.
+pub(super) fn cameras(node: &Node<'_>) -> Vec<String> {
+    if node.has("lensmodel") { vec![String::new()] } else { Vec::new() }
 }
 
-pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
+pub(super) fn read(node: &Node<'_>, _: &str) -> Result<Intrinsics, CameraFileError> {
     let model = node.required_text("lensmodel")?;
     let numbers = node.required_numbers("intrinsics")?;
     let count = match model {

@@ -1,4 +1,4 @@
-//! OpenCV's FileStorage, YAML 1.0.
+//! OpenCV's FileStorage: YAML 1.0, XML and JSON.
 //!
 //! | key | contents |
 //! |---|---|
@@ -9,18 +9,15 @@
 //! | `depth_pieces` | depthcal's own, where there are any |
 //!
 //! The pieces are sequences of name, options (a sequence of name and value) and parameters (a sequence of name, unit and value).
-//! OpenCV's functions ignore them. Read are also `K`, `cameraMatrix`, `D`, `distCoeffs` and `dist_coeffs`, and the coefficients
-//! of `cv2` as 1×n.
+//! OpenCV's functions ignore them; XML and JSON are written without them. Such files are read by `matrix`, with the keys that
+//! scripts use as well.
 
 use std::fmt::Write as _;
 
 use super::capability::{HeldLens, nearest};
-use super::error::CameraFileError;
 use super::export_camera::ExportCamera;
-use super::intrinsics::{FileLens, Intrinsics};
-use super::outcome::Export;
+use super::outcome::{Export, ExportWarning};
 use super::text::{list, number, quoted};
-use super::yaml::Node;
 use crate::record::PieceRecord;
 
 const FORMAT: &str = "OpenCV";
@@ -33,34 +30,6 @@ const HELD: [HeldLens; 5] = [
     HeldLens { name: "lens of 14 coefficients", piece: "opencv_lens", count: 14 },
     FISHEYE,
 ];
-const MATRICES: [&str; 4] = ["camera_matrix", "K", "cameraMatrix", "camera_Matrix"];
-const COEFFICIENTS: [&str; 5] = ["distortion_coefficients", "D", "distCoeffs", "dist_coeffs", "distortion"];
-
-/// Whether a document is of this format: it has a camera matrix.
-pub(super) fn is_one(node: &Node<'_>) -> bool {
-    MATRICES.iter().any(|name| node.has(name))
-}
-
-pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
-    let matrix = MATRICES.into_iter().find(|name| node.has(name)).unwrap_or(MATRICES[0]);
-    let pinhole = node.camera_matrix(matrix)?;
-    let coefficients = COEFFICIENTS.into_iter().find(|name| node.has(name));
-    let is_fisheye = node.number("fisheye_model").is_some_and(|flag| flag != 0.0);
-    let lens = match coefficients {
-        None => None,
-        Some(field) => {
-            let k = node.required_numbers(field)?;
-            let count = k.len();
-            let lens = if is_fisheye { k.try_into().ok().map(FileLens::fisheye) } else { FileLens::opencv(&k) };
-            let expected = if is_fisheye { "4" } else { "4, 5, 8, 12 or 14" };
-            let problem = || node.fault(field, format!("has {count} numbers, expected {expected}"));
-            if count == 0 { None } else { Some(lens.ok_or_else(problem)?) }
-        }
-    };
-    let size = node.size(["image_width", "image_height"])?;
-    Ok(Intrinsics { size, pinhole, lens })
-}
-
 pub(super) fn write(camera: &ExportCamera) -> Export {
     let written = nearest(&camera.camera, FORMAT, &HELD);
     let [fx, fy, cx, cy] = written.pinhole;
@@ -102,4 +71,54 @@ fn pieces(key: &str, pieces: &[PieceRecord]) -> String {
         }
     }
     text
+}
+
+/// Writes XML, without a depth model.
+pub(super) fn write_xml(camera: &ExportCamera) -> Export {
+    let field = |name: &str, value: String| format!("<{name}>{value}</{name}>\n");
+    let matrix = |name: &str, [rows, cols]: [usize; 2], data: &[f64]| {
+        let data = data.iter().map(|value| number(*value)).collect::<Vec<_>>().join(" ");
+        format!(
+            "<{name} type_id=\"opencv-matrix\">\n  <rows>{rows}</rows>\n  <cols>{cols}</cols>\n  <dt>d</dt>\n  <data>{data}</data></{name}>\n"
+        )
+    };
+    let (fields, warnings) = fields(camera, field, matrix);
+    Export {
+        text: format!("<?xml version=\"1.0\"?>\n<opencv_storage>\n{}</opencv_storage>\n", fields.concat()),
+        warnings,
+    }
+}
+
+/// Writes JSON, without a depth model.
+pub(super) fn write_json(camera: &ExportCamera) -> Export {
+    let field = |name: &str, value: String| format!("  \"{name}\": {value}");
+    let matrix = |name: &str, [rows, cols]: [usize; 2], data: &[f64]| {
+        let data = list(data);
+        format!(
+            "  \"{name}\": {{ \"type_id\": \"opencv-matrix\", \"rows\": {rows}, \"cols\": {cols}, \"dt\": \"d\", \"data\": {data} }}"
+        )
+    };
+    let (fields, warnings) = fields(camera, field, matrix);
+    Export { text: format!("{{\n{}\n}}\n", fields.join(",\n")), warnings }
+}
+
+/// The fields of a file, with the warnings of what it does not hold.
+fn fields(
+    camera: &ExportCamera,
+    field: impl Fn(&str, String) -> String,
+    matrix: impl Fn(&str, [usize; 2], &[f64]) -> String,
+) -> (Vec<String>, Vec<ExportWarning>) {
+    let mut written = nearest(&camera.camera, FORMAT, &HELD);
+    let [fx, fy, cx, cy] = written.pinhole;
+    let mut fields = vec![
+        field("image_width", camera.camera.width.to_string()),
+        field("image_height", camera.camera.height.to_string()),
+        matrix("camera_matrix", [3, 3], &[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+        matrix("distortion_coefficients", [written.values.len(), 1], &written.values),
+    ];
+    if written.lens == FISHEYE {
+        fields.push(field("fisheye_model", "1".to_owned()));
+    }
+    written.warnings.extend(camera.depth_loss(FORMAT));
+    (fields, written.warnings)
 }

@@ -10,15 +10,13 @@
 //! | `rectification_matrix` | R, the identity: one camera |
 //! | `projection_matrix` | P, 3×4: K and a zero column, so that a rectified image has the same intrinsics |
 //!
+//! Such files are read by `matrix`, as are messages as `rostopic echo` (K, D) and `ros2 topic echo` (k, d) print them.
 //! `rational_polynomial` with 12 or 14 coefficients is read; the messages' definition has 8.
 
 use super::capability::{HeldLens, nearest};
-use super::error::CameraFileError;
 use super::export_camera::ExportCamera;
-use super::intrinsics::{FileLens, Intrinsics};
 use super::outcome::Export;
 use super::text::list;
-use super::yaml::Node;
 
 const FORMAT: &str = "ROS camera_info";
 const HELD: [HeldLens; 3] = [
@@ -26,32 +24,6 @@ const HELD: [HeldLens; 3] = [
     HeldLens { name: "rational_polynomial", piece: "opencv_lens", count: 8 },
     HeldLens { name: "equidistant", piece: "kannala_brandt", count: 4 },
 ];
-
-/// Whether a document is of this format.
-pub(super) fn is_one(node: &Node<'_>) -> bool {
-    node.has("distortion_model") && node.has("camera_matrix")
-}
-
-pub(super) fn read(node: &Node<'_>) -> Result<Intrinsics, CameraFileError> {
-    const D: &str = "distortion_coefficients";
-    let pinhole = node.camera_matrix("camera_matrix")?;
-    let k = node.numbers(D)?.unwrap_or_default();
-    let count = k.len();
-    let counted = |lens: Option<FileLens>, expected: &str| {
-        lens.map(Some).ok_or_else(|| node.fault(D, format!("has {count} numbers, expected {expected}")))
-    };
-    let lens = match node.required_text("distortion_model")? {
-        _ if k.is_empty() => None,
-        "plumb_bob" => counted(FileLens::opencv(&k).filter(|_| count <= 5), "4 or 5")?,
-        "rational_polynomial" => counted(FileLens::opencv(&k).filter(|_| count >= 8), "8, 12 or 14")?,
-        "equidistant" | "fisheye" => counted(k.try_into().ok().map(FileLens::fisheye), "4")?,
-        model => {
-            let known = "plumb_bob, rational_polynomial and equidistant";
-            return Err(CameraFileError::Model { path: node.path.to_owned(), model: model.to_owned(), known });
-        }
-    };
-    Ok(Intrinsics { size: node.size(["image_width", "image_height"])?, pinhole, lens })
-}
 
 pub(super) fn write(camera: &ExportCamera) -> Export {
     let mut written = nearest(&camera.camera, FORMAT, &HELD);

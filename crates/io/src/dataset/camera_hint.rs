@@ -19,7 +19,7 @@ const DISTORTION: Field = Field {
 };
 const INTRINSICS: Field = Field {
     key: "intrinsics",
-    remedy: "give a camera file of OpenCV, ROS, Kalibr, mrcal or COLMAP, relative to the dataset, and no numbers beside it",
+    remedy: "give a camera file that docs/lenses.md lists, relative to the dataset, and no numbers beside it",
 };
 const LENS: Field = Field {
     key: "lens",

@@ -167,7 +167,8 @@ class Calibration:
         return self._native.rays(pixels, depth_mm)
 
     def export(self, format: str, path: str | os.PathLike[str] | None = None) -> str:
-        """The camera in the format of another program: ``opencv``, ``ros``, ``kalibr``, ``mrcal`` or ``colmap``; also written to ``path``.
+        """The camera in the format of another program, by the names of ``depthcal export --format`` (``opencv``, ``ros``, ``colmap`` …); also
+        written to ``path``.
 
         Warns (UserWarning) of everything that the format cannot hold, with the largest error in pixels.
         """
