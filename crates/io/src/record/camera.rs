@@ -7,6 +7,7 @@ use depthcal_model::{FormulaDefinition, Of, On};
 use serde::{Deserialize, Serialize};
 
 use super::extrinsics::{ExtrinsicsRecord, TimeOffsetRecord};
+use super::options::{self, OptionValue};
 use crate::dataset::CAMERA;
 use crate::file::Fault;
 use crate::image::MAX_PIXELS;
@@ -71,7 +72,8 @@ pub struct PieceRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub on: Option<On>,
     /// Settings that are not estimated, such as the number of cells of a grid.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty", with = "options")]
+    #[schemars(with = "BTreeMap<String, OptionValue>")]
     pub options: BTreeMap<String, f64>,
     /// The definition of a piece that is given as a formula, so that the file needs no other.
     #[serde(default, skip_serializing_if = "Option::is_none")]

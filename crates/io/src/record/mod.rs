@@ -16,6 +16,7 @@ mod findings;
 mod fleet;
 mod lens_comparison;
 mod observations;
+mod options;
 mod prior;
 mod pure_error;
 mod reference;

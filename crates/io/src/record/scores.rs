@@ -6,6 +6,7 @@ use std::path::Path;
 use depthcal_model::FormulaDefinition;
 use serde::{Deserialize, Serialize};
 
+use super::options::{self, OptionValue};
 use super::reference::FileReference;
 use crate::file::{Fault, FileError, Versioned, read_versioned, write_versioned};
 
@@ -49,7 +50,8 @@ pub struct ScoredEffect {
     /// The effect as given to `calibrate --with`; its constants have their defaults, so that all units test the same.
     pub with: String,
     /// Its constants by name.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty", with = "options")]
+    #[schemars(with = "BTreeMap<String, OptionValue>")]
     pub options: BTreeMap<String, f64>,
     /// Its parameters.
     pub parameters: Vec<ScoredParameter>,

@@ -34,7 +34,7 @@ pub(crate) fn example() -> Calibration {
         parameters: vec![parameter("a_0_0", "1/mm", 1.3406e-4, Some(1e-7))],
         of: Of::Measured,
         on: Some(On::Factor),
-        options: BTreeMap::from([("columns".into(), 6.0)]),
+        options: BTreeMap::from([("columns".into(), 6.0), ("tau_s".into(), f64::INFINITY)]),
         formula: None,
     };
     Calibration {
@@ -117,7 +117,8 @@ fn the_file_has_the_fields_of_the_contract() {
     assert_eq!(json["version"], 2);
     assert_eq!(json["camera"]["pieces"][0]["hook"], "pixel");
     assert_eq!(json["camera"]["pieces"][0]["parameters"][0]["std_dev"], 0.1);
-    assert_eq!(json["camera"]["pieces"][1]["options"]["columns"], 6.0);
+    let options = &json["camera"]["pieces"][1]["options"];
+    assert_eq!((&options["columns"], &options["tau_s"]), (&6.0.into(), &"inf".into()));
     assert_eq!(json["covariance"]["parameters"][1], "pinhole.fy");
     assert_eq!(json["fit"]["frames_dropped"][0]["reason"], "board not found");
     assert_eq!(json["frames"][0]["metadata"]["timestamp_s"], 0.5);
