@@ -97,6 +97,7 @@ fn read(file: &Value) -> Result<RigCapture, Box<dyn Error>> {
             width: number(&size[0])? as usize,
             height: number(&size[1])? as usize,
             depth_unit_mm: None,
+            technology: None,
             frames,
             dropped: Vec::new(),
         };

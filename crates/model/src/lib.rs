@@ -41,6 +41,7 @@ mod scalar;
 mod spec;
 mod suggestion;
 pub mod target;
+mod technology;
 
 pub use block::Block;
 pub use camera::{Camera, CameraError};
@@ -56,3 +57,4 @@ pub use register::{Register, RegisterError};
 pub use scalar::Scalar;
 pub use spec::{FreeSubset, ModelSpec, PieceSpec, SpecError};
 pub use target::{BoardPart, CharucoLayout, NumberedBoard, Pattern, Target};
+pub use technology::{Technology, UnknownTechnology};

@@ -115,7 +115,7 @@ fn camera_hint(camera: &Bound<'_, PyDict>) -> PyResult<Option<CameraHint>> {
         intrinsics.map(|(fx, fy, cx, cy, skew, distortion)| IntrinsicNumbers { fx, fy, cx, cy, skew, distortion });
     let lens: Option<String> = argument(camera, "lens")?;
     let fixed = argument(camera, "fixed")?;
-    Ok((numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, intrinsics: None, lens, fixed }))
+    Ok((numbers.is_some() || lens.is_some()).then_some(CameraHint { numbers, lens, fixed, ..CameraHint::default() }))
 }
 
 /// The depth of a frame, in a unit that its type of values can have.

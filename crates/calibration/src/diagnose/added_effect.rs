@@ -14,6 +14,8 @@ pub(super) struct AddedEffect {
     pub effects: Vec<String>,
     /// Effects that the captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
+    /// Effects that only cameras of another technology have, and that explain a part of the same.
+    pub of_other_technologies: Vec<String>,
     /// Its other places and forms that the captures cannot distinguish from the one it has.
     pub placements_not_told_apart: Vec<Placement>,
     /// p-value, corrected for the number of effects tested.
@@ -29,6 +31,7 @@ impl AddedEffect {
         Self {
             effects: vec![evidence.name.clone()],
             indistinguishable: Vec::new(),
+            of_other_technologies: Vec::new(),
             placements_not_told_apart: Vec::new(),
             p_value,
             after,

@@ -1,9 +1,10 @@
 //! The effects that a model may lack: every effect of the register that is not among its pieces, with the values of its
 //! constant that are searched.
 
-use depthcal_model::{AnyPiece, Camera, Covariate, Of, On, PieceSpec, Placement, Register, Role, Scan, ScanKind};
+use depthcal_model::{AnyPiece, Covariate, Of, On, PieceSpec, Placement, Register, Role, Scan, ScanKind};
 
 use super::observed_states::{ObservedStates, Range};
+use crate::calibrate::Calibrated;
 
 /// Most cycles over the range of the data for which a wave is searched.
 const MOST_CYCLES: f64 = 26.0;
@@ -58,14 +59,19 @@ impl Effect {
     }
 }
 
-/// The effects of `register` that `camera` lacks. The values of their constants follow from the range of the covariates.
-pub fn missing_effects(register: &Register, camera: &Camera, states: &ObservedStates) -> Vec<Effect> {
-    let candidates = register.names().filter(|name| camera.block(name).is_none());
+/// The effects of `register` that the camera of a fit lacks and that one of its technology may have; of any where this is not
+/// declared. The values of their constants follow from the range of the covariates.
+pub fn missing_effects(register: &Register, fit: &Calibrated, states: &ObservedStates) -> Vec<Effect> {
+    let technology = fit.capture.technology;
+    let candidates = register.names().filter(|name| fit.camera.block(name).is_none());
     candidates
         .filter_map(|name| {
             let block = register.block(name, None).ok()?;
             let piece = block.piece()?;
-            if piece.role() != Role::Effect {
+            let technologies = piece.technologies();
+            let is_of_another =
+                technology.is_some_and(|declared| !technologies.is_empty() && !technologies.contains(&declared));
+            if piece.role() != Role::Effect || is_of_another {
                 return None;
             }
             let scan = piece.scan();

@@ -67,7 +67,7 @@ pub fn examine(fit: &Calibrated, register: &Register, thresholds: &Thresholds) -
     let mut candidates = Vec::new();
     // Factors by which p-values are corrected for a search.
     let mut corrections = Vec::new();
-    let effects = missing_effects(register, &fit.camera, &states);
+    let effects = missing_effects(register, fit, &states);
     for (effect, found) in effects.iter().zip(best_variants(fit, register, &effects, thresholds)?) {
         let Some(BestVariant { variant, correction }) = found else { continue };
         if let Some(candidate) = CandidateBlock::effect(register, effect.spec(variant.value, variant.placement)) {

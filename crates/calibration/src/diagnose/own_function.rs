@@ -134,7 +134,7 @@ pub(super) fn share_of_own_function(
 
 /// The spec of an effect, and with those values of its constant that are searched only once it is in the model.
 fn variants(fit: &Calibrated, register: &Register, states: &ObservedStates, effect: &Evidence) -> Vec<PieceSpec> {
-    let missing = missing_effects(register, &fit.camera, states);
+    let missing = missing_effects(register, fit, states);
     let later = missing.iter().filter(|missing| missing.name == effect.name).flat_map(|missing| {
         let placement = effect.spec.placement;
         missing.afterwards.iter().map(move |value| missing.spec(Some(*value), placement))

@@ -107,6 +107,7 @@ fn step(step: &Step) -> DiagnosisStep {
     DiagnosisStep {
         effects: step.effects.clone(),
         indistinguishable: step.indistinguishable.clone(),
+        of_other_technologies: step.of_other_technologies.clone(),
         with: step.spec.clone(),
         place: step.place,
         places_not_told_apart: step.places_not_told_apart.clone(),

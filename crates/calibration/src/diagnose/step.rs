@@ -22,6 +22,8 @@ pub struct Step {
     pub spec: PieceSpec,
     /// Effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
+    /// Effects that only cameras of another technology have, and that explain a part of the same.
+    pub of_other_technologies: Vec<String>,
     /// Where and how it acts, for an effect of depth.
     pub place: Option<DiagnosisPlace>,
     /// Its other places and forms that these captures cannot distinguish from the one it has.
@@ -65,6 +67,7 @@ pub(super) fn steps(added: &[AddedEffect], declared: &HeldOut, fit: &Calibrated)
             effects: added.effects.clone(),
             spec: added.evidence.spec.clone(),
             indistinguishable: added.indistinguishable.clone(),
+            of_other_technologies: added.of_other_technologies.clone(),
             place: place(&added.evidence.block, added.evidence.spec.placement),
             places_not_told_apart: not_told_apart(added),
             parameters,

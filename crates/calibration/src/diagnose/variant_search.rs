@@ -181,7 +181,7 @@ pub(super) fn refined_variant(
     }
     let without = Calibrated { camera: fit.camera.filtered(|b| b.name() != added.name), ..fit.clone() };
     let states = ObservedStates::of(fit);
-    let effect = missing_effects(register, &without.camera, &states).into_iter().find(|e| e.name == added.name)?;
+    let effect = missing_effects(register, &without, &states).into_iter().find(|e| e.name == added.name)?;
     let effects = std::slice::from_ref(&effect);
     let values: Vec<Option<f64>> = match added.value {
         _ if !effect.afterwards.is_empty() => effect.afterwards.iter().copied().map(Some).collect(),

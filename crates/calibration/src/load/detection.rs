@@ -163,6 +163,7 @@ fn refine(
         width,
         height,
         depth_unit_mm: None,
+        technology: None,
         frames: frames
             .iter()
             .zip(markers.iter())

@@ -1,7 +1,7 @@
 //! All frames of a dataset at one stage.
 
 use depthcal_io::DroppedFrame;
-use depthcal_model::Target;
+use depthcal_model::{Target, Technology};
 use nalgebra::Isometry3;
 
 use super::stages::{AdjustableFrame, DetectedFrame};
@@ -19,6 +19,8 @@ pub struct Capture<F = DetectedFrame> {
     pub height: usize,
     /// Millimetres per step of the depth images, where there are any.
     pub depth_unit_mm: Option<f64>,
+    /// The principle by which the camera measures depth, where it is declared.
+    pub technology: Option<Technology>,
     /// The frames.
     pub frames: Vec<F>,
     /// Frames that are not used.
@@ -42,6 +44,7 @@ impl<F> Capture<F> {
             width: self.width,
             height: self.height,
             depth_unit_mm: self.depth_unit_mm,
+            technology: self.technology,
             frames,
             dropped: self.dropped.clone(),
         }

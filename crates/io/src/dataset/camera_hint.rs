@@ -1,12 +1,14 @@
 //! Intrinsics and lens declared by a dataset.
 
+use depthcal_model::Technology;
 use serde::Serialize;
 
 use super::error::DatasetError;
 use super::section::{Field, Section};
 
 /// Keys of intrinsics and lens, in `[camera]` and in `[cameras.NAME]`.
-pub(super) const CAMERA_KEYS: &[&str] = &["fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
+pub(super) const CAMERA_KEYS: &[&str] =
+    &["fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed", "technology"];
 
 const FX: Field = Field { key: "fx", remedy: "give the focal length in x, in px" };
 const FY: Field = Field { key: "fy", remedy: "give the focal length in y, in px" };
@@ -25,10 +27,14 @@ const LENS: Field = Field {
     key: "lens",
     remedy: "give a lens model as --lens takes it, such as \"brown-conrady\", \"opencv8\", \"kannala-brandt\" or \"auto\"",
 };
+const TECHNOLOGY: Field = Field {
+    key: "technology",
+    remedy: "give the principle of the depth camera, \"time-of-flight\", \"structured-light\" or \"stereo\", or leave it out",
+};
 const FIXED: Field = Field { key: "fixed", remedy: "write true to hold these values, false to start from them" };
 
-/// Intrinsics and lens in `dataset.toml`: intrinsics, in numbers or from a file of another program, and the lens model of a fit.
-/// At least one of them is given.
+/// The camera in `dataset.toml`: intrinsics, in numbers or from a file of another program, the lens model of a fit, and the
+/// technology. At least one of them is given.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct CameraHint {
     /// Pinhole and Brown–Conrady coefficients in numbers.
@@ -40,6 +46,9 @@ pub struct CameraHint {
     /// Lens model that is fitted, as given to `--lens`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lens: Option<String>,
+    /// The principle by which it measures depth; effects of others are not searched.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub technology: Option<Technology>,
     /// Whether a fit holds the intrinsics constant; false where the file has no such field.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub fixed: bool,
@@ -72,10 +81,17 @@ pub(super) fn camera_from(camera: &Section<'_>) -> Result<CameraHint, DatasetErr
         let problem = "stands beside `intrinsics`: one of them is too many";
         return Err(camera.fault(camera.required(field)?, INTRINSICS, problem));
     }
-    // A section of a lens or a file alone has no numbers; one of neither lacks them.
-    let needs_numbers = given.is_some() || (intrinsics.is_none() && lens.is_none());
+    let technology = match camera.string(TECHNOLOGY)? {
+        Some(text) => {
+            let fault = |problem: &str| Ok(camera.fault(camera.required(TECHNOLOGY)?, TECHNOLOGY, problem));
+            Some(text.parse().or_else(|_| Err(fault(&format!("is no principle of a depth camera: '{text}'"))?))?)
+        }
+        None => None,
+    };
+    // A section without numbers has a lens, a file or a technology; one of none of them lacks numbers.
+    let needs_numbers = given.is_some() || (intrinsics.is_none() && lens.is_none() && technology.is_none());
     let numbers = needs_numbers.then(|| numbers_from(camera, lens.as_deref())).transpose()?;
-    Ok(CameraHint { numbers, intrinsics, lens, fixed: camera.boolean(FIXED)?.unwrap_or(false) })
+    Ok(CameraHint { numbers, intrinsics, lens, technology, fixed: camera.boolean(FIXED)?.unwrap_or(false) })
 }
 
 fn numbers_from(camera: &Section<'_>, lens: Option<&str>) -> Result<IntrinsicNumbers, DatasetError> {

@@ -79,8 +79,21 @@ const LONG: Keys = &[
     ("frames", &["metadata", "within_s"]),
     ("cameras.NAME", MEMBER_KEYS),
 ];
-const MEMBER_KEYS: &[&str] =
-    &["image", "depth", "unit_mm", "fx", "fy", "cx", "cy", "skew", "distortion", "intrinsics", "lens", "fixed"];
+const MEMBER_KEYS: &[&str] = &[
+    "image",
+    "depth",
+    "unit_mm",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "skew",
+    "distortion",
+    "intrinsics",
+    "lens",
+    "fixed",
+    "technology",
+];
 
 const FRAMES: Field = Field {
     key: "frames",

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use depthcal_model::Target;
+use depthcal_model::{Target, Technology};
 
 use super::camera_hint::CameraHint;
 use super::declaration::{CAMERA, CameraSection, DATASET_FILE, DatasetFile};
@@ -49,6 +49,13 @@ pub struct DatasetCamera {
     pub strays: Vec<Stray>,
     /// Tables and lists that say which files are frames.
     pub lists: Vec<PathBuf>,
+}
+
+impl DatasetCamera {
+    /// The principle by which the camera measures depth, where it is declared.
+    pub fn technology(&self) -> Option<Technology> {
+        self.camera.as_ref()?.technology
+    }
 }
 
 impl Dataset {

@@ -65,6 +65,10 @@ pub struct DiagnosisStep {
     pub effects: Vec<String>,
     /// Names of effects that these captures cannot distinguish from it.
     pub indistinguishable: Vec<String>,
+    /// Names of effects that only cameras of another technology have, and that explain a part of the same; none where the dataset
+    /// declares `technology`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub of_other_technologies: Vec<String>,
     /// The effect as given to `calibrate --with`, constants included.
     #[schemars(with = "String")]
     pub with: PieceSpec,

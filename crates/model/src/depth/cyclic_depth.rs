@@ -1,5 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::technology::Technology;
 
 const PERIOD: Constant = Constant::new("period_mm", "period", "mm", 300.0).searched(Covariate::Depth, ScanKind::Period);
 
@@ -22,6 +23,7 @@ impl Piece<Depth, 4> for CyclicDepth {
     const SUMMARY: &'static str = "depth waves over distance (time-of-flight wiggling)";
     const EQUATION: &'static str = "z + a1 sin φ + b1 cos φ + a2 sin 2φ + b2 cos 2φ, φ = 2πz/p";
     const SOURCE: &'static str = "Lindner, Kolb 2006; Kahlmann, Remondino, Ingensand 2006";
+    const TECHNOLOGIES: &'static [Technology] = &[Technology::TimeOfFlight];
     const PARAMETERS: [Parameter; 4] = [
         Parameter::new("a1", "mm", 0.0, 2.0).meaning("Depth wave over distance, sine part."),
         Parameter::new("b1", "mm", 0.0, 2.0).meaning("Depth wave over distance, cosine part."),

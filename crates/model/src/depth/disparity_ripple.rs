@@ -1,5 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::technology::Technology;
 
 const PERIOD: Constant =
     Constant::new("period_per_mm", "period", "1/mm", 4e-5).searched(Covariate::InverseDepth, ScanKind::Period);
@@ -23,6 +24,7 @@ impl Piece<Depth, 2> for DisparityRipple {
     const SUMMARY: &'static str = "depth waves with every step of disparity (sub-pixel locking)";
     const EQUATION: &'static str = "ρ + a sin(2πρ/p) + b cos(2πρ/p)";
     const SOURCE: &'static str = "Shimizu, Okutomi 2001, Precise sub-pixel estimation on area-based matching";
+    const TECHNOLOGIES: &'static [Technology] = Technology::OF_DISPARITY;
     const PARAMETERS: [Parameter; 2] = [
         Parameter::new("a", "1/mm", 0.0, 1e-6).meaning("Wave that repeats with every step of disparity, sine part."),
         Parameter::new("b", "1/mm", 0.0, 1e-6).meaning("Wave that repeats with every step of disparity, cosine part."),

@@ -1,5 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Constant, Context, Covariate, On, Options, Parameter, Piece, Scalar, ScanKind};
+use crate::technology::Technology;
 
 const BASELINE: Constant =
     Constant::new("baseline_mm", "baseline", "mm", 0.0).searched(Covariate::InverseDepth, ScanKind::Baseline);
@@ -25,6 +26,7 @@ impl Piece<Depth, 4> for ProjectorDistortion {
     const EQUATION: &'static str = "ρ + pxx x′² + pxy x′ y + pyy y² + pr x′ (x′² + y²), x′ = x − bρ, baseline b";
     const SOURCE: &'static str =
         "Brown's radial distortion of the projector's image, seen as disparity along the baseline";
+    const TECHNOLOGIES: &'static [Technology] = &[Technology::StructuredLight];
     const PARAMETERS: [Parameter; 4] = [
         Parameter::new("pxx", "1/mm", 0.0, 1e-4)
             .meaning("Error of disparity that grows with the square along the baseline."),

@@ -1,5 +1,6 @@
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Context, Covariate, Parameter, Piece, Scalar};
+use crate::technology::Technology;
 
 /// Signals of neighbouring pixels mix: optics and readout give every pixel a share of its neighbours' signal, which weighs
 /// the more the darker the pixel is. Needs the mean amplitude Ā around the pixel ([`Context::surround`]) and its slope; no
@@ -13,6 +14,7 @@ impl Piece<Depth, 4> for SignalMixing {
     const EQUATION: &'static str =
         "z + m1 ℓ + m2 ℓ² + su ∂ln Ā/∂u + sv ∂ln Ā/∂v, ℓ = ln(Ā/A), mean amplitude Ā around the pixel";
     const SOURCE: &'static str = "Mure-Dubois, Hügli 2007, Optimized scattering compensation for time-of-flight camera";
+    const TECHNOLOGIES: &'static [Technology] = &[Technology::TimeOfFlight];
     const PARAMETERS: [Parameter; 4] = [
         Parameter::new("m1", "mm", 0.0, 2.0)
             .meaning("Bright neighbours pull at dark pixels: grows with surroundings over own signal."),

@@ -1,6 +1,7 @@
 use crate::frame_covariates::Modulation;
 use crate::hook::{Depth, DepthState};
 use crate::piece::{Constant, Context, Covariate, Options, Parameter, Piece, Scalar};
+use crate::technology::Technology;
 
 const F1: Constant = Constant::new("f1_mhz", "first modulation frequency", "MHz", 16.0);
 const F2: Constant = Constant::new("f2_mhz", "second modulation frequency", "MHz", 80.0);
@@ -37,6 +38,7 @@ impl Piece<Depth, 2> for StrayLight {
          nearest pixels over the pixel's own";
     const SOURCE: &'static str = "Mure-Dubois, Hügli 2007, Real-time scattering compensation for time-of-flight camera; Kavli et al. 2008, \
          Modelling and compensating measurement errors caused by scattering in time-of-flight cameras";
+    const TECHNOLOGIES: &'static [Technology] = &[Technology::TimeOfFlight];
     const PARAMETERS: [Parameter; 2] = [
         Parameter::new("kappa", "1", 0.0, 0.005)
             .meaning("Share of the light of the whole scene that the lens spreads evenly over the image."),

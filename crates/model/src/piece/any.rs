@@ -13,6 +13,7 @@ use super::smooth::SmoothParameters;
 use crate::grid::layout::FieldLayout;
 use crate::grid::nodes::Domain;
 use crate::hook::HookKind;
+use crate::technology::Technology;
 
 /// A piece whose hook and number of parameters are known at run time only. Made by [`erase`](super::erase).
 ///
@@ -51,6 +52,10 @@ pub trait AnyPiece: fmt::Debug + Send + Sync {
     fn options(&self) -> Options;
     /// [`Piece::NEEDS`](super::Piece::NEEDS).
     fn needs(&self) -> &'static [Covariate] {
+        &[]
+    }
+    /// [`Piece::TECHNOLOGIES`](super::Piece::TECHNOLOGIES).
+    fn technologies(&self) -> &'static [Technology] {
         &[]
     }
     /// [`Piece::ROLE`](super::Piece::ROLE).

@@ -8,6 +8,7 @@ use super::placement::On;
 use super::role::Role;
 use crate::hook::Hook;
 use crate::scalar::Scalar;
+use crate::technology::Technology;
 
 /// A piece of the measurement chain at hook `H` with `P` parameters.
 ///
@@ -53,6 +54,8 @@ pub trait Piece<H: Hook, const P: usize>: fmt::Debug + Send + Sync + 'static {
     /// Covariates that must be known and must vary for the effect to be visible. Pixel, ray and depth always are known and
     /// are not listed.
     const NEEDS: &'static [Covariate] = &[];
+    /// Technologies of the cameras that have the effect; empty where those of any may have it.
+    const TECHNOLOGIES: &'static [Technology] = &[];
     /// Its role in a search for missing effects.
     const ROLE: Role = Role::Effect;
     /// The quantity that its equation adds its shape to, for a piece of depth.

@@ -14,6 +14,7 @@ use super::parameter::Parameter;
 use super::placement::On;
 use super::role::Role;
 use crate::hook::{Hook, HookKind, MAX_STATE};
+use crate::technology::Technology;
 
 /// A piece for use where its hook and its number of parameters are not known at compile time.
 pub fn erase<H: Hook, const P: usize, M: Piece<H, P>>(piece: M) -> Arc<dyn AnyPiece> {
@@ -109,6 +110,10 @@ impl<H: Hook, const P: usize, M: Piece<H, P>> AnyPiece for Erased<H, P, M> {
 
     fn options(&self) -> Options {
         self.piece.options().into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
+    }
+
+    fn technologies(&self) -> &'static [Technology] {
+        M::TECHNOLOGIES
     }
 
     fn role(&self) -> Role {

@@ -14,6 +14,7 @@ use super::placement::{On, Placement};
 use super::role::Role;
 use super::smooth::SmoothParameters;
 use crate::hook::HookKind;
+use crate::technology::Technology;
 
 /// A piece of depth whose shape acts in the form of `placement`. The order of the chain has its place
 /// ([`AnyPiece::placement`]): within the chain it is a map of the state that is handed to it, like any piece.
@@ -75,6 +76,9 @@ impl AnyPiece for Placed {
     }
     fn needs(&self) -> &'static [Covariate] {
         self.piece.needs()
+    }
+    fn technologies(&self) -> &'static [Technology] {
+        self.piece.technologies()
     }
     fn role(&self) -> Role {
         self.piece.role()

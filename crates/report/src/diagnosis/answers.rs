@@ -2,7 +2,9 @@
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 
-use super::sentences::{capture, covariate, declaration, left_over, possible, pure_noise};
+use super::sentences::{
+    capture, covariate, declaration, left_over, possible, pure_noise, rivals_of_other_technologies,
+};
 use crate::checks::Level;
 use crate::format::{self, capital, count, join, number, percent};
 use crate::headline::certainty;
@@ -175,7 +177,9 @@ fn why(d: &ReportDiagnosis<'_>) -> String {
         .filter(|s| !s.indistinguishable.is_empty())
         .map(|s| format!(" These captures cannot distinguish {} from {}.", s.effects[0], join(&s.indistinguishable)))
         .collect();
-    format!("{}.{}", parts.join("; "), rivals.concat())
+    let of_others =
+        d.record.steps.iter().filter_map(rivals_of_other_technologies).map(|text| format!(" {}.", capital(&text)));
+    format!("{}.{}{}", parts.join("; "), rivals.concat(), of_others.collect::<String>())
 }
 
 /// A change of the depth error: `16.5 % less (95 % interval 13.5 to 20.1 %)`.

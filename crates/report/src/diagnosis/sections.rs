@@ -6,7 +6,9 @@ use depthcal_io::{DiagnosisCandidate, DiagnosisRound, DiagnosisStep};
 
 use super::answers::{arrow, gain};
 use super::formula::formulas;
-use super::sentences::{capture, covariate, decision, declaration, frame_cause, place, refuted};
+use super::sentences::{
+    capture, covariate, decision, declaration, frame_cause, place, refuted, rivals_of_other_technologies,
+};
 use super::text::spline_words;
 use crate::format::{count, join, measured, number, p_value, percent, shown_unit};
 use crate::html::escape;
@@ -54,6 +56,7 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
     if !s.indistinguishable.is_empty() {
         notes.push(format!("not distinguishable from {}", join(&s.indistinguishable)));
     }
+    notes.extend(rivals_of_other_technologies(s));
     let (b, a) = (&s.before, &s.after);
     let gain = s.depth_gain_percent.as_ref().map_or_else(|| "–".to_owned(), gain);
     let class = match &s.depth_gain_percent {

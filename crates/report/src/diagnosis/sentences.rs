@@ -320,6 +320,17 @@ pub fn place(step: &DiagnosisStep) -> Option<String> {
     Some(text)
 }
 
+/// The rivals of a step that only cameras of another technology have; `None` where there are none.
+pub fn rivals_of_other_technologies(step: &DiagnosisStep) -> Option<String> {
+    let rivals = &step.of_other_technologies;
+    (!rivals.is_empty()).then(|| {
+        format!(
+            "cameras of another technology have {} instead: `technology` in [camera] of dataset.toml decides",
+            join(rivals)
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,7 +7,9 @@ use depthcal_model::Register;
 
 use super::answers::arrow;
 use super::formula::{FormulaText, formula_sentences};
-use super::sentences::{capture, declaration, frame_cause, left_over, place, possible, pure_error};
+use super::sentences::{
+    capture, declaration, frame_cause, left_over, place, possible, pure_error, rivals_of_other_technologies,
+};
 use crate::format::{interval, join, measured, number, p_equals, p_value, percent, quantity, shown_unit};
 use crate::left_out::share;
 
@@ -82,6 +84,9 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register) -> S
     }
     if !s.indistinguishable.is_empty() {
         let _ = writeln!(t, "   these captures cannot distinguish it from: {}", s.indistinguishable.join(", "));
+    }
+    if let Some(sentence) = rivals_of_other_technologies(s) {
+        let _ = writeln!(t, "   {sentence}");
     }
     if let Some(formula) = &s.formula {
         let _ = writeln!(t, "   {}", formula_sentences(formula, &FormulaText::Plain).join("\n   "));
@@ -171,6 +176,7 @@ mod tests {
         let step = DiagnosisStep {
             effects: vec!["cyclic_depth".to_owned(), "range_offset".to_owned()],
             indistinguishable: vec!["disparity_ripple".to_owned()],
+            of_other_technologies: vec!["disparity_ripple".to_owned()],
             with: "cyclic_depth@of=measured@period_mm=299.90356313997415".parse().unwrap(),
             place: Some(DiagnosisPlace { of: Of::Measured, on: On::Depth }),
             places_not_told_apart: vec![DiagnosisPlace { of: Of::True, on: On::Factor }],
@@ -229,6 +235,7 @@ effect: cyclic_depth was missing and was added; these captures show nothing else
    held-out frames: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
    depth error falls by 16.5 % (95 % interval over frames 13.5 to 20.1 %)
    these captures cannot distinguish it from: disparity_ripple
+   cameras of another technology have disparity_ripple instead: `technology` in [camera] of dataset.toml decides
    found together with: range_offset
 
 held-out frames, declared → last model: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms

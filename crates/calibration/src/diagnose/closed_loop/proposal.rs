@@ -51,6 +51,7 @@ impl Proposal<'_> {
             AddedEffect {
                 effects: members[i..].iter().map(|m| examination.evidence[*m].name.clone()).collect(),
                 indistinguishable: if i == 0 { self.indistinguishable.to_vec() } else { Vec::new() },
+                of_other_technologies: of_other_technologies(examination, members[i]),
                 placements_not_told_apart: Vec::new(),
                 p_value: (p_value * examination.tests as f64).min(1.0),
                 after: present.clone(),
@@ -59,6 +60,27 @@ impl Proposal<'_> {
         };
         (0..members.len()).map(effect).collect()
     }
+}
+
+/// Share of an effect's gain from which on an effect of another technology is its rival, however well they are told apart: the
+/// shape of neither is exactly that of a camera.
+const RIVALS_SHARE: f64 = 0.1;
+
+/// Names of the effects that cameras of the technologies of effect number `place` do not have, and that explain a part of the
+/// same, by falling gain. None for an effect of any technology, and where the technology is declared: then no others are
+/// tested.
+fn of_other_technologies(examination: &Examination, place: usize) -> Vec<String> {
+    let technologies = |i: usize| examination.evidence[i].block.piece().map_or(&[][..], |piece| piece.technologies());
+    let (of_effect, gain) = (technologies(place), examination.evidence[place].gain());
+    if of_effect.is_empty() {
+        return Vec::new();
+    }
+    let is_of_others = |i: &usize| {
+        !technologies(*i).is_empty() && technologies(*i).iter().all(|technology| !of_effect.contains(technology))
+    };
+    let others = (0..examination.evidence.len()).filter(is_of_others);
+    let rivals = others.filter(|i| examination.evidence[*i].gain() > RIVALS_SHARE * gain);
+    rivals.map(|i| examination.evidence[i].name.clone()).collect()
 }
 
 /// Share of the cost that effects must be predicted to explain to be tried: that of half the fall of the held-out error that they

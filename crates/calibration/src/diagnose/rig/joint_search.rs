@@ -50,7 +50,7 @@ pub(super) fn joint_search(
     register: &Register,
     thresholds: &Thresholds,
 ) -> Result<Vec<JointEvidence>, DiagnoseError> {
-    let effects = missing_effects(register, &fit.camera, &ObservedStates::of(fit));
+    let effects = missing_effects(register, fit, &ObservedStates::of(fit));
     let problem = Problem { state, camera, register };
     let mut scores = problem.scored(&effects.iter().enumerate().flat_map(variants).collect::<Vec<_>>())?;
     let best = |scores: &[(Variant, f64)], i: usize| -> Option<(Variant, f64)> {

@@ -1,4 +1,4 @@
-use depthcal_model::Pattern;
+use depthcal_model::{Pattern, Technology};
 use proptest::prelude::*;
 
 use super::super::camera_hint::IntrinsicNumbers;
@@ -69,6 +69,10 @@ fn camera_is_optional_and_has_defaults() {
     let lens = only(&format!("{CHESSBOARD}{FRAMES}[camera]\nlens = \"auto\"\n")).camera.unwrap();
     assert_eq!((lens.numbers, lens.lens.as_deref()), (None, Some("auto")));
     complains(&format!("{CHESSBOARD}{FRAMES}[camera]\nfixed = true\n"), &["camera.fx"]);
+    let technology = |name: &str| format!("{CHESSBOARD}{FRAMES}[camera]\ntechnology = \"{name}\"\n");
+    let declared = only(&technology("structured-light")).camera.unwrap();
+    assert_eq!((declared.numbers, declared.technology), (None, Some(Technology::StructuredLight)));
+    complains(&technology("lidar"), &["camera.technology", "'lidar'", "time-of-flight"]);
 }
 
 #[test]
