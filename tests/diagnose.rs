@@ -1,15 +1,17 @@
 //! The loop on simulated captures whose faults are known, at the level of points: named where it has a name, left alone where
 //! it has none, and nothing where there is nothing.
 
-use depthcal::calibration::calibrate::{CalibrateOptions, calibrate};
+use depthcal::calibration::calibrate::{CalibrateOptions, Calibrated, calibrate};
 use depthcal::calibration::diagnose::bad_frames::BadFrameReason;
 use depthcal::calibration::diagnose::examination::scores;
 use depthcal::calibration::diagnose::frame_planes::frame_planes;
 use depthcal::calibration::diagnose::{DiagnoseOptions, Diagnosis, Step, diagnose};
+use depthcal::calibration::judge::cross_validation::cross_validate;
+use depthcal::calibration::judge::parts::Parts;
 use depthcal::calibration::simulated;
 use depthcal::io::{DiagnosisPlace, Verdict};
 use depthcal::model::hook::{Depth, DepthState};
-use depthcal::model::{Context, Parameter, Piece, PieceSpec, Register, Scalar};
+use depthcal::model::{Context, Parameter, Piece, PieceSpec, Register, Scalar, Technology};
 use depthcal_simulate::{CameraTruth, Defects, Effect, Form, Kind, Noise, Place, PointOptions, Simulation};
 use rayon::prelude::*;
 
@@ -94,6 +96,68 @@ fn undeclared_effects_are_named_and_taken_up() {
                 .then(|| format!("{}: {:?} {fitted:?}, {:?}, {:?}", case.0, names(&d), d.verdict, decisions(&d)))
         })
         .collect();
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// A wave over depth belongs to time-of-flight cameras; one over disparity, which resembles it, to others.
+#[test]
+fn effects_of_another_technology_are_listed_until_it_is_declared() {
+    let simulation = simulation(&[("cyclic_depth", 4.0)], 3);
+    let mut capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+    let mut named = |technology: Option<Technology>| {
+        capture.technology = technology;
+        let d = diagnose(&capture, None, &DiagnoseOptions::default()).unwrap();
+        d.steps.iter().map(|s| (s.spec.name.clone(), s.of_other_technologies.clone())).collect::<Vec<_>>()
+    };
+    let wave = |rivals: &[&str]| vec![("cyclic_depth".to_owned(), rivals.iter().map(|r| (*r).to_owned()).collect())];
+    assert_eq!(named(None), wave(&["disparity_ripple"]));
+    assert_eq!(named(Some(Technology::TimeOfFlight)), wave(&[]));
+    let of_stereo = named(Some(Technology::Stereo));
+    assert!(of_stereo.iter().all(|(name, _)| name != "cyclic_depth"), "{of_stereo:?}");
+}
+
+/// Whatever the loop decided on its way, its last model is that of a calibration with the same effects from the start: lens
+/// order, gross markers, outliers, noise and smoothness are decided anew under it.
+#[test]
+fn the_last_model_is_that_of_a_calibration_with_the_same_effects() {
+    const SETS: [&[(&str, f64)]; 10] = [
+        &[("board_bow", 2.5)],
+        &[("board_bow", 1.5), ("cyclic_depth", 4.0)],
+        &[("cyclic_depth", 4.0)],
+        &[("range_offset", 15.0)],
+        &[("thin_prism", 4.0)],
+        &[("radial_range", 6.0), ("board_bow", 2.0)],
+        &[("incidence_bias", 6.0)],
+        &[("quadratic_depth", 8.0)],
+        &[("reflectivity_bias", 4.0)],
+        &[("temporal_drift", 4.0)],
+    ];
+    let cases = (0..2 * SETS.len()).into_par_iter();
+    let failures = cases.filter_map(|case| {
+        let simulation = simulation(SETS[case % SETS.len()], case as u64 + 1).frames(24);
+        let capture = simulated::capture(&simulation.observe_points(&PointOptions::default()).unwrap());
+        // Formulas take most of the time, and decide nothing here.
+        let d = diagnose(&capture, None, &DiagnoseOptions { formulas: case % 5 == 0, ..Default::default() }).unwrap();
+        let mut options = CalibrateOptions::default();
+        options.effects.extend(d.steps.iter().map(|step| step.spec.clone()));
+        for formula in &d.formulas {
+            formula.effect.register(&mut options.register).unwrap();
+        }
+        let used = |name: &str| d.last.capture.frames.iter().any(|frame| frame.name == name);
+        let fit = calibrate(&capture.subset(|_, frame| used(&frame.raw.name)), &options).unwrap();
+        let folds = DiagnoseOptions::default().folds;
+        let held_out = |fit| cross_validate(fit, folds, Parts::Interleaved, &options).unwrap().record().depth_rms_mm;
+        let [of_loop, of_calibration] = [&d.last, &fit].map(|fit| held_out(fit).unwrap().after);
+        let apart = of_loop / of_calibration - 1.0;
+        println!("{case}: {:?} {of_loop:.4} mm, {of_calibration:.4} mm by a calibration", names(&d));
+        let words = |fit: &Calibrated| {
+            let (noise, free) = (&fit.noise, fit.camera.free_parameters());
+            format!("{} outliers, {noise:?}, free parameters {free:?}", fit.outliers)
+        };
+        (apart.abs() > 0.01)
+            .then(|| format!("{case}: {:?} {of_loop} {of_calibration}\n{}\n{}", names(&d), words(&d.last), words(&fit)))
+    });
+    let failures: Vec<String> = failures.collect();
     assert!(failures.is_empty(), "{failures:#?}");
 }
 

@@ -241,6 +241,10 @@ impl Reader<'_> {
                     return Err(self.field(field("parameters"), format!("has '{name}' twice")));
                 }
             }
+            if part.per_row.is_some_and(|per_row| per_row == 0 || part.parameters.len() % per_row != 0) {
+                let problem = format!("does not divide the number of its parameters, {}", part.parameters.len());
+                return Err(self.field(field("per_row"), problem));
+            }
             for (name, value) in [("roughness", part.roughness), ("deviation", part.deviation)] {
                 if !(value > 0.0 && value.is_finite()) {
                     return Err(self.field(field(name), "has to be above 0".to_owned()));

@@ -15,7 +15,7 @@ use crate::observe::noise::NoiseModel;
 use crate::observe::{AdjustableFrame, Capture};
 
 /// Decrease of the cost below which an adjustment ends: what is left is a small part of a standard deviation.
-pub(crate) const DECREASE: f64 = 1e-3;
+pub(crate) const DECREASE: f64 = 1e-4;
 /// Most free parameters of a camera: matrices of this size are dense.
 const MOST_PARAMETERS: usize = 800;
 

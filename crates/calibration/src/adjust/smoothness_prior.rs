@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use depthcal_model::field::FieldLayout;
 use depthcal_model::{Block, Camera};
 use depthcal_solver::{EvaluationError, FactorBatch, Key, Values, VariableId};
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::field_thresholds::FieldThresholds;
 use crate::observe::{Capture, SampledFrame};
@@ -133,14 +133,28 @@ pub fn rows_of_smooth_functions(block: &Block) -> Vec<PriorRow> {
     for function in piece.smooth() {
         let places = function.parameters.iter().filter_map(|name| parameters.iter().position(|p| p.name == *name));
         let places: Vec<usize> = places.collect();
-        for three in places.windows(3) {
-            let entries = three.iter().zip([1.0, -2.0, 1.0]).map(|(i, c)| (*i, c / function.roughness));
+        // A definition has no other names than those of its parameters.
+        for three in function.neighbours().filter(|_| places.len() == function.parameters.len()) {
+            let entries = three.into_iter().zip([1.0, -2.0, 1.0]).map(|(i, c)| (places[i], c / function.roughness));
             rows.push(PriorRow { entries: entries.collect() });
         }
         rows.extend(places.iter().map(|i| PriorRow { entries: vec![(*i, 1.0 / function.deviation)] }));
     }
     rows.retain(|row| row.entries.iter().any(|(i, _)| block.free[*i]));
     rows
+}
+
+/// Precision matrix over the parameters of a piece of the prior for the smooth functions that it has itself; `None` where it has
+/// none.
+pub fn precision_of_smooth_functions(block: &Block) -> Option<DMatrix<f64>> {
+    let rows = rows_of_smooth_functions(block);
+    let mut precision = DMatrix::zeros(block.theta.len(), block.theta.len());
+    for PriorRow { entries } in &rows {
+        for (i, a) in entries {
+            entries.iter().for_each(|(j, b)| precision[(*i, *j)] += a * b);
+        }
+    }
+    (!rows.is_empty()).then_some(precision)
 }
 
 /// Places of one field's parameters in its block: all nodes, all bins.

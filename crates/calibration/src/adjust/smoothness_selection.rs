@@ -149,12 +149,12 @@ fn add_row(
 /// the parameters' present values (the gradient of their cost).
 pub(crate) fn prior_of_smooth_functions(camera: &Camera) -> (DMatrix<f64>, DVector<f64>) {
     let free = FreeParameters::of(camera);
-    let precision = precision_of_smooth_functions(camera, &free);
+    let precision = precision_of_all_smooth_functions(camera, &free);
     let pull = &precision * free.deviation;
     (precision, pull)
 }
 
-fn precision_of_smooth_functions(camera: &Camera, free: &FreeParameters) -> DMatrix<f64> {
+fn precision_of_all_smooth_functions(camera: &Camera, free: &FreeParameters) -> DMatrix<f64> {
     let count = free.deviation.len();
     let mut precision = DMatrix::zeros(count, count);
     for (block, range) in camera.blocks_with_ranges() {
@@ -197,7 +197,7 @@ impl<'a> CrossValidation<'a> {
             add(&mut folds[i % count].held_out, &frame.held_out);
             add(&mut total, &frame.fitted);
         }
-        let given = precision_of_smooth_functions(camera, &free);
+        let given = precision_of_all_smooth_functions(camera, &free);
         let FreeParameters { deviation, .. } = free;
         let fixed_ridge = (!smoothness.with_projective).then_some(smoothness.ridge);
         let thresholds = smoothness.thresholds;

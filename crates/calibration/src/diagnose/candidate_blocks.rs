@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 
 use super::free_functions::Along;
 use crate::adjust::adjustment::Adjustment;
+use crate::adjust::smoothness_prior::precision_of_smooth_functions;
 use crate::calibrate::Calibrated;
 
 /// An effect or a free function whose parameters could be released.
@@ -31,7 +32,8 @@ impl CandidateBlock {
     /// An effect of the register; `None` where the spec is wrong.
     pub fn effect(register: &Register, spec: PieceSpec) -> Option<Self> {
         let block = register.make(&spec, None).ok()?;
-        Some(Self { name: spec.name.clone(), spec, value: None, along: None, block, smoothness: None })
+        let smoothness = precision_of_smooth_functions(&block);
+        Some(Self { name: spec.name.clone(), spec, value: None, along: None, block, smoothness })
     }
 }
 
@@ -58,16 +60,16 @@ fn linearize_with(
     candidates: &[CandidateBlock],
     with_depth: bool,
 ) -> Result<Linearization, ScoreError> {
-    let (camera, places) = with_candidates(&fit.camera, candidates.iter().map(|c| &c.block));
+    let (camera, places) = with_pieces(&fit.camera, candidates.iter().map(|c| c.block.clone().hold()));
     let adjustment = Adjustment::new(&fit.capture, &camera, &fit.noise, with_depth).with_prior(fit.prior.as_deref());
     let held = candidates.iter().zip(places);
     adjustment.linearize(held.map(|(c, place)| (c.spec.to_string(), place, c.smoothness.clone())))
 }
 
-/// A camera with candidates held before its own pieces, and the places of the candidates among its blocks.
-fn with_candidates<'a>(camera: &Camera, candidates: impl Iterator<Item = &'a Block>) -> (Camera, Vec<usize>) {
+/// A camera with further pieces before its own, and their places among its blocks.
+pub(super) fn with_pieces(camera: &Camera, further: impl Iterator<Item = Block>) -> (Camera, Vec<usize>) {
     // Effects act on the true depth, before the depth model: they come first.
-    let mut pieces: Vec<Block> = candidates.map(|block| block.clone().hold()).collect();
+    let mut pieces: Vec<Block> = further.collect();
     let count = pieces.len();
     let (pinhole, with_piece): (Vec<Block>, Vec<Block>) =
         camera.blocks().iter().cloned().partition(|b| b.piece().is_none());
@@ -81,8 +83,8 @@ fn with_candidates<'a>(camera: &Camera, candidates: impl Iterator<Item = &'a Blo
 /// A camera with two held pieces that add their parameter to inverse depth, before the depth model and behind it, and their
 /// places among its blocks.
 pub(super) fn with_probes(camera: &Camera) -> (Camera, [usize; 2]) {
-    let blocks = Of::ALL.map(|of| Block::new(Arc::new(Probe::new(of)) as Arc<dyn AnyPiece>));
-    let (camera, places) = with_candidates(camera, blocks.iter());
+    let blocks = Of::ALL.map(|of| Block::new(Arc::new(Probe::new(of)) as Arc<dyn AnyPiece>).hold());
+    let (camera, places) = with_pieces(camera, blocks.into_iter());
     (camera, [places[0], places[1]])
 }
 
@@ -151,8 +153,7 @@ mod tests {
         let of_camera = ["brown_conrady", "cyclic_depth", "projective", "print_scale"].map(block);
         let camera = Camera::new(640, 480, [500.0, 500.0, 320.0, 240.0, 0.0], of_camera.to_vec());
         let names = ["range_offset", "thin_prism", "bspline", "board_bow", "depth_registration", "tilted_sensor"];
-        let blocks = names.map(block);
-        let (extended, places) = with_candidates(&camera, blocks.iter());
+        let (extended, places) = with_pieces(&camera, names.map(|name| block(name).hold()).into_iter());
         assert_eq!(extended.blocks().len(), camera.blocks().len() + names.len());
         let placed: Vec<&str> = places.iter().map(|p| extended.blocks()[*p].name()).collect();
         assert_eq!(placed, names);

@@ -5,25 +5,26 @@
 //! catalogue, by a formula, or by nothing. A function that nothing explains stays as the correction that it is.
 
 use depthcal_io::GainInterval;
+use depthcal_model::PieceSpec;
 use tracing::info;
 
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::decided::{Decided, decided};
-use super::formula::{evidence_of_formula, with_formula};
+use super::formula::{evidence_of, with_formula};
 use super::proposal::Proposal;
-use super::revisit::{Revisited, without_needless};
+use super::revisit::{Revisited, with_errors_along, without_needless};
 use super::state::{Accepted, Event, Memory, State};
 use super::trial::tried;
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::{CalibrateError, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::decision::Decision;
-use crate::diagnose::discovery::{Chance, Component, Search};
+use crate::diagnose::discovery::{Chance, Component, Search, effects_of_board};
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::examination::Examination;
 use crate::diagnose::held_out::Gain;
-use crate::diagnose::merit::merit;
+use crate::diagnose::merit::{merit, significant};
 use crate::diagnose::round::RoundOutcome;
 use crate::judge::cross_validation::weighted_gain_percent;
 
@@ -118,10 +119,14 @@ pub(super) fn explained_anew(
         }
     };
     let task = Task { model: &without, base: &base, incumbent: present, least: 1 };
-    match functions(bench, &task)?.described {
-        Some(described) => explained(bench, state, examination, &task, described),
-        None => Ok(None),
-    }
+    let Some(described) = functions(bench, &task)?.described else { return Ok(None) };
+    let explained = explained(bench, state, examination, &task, described)?;
+    // Without what was needless it may be the present model again.
+    let is_better = |anew: &Accepted| {
+        let added = anew.model.added.get(without.added.len()..).unwrap_or_default();
+        matches!(anew.present.gain_over(present, added, bench.thresholds()), Gain::Certain)
+    };
+    Ok(explained.filter(|anew| is_better(anew)))
 }
 
 /// The model with the functions of a task explained, where the held-out errors fall for certain with them.
@@ -145,14 +150,16 @@ fn explained(
         }
     }
     let (model, fitted) = described;
-    let Revisited { model, present, removed } =
+    let Revisited { model, present, removed, earlier } =
         without_needless(bench, model, fitted, before, false, examination.tests)?;
-    let effects = model.specs_from(before);
+    let effects = model.specs_from(earlier);
     if effects.is_empty() {
         return Ok(None);
     }
+    // They were fitted together: every step of the report begins with the errors with which the one before ended.
+    let model = with_errors_along(bench, model, earlier, &present.held_out)?;
     let share = |effect: &AddedEffect| merit(&effect.evidence) / examination.cost();
-    let largest_share = model.added[before..].iter().map(share).fold(state.memory.largest_share, f64::max);
+    let largest_share = model.added[earlier..].iter().map(share).fold(state.memory.largest_share, f64::max);
     let outcome = Some(RoundOutcome::Added { effects, removed });
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
@@ -170,20 +177,25 @@ struct Functions {
 fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Functions, CalibrateError> {
     let Task { model, base, incumbent, least } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
-    let taken = model_names(model, base);
+    let taken = model.names(&base.fit);
     let mut noise = incumbent.fit.noise;
     let mut functions = Functions { untried: 0, described: None };
     for _ in 0..SEARCHES {
         let components = bench.components(&Calibrated { noise, ..base.fit.clone() }, &taken);
         let before = &mut functions.described;
-        if components.len() < *least {
-            if before.is_none() {
-                functions.untried = components.len();
-            }
+        let count = components.len();
+        if count == 0 {
             break;
         }
         let shares = components.iter().map(|component| component.share).collect();
         let Some(with) = with_descriptions(bench, model, base, components)? else { break };
+        let with = with_effects_of_board(bench, with)?;
+        if with.0.added.len() < model.added.len() + least {
+            if before.is_none() {
+                functions.untried = count;
+            }
+            break;
+        }
         if before
             .as_ref()
             .is_some_and(|((_, before), _)| lower_percent(before, &with.1).is_none_or(|percent| percent < LEAST_FALL))
@@ -215,12 +227,6 @@ fn lower_percent(before: &Fitted, after: &Fitted) -> Option<f64> {
     weighted_gain_percent(b, a, &after.fit.noise.depth).map(|gain| gain.value)
 }
 
-/// Names that no further piece may have.
-fn model_names(model: &AugmentedModel, present: &Fitted) -> Vec<String> {
-    let formulas = model.formulas.iter().map(|formula| formula.effect.name().to_owned());
-    present.piece_names().into_iter().chain(formulas).collect()
-}
-
 /// The model with the formulas that describe some components, fitted together; `None` where it cannot be fitted.
 fn with_descriptions(
     bench: &impl Bench,
@@ -233,7 +239,7 @@ fn with_descriptions(
         let spec = description.effect.spec();
         with.formulas.push(description);
         let register = with.register(bench.declared());
-        let Some(evidence) = evidence_of_formula(bench, &present.fit, &register, spec) else { return Ok(None) };
+        let Some(evidence) = evidence_of(bench, &present.fit, &register, spec) else { return Ok(None) };
         with = with.with(AddedEffect::alone(evidence, 0.0, present.held_out.clone()));
     }
     match bench.fitted(&with.options(bench.declared())) {
@@ -246,6 +252,33 @@ fn with_descriptions(
             Ok(None)
         }
     }
+}
+
+/// The model with those effects of the board that lower the held-out errors for certain: a bent board hides functions of depth,
+/// as these hide its shape.
+fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> Result<Model, CalibrateError> {
+    let names: Vec<&str> = effects_of_board(&bench.declared().register, &fitted.fit.camera).collect();
+    for name in names {
+        let register = model.register(bench.declared());
+        let evidence = evidence_of(bench, &fitted.fit, &register, PieceSpec::new(name));
+        let Some(evidence) = evidence.filter(|e| significant(e.p_value, 1, &e.gains, bench.thresholds())) else {
+            continue;
+        };
+        let p_value = evidence.p_value;
+        let mut with = model.clone().with(AddedEffect::alone(evidence, p_value, fitted.held_out.clone()));
+        let bent = match bench.fitted(&with.options(bench.declared())) {
+            Ok(bent) => bent,
+            Err(error) => {
+                info!("additive: with {name}: {error}");
+                continue;
+            }
+        };
+        if matches!(bent.gain_over(&fitted, &with.added[model.added.len()..], bench.thresholds()), Gain::Certain) {
+            with.added.iter_mut().skip(model.added.len()).for_each(|added| added.after = bent.held_out.clone());
+            (model, fitted) = (with, bent);
+        }
+    }
+    Ok((model, fitted))
 }
 
 /// The model with an effect or a formula in the place of the function number `place`, given all others; `None` where neither
@@ -262,6 +295,7 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
     };
     // What is missing is no noise.
     let reduced = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
+    bench.report("explaining a function of what is left", &without.options(bench.declared()));
     let examination = bench.examine(&reduced.fit)?;
     let tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
     let Decided { decision, .. } = decided(&reduced.fit, &examination, &tried, bench.options())?;
@@ -282,7 +316,7 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
             Err(error) => info!("additive: {name}: {error}"),
         }
     }
-    let taken = model_names(model, fitted);
+    let taken = model.names(&fitted.fit);
     let Search::Found(discovery) = bench.discover(&reduced.fit, Chance::Complete(&fitted.fit), &examination, &taken)
     else {
         return Ok(None);

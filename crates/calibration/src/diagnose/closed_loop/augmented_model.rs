@@ -4,7 +4,7 @@ use depthcal_model::{PieceSpec, Register};
 use tracing::info;
 
 use crate::adjust::blocks::is_depth_only;
-use crate::calibrate::CalibrateOptions;
+use crate::calibrate::{CalibrateOptions, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::discovery::Discovery;
 use crate::diagnose::merit::merit;
@@ -37,6 +37,13 @@ impl AugmentedModel {
         let mut options = CalibrateOptions { register: self.register(declared), ..declared.clone() };
         options.effects.extend(self.added.iter().map(|effect| effect.evidence.spec.clone()));
         options
+    }
+
+    /// Names that no further piece may have: those of its fit, and of all formulas, also of those that are no longer among the
+    /// effects.
+    pub fn names(&self, fit: &Calibrated) -> Vec<String> {
+        let formulas = self.formulas.iter().map(|formula| formula.effect.name().to_owned());
+        fit.camera.blocks().iter().map(|block| block.name().to_owned()).chain(formulas).collect()
     }
 
     /// The model with an effect more.

@@ -21,11 +21,6 @@ pub(super) struct Fitted {
 }
 
 impl Fitted {
-    /// Names of the pieces of the fitted camera.
-    pub fn piece_names(&self) -> Vec<String> {
-        self.fit.camera.blocks().iter().map(|block| block.name().to_owned()).collect()
-    }
-
     /// The gain of this model over the one `before` on held-out frames, with depth weighted by the noise of this one; `added` are
     /// the effects that it has more.
     pub fn gain_over(&self, before: &Self, added: &[AddedEffect], thresholds: &Thresholds) -> Gain {

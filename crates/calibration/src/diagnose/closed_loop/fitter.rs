@@ -168,7 +168,7 @@ impl Bench for OnFrames<'_> {
     }
 
     fn components(&self, fit: &Calibrated, taken: &[String]) -> Vec<Component> {
-        additive_components(fit, taken)
+        additive_components(fit, &self.declared().register, taken)
     }
 
     fn discover(&self, fit: &Calibrated, chance: Chance<'_>, examination: &Examination, taken: &[String]) -> Search {

@@ -74,7 +74,7 @@ fn accepted_formula(
 ) -> Result<Result<Accepted, Refused>, CalibrateError> {
     let State { model, present, memory, .. } = state;
     bench.report("searching a formula", &model.options(bench.declared()));
-    let discovery = match bench.discover(&present.fit, chance, examination, &present.piece_names()) {
+    let discovery = match bench.discover(&present.fit, chance, examination, &model.names(&present.fit)) {
         Search::Found(discovery) => discovery,
         Search::Nothing(refused) => {
             info!("no formula: {}", refused.reason);
@@ -87,7 +87,7 @@ fn accepted_formula(
         return Ok(Err(Refused { reason, together: None }));
     };
     let largest_share = memory.largest_share.max(model.share_of_last(examination.cost()));
-    let Revisited { model, present, removed } = without_needless(bench, model, fitted, 0, true, examination.tests)?;
+    let Revisited { model, present, removed, .. } = without_needless(bench, model, fitted, 0, true, examination.tests)?;
     let outcome = Some(RoundOutcome::Added { effects: vec![spec], removed });
     Ok(Ok(Accepted { model, present, largest_share, outcome }))
 }
@@ -105,8 +105,9 @@ pub(super) fn with_formula(
     let mut model = model.clone();
     model.formulas.push(discovery);
     let register = model.register(bench.declared());
-    let evidence = Evidence { p_value, ..evidence_of_formula(bench, &present.fit, &register, spec)? };
+    let evidence = Evidence { p_value, ..evidence_of(bench, &present.fit, &register, spec)? };
     let effect = AddedEffect {
+        of_other_technologies: Vec::new(),
         placements_not_told_apart: placements,
         ..AddedEffect::alone(evidence, p_value, present.held_out.clone())
     };
@@ -120,8 +121,9 @@ pub(super) fn with_formula(
     }
 }
 
-/// The evidence for a formula, which a register knows, in what a fit leaves; `None` where the problem cannot be evaluated.
-pub(super) fn evidence_of_formula(
+/// The evidence for an effect or a formula, which a register knows, in what a fit leaves; `None` where the problem cannot be
+/// evaluated.
+pub(super) fn evidence_of(
     bench: &impl Bench,
     fit: &Calibrated,
     register: &Register,
@@ -154,13 +156,13 @@ pub(super) fn formula_instead(bench: &impl Bench, state: &State) -> Result<Optio
     if !bench.options().formulas || state.model.added.is_empty() || state.memory.compared_with_formula {
         return Ok(None);
     }
-    let State { first, present, .. } = state;
+    let State { model, first, present, .. } = state;
     bench.report("searching a formula instead", bench.declared());
     // With the noise that the effects leave: under the declared model what it lacks counts as noise, most where noise is least.
     let fit = &Calibrated { noise: present.fit.noise, ..first.fit.clone() };
     let examination = bench.examine(fit)?;
     let chance = Chance::Complete(&present.fit);
-    let instead = match bench.discover(fit, chance, &examination, &present.piece_names()) {
+    let instead = match bench.discover(fit, chance, &examination, &model.names(&present.fit)) {
         Search::Found(discovery) => with_formula_instead(bench, state, *discovery),
         Search::Nothing(refused) => {
             info!("no formula instead: {}", refused.reason);

@@ -49,7 +49,7 @@ pub(super) fn tried(
             let (better, fitted) = *better;
             let before = model.added.len();
             let effects = better.specs_from(before);
-            let Revisited { model, present, removed } =
+            let Revisited { model, present, removed, .. } =
                 without_needless(bench, better, fitted, before, true, examination.tests)?;
             let share = merit(&examination.evidence[proposal.effect]) / examination.cost();
             let largest_share = memory.largest_share.max(share);

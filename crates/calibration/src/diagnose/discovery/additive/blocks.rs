@@ -149,14 +149,11 @@ impl Products {
         let mut with_rows = DMatrix::zeros(kinds, dictionary.width);
         for (row, sample) in frame.samples.iter().enumerate() {
             let values = dictionary.values(sample);
-            let of_row: Vec<(usize, [f64; WIDTH], usize)> = dictionary
-                .groups
-                .iter()
-                .map(|group| {
-                    let (first, entries) = values.entries(group);
-                    (group.columns.start + first, entries, group.columns.len().min(WIDTH))
-                })
-                .collect();
+            let mut of_row: Vec<(usize, [f64; WIDTH], usize)> = Vec::with_capacity(2 * dictionary.groups.len());
+            for group in &dictionary.groups {
+                let count = group.columns.len().min(WIDTH);
+                values.runs(group, |first, entries| of_row.push((group.columns.start + first, entries, count)));
+            }
             for (i, (start, entries, count)) in of_row.iter().enumerate() {
                 for a in 0..*count {
                     let entry = entries[a];

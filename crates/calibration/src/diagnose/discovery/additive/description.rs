@@ -100,6 +100,7 @@ impl<'a> Descriptions<'a> {
             Part {
                 group,
                 smooth: group.smooth.map(|i| dictionary.smooth[i]),
+                pair: group.pair.map(|pair| pair.map(|i| dictionary.coarse[i])),
                 factor: group.factor.map(|f| dictionary.factors[f]),
                 precision: information.precision(dictionary, *number, self.strengths[place]),
                 rms: self.rms(group),

@@ -24,6 +24,12 @@ const COVARIATES: [(C, usize); 8] = [
 ];
 /// Covariates that functions are multiplied with.
 const FACTORS: [C; 5] = [C::X, C::Y, C::R, C::Time, C::Temperature];
+/// Pairs of covariates whose functions are no products of a function of one and the other, and the number of their basis
+/// functions along each.
+const PAIRS: [[C; 2]; 4] = [[C::X, C::Y], [C::R, C::Z], [C::X, C::Z], [C::Y, C::Z]];
+const OF_PAIRS: usize = 7;
+/// Most basis functions along each: formulas have a limit of parameters.
+const MOST_OF_PAIRS: usize = 9;
 /// Values per row of a group of smooth functions.
 pub(super) const WIDTH: usize = CUBIC + 1;
 
@@ -35,13 +41,16 @@ pub(super) struct Smooth {
     pub axis: Axis,
 }
 
-/// A smooth function of a covariate, or a constant, times a factor, in a place and form: a group of columns.
+/// A smooth function of a covariate, or a constant, times a factor, or a smooth function of two covariates, in a place and
+/// form: a group of columns.
 #[derive(Debug, Clone)]
 pub(super) struct Group {
     /// Number of its covariate among [`Dictionary::smooth`]; `None` of a constant.
     pub smooth: Option<usize>,
     /// Number of its factor among [`Dictionary::factors`].
     pub factor: Option<usize>,
+    /// Numbers of its two covariates among [`Dictionary::coarse`].
+    pub pair: Option<[usize; 2]>,
     pub of: Of,
     pub on: On,
     /// Its columns among all.
@@ -52,6 +61,8 @@ pub(super) struct Group {
 #[derive(Debug)]
 pub(super) struct Dictionary {
     pub smooth: Vec<Smooth>,
+    /// Covariates of functions of two.
+    pub coarse: Vec<Smooth>,
     /// Factors with their means, which are subtracted.
     pub factors: Vec<(C, f64)>,
     pub groups: Vec<Group>,
@@ -62,6 +73,8 @@ pub(super) struct Dictionary {
 pub(super) struct Values {
     /// First basis function and values of every smooth covariate; zero where it is unknown.
     bases: Vec<(usize, [f64; WIDTH])>,
+    /// Those of functions of two covariates, with their numbers of basis functions.
+    coarse: Vec<(usize, [f64; WIDTH], usize)>,
     factors: Vec<f64>,
     /// By place and form.
     slopes: [[f64; 3]; 2],
@@ -98,8 +111,16 @@ impl Dictionary {
         };
         let varies = |c: &&C| observations.span(**c, Of::True).is_some();
         let factors: Vec<(C, f64)> = FACTORS.iter().filter(varies).map(|c| (*c, mean(*c))).collect();
-        let mut dictionary = Self { smooth, factors, groups: Vec::new(), width: 0 };
+        let of_pairs = (OF_PAIRS - CUBIC) * finer;
+        let of_pairs = (of_pairs + CUBIC).min(MOST_OF_PAIRS);
+        let coarse = [C::X, C::Y, C::R, C::Z].into_iter().filter_map(|covariate| {
+            let axis = smooth_of(covariate, Of::True, OF_PAIRS)?;
+            Some(Smooth { axis: Axis { count: of_pairs, ..axis.axis }, ..axis })
+        });
+        let coarse = coarse.collect();
+        let mut dictionary = Self { smooth, coarse, factors, groups: Vec::new(), width: 0 };
         dictionary.add_groups();
+        dictionary.add_pairs();
         dictionary
     }
 
@@ -119,21 +140,48 @@ impl Dictionary {
                     let columns = self.width..self.width + count;
                     self.width = columns.end;
                     let place = smooth.map_or(Of::True, |s| s.of);
-                    self.groups.push(Group { smooth: number, factor: *factor, of: place, on: *on, columns });
+                    self.groups.push(Group {
+                        smooth: number,
+                        factor: *factor,
+                        pair: None,
+                        of: place,
+                        on: *on,
+                        columns,
+                    });
                 }
             }
         }
     }
 
-    /// The axis of a group; `None` of a constant.
-    pub fn axis(&self, number: usize) -> Option<Axis> {
-        self.groups[number].smooth.map(|i| self.smooth[i].axis)
+    fn add_pairs(&mut self) {
+        let number = |covariate: C| self.coarse.iter().position(|smooth| smooth.covariate == covariate);
+        let pairs: Vec<[usize; 2]> = PAIRS.iter().filter_map(|[a, b]| Some([number(*a)?, number(*b)?])).collect();
+        for pair in pairs {
+            let has_depth = pair.iter().any(|i| self.coarse[*i].covariate == C::Z);
+            let forms = if has_depth { &[On::InverseDepth][..] } else { &On::ALL };
+            for on in forms {
+                let columns =
+                    self.width..self.width + pair.iter().map(|i| self.coarse[*i].axis.count).product::<usize>();
+                self.width = columns.end;
+                let group = Group { smooth: None, factor: None, pair: Some(pair), of: Of::True, on: *on, columns };
+                self.groups.push(group);
+            }
+        }
+    }
+
+    /// The axes of a group; none of a constant.
+    pub fn axes(&self, number: usize) -> Vec<Axis> {
+        let Group { smooth, pair, .. } = &self.groups[number];
+        let of_pair = pair.iter().flatten().map(|i| self.coarse[*i].axis);
+        smooth.iter().map(|i| self.smooth[*i].axis).chain(of_pair).collect()
     }
 
     /// The covariates of a group.
     pub fn covariates(&self, group: &Group) -> BTreeSet<C> {
         let smooth = group.smooth.map(|i| self.smooth[i].covariate);
-        let of_group: BTreeSet<C> = smooth.into_iter().chain(group.factor.map(|f| self.factors[f].0)).collect();
+        let of_pair = group.pair.iter().flatten().map(|i| self.coarse[*i].covariate);
+        let of_group: BTreeSet<C> =
+            smooth.into_iter().chain(group.factor.map(|f| self.factors[f].0)).chain(of_pair).collect();
         // A constant in millimetres or as a factor is a function of depth where inverse depth is measured.
         if of_group.is_empty() { BTreeSet::from([C::Z]) } else { of_group }
     }
@@ -150,6 +198,14 @@ impl Dictionary {
         };
         Values {
             bases: self.smooth.iter().map(basis).collect(),
+            coarse: self
+                .coarse
+                .iter()
+                .map(|smooth| {
+                    let (first, values) = basis(smooth);
+                    (first, values, smooth.axis.count)
+                })
+                .collect(),
             factors: self.factors.iter().map(factor).collect(),
             slopes: Of::ALL.map(|of| On::ALL.map(|on| sample.slope(of, on))),
         }
@@ -169,10 +225,11 @@ impl Dictionary {
             let values = self.values(sample);
             let mut start = 0;
             for group in groups.iter().map(|g| &self.groups[*g]) {
-                let (first, entries) = values.entries(group);
-                for (i, entry) in entries.iter().enumerate().take(group.columns.len()) {
-                    columns[(row, start + first + i)] = *entry;
-                }
+                values.runs(group, |first, entries| {
+                    for (i, entry) in entries.iter().enumerate().take(group.columns.len()) {
+                        columns[(row, start + first + i)] = *entry;
+                    }
+                });
                 start += group.columns.len();
             }
         }
@@ -188,16 +245,22 @@ impl Values {
         group.factor.map_or(1.0, |f| self.factors[f]) * self.slopes[place][form]
     }
 
-    /// The number of the first column of a group that is not zero, counted within the group, and the entries from it on; of a
-    /// constant the first alone.
-    pub fn entries(&self, group: &Group) -> (usize, [f64; WIDTH]) {
-        let factor = self.weight(group);
-        match group.smooth {
-            Some(smooth) => {
-                let (first, values) = self.bases[smooth];
-                (first, values.map(|value| value * factor))
+    /// Hands on the columns of a group that are not zero in runs, by the number of the first, counted within the group: of a
+    /// function of one covariate one run, of two one for every basis function along the second, of a constant its one column.
+    pub fn runs(&self, group: &Group, mut run: impl FnMut(usize, [f64; WIDTH])) {
+        let weight = self.weight(group);
+        match (group.smooth, group.pair) {
+            (_, Some([u, v])) => {
+                let ((first, along, per_row), (first_row, across, _)) = (self.coarse[u], self.coarse[v]);
+                for (row, value) in across.iter().enumerate() {
+                    run((first_row + row) * per_row + first, along.map(|entry| entry * value * weight));
+                }
             }
-            None => (0, [factor, 0.0, 0.0, 0.0]),
+            (Some(smooth), None) => {
+                let (first, values) = self.bases[smooth];
+                run(first, values.map(|value| value * weight));
+            }
+            (None, None) => run(0, [weight, 0.0, 0.0, 0.0]),
         }
     }
 }

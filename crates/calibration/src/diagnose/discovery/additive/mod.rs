@@ -18,6 +18,8 @@ mod spline_formula;
 #[cfg(test)]
 mod tests;
 
+use depthcal_model::hook::HookKind;
+use depthcal_model::{Block, Camera, Register};
 use tracing::info;
 
 use self::blocks::Blocks;
@@ -27,6 +29,7 @@ use self::search::{Found, components};
 use super::discovered::Discovery;
 use super::observations::{FrameRows, Observations};
 use crate::calibrate::Calibrated;
+use crate::diagnose::candidate_blocks::with_pieces;
 
 /// Depth samples that take part, about: the products of all columns take most of the time.
 const MOST_SAMPLES: usize = 6000;
@@ -40,10 +43,30 @@ pub struct Component {
     pub description: Discovery,
 }
 
-/// The functions that the residuals of a fit depend on, none of them chance given all others; `taken` are names of pieces. Empty
-/// where nothing is found, or where the frames cannot be evaluated.
-pub fn additive_components(fit: &Calibrated, taken: &[String]) -> Vec<Component> {
-    Observations::thinned(fit, MOST_SAMPLES).map_or_else(Vec::new, |observations| described(&observations, taken))
+/// Most parameters of an effect of the board that is left open while functions are searched.
+const MOST_OF_BOARD: usize = 3;
+
+/// Names of the effects of `register` on the board that a camera lacks: a bent or a stretched board hides what depth depends
+/// on, and poses follow it.
+pub fn effects_of_board<'a>(register: &'a Register, camera: &'a Camera) -> impl Iterator<Item = &'static str> + 'a {
+    register.names().filter(|name| {
+        let is_simple = |block: &Block| block.hook() == HookKind::Board && block.theta.len() <= MOST_OF_BOARD;
+        camera.block(name).is_none() && register.block(name, None).is_ok_and(|block| is_simple(&block))
+    })
+}
+
+/// A fit whose board may have any shape of `register`, which begins with the one that it has.
+fn with_free_board(fit: &Calibrated, register: &Register) -> Calibrated {
+    let blocks = effects_of_board(register, &fit.camera).filter_map(|name| register.block(name, None).ok());
+    Calibrated { camera: with_pieces(&fit.camera, blocks).0, ..fit.clone() }
+}
+
+/// The functions that the residuals of a fit depend on, none of them chance given all others and the shape of the board;
+/// `register` has the board's effects, and `taken` are names of pieces. Empty where nothing is found, or where the frames
+/// cannot be evaluated.
+pub fn additive_components(fit: &Calibrated, register: &Register, taken: &[String]) -> Vec<Component> {
+    let fit = with_free_board(fit, register);
+    Observations::thinned(&fit, MOST_SAMPLES).map_or_else(Vec::new, |observations| described(&observations, taken))
 }
 
 /// The functions that residuals depend on, described by formulas.

@@ -34,7 +34,8 @@ impl Information {
     /// Precision of second differences and of single coefficients of a group at a strength.
     pub fn precision(&self, dictionary: &Dictionary, number: usize, strength: f64) -> Precision {
         let total = self.total.max(f64::MIN_POSITIVE);
-        let trace = dictionary.axis(number).map_or(1.0, |axis| smoothness_precision(&[axis]).trace());
+        let axes = dictionary.axes(number);
+        let trace = if axes.is_empty() { 1.0 } else { smoothness_precision(&axes).trace() };
         Precision { roughness: strength * total / trace, ridge: RIDGE * total / self.sums.len() as f64 }
     }
 
@@ -42,8 +43,9 @@ impl Information {
     pub fn penalty(&self, dictionary: &Dictionary, number: usize, strength: f64) -> DMatrix<f64> {
         let Precision { roughness, ridge } = self.precision(dictionary, number, strength);
         let mut penalty = DMatrix::identity(self.sums.len(), self.sums.len()) * ridge;
-        if let Some(axis) = dictionary.axis(number) {
-            penalty += smoothness_precision(&[axis]) * roughness;
+        let axes = dictionary.axes(number);
+        if !axes.is_empty() {
+            penalty += smoothness_precision(&axes) * roughness;
             let mean = self.sums.normalize();
             penalty += &mean * mean.transpose() * (CENTRED * self.total);
         }

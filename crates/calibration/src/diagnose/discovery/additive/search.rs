@@ -162,7 +162,10 @@ impl Search<'_> {
     fn words(&self, groups: &[usize]) -> String {
         let word = |group: &usize| {
             let group = &self.dictionary.groups[*group];
-            let smooth = group.smooth.map_or("1", |i| self.dictionary.smooth[i].covariate.name());
+            let covariates = self.dictionary.covariates(group);
+            let pair = || covariates.iter().map(|c| c.name()).collect::<Vec<_>>().join(", ");
+            let single = group.smooth.map_or("1", |i| self.dictionary.smooth[i].covariate.name());
+            let smooth = if group.pair.is_some() { pair() } else { single.to_owned() };
             let factor = group.factor.map_or(String::new(), |f| format!("·{}", self.dictionary.factors[f].0.name()));
             format!("s({smooth}){factor} {} {}", group.of.name(), group.on.name())
         };

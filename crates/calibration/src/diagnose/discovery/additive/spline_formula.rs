@@ -19,6 +19,8 @@ pub(super) struct Part<'a> {
     pub group: &'a Group,
     /// Of the spline, with its axis; `None` of a constant.
     pub smooth: Option<Smooth>,
+    /// Of both covariates of a function of two.
+    pub pair: Option<[Smooth; 2]>,
     /// With the mean that is subtracted.
     pub factor: Option<(C, f64)>,
     pub precision: Precision,
@@ -76,27 +78,37 @@ pub(super) fn formula(covariates: &BTreeSet<C>, parts: &[Part<'_>], taken: &[Str
             };
             definition.parameters.insert(name.clone(), FormulaParameter::Table(table));
         }
-        let coefficients = names.join(", ");
-        texts.push(match part.smooth {
-            Some(smooth) => format!("{factors}spline({}, {coefficients})", range(&mut definition, smooth, number + 1)),
-            None => format!("{factors}{coefficients}"),
-        });
+        let per_row = part.pair.map(|[along, _]| along.axis.count);
+        let mut spline = |smooth: Smooth, label: &str, coefficients: &[String]| {
+            format!("spline({}, {})", range(&mut definition, smooth, label), coefficients.join(", "))
+        };
+        let label = (number + 1).to_string();
+        let shape = match (part.smooth, part.pair) {
+            // The coefficients of a spline of one covariate are splines of the other.
+            (_, Some([along, across])) => {
+                let rows: Vec<String> = names.chunks(along.axis.count).map(|row| spline(along, &label, row)).collect();
+                spline(across, &format!("{label}b"), &rows)
+            }
+            (Some(smooth), None) => spline(smooth, &label, &names),
+            (None, None) => names.join(", "),
+        };
+        texts.push(format!("{factors}{shape}"));
         let deviation = |precision: f64| rounded(1.0 / precision.sqrt(), 3);
         let Precision { roughness, ridge } = part.precision;
         let (roughness, deviation) = (deviation(roughness), deviation(ridge));
-        definition.smooth.push(SmoothParameters { parameters: names, roughness, deviation });
+        definition.smooth.push(SmoothParameters { parameters: names, per_row, roughness, deviation });
     }
     definition.formula = FormulaText::One(texts.join(" + "));
     FormulaEffect::new(definition).map_err(|error| error.to_string())
 }
 
 /// The first arguments of a spline: its covariate with both ends of the range, which become constants.
-fn range(definition: &mut FormulaDefinition, smooth: Smooth, number: usize) -> String {
+fn range(definition: &mut FormulaDefinition, smooth: Smooth, label: &str) -> String {
     let Smooth { covariate, axis, .. } = smooth;
     // Amplitudes are spread over decades: the axis has their logarithm.
     let is_log = covariate == C::Amplitude;
     let ends = if is_log { [axis.low.exp(), axis.high.exp()] } else { [axis.low, axis.high] };
-    let [low, high] = ["low", "high"].map(|word| format!("{word}{number}"));
+    let [low, high] = ["low", "high"].map(|word| format!("{word}{label}"));
     for (name, end) in [&low, &high].into_iter().zip(ends) {
         definition.constants.insert(name.clone(), constant(end, covariate));
     }
