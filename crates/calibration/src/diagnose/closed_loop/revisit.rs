@@ -23,6 +23,7 @@ use super::state::{Event, FramesChanged, State, TakenOut, Uncertain};
 use crate::calibrate::{CalibrateError, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::error::DiagnoseError;
+use crate::diagnose::free_map::FREE_MAP;
 use crate::diagnose::held_out::{Gain, HeldOut};
 use crate::diagnose::lens_in_image::shows_in_images;
 use crate::diagnose::merit::significant;
@@ -153,7 +154,8 @@ pub(super) fn with_errors_along(
 }
 
 /// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes
-/// first, as another may be certain without it. A free map stays, which names nothing. `None` where all are certain.
+/// first, as another may be certain without it. A free map names nothing: it stays, and takes no part. `None` where all are certain,
+/// as a single one was when it was added.
 ///
 /// # Errors
 ///
@@ -161,9 +163,14 @@ pub(super) fn with_errors_along(
 pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Option<Event>, CalibrateError> {
     let State { model, present, .. } = state;
     let (mut model, mut present, mut possible) = (model.clone(), present.clone(), Vec::new());
-    let is_map = |effect: &AddedEffect| effect.evidence.block.piece().is_some_and(|piece| piece.field().is_some());
-    let mut doubtful: Vec<String> =
-        model.added.iter().filter(|effect| !is_map(effect)).map(|effect| effect.evidence.name.clone()).collect();
+    let map = model.added.pop_if(|last| last.evidence.name == FREE_MAP);
+    let mut doubtful: Vec<String> = model.added.iter().map(|effect| effect.evidence.name.clone()).collect();
+    if doubtful.len() < 2 {
+        return Ok(None);
+    }
+    if map.is_some() {
+        present = bench.fitted(&model.options(bench.declared()))?;
+    }
     while !doubtful.is_empty() {
         let mut uncertain = Vec::new();
         for name in &doubtful {
@@ -190,7 +197,12 @@ pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Opt
         model = with_errors_along(bench, model, place, &without.held_out)?;
         present = without;
     }
-    let is_another = model.added.len() < state.model.added.len();
+    let is_another = model.added.len() + usize::from(map.is_some()) < state.model.added.len();
+    if let Some(map) = map.filter(|_| is_another) {
+        model = model.with(map);
+        present = bench.fitted(&model.options(bench.declared()))?;
+        model.added.iter_mut().rev().take(1).for_each(|map| map.after = present.held_out.clone());
+    }
     Ok(is_another.then(|| Event::Uncertain(Box::new(Uncertain { model, present, possible }))))
 }
 
