@@ -144,9 +144,21 @@ fn explained(
         info!("additive: the errors on left-out frames fall by {percent:.2} %, not for certain");
         return Ok(None);
     }
-    for (place, _) in (before..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED) {
-        if let Some(named) = named(bench, &state.memory, &described, place)? {
-            described = named;
+    let explained = (before..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED);
+    let mut functions: Vec<usize> = explained.map(|(place, _)| place).collect();
+    for _ in 0..NAMING_PASSES {
+        let mut without_name = Vec::new();
+        for place in &functions {
+            match named(bench, &state.memory, &described, *place)? {
+                Some(named) => described = named,
+                None => without_name.push(*place),
+            }
+        }
+        // A function that none explained beside another function may be explained beside its name.
+        let is_another = without_name.len() < functions.len();
+        functions = without_name;
+        if !is_another {
+            break;
         }
     }
     let (model, fitted) = described;
@@ -217,7 +229,9 @@ const OTHER_NOISE: f64 = 0.9;
 /// … at this inverse depth, 1/mm.
 const TYPICAL_INVERSE_DEPTH: f64 = 1e-3;
 /// Share of the squared residuals that a function explains, from which on it is explained: names of less would be chance.
-const LEAST_NAMED: f64 = 0.05;
+const LEAST_NAMED: f64 = 0.02;
+/// Passes in which names are looked for.
+const NAMING_PASSES: usize = 2;
 /// Least fall of the held-out error by a further search, per cent.
 const LEAST_FALL: f64 = 0.5;
 

@@ -15,7 +15,7 @@ use crate::diagnose::merit::merit;
 pub(super) struct AugmentedModel {
     /// The added effects, in order.
     pub added: Vec<AddedEffect>,
-    /// The formulas that were found, whether they are still among the effects or not.
+    /// The definitions of those that are formulas, and of one that is about to be added.
     pub formulas: Vec<Discovery>,
 }
 
@@ -39,8 +39,7 @@ impl AugmentedModel {
         options
     }
 
-    /// Names that no further piece may have: those of its fit, and of all formulas, also of those that are no longer among the
-    /// effects.
+    /// Names that no further piece may have: those of its fit, and of its formulas.
     pub fn names(&self, fit: &Calibrated) -> Vec<String> {
         let formulas = self.formulas.iter().map(|formula| formula.effect.name().to_owned());
         fit.camera.blocks().iter().map(|block| block.name().to_owned()).chain(formulas).collect()
@@ -56,18 +55,25 @@ impl AugmentedModel {
     pub fn without(&self, place: usize) -> Self {
         let mut without = self.clone();
         without.added.remove(place);
-        without
+        without.with_own_formulas()
+    }
+
+    /// The model without definitions of formulas that are not among its effects: their names are free again.
+    fn with_own_formulas(mut self) -> Self {
+        let Self { added, formulas } = &mut self;
+        formulas.retain(|formula| added.iter().any(|effect| effect.evidence.name == formula.effect.name()));
+        self
     }
 
     /// The model with the first `count` of the added effects.
     pub fn first(&self, count: usize) -> Self {
-        Self { added: self.added[..count].to_vec(), formulas: self.formulas.clone() }
+        Self { added: self.added[..count].to_vec(), formulas: self.formulas.clone() }.with_own_formulas()
     }
 
     /// The model without the added effects of depth that images do not show.
     pub fn without_depth_effects(&self) -> Self {
         let added = self.added.iter().filter(|effect| !is_depth_only(&effect.evidence.block)).cloned().collect();
-        Self { added, formulas: self.formulas.clone() }
+        Self { added, formulas: self.formulas.clone() }.with_own_formulas()
     }
 
     /// Gives the effect that was added last another specification.

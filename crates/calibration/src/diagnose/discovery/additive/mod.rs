@@ -92,9 +92,10 @@ fn described(observations: &Observations, taken: &[String]) -> Vec<Component> {
         let names: Vec<&str> = covariates.iter().map(|c| c.name()).collect();
         match descriptions.formula(place, &taken) {
             Ok(description) => {
-                info!("additive: {}: {}", names.join(", "), description.effect.text());
+                let share = share(place);
+                info!("additive: {}, {share:.3} of the residuals: {}", names.join(", "), description.effect.text());
                 taken.push(description.effect.name().to_owned());
-                described.push(Component { share: share(place), description });
+                described.push(Component { share, description });
             }
             Err(reason) => info!("additive: {}: {reason}", names.join(", ")),
         }
