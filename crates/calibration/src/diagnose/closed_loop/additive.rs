@@ -195,19 +195,15 @@ fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Functions, Calibrate
     for _ in 0..SEARCHES {
         let components = bench.components(&Calibrated { noise, ..base.fit.clone() }, &taken);
         let before = &mut functions.described;
-        let count = components.len();
-        if count == 0 {
+        if components.len() < *least {
+            if before.is_none() {
+                functions.untried = components.len();
+            }
             break;
         }
         let shares = components.iter().map(|component| component.share).collect();
         let Some(with) = with_descriptions(bench, model, base, components)? else { break };
         let with = with_effects_of_board(bench, with)?;
-        if with.0.added.len() < model.added.len() + least {
-            if before.is_none() {
-                functions.untried = count;
-            }
-            break;
-        }
         if before
             .as_ref()
             .is_some_and(|((_, before), _)| lower_percent(before, &with.1).is_none_or(|percent| percent < LEAST_FALL))

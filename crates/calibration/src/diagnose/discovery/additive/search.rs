@@ -27,6 +27,9 @@ const LEAST_SHARE: f64 = 0.7;
 /// Share by which the gain of a pair has to exceed that of the best single group.
 const WORTH: f64 = 0.02;
 
+/// Share of its gain that a function of two covariates may lose to one of a single covariate.
+const SIMPLER: f64 = 0.05;
+
 /// A function of some covariates: the groups that describe it.
 #[derive(Debug, Clone)]
 pub(super) struct Found {
@@ -68,6 +71,31 @@ impl Search<'_> {
                 break;
             }
             members = extended;
+        }
+        self.simplified(members)
+    }
+
+    /// The members, with those of two covariates replaced by the best of one of these that explains as much.
+    fn simplified(&self, mut members: Vec<usize>) -> Vec<usize> {
+        let covariates = |group: usize| self.dictionary.covariates(&self.dictionary.groups[group]);
+        for place in 0..members.len() {
+            let of_member = covariates(members[place]);
+            if of_member.len() < 2 {
+                continue;
+            }
+            let mut others = members.clone();
+            others.remove(place);
+            let [whole, without] = [&members, &others].map(|groups| self.blocks.gain(self.dictionary, groups));
+            let simpler = self.blocks.tested.par_iter().copied().filter(|group| {
+                let of_group = covariates(*group);
+                of_group.len() == 1 && of_group.is_subset(&of_member) && !others.contains(group)
+            });
+            let gain = |group: usize| (group, self.blocks.gain(self.dictionary, &[&others[..], &[group]].concat()));
+            if let Some((group, gain)) = simpler.map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
+                && whole - gain <= SIMPLER * (whole - without)
+            {
+                members[place] = group;
+            }
         }
         members
     }
