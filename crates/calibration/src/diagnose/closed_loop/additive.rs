@@ -4,14 +4,14 @@
 //! without names, and fitted. Then each is explained given all others, as a single missing effect would be: by an effect of the
 //! catalogue, by a formula, or by nothing. A function that nothing explains stays as the correction that it is.
 
-use depthcal_io::GainInterval;
-use depthcal_model::PieceSpec;
+use depthcal_model::{Block, PieceSpec};
 use tracing::info;
 
 use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::decided::{Decided, decided};
 use super::formula::{evidence_of, with_formula};
+use super::lost_gain::{has_covariates_of, lost, says_as_much};
 use super::proposal::Proposal;
 use super::revisit::{Revisited, with_errors_along, without_needless};
 use super::state::{Accepted, Event, Memory, State};
@@ -226,8 +226,9 @@ const OTHER_NOISE: f64 = 0.9;
 const TYPICAL_INVERSE_DEPTH: f64 = 1e-3;
 /// Share of the squared residuals that a function explains, from which on it is explained: names of less would be chance.
 const LEAST_NAMED: f64 = 0.02;
-/// Passes in which names are looked for.
+/// Passes in which names are looked for, and effects of the catalogue that are tried for a function in each.
 const NAMING_PASSES: usize = 2;
+const MOST_NAMES: usize = 2;
 /// Least fall of the held-out error by a further search, per cent.
 const LEAST_FALL: f64 = 0.5;
 
@@ -307,16 +308,23 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
     let reduced = Fitted { fit: Calibrated { noise: fitted.fit.noise, ..reduced.fit }, ..reduced };
     bench.report("explaining a function of what is left", &without.options(bench.declared()));
     let examination = bench.examine(&reduced.fit)?;
-    let tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
-    let Decided { decision, .. } = decided(&reduced.fit, &examination, &tried, bench.options())?;
-    if let Decision::Add { effect, indistinguishable, .. } = &decision {
+    let function = model.formulas.iter().find(|f| f.effect.name() == model.added[place].evidence.name);
+    let is_own = |block: &Block| function.is_some_and(|function| has_covariates_of(block, function));
+    let mut tried = Memory { hidden: memory.hidden.clone(), ..Memory::default() };
+    for _ in 0..MOST_NAMES {
+        let Decided { decision, .. } = decided(&reduced.fit, &examination, &tried, bench.options())?;
+        let Decision::Add { effect, indistinguishable, .. } = &decision else { break };
         let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
         let effect = proposal.effects(&examination, &reduced.held_out).swap_remove(0);
         let name = effect.evidence.spec.to_string();
+        tried.tried.rejected.push(effect.evidence.name.clone());
         // A function of depth is explained by an effect of depth.
-        let is_of_depth = is_depth_only(&effect.evidence.block);
+        if !is_depth_only(&effect.evidence.block) {
+            continue;
+        }
+        let is_own = is_own(&effect.evidence.block);
         match bench.refined(without.clone().with(effect)) {
-            Ok((mut model, named)) if is_of_depth && says_as_much(&reduced, fitted, &named, &name) => {
+            Ok((mut model, named)) if says_as_much(&reduced, fitted, &named, (&name, is_own)) => {
                 if let Some(last) = model.added.last_mut() {
                     last.after = named.held_out.clone();
                 }
@@ -326,14 +334,15 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
             Err(error) => info!("additive: {name}: {error}"),
         }
     }
-    let taken = model.names(&fitted.fit);
+    let taken = without.names(&reduced.fit);
     let Search::Found(discovery) = bench.discover(&reduced.fit, Chance::Complete(&fitted.fit), &examination, &taken)
     else {
         return Ok(None);
     };
     let name = discovery.effect.text();
+    let is_own = function.is_some_and(|function| function.effect.covariates() == discovery.effect.covariates());
     let formula = with_formula(bench, &without, &reduced, *discovery);
-    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, &name));
+    let formula = formula.filter(|(_, named)| says_as_much(&reduced, fitted, named, (&name, is_own)));
     Ok(formula.map(|(model, named)| (in_place(model, place), named)))
 }
 
@@ -343,52 +352,6 @@ fn in_place(mut model: AugmentedModel, place: usize) -> AugmentedModel {
         model.added.insert(place, last);
     }
     model
-}
-
-/// Share of its gain that a function may lose to a name: names extrapolate, and close gaps.
-const LOST: f64 = 0.03;
-/// Share of that gain by which a name may gain more: one that gains much more explains something else.
-const MORE: f64 = 0.25;
-/// Width of a 95 % interval in standard errors.
-const WIDTH: f64 = 3.92;
-
-/// The gain of functions and the part of it that a name loses, per cent of the errors on left-out frames.
-struct Lost {
-    whole: f64,
-    lost: GainInterval,
-}
-
-/// The loss by a name of the gain of functions over `without`, the model that has neither.
-fn lost(without: &Fitted, functions: &Fitted, named: &Fitted) -> Option<Lost> {
-    let gain = |before: &Fitted, after: &Fitted| {
-        weighted_gain_percent(&before.held_out.evaluated, &after.held_out.evaluated, &functions.fit.noise.depth)
-    };
-    Some(Lost { whole: gain(without, functions)?.value, lost: gain(named, functions)? })
-}
-
-impl Lost {
-    fn standard_error(&self) -> f64 {
-        (self.lost.high - self.lost.low) / WIDTH
-    }
-
-    /// The name says nearly as much as the functions, or more.
-    fn is_little(&self) -> bool {
-        self.lost.value <= self.standard_error().max(LOST * self.whole)
-    }
-
-    /// The name says much more than the functions.
-    fn is_much_more(&self) -> bool {
-        self.lost.value < -self.standard_error().max(MORE * self.whole)
-    }
-}
-
-/// Whether a name explains of the errors of `rest`, the model without it, nearly what a function does.
-fn says_as_much(rest: &Fitted, function: &Fitted, named: &Fitted, name: &str) -> bool {
-    let Some(lost) = lost(rest, function, named) else { return false };
-    let says = lost.is_little() && !lost.is_much_more();
-    let Lost { whole, lost: GainInterval { value, low, high } } = lost;
-    info!("additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {whole:.2} % of its function: {says}");
-    says
 }
 
 #[cfg(test)]

@@ -156,13 +156,13 @@ pub(super) fn formula_instead(bench: &impl Bench, state: &State) -> Result<Optio
     if !bench.options().formulas || state.model.added.is_empty() || state.memory.compared_with_formula {
         return Ok(None);
     }
-    let State { model, first, present, .. } = state;
+    let State { first, present, .. } = state;
     bench.report("searching a formula instead", bench.declared());
     // With the noise that the effects leave: under the declared model what it lacks counts as noise, most where noise is least.
     let fit = &Calibrated { noise: present.fit.noise, ..first.fit.clone() };
     let examination = bench.examine(fit)?;
     let chance = Chance::Complete(&present.fit);
-    let instead = match bench.discover(fit, chance, &examination, &model.names(&present.fit)) {
+    let instead = match bench.discover(fit, chance, &examination, &AugmentedModel::default().names(fit)) {
         Search::Found(discovery) => with_formula_instead(bench, state, *discovery),
         Search::Nothing(refused) => {
             info!("no formula instead: {}", refused.reason);
@@ -183,7 +183,7 @@ pub(super) fn formula_instead(bench: &impl Bench, state: &State) -> Result<Optio
 fn with_formula_instead(bench: &impl Bench, state: &State, discovery: Discovery) -> Option<(AugmentedModel, Fitted)> {
     let State { model, present, first, .. } = state;
     let before = &model.added;
-    let without = AugmentedModel { added: Vec::new(), formulas: model.formulas.clone() };
+    let without = AugmentedModel::default();
     let (mut with, fitted) = with_formula(bench, &without, first, discovery)?;
     let thresholds = bench.thresholds();
     let parameters = |effects: &[AddedEffect]| effects.iter().map(|e| e.evidence.block.theta.len()).sum::<usize>();

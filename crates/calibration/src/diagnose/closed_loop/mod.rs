@@ -25,6 +25,7 @@ mod formula;
 mod frames;
 #[cfg(test)]
 mod linear_bench;
+mod lost_gain;
 mod proposal;
 mod refinement;
 mod revisit;

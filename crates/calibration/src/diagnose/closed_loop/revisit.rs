@@ -154,8 +154,8 @@ pub(super) fn with_errors_along(
 }
 
 /// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes
-/// first, as another may be certain without it. A free map names nothing: it stays, and takes no part. `None` where all are certain,
-/// as a single one was when it was added.
+/// first, as another may be certain without it. A free map names nothing: it stays, and takes no part. `None` where all are
+/// certain, as a single one was when it was added.
 ///
 /// # Errors
 ///

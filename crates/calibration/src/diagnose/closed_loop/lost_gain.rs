@@ -1,0 +1,63 @@
+//! The part of the gain of functions that a name loses, and whether that is little.
+
+use depthcal_io::GainInterval;
+use depthcal_model::{Block, Covariate};
+use tracing::info;
+
+use super::bench::Fitted;
+use crate::diagnose::discovery::Discovery;
+use crate::judge::cross_validation::weighted_gain_percent;
+
+/// Share of its gain that a function may lose to a name: names extrapolate, and close gaps.
+const LOST: f64 = 0.03;
+/// Share of that gain by which a name may gain more: one that gains much more explains something else.
+const MORE: f64 = 0.25;
+/// Width of a 95 % interval in standard errors.
+const WIDTH: f64 = 3.92;
+
+/// The gain of functions and the part of it that a name loses, per cent of the errors on left-out frames.
+pub(super) struct Lost {
+    whole: f64,
+    lost: GainInterval,
+}
+
+/// The loss by a name of the gain of functions over `without`, the model that has neither.
+pub(super) fn lost(without: &Fitted, functions: &Fitted, named: &Fitted) -> Option<Lost> {
+    let gain = |before: &Fitted, after: &Fitted| {
+        weighted_gain_percent(&before.held_out.evaluated, &after.held_out.evaluated, &functions.fit.noise.depth)
+    };
+    Some(Lost { whole: gain(without, functions)?.value, lost: gain(named, functions)? })
+}
+
+impl Lost {
+    fn standard_error(&self) -> f64 {
+        (self.lost.high - self.lost.low) / WIDTH
+    }
+
+    /// The name says nearly as much as the functions, or more.
+    pub fn is_little(&self) -> bool {
+        self.lost.value <= self.standard_error().max(LOST * self.whole)
+    }
+
+    /// The name says much more than the functions.
+    fn is_much_more(&self) -> bool {
+        self.lost.value < -self.standard_error().max(MORE * self.whole)
+    }
+}
+
+/// Whether a piece needs the covariates that a function needs, and these alone: it explains nothing else.
+pub(super) fn has_covariates_of(block: &Block, function: &Discovery) -> bool {
+    let of_function: Vec<Covariate> = function.effect.covariates().iter().filter_map(|c| c.needs()).collect();
+    let of_piece = block.piece().map_or(&[][..], |piece| piece.needs());
+    !of_piece.is_empty() && of_piece == of_function
+}
+
+/// Whether a name explains of the errors of the model without it nearly what a function does; much more than this only where it
+/// has the function's covariates, since it may describe them better than a smooth function.
+pub(super) fn says_as_much(without: &Fitted, function: &Fitted, named: &Fitted, (name, is_own): (&str, bool)) -> bool {
+    let Some(lost) = lost(without, function, named) else { return false };
+    let says = lost.is_little() && (is_own || !lost.is_much_more());
+    let Lost { whole, lost: GainInterval { value, low, high } } = lost;
+    info!("additive: {name} loses {value:.2} % ({low:.2} to {high:.2}) of the {whole:.2} % of its function: {says}");
+    says
+}
