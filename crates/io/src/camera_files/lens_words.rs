@@ -140,7 +140,7 @@ pub(super) fn from_terms(node: &Node<'_>, model: Option<LensModel>) -> Result<Op
         }
         return Ok(Some(FileLens::fisheye([k1, k2, k3, k4])));
     }
-    // k4 alone is that of a fisheye lens, or nerfstudio's of r⁸; OpenCV's stands beside k5 and k6.
+    // k4 without k5 and k6 is that of a fisheye lens, or nerfstudio's of r⁸; OpenCV has all three.
     if k4 != 0.0 && !(is_given[6] && is_given[7]) {
         let remedy =
             "stands without k5 and k6: name the lens model, fisheye or rational_polynomial; one of r⁸ is not read";

@@ -24,7 +24,7 @@ const HELD: [HeldLens; 2] = [HeldLens { name: "PinHole", piece: "brown_conrady",
 
 /// Names of the cameras of a document.
 pub(super) fn cameras(node: &Node<'_>) -> Vec<String> {
-    // One camera alone, without the settings beside it, may be anybody's mapping.
+    // One camera alone, without ORB-SLAM's settings, may be anybody's mapping.
     let is_settings = |name: &str| node.node(name).is_some_and(|camera| camera.has("type") || camera.has("fps"));
     let is_camera = |name: &&str| node.node(name).is_some_and(|camera| camera.has("fx") && camera.has("cx"));
     if !is_settings("Camera") {

@@ -154,7 +154,7 @@ fn explained(
                 None => without_name.push(*place),
             }
         }
-        // A function that none explained beside another function may be explained beside its name.
+        // Once one function has a name, another may be explained that was not before.
         let is_another = without_name.len() < functions.len();
         functions = without_name;
         if !is_another {
