@@ -123,6 +123,19 @@ pub struct PriorRow {
     pub entries: Vec<(usize, f64)>,
 }
 
+impl PriorRow {
+    /// Adds the row's normal matrix over the parameters of its block, in units of `scale`; `places` are their places in `matrix`.
+    pub(super) fn add_to(&self, matrix: &mut DMatrix<f64>, places: &[Option<usize>], scale: impl Fn(usize) -> f64) {
+        for (i, a) in &self.entries {
+            for (j, b) in &self.entries {
+                if let (Some(p), Some(q)) = (places[*i], places[*j]) {
+                    matrix[(p, q)] += a * b / (scale(*i) * scale(*j));
+                }
+            }
+        }
+    }
+}
+
 /// The prior's rows for the smooth functions that a piece has itself ([`SmoothParameters`]), whose strength is part of the piece.
 ///
 /// [`SmoothParameters`]: depthcal_model::SmoothParameters
@@ -149,11 +162,8 @@ pub fn rows_of_smooth_functions(block: &Block) -> Vec<PriorRow> {
 pub fn precision_of_smooth_functions(block: &Block) -> Option<DMatrix<f64>> {
     let rows = rows_of_smooth_functions(block);
     let mut precision = DMatrix::zeros(block.theta.len(), block.theta.len());
-    for PriorRow { entries } in &rows {
-        for (i, a) in entries {
-            entries.iter().for_each(|(j, b)| precision[(*i, *j)] += a * b);
-        }
-    }
+    let places: Vec<Option<usize>> = (0..block.theta.len()).map(Some).collect();
+    rows.iter().for_each(|row| row.add_to(&mut precision, &places, |_| 1.0));
     (!rows.is_empty()).then_some(precision)
 }
 

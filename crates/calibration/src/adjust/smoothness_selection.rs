@@ -9,7 +9,7 @@ use depthcal_model::Camera;
 use nalgebra::{DMatrix, DVector};
 
 use super::field_thresholds::FieldThresholds;
-use super::smoothness_prior::{PriorRow, Smoothness, differences, ridge, rows_of_smooth_functions};
+use super::smoothness_prior::{Smoothness, differences, ridge, rows_of_smooth_functions};
 
 /// Normal equations of one frame in the camera's free parameters, for fitting and for prediction.
 #[derive(Debug, Clone)]
@@ -128,23 +128,6 @@ impl FreeParameters {
     }
 }
 
-/// Adds the normal matrix of a row over the parameters of a block, in units of `scale`; `places` are their places among the free
-/// parameters.
-fn add_row(
-    matrix: &mut DMatrix<f64>,
-    PriorRow { entries }: &PriorRow,
-    places: &[Option<usize>],
-    scale: impl Fn(usize) -> f64,
-) {
-    for (i, a) in entries {
-        for (j, b) in entries {
-            if let (Some(p), Some(q)) = (places[*i], places[*j]) {
-                matrix[(p, q)] += a * b / (scale(*i) * scale(*j));
-            }
-        }
-    }
-}
-
 /// Precision matrix of the smooth functions that pieces of a camera have themselves, over its free parameters, and their pull at
 /// the parameters' present values (the gradient of their cost).
 pub(crate) fn prior_of_smooth_functions(camera: &Camera) -> (DMatrix<f64>, DVector<f64>) {
@@ -159,7 +142,7 @@ fn precision_of_all_smooth_functions(camera: &Camera, free: &FreeParameters) -> 
     let mut precision = DMatrix::zeros(count, count);
     for (block, range) in camera.blocks_with_ranges() {
         let rows = rows_of_smooth_functions(block);
-        rows.iter().for_each(|row| add_row(&mut precision, row, &free.places[range.clone()], |_| 1.0));
+        rows.iter().for_each(|row| row.add_to(&mut precision, &free.places[range.clone()], |_| 1.0));
     }
     precision
 }
@@ -177,11 +160,11 @@ impl<'a> CrossValidation<'a> {
                 let field = (row.entries[0].0 % layout.per_node()) / layout.grid.bins;
                 let place = smoothness.fields.iter().position(|f| f.piece == block.name() && f.index == field);
                 if let Some(place) = place {
-                    add_row(&mut penalties[place], &row, &free.places[range.clone()], scale);
+                    row.add_to(&mut penalties[place], &free.places[range.clone()], scale);
                 }
             }
             for row in ridge(&layout, &block.free, 1.0) {
-                add_row(&mut ridge_matrix, &row, &free.places[range.clone()], scale);
+                row.add_to(&mut ridge_matrix, &free.places[range.clone()], scale);
             }
         }
         let count = frames.len().clamp(1, smoothness.thresholds.most_folds);

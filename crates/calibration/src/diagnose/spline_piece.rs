@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use depthcal_formula::cubic_b_splines;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{AnyPiece, Context, Of, On, Parameter, Placement, REFERENCE_DEPTH_MM, Role};
 
@@ -50,18 +51,7 @@ impl Axis {
         let t = ((x - self.low) / (self.high - self.low)).clamp(0.0, 1.0) * spans as f64;
         let span = (t as usize).min(spans - 1);
         let u = t - span as f64;
-        let values = if self.degree == LINEAR {
-            [1.0 - u, u, 0.0, 0.0]
-        } else {
-            // Uniform cubic B-splines.
-            let v = 1.0 - u;
-            [
-                v * v * v / 6.0,
-                (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0,
-                (3.0 * v * v * v - 6.0 * v * v + 4.0) / 6.0,
-                u * u * u / 6.0,
-            ]
-        };
+        let values = if self.degree == LINEAR { [1.0 - u, u, 0.0, 0.0] } else { cubic_b_splines(0, u) };
         (span, values)
     }
 }

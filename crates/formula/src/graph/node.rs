@@ -115,41 +115,38 @@ impl Unary {
     }
 }
 
-/// The derivative of an order, up to the third, of the cubic B-spline with knots at −2, −1, 0, 1 and 2 (de Boor, *A Practical
-/// Guide to Splines*, 1978).
-#[inline]
-fn b_spline(order: u8, x: f64) -> f64 {
-    // β(x) = ((2 − |x|)₊³ − 4 (1 − |x|)₊³) / 6, without branches.
-    let u = x.abs();
-    let (outer, inner) = ((2.0 - u).max(0.0), (1.0 - u).max(0.0));
-    let sign = x.signum();
-    match order {
-        0 => (outer * outer * outer - 4.0 * inner * inner * inner) / 6.0,
-        1 => sign * (2.0 * inner * inner - 0.5 * outer * outer),
-        2 => outer - 4.0 * inner,
-        3 => sign * (4.0 * f64::from(u8::from(u < 1.0)) - f64::from(u8::from(u < 2.0))),
-        _ => 0.0,
-    }
-}
-
 /// Coefficients of which a spline is made up at one place.
 const SUPPORT: usize = 4;
 
-/// The derivative of an order, up to the third, of Σ cᵢ β(t + 1 − i) with `count` coefficients, at least four; t is from 0 to
-/// `count` − 3. Four of them count, with the polynomials of their span (de Boor, *A Practical Guide to Splines*, 1978).
+/// The derivative of an order, up to the third, of the four uniform cubic B-splines that are not zero in a span of length 1, at
+/// `u` from its beginning (de Boor, *A Practical Guide to Splines*, 1978).
 #[inline]
-pub(crate) fn spline(order: u8, t: f64, count: usize, coefficient: impl Fn(usize) -> f64) -> f64 {
-    // A negative t and one that is not a number are in the first span.
-    let span = (t as usize).min(count - SUPPORT);
-    let u = t - span as f64;
+pub fn cubic_b_splines(order: u8, u: f64) -> [f64; SUPPORT] {
     let v = 1.0 - u;
-    let basis = match order {
+    match order {
         0 => [v * v * v, (3.0 * u - 6.0) * u * u + 4.0, (3.0 * v - 6.0) * v * v + 4.0, u * u * u].map(|b| b / 6.0),
         1 => [-v * v, (3.0 * u - 4.0) * u, (4.0 - 3.0 * v) * v, u * u].map(|b| 0.5 * b),
         2 => [v, 3.0 * u - 2.0, 3.0 * v - 2.0, u],
         3 => [-1.0, 3.0, -3.0, 1.0],
         _ => [0.0; SUPPORT],
-    };
+    }
+}
+
+/// The derivative of an order of the cubic B-spline with knots at −2, −1, 0, 1 and 2.
+#[inline]
+fn b_spline(order: u8, x: f64) -> f64 {
+    let span = x.floor();
+    // The last of the four begins in the span from −2 to −1, the first ends in that from 1 to 2.
+    if (-2.0..2.0).contains(&span) { cubic_b_splines(order, x - span)[(1.0 - span) as usize] } else { 0.0 }
+}
+
+/// The derivative of an order, up to the third, of Σ cᵢ β(t + 1 − i) with `count` coefficients, at least four; t is from 0 to
+/// `count` − 3. Four of them count.
+#[inline]
+pub(crate) fn spline(order: u8, t: f64, count: usize, coefficient: impl Fn(usize) -> f64) -> f64 {
+    // A negative t and one that is not a number are in the first span.
+    let span = (t as usize).min(count - SUPPORT);
+    let basis = cubic_b_splines(order, t - span as f64);
     (0..SUPPORT).map(|i| coefficient(span + i) * basis[i]).sum()
 }
 

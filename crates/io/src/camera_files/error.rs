@@ -44,7 +44,7 @@ pub enum CameraFileError {
         path: PathBuf,
         /// The field of the matrix or of a focal length.
         pinhole: String,
-        /// The keys beside it.
+        /// The other keys of the mapping.
         keys: Vec<String>,
     },
     /// The text is no valid YAML, JSON or XML.

@@ -21,7 +21,7 @@ const FORMAT: &str = "Open3D";
 const HELD: [HeldLens; 1] = [HeldLens { name: "camera without a lens", piece: "brown_conrady", count: 0 }];
 const MATRIX: &str = "intrinsic_matrix";
 
-/// The only camera of a mapping with a matrix by columns, or with one that is the same by rows and no lens beside it.
+/// The only camera of a mapping whose matrix has the principal point by columns, or has none and the mapping no lens.
 pub(super) fn cameras(node: &Node<'_>) -> Vec<String> {
     let has_lens = || node.keys().into_iter().any(is_of_lens);
     let by_columns = |k: [f64; 9]| [k[2], k[5]] == [0.0; 2] && ([k[6], k[7]] != [0.0; 2] || !has_lens());

@@ -5,7 +5,7 @@
 //! | `depthIntrinsic`, `rgbIntrinsic` (`depth_intrinsic`, …) | fx fy cx cy, width, height, px; pixel centres at integers |
 //! | `depthDistortion`, `rgbDistortion` | k1 … k6 p1 p2, OpenCV's eight by name; `model` where the SDK has one |
 //!
-//! Source: `OBCameraIntrinsic`, `OBCameraDistortion` in ObTypes.h. Any mapping with `…intrinsic` beside `…distortion` is read so.
+//! Source: `OBCameraIntrinsic`, `OBCameraDistortion` in ObTypes.h. Any mapping that has `…intrinsic` and `…distortion` is read so.
 
 use super::error::CameraFileError;
 use super::intrinsics::Intrinsics;
@@ -27,7 +27,7 @@ fn distortion_of<'a>(node: &Node<'a>, camera: &str) -> Option<&'a str> {
     node.keys().into_iter().find(|key| names.contains(&plain(key)) && node.node(key).is_some())
 }
 
-/// Keys of the intrinsics that stand beside a distortion.
+/// Keys of the intrinsics, in a mapping that has a distortion too.
 pub(super) fn cameras(node: &Node<'_>) -> Vec<String> {
     let is_camera = |key: &&str| {
         let is_pinhole = node.node(key).is_some_and(|inner| !named::cameras(&inner).is_empty());

@@ -72,6 +72,17 @@ pub struct IntrinsicNumbers {
     pub distortion: Vec<f64>,
 }
 
+fn technology_from(camera: &Section<'_>) -> Result<Option<Technology>, DatasetError> {
+    let Some(text) = camera.string(TECHNOLOGY)? else { return Ok(None) };
+    match text.parse() {
+        Ok(technology) => Ok(Some(technology)),
+        Err(_) => {
+            let problem = format!("is no principle of a depth camera: '{text}'");
+            Err(camera.fault(camera.required(TECHNOLOGY)?, TECHNOLOGY, &problem))
+        }
+    }
+}
+
 /// Intrinsics and lens of a section that has some of these keys.
 pub(super) fn camera_from(camera: &Section<'_>) -> Result<CameraHint, DatasetError> {
     let text = |field| Ok::<_, DatasetError>(camera.string(field)?.map(str::to_owned));
@@ -81,13 +92,7 @@ pub(super) fn camera_from(camera: &Section<'_>) -> Result<CameraHint, DatasetErr
         let problem = "stands beside `intrinsics`: one of them is too many";
         return Err(camera.fault(camera.required(field)?, INTRINSICS, problem));
     }
-    let technology = match camera.string(TECHNOLOGY)? {
-        Some(text) => {
-            let fault = |problem: &str| Ok(camera.fault(camera.required(TECHNOLOGY)?, TECHNOLOGY, problem));
-            Some(text.parse().or_else(|_| Err(fault(&format!("is no principle of a depth camera: '{text}'"))?))?)
-        }
-        None => None,
-    };
+    let technology = technology_from(camera)?;
     // A section without numbers has a lens, a file or a technology; one of none of them lacks numbers.
     let needs_numbers = given.is_some() || (intrinsics.is_none() && lens.is_none() && technology.is_none());
     let numbers = needs_numbers.then(|| numbers_from(camera, lens.as_deref())).transpose()?;

@@ -13,7 +13,7 @@ use super::decided::{Decided, decided};
 use super::formula::{evidence_of, with_formula};
 use super::lost_gain::{has_covariates_of, lost, says_as_much};
 use super::proposal::Proposal;
-use super::revisit::{Revisited, with_errors_along, without_needless};
+use super::revisit::{Revisited, without_needless};
 use super::state::{Accepted, Event, Memory, State};
 use super::trial::tried;
 use crate::adjust::blocks::is_depth_only;
@@ -61,29 +61,32 @@ pub(super) fn explained_together(
     let Functions { untried, described } = functions(bench, &task)?;
     let with = match described {
         None => None,
-        Some(described) => match one_effect_instead(bench, state, examination, &described.0.1)? {
-            Some(alone) => Some(alone),
-            None => explained(bench, state, examination, &task, described)?,
+        Some(described) => match one_effect(bench, state, examination)? {
+            Some(alone) if says_all(present, &described.0.1, &alone.present) => Some(alone),
+            // Where the functions do not help, the effect does, which the next trial would find again.
+            alone => explained(bench, state, examination, &task, described)?.or(alone),
         },
     };
     Ok(Event::ExplainedTogether { untried, with })
 }
 
-/// The present model with the one effect that the residuals decide for, where it says as much as all `functions` together: they
-/// are its parts.
-fn one_effect_instead(
+/// The present model with the one effect that the residuals decide for, where it helps.
+fn one_effect(
     bench: &impl Bench,
     state: &State,
     examination: &Examination,
-    functions: &Fitted,
 ) -> Result<Option<Box<Accepted>>, DiagnoseError> {
     let State { present, memory, .. } = state;
     let Decided { decision, .. } = decided(&present.fit, examination, memory, bench.options())?;
     let Decision::Add { effect, indistinguishable, .. } = &decision else { return Ok(None) };
     let proposal = Proposal { effect: *effect, jointly_with: &[], indistinguishable };
-    let Event::Accepted(accepted) = tried(bench, state, examination, proposal)? else { return Ok(None) };
-    let lost = lost(present, functions, &accepted.present);
-    Ok(lost.filter(|lost| lost.is_little()).map(|_| accepted))
+    let event = tried(bench, state, examination, proposal)?;
+    Ok(if let Event::Accepted(accepted) = event { Some(accepted) } else { None })
+}
+
+/// Whether one effect says as much as all functions together: they are its parts.
+fn says_all(without: &Fitted, functions: &Fitted, effect: &Fitted) -> bool {
+    lost(without, functions, effect).is_some_and(|lost| lost.is_little())
 }
 
 /// The model with all effects of depth explained anew, together, where the held-out errors are lower for certain: effects that
@@ -168,8 +171,6 @@ fn explained(
     if effects.is_empty() {
         return Ok(None);
     }
-    // They were fitted together: every step of the report begins with the errors with which the one before ended.
-    let model = with_errors_along(bench, model, earlier, &present.held_out)?;
     let share = |effect: &AddedEffect| merit(&effect.evidence) / examination.cost();
     let largest_share = model.added[earlier..].iter().map(share).fold(state.memory.largest_share, f64::max);
     let outcome = Some(RoundOutcome::Added { effects, removed });
@@ -254,10 +255,7 @@ fn with_descriptions(
         with = with.with(AddedEffect::alone(evidence, 0.0, present.held_out.clone()));
     }
     match bench.fitted(&with.options(bench.declared())) {
-        Ok(fitted) => {
-            with.added.iter_mut().skip(model.added.len()).for_each(|added| added.after = fitted.held_out.clone());
-            Ok(Some((with, fitted)))
-        }
+        Ok(fitted) => Ok(Some((with, fitted))),
         Err(error) => {
             info!("additive: the functions cannot be fitted together: {error}");
             Ok(None)
@@ -276,7 +274,7 @@ fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> 
             continue;
         };
         let p_value = evidence.p_value;
-        let mut with = model.clone().with(AddedEffect::alone(evidence, p_value, fitted.held_out.clone()));
+        let with = model.clone().with(AddedEffect::alone(evidence, p_value, fitted.held_out.clone()));
         let bent = match bench.fitted(&with.options(bench.declared())) {
             Ok(bent) => bent,
             Err(error) => {
@@ -285,7 +283,6 @@ fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> 
             }
         };
         if matches!(bent.gain_over(&fitted, &with.added[model.added.len()..], bench.thresholds()), Gain::Certain) {
-            with.added.iter_mut().skip(model.added.len()).for_each(|added| added.after = bent.held_out.clone());
             (model, fitted) = (with, bent);
         }
     }
@@ -324,10 +321,7 @@ fn named(bench: &impl Bench, memory: &Memory, with: &Model, place: usize) -> Res
         }
         let is_own = is_own(&effect.evidence.block);
         match bench.refined(without.clone().with(effect)) {
-            Ok((mut model, named)) if says_as_much(&reduced, fitted, &named, (&name, is_own)) => {
-                if let Some(last) = model.added.last_mut() {
-                    last.after = named.held_out.clone();
-                }
+            Ok((model, named)) if says_as_much(&reduced, fitted, &named, (&name, is_own)) => {
                 return Ok(Some((in_place(model, place), named)));
             }
             Ok(_) => {}

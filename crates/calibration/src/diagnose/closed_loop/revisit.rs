@@ -60,7 +60,7 @@ pub(super) fn without_needless(
     tests: usize,
 ) -> Result<Revisited, CalibrateError> {
     let mut revisited = Revisited { model, present, removed: Vec::new(), earlier: together };
-    let mut i = 0;
+    let (mut i, mut first_changed) = (0, usize::MAX);
     let protected = usize::from(is_last_tried);
     while i + protected < revisited.model.added.len() {
         let (effect, is_new) = (&revisited.model.added[i], i >= revisited.earlier);
@@ -73,8 +73,8 @@ pub(super) fn without_needless(
         match fitted_if_needless(bench, &rest_of_model, effect, &revisited.present, is_new, tests) {
             Ok(Some(without)) => {
                 revisited.earlier -= usize::from(!is_new);
-                revisited.model = with_errors_along(bench, rest_of_model, i, &without.held_out)?;
-                revisited.present = without;
+                first_changed = first_changed.min(i);
+                (revisited.model, revisited.present) = (rest_of_model, without);
                 revisited.removed.push(spec);
             }
             Ok(None) => i += 1,
@@ -84,6 +84,9 @@ pub(super) fn without_needless(
             }
         }
     }
+    // Of effects that were not tried one after the other, no errors along the way are known.
+    let first = if is_last_tried { first_changed } else { first_changed.min(revisited.earlier) };
+    revisited.model = with_errors_along(bench, revisited.model, first, &revisited.present.held_out)?;
     Ok(revisited)
 }
 
@@ -171,6 +174,7 @@ pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Opt
     if map.is_some() {
         present = bench.fitted(&model.options(bench.declared()))?;
     }
+    let mut first_changed = usize::MAX;
     while !doubtful.is_empty() {
         let mut uncertain = Vec::new();
         for name in &doubtful {
@@ -194,14 +198,17 @@ pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Opt
         doubtful.retain(|name| *name != effect.evidence.name);
         let frames = present.held_out.evaluated.frames.len();
         possible.extend(gain.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
-        model = with_errors_along(bench, model, place, &without.held_out)?;
+        first_changed = first_changed.min(place);
         present = without;
     }
+    model = with_errors_along(bench, model, first_changed, &present.held_out)?;
     let is_another = model.added.len() + usize::from(map.is_some()) < state.model.added.len();
     if let Some(map) = map.filter(|_| is_another) {
         model = model.with(map);
         present = bench.fitted(&model.options(bench.declared()))?;
-        model.added.iter_mut().rev().take(1).for_each(|map| map.after = present.held_out.clone());
+        if let Some(map) = model.added.last_mut() {
+            map.after = present.held_out.clone();
+        }
     }
     Ok(is_another.then(|| Event::Uncertain(Box::new(Uncertain { model, present, possible }))))
 }
