@@ -1,6 +1,6 @@
 //! The result of a diagnosis.
 
-use depthcal_io::Verdict;
+use depthcal_io::{DiagnosisSearched, Verdict};
 
 use super::bad_frames::BadFrame;
 use super::discovery::Discovery;
@@ -23,7 +23,7 @@ pub struct Diagnosis {
     pub steps: Vec<Step>,
     /// Effects that may be missing too, but are not certain.
     pub possible: Vec<Possible>,
-    /// The residual of the last model, and the part of it that no model of the same covariates could remove; `None` where frames
+    /// The residual of the last model, and the part of it that no function of one covariate could remove; `None` where frames
     /// or pixels are too few to tell.
     pub pure_error: Option<PureError>,
     /// Findings and decision of every round.
@@ -36,6 +36,8 @@ pub struct Diagnosis {
     pub left_over: Vec<LeftOver>,
     /// The formulas among the steps.
     pub formulas: Vec<Discovery>,
+    /// The functions that were searched in what is left; `None` where none were.
+    pub searched: Option<DiagnosisSearched>,
     /// Why no formula was found for what is left; `None` where none was searched.
     pub formula_refused: Option<String>,
     /// Captures that would answer open questions.

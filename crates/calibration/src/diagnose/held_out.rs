@@ -33,8 +33,9 @@ impl HeldOut {
 /// The gain of a change of the model on held-out frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Gain {
-    /// The error falls for certain.
-    Certain,
+    /// The error falls for certain. The fall is the less certain one of those with frames left out singly and in blocks, of the
+    /// weighted errors or of the unweighted depth error where that falls for certain.
+    Certain(GainInterval),
     /// It falls, but this may be chance; or an error that users read rises. The fall is the less certain one of those with frames
     /// left out singly and in blocks.
     Possible(GainInterval),
@@ -78,13 +79,18 @@ pub(super) fn gain(
     let loses = depth.zip(singly).is_some_and(|(unweighted, weighted)| {
         unweighted.value < -thresholds.most_unweighted_loss_percent && -unweighted.value > weighted.value
     });
-    let is_certain = |gains: [Option<GainInterval>; 2]| gains.iter().flatten().any(GainInterval::is_certain);
-    let in_blocks_or_depth = || is_certain([in_blocks, blocks.and_then(|(b, a)| depth_gain_percent(b, a))]);
-    let certain_in_blocks = match of_time {
-        true => is_certain([over_blocks, None]),
-        false => blocks.is_none() || in_blocks_or_depth(),
+    let certain_of = |gains: [Option<GainInterval>; 2]| gains.into_iter().flatten().find(GainInterval::is_certain);
+    let of_frames = certain_of([singly, depth]);
+    let of_blocks = match (of_time, blocks) {
+        (true, _) => certain_of([over_blocks, None]),
+        (false, None) => of_frames,
+        (false, Some((b, a))) => certain_of([in_blocks, depth_gain_percent(b, a)]),
     };
-    let certain = is_certain([singly, depth]) && certain_in_blocks;
-    debug!(?singly, ?depth, ?dots, ?in_blocks, ?over_blocks, certain, rises, loses, "gain on held-out frames");
-    if certain && !rises && !loses { Gain::Certain } else { Gain::Possible(*least) }
+    let certain =
+        of_frames.zip(of_blocks).map(|(frames, blocks)| if blocks.low < frames.low { blocks } else { frames });
+    debug!(?singly, ?depth, ?dots, ?in_blocks, ?over_blocks, ?certain, rises, loses, "gain on held-out frames");
+    match certain {
+        Some(gain) if !rises && !loses => Gain::Certain(gain),
+        _ => Gain::Possible(*least),
+    }
 }

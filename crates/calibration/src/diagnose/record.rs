@@ -46,6 +46,7 @@ pub fn to_file(diagnosis: &Diagnosis, dataset: FileReference, model: ModelSpec) 
         bad_frames: diagnosis.bad_frames.iter().map(bad_frame).collect(),
         declarations: diagnosis.declarations.iter().map(ImplausibleScale::record).collect(),
         left_over: diagnosis.left_over.iter().map(left_over).collect(),
+        searched: diagnosis.searched.clone(),
         formula_refused: diagnosis.formula_refused.clone(),
         capture_next: diagnosis.capture_next.iter().map(capture).collect(),
         frame_planes: diagnosis.planes.iter().filter(|p| p.p_value.is_finite()).map(frame_plane).collect(),
@@ -117,7 +118,8 @@ fn step(step: &Step) -> DiagnosisStep {
         before: step.before,
         after: step.after,
         depth_rms_after_mm: step.depth_rms_after_mm,
-        depth_gain_percent: step.gain_percent,
+        depth_gain_percent: step.depth_gain_percent,
+        gain_percent: step.gain_percent,
         formula: None,
     }
 }

@@ -11,6 +11,7 @@ use super::evaluation::Outliers;
 use super::findings::{DiagnosisCapture, DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisLeftOver};
 use super::pure_error::DiagnosisPureError;
 use super::reference::FileReference;
+use super::searched::DiagnosisSearched;
 
 /// The outcome of a diagnosis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -92,8 +93,13 @@ pub struct DiagnosisStep {
     /// of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth_rms_after_mm: Option<Interval>,
-    /// Decrease of the held-out root mean square depth error, per cent.
+    /// Decrease of the held-out root mean square depth error from `before` to `after`, per cent.
     pub depth_gain_percent: Option<GainInterval>,
+    /// Decrease of the error on left-out frames through it, given all other effects of the last model, per cent: of depth
+    /// weighted by its noise and of reprojection, the less certain one with frames left out singly and in blocks; absent for a
+    /// free map and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain_percent: Option<GainInterval>,
     /// Evidence for it, where it is a formula that was found in the residuals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub formula: Option<DiagnosisFormula>,
@@ -342,6 +348,9 @@ pub struct CameraDiagnosis {
     /// Structure left in the residuals that no effect explains.
     #[serde(default)]
     pub left_over: Vec<DiagnosisLeftOver>,
+    /// The functions that were searched in what is left; absent where none were, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub searched: Option<DiagnosisSearched>,
     /// Why no formula was found for what is left; absent where none was searched.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub formula_refused: Option<String>,

@@ -21,6 +21,7 @@ mod prior;
 mod pure_error;
 mod reference;
 mod scores;
+mod searched;
 
 #[cfg(test)]
 pub(crate) use calibration::example;
@@ -61,3 +62,4 @@ pub use prior::{Prior, PriorUse, UsedPriorParameter};
 pub use pure_error::{DiagnosisNoiseAtDepth, DiagnosisPureError, DiagnosisPureNoise, DiagnosisShared};
 pub use reference::FileReference;
 pub use scores::{ModelValue, ScoredEffect, ScoredParameter, Scores};
+pub use searched::DiagnosisSearched;

@@ -1,11 +1,11 @@
-//! The residuals of a diagnosis' last model, and the part of them that no function of the covariates could remove.
+//! The residuals of a diagnosis' last model, and the part of them that no function of one covariate could remove.
 
 use serde::{Deserialize, Serialize};
 
 use super::covariate::DiagnosisCovariate;
 
 /// The residuals of the last model, and the pure error: the part of them that different frames do not share at the same values of
-/// any covariate, and that no function of the covariates could remove.
+/// any covariate, and that no function of one covariate could remove.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DiagnosisPureError {
     /// Root mean square of the depth residuals over the board pixels, mm.

@@ -223,7 +223,7 @@ fn pure_error(d: &ReportDiagnosis<'_>) -> String {
         let noise = found.noise.as_ref().map_or_else(String::new, |noise| format!(" {}.", capital(&pure_noise(noise))));
         format!(
             " Over the fitted frames {} mm rms is left, of which {} mm is pure error (ratio {}): different frames do not share it at the same \
-             values of any covariate, so that no model of these could remove it.{noise}",
+             value of a covariate, so that no function of one covariate could remove it.{noise}",
             number(found.residual_rms_mm),
             number(found.pure_error_mm),
             number(found.ratio)

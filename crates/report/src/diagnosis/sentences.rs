@@ -6,7 +6,7 @@ use depthcal_io::{
     DiagnosisAddOutcome, DiagnosisCapture, DiagnosisCompetitor, DiagnosisCovariate, DiagnosisDecision,
     DiagnosisDeclaration, DiagnosisFrameCause, DiagnosisImage, DiagnosisLeftOver, DiagnosisPlace, DiagnosisPossible,
     DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
-    DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
+    DiagnosisSearched, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
 };
 use depthcal_model::{Covariate, Of, On, PieceSpec, Register};
 
@@ -158,6 +158,25 @@ pub(crate) fn left_over(left: &DiagnosisLeftOver) -> String {
     }
 }
 
+/// The functions that were searched in what is left, without full stop.
+pub(crate) fn searched(searched: &DiagnosisSearched) -> String {
+    let pairs: Vec<String> = searched.functions_of_pairs.iter().map(|[a, b]| format!("{a} and {b}")).collect();
+    let pairs = if pairs.is_empty() { String::new() } else { format!("; functions of {}", pairs.join(", of ")) };
+    let times = match &searched.times[..] {
+        [] => String::new(),
+        times => format!(", and times {}", times.join(", ")),
+    };
+    let unknown = match &searched.unknown[..] {
+        [] => String::new(),
+        unknown => format!("; not recorded, or constant: {}", unknown.join(", ")),
+    };
+    format!(
+        "smooth functions of {}, singly and two at a time{times}{pairs}: none more lowers the error on left-out frames for \
+         certain{unknown}",
+        searched.functions_of.join(", ")
+    )
+}
+
 /// Residuals that frames share, without full stop.
 pub(crate) fn shared(found: &DiagnosisShared) -> String {
     let along: Vec<&str> = found.along.iter().map(|a| covariate(*a)).collect();
@@ -180,8 +199,8 @@ pub(crate) fn shared(found: &DiagnosisShared) -> String {
 /// The residual beside the pure error, without full stop.
 pub(crate) fn pure_error(error: &DiagnosisPureError) -> String {
     format!(
-        "left over {} rms, pure error {} rms (ratio {}): pure error is what different frames do not share at the same values of \
-         any covariate",
+        "left over {} rms, pure error {} rms (ratio {}): pure error is what different frames do not share at the same value of \
+         a covariate",
         quantity(error.residual_rms_mm, "mm"),
         quantity(error.pure_error_mm, "mm"),
         number(error.ratio)

@@ -8,7 +8,7 @@ use depthcal_model::Register;
 use super::answers::arrow;
 use super::formula::{FormulaText, formula_sentences};
 use super::sentences::{
-    capture, declaration, frame_cause, left_over, place, possible, pure_error, rivals_of_other_technologies,
+    capture, declaration, frame_cause, left_over, place, possible, pure_error, rivals_of_other_technologies, searched,
 };
 use crate::format::{interval, join, measured, number, p_equals, p_value, percent, quantity, shown_unit};
 use crate::left_out::share;
@@ -54,6 +54,9 @@ pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register) -> String {
     for left in &d.left_over {
         let _ = writeln!(t, "left: {}", left_over(left));
     }
+    if let Some(functions) = &d.searched {
+        let _ = writeln!(t, "tried on what is left: {}", searched(functions));
+    }
     if let Some(error) = &d.pure_error {
         let _ = writeln!(t, "{}", pure_error(error));
     }
@@ -78,9 +81,10 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register) -> S
     parameters.into_iter().for_each(|p| t += &parameter(p));
     splines.iter().for_each(|spline| t += &format!("     {}\n", spline_words(spline)));
     let _ = writeln!(t, "   held-out frames: {}", errors(&s.before, &s.after));
-    if let Some(gain) = &s.depth_gain_percent {
-        let range = interval(gain.low, gain.high, "%");
-        let _ = writeln!(t, "   depth error falls by {} (95 % interval over frames {range})", percent(gain.value));
+    if let Some(gain) = &s.gain_percent {
+        let (fall, range) = (percent(gain.value), interval(gain.low, gain.high, "%"));
+        let _ =
+            writeln!(t, "   given all others, the error on left-out frames falls by {fall} (95 % interval {range})");
     }
     if !s.indistinguishable.is_empty() {
         let _ = writeln!(t, "   these captures cannot distinguish it from: {}", s.indistinguishable.join(", "));
@@ -189,7 +193,8 @@ mod tests {
             before: errors(Some(6.604)),
             after: errors(Some(5.512)),
             depth_rms_after_mm: None,
-            depth_gain_percent: Some(GainInterval { value: 16.53, low: 13.49, high: 20.1 }),
+            depth_gain_percent: None,
+            gain_percent: Some(GainInterval { value: 16.53, low: 13.49, high: 20.1 }),
             formula: None,
         };
         let candidate = DiagnosisCandidate {
@@ -212,6 +217,7 @@ mod tests {
             bad_frames: Vec::new(),
             declarations: Vec::new(),
             left_over: Vec::new(),
+            searched: None,
             formula_refused: None,
             capture_next: vec![depthcal_io::DiagnosisCapture::Record {
                 covariate: depthcal_io::DiagnosisCovariate::Time,
@@ -233,7 +239,7 @@ effect: cyclic_depth was missing and was added; these captures show nothing else
      a             2.981 ± 0.012     mm
      b               0.5 fixed
    held-out frames: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
-   depth error falls by 16.5 % (95 % interval over frames 13.5 to 20.1 %)
+   given all others, the error on left-out frames falls by 16.5 % (95 % interval 13.5 to 20.1 %)
    these captures cannot distinguish it from: disparity_ripple
    cameras of another technology have disparity_ripple instead: `technology` in [camera] of dataset.toml decides
    found together with: range_offset

@@ -127,7 +127,7 @@ pub(super) fn explained_anew(
     // Without what was needless it may be the present model again.
     let is_better = |anew: &Accepted| {
         let added = anew.model.added.get(without.added.len()..).unwrap_or_default();
-        matches!(anew.present.gain_over(present, added, bench.thresholds()), Gain::Certain)
+        matches!(anew.present.gain_over(present, added, bench.thresholds()), Gain::Certain(_))
     };
     Ok(explained.filter(|anew| is_better(anew)))
 }
@@ -142,7 +142,7 @@ fn explained(
 ) -> Result<Option<Box<Accepted>>, DiagnoseError> {
     let before = task.model.added.len();
     let gain = described.1.gain_over(task.incumbent, &described.0.added[before..], bench.thresholds());
-    if !matches!(gain, Gain::Certain) {
+    if !matches!(gain, Gain::Certain(_)) {
         let percent = lower_percent(task.incumbent, &described.1).unwrap_or(f64::NAN);
         info!("additive: the errors on left-out frames fall by {percent:.2} %, not for certain");
         return Ok(None);
@@ -282,7 +282,7 @@ fn with_effects_of_board(bench: &impl Bench, (mut model, mut fitted): Model) -> 
                 continue;
             }
         };
-        if matches!(bent.gain_over(&fitted, &with.added[model.added.len()..], bench.thresholds()), Gain::Certain) {
+        if matches!(bent.gain_over(&fitted, &with.added[model.added.len()..], bench.thresholds()), Gain::Certain(_)) {
             (model, fitted) = (with, bent);
         }
     }

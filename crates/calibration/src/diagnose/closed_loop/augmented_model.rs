@@ -59,7 +59,7 @@ impl AugmentedModel {
     }
 
     /// The model without definitions of formulas that are not among its effects: their names are free again.
-    fn with_own_formulas(mut self) -> Self {
+    pub fn with_own_formulas(mut self) -> Self {
         let Self { added, formulas } = &mut self;
         formulas.retain(|formula| added.iter().any(|effect| effect.evidence.name == formula.effect.name()));
         self

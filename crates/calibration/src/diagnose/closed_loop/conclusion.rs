@@ -7,7 +7,7 @@ use super::fitter::Fitter;
 use super::state::State;
 use crate::calibrate::with_frame_scatter;
 use crate::diagnose::diagnosis::Diagnosis;
-use crate::diagnose::discovery::{Discovery, components};
+use crate::diagnose::discovery::{Discovery, components, searched};
 use crate::diagnose::error::DiagnoseError;
 use crate::diagnose::examination::Examination;
 use crate::diagnose::experiment_design::{distinguishing_frames, frames_against_rivals, missing_covariates};
@@ -27,7 +27,7 @@ pub(super) fn conclude(
     state: State,
     examination: Examination,
 ) -> Result<Diagnosis, DiagnoseError> {
-    let State { frames, model, present, first, findings, rounds, .. } = state;
+    let State { frames, model, present, first, memory, findings, rounds } = state;
     let bench = fitter.on(&frames.used, rounds.len());
     let (declared, thresholds) = (bench.declared(), bench.thresholds());
     let options = model.options(declared);
@@ -61,6 +61,7 @@ pub(super) fn conclude(
         declarations: findings.declarations,
         left_over,
         formulas,
+        searched: memory.tried.functions.and_then(|_| searched(&fit)),
         formula_refused: findings.formula_refused,
         capture_next,
         first: first.fit,

@@ -107,7 +107,6 @@ pub(super) fn with_formula(
     let register = model.register(bench.declared());
     let evidence = Evidence { p_value, ..evidence_of(bench, &present.fit, &register, spec)? };
     let effect = AddedEffect {
-        of_other_technologies: Vec::new(),
         placements_not_told_apart: placements,
         ..AddedEffect::alone(evidence, p_value, present.held_out.clone())
     };
@@ -192,12 +191,12 @@ fn with_formula_instead(bench: &impl Bench, state: &State, discovery: Discovery)
         weighted_gain_percent(without, with, &present.fit.noise.depth).map_or(0.0, |gain| gain.value)
     };
     let (of_effects, of_formula) = (gained(present), gained(&fitted));
-    let is_better = matches!(fitted.gain_over(present, &with.added, thresholds), Gain::Certain)
+    let is_better = matches!(fitted.gain_over(present, &with.added, thresholds), Gain::Certain(_))
         && of_effects < thresholds.least_explained_of_own * of_formula;
     info!("errors fall by {of_effects:.2} % with the effects, by {of_formula:.2} % with a formula instead");
     let says_it_with_less = before.len() > with.added.len()
         && parameters(before) >= parameters(&with.added)
-        && !matches!(present.gain_over(&fitted, before, thresholds), Gain::Certain);
+        && !matches!(present.gain_over(&fitted, before, thresholds), Gain::Certain(_));
     if !(is_better || says_it_with_less) {
         return None;
     }

@@ -101,12 +101,13 @@ impl ClosedLoop<'_> {
                 break examination;
             }
         };
-        if let Some(event) = without_uncertain(&self.bench(), &self.state)? {
-            self.state.apply(event);
+        let effects = self.state.model.added.len();
+        let readmitted = frames_readmitted(self.fitter, &self.state)?;
+        let are_other_frames = readmitted.is_some();
+        readmitted.map(|event| self.state.apply(event));
+        without_uncertain(&self.bench(), &self.state)?.map(|event| self.state.apply(event));
+        if are_other_frames || self.state.model.added.len() < effects {
             examination = self.examine()?;
-        }
-        if let Some(event) = frames_readmitted(self.fitter, &self.state)? {
-            self.state.apply(event);
         }
         Ok(examination)
     }

@@ -55,6 +55,7 @@ impl Proposal<'_> {
                 placements_not_told_apart: Vec::new(),
                 p_value: (p_value * examination.tests as f64).min(1.0),
                 after: present.clone(),
+                gain_percent: None,
                 evidence,
             }
         };

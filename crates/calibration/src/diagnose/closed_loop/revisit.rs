@@ -5,9 +5,10 @@
 //! | effects in the model | effects or a formula were added | [`without_needless`] |
 //! | effects of the lens in the model | something is unexplained | [`without_hidden_lens_effects`] |
 //! | frames that are fitted | effects were added | [`other_frames_excluded`] |
-//! | effects of the last model | no round is left | [`without_uncertain`] |
 //! | frames that are excluded | no round is left | [`frames_readmitted`] |
+//! | effects of the last model | no round is left | [`without_uncertain`] |
 
+use depthcal_io::GainInterval;
 use depthcal_model::PieceSpec;
 use depthcal_model::hook::HookKind;
 use depthcal_solver::score::ScoreError;
@@ -19,7 +20,7 @@ use super::augmented_model::AugmentedModel;
 use super::bench::{Bench, Fitted};
 use super::fitter::Fitter;
 use super::frames::{readmitted, without_outlying};
-use super::state::{Event, FramesChanged, State, TakenOut, Uncertain};
+use super::state::{Event, FramesChanged, Judged, State, TakenOut};
 use crate::calibrate::{CalibrateError, Calibrated};
 use crate::diagnose::added_effect::AddedEffect;
 use crate::diagnose::error::DiagnoseError;
@@ -130,7 +131,7 @@ fn fitted_if_needless(
     }
     let without = Fitted { held_out: bench.held_out(&fit, &options)?, fit };
     let is_needed = match with.gain_over(&without, std::slice::from_ref(effect), thresholds) {
-        Gain::Certain => counts,
+        Gain::Certain(_) => counts,
         Gain::Possible(_) => counts && !is_new,
         Gain::None => false,
     };
@@ -157,60 +158,83 @@ pub(super) fn with_errors_along(
 }
 
 /// Removes the effects of the last model whose gain, given all others, is not certain: they are possible. The least one goes
-/// first, as another may be certain without it. A free map names nothing: it stays, and takes no part. `None` where all are
-/// certain, as a single one was when it was added.
+/// first, as another may be certain without it. The others have their gains from then on. A free map names nothing: it stays,
+/// and takes no part. `None` where there is no effect.
 ///
 /// # Errors
 ///
 /// [`CalibrateError`] where models along the way cannot be fitted again.
 pub(super) fn without_uncertain(bench: &impl Bench, state: &State) -> Result<Option<Event>, CalibrateError> {
-    let State { model, present, .. } = state;
+    let State { model, present, first, .. } = state;
     let (mut model, mut present, mut possible) = (model.clone(), present.clone(), Vec::new());
     let map = model.added.pop_if(|last| last.evidence.name == FREE_MAP);
-    let mut doubtful: Vec<String> = model.added.iter().map(|effect| effect.evidence.name.clone()).collect();
-    if doubtful.len() < 2 {
+    if model.added.is_empty() {
         return Ok(None);
     }
     if map.is_some() {
         present = bench.fitted(&model.options(bench.declared()))?;
     }
     let mut first_changed = usize::MAX;
-    while !doubtful.is_empty() {
-        let mut uncertain = Vec::new();
-        for name in &doubtful {
-            let Some(place) = model.added.iter().position(|effect| effect.evidence.name == *name) else { continue };
-            let without = match bench.fitted(&model.without(place).options(bench.declared())) {
-                Ok(without) => without,
-                Err(error) => {
-                    info!("without {name}: {error}");
-                    continue;
-                }
-            };
-            match present.gain_over(&without, &model.added[place..=place], bench.thresholds()) {
-                Gain::Certain => {}
-                Gain::Possible(gain) => uncertain.push((gain.value, Some(gain), place, without)),
-                Gain::None => uncertain.push((0.0, None, place, without)),
-            }
-        }
-        doubtful = uncertain.iter().map(|(_, _, place, _)| model.added[*place].evidence.name.clone()).collect();
-        let Some((_, gain, place, without)) = uncertain.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+    while let Some(Least { place, gain_percent, without }) = least_uncertain(bench, &mut model, &present, first) {
         let effect = model.added.remove(place);
-        doubtful.retain(|name| *name != effect.evidence.name);
         let frames = present.held_out.evaluated.frames.len();
-        possible.extend(gain.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
+        possible.extend(gain_percent.map(|gain| Possible::new(effect.evidence.spec, gain, frames)));
         first_changed = first_changed.min(place);
         present = without;
     }
-    model = with_errors_along(bench, model, first_changed, &present.held_out)?;
-    let is_another = model.added.len() + usize::from(map.is_some()) < state.model.added.len();
-    if let Some(map) = map.filter(|_| is_another) {
+    model = with_errors_along(bench, model.with_own_formulas(), first_changed, &present.held_out)?;
+    if let Some(map) = map {
         model = model.with(map);
-        present = bench.fitted(&model.options(bench.declared()))?;
+        present = match first_changed {
+            usize::MAX => state.present.clone(),
+            _ => bench.fitted(&model.options(bench.declared()))?,
+        };
         if let Some(map) = model.added.last_mut() {
             map.after = present.held_out.clone();
         }
     }
-    Ok(is_another.then(|| Event::Uncertain(Box::new(Uncertain { model, present, possible }))))
+    Ok(Some(Event::Judged(Box::new(Judged { model, present, possible }))))
+}
+
+/// An effect whose gain is not certain.
+struct Least {
+    place: usize,
+    /// Its gain; `None` where there is none.
+    gain_percent: Option<GainInterval>,
+    without: Fitted,
+}
+
+/// The effect of a model with the least gain, given all others, of those whose gain is not certain; gives the others theirs.
+/// `first` is the declared model.
+fn least_uncertain(bench: &impl Bench, model: &mut AugmentedModel, present: &Fitted, first: &Fitted) -> Option<Least> {
+    let mut least: Option<Least> = None;
+    for place in 0..model.added.len() {
+        let rest_of_model = model.without(place);
+        let without = match rest_of_model.added.is_empty() {
+            true => Ok(first.clone()),
+            false => bench.fitted(&rest_of_model.options(bench.declared())),
+        };
+        let without = match without {
+            Ok(without) => without,
+            Err(error) => {
+                info!("without {}: {error}", model.added[place].evidence.name);
+                continue;
+            }
+        };
+        let gain_percent = match present.gain_over(&without, &model.added[place..=place], bench.thresholds()) {
+            Gain::Certain(gain) => {
+                model.added[place].gain_percent = Some(gain);
+                continue;
+            }
+            Gain::Possible(gain) => Some(gain),
+            Gain::None => None,
+        };
+        let value = |gain: Option<GainInterval>| gain.map_or(0.0, |gain| gain.value);
+        if least.as_ref().is_none_or(|least| value(gain_percent) < value(least.gain_percent)) {
+            least = Some(Least { place, gain_percent, without });
+        }
+    }
+    least
 }
 
 /// Removes the effects of the lens that were added and that images alone do not show, each given the others. `None` where there

@@ -77,8 +77,8 @@ pub(super) enum Event {
     Accepted(Box<Accepted>),
     /// Effects of the lens are removed from the present model.
     TakenOut(Box<TakenOut>),
-    /// Effects of the last model are possible, not certain.
-    Uncertain(Box<Uncertain>),
+    /// The effects of the last model, each given all others; some are possible, not certain.
+    Judged(Box<Judged>),
     /// Effects were tried in vain.
     Rejected {
         /// Names of the effects that were tried together, the one that was found first.
@@ -135,8 +135,8 @@ pub(super) struct TakenOut {
     pub effects: Vec<PieceSpec>,
 }
 
-/// The last model without effects whose gain is not certain given all others.
-pub(super) struct Uncertain {
+/// The last model without effects whose gain is not certain given all others; the rest have their gains.
+pub(super) struct Judged {
     pub model: AugmentedModel,
     pub present: Fitted,
     /// The removed effects that may be there.
@@ -196,8 +196,8 @@ impl State {
             }
             Event::Accepted(accepted) => self.accept(*accepted),
             Event::TakenOut(taken_out) => self.take_out(*taken_out),
-            Event::Uncertain(uncertain) => {
-                let Uncertain { model, present, possible } = *uncertain;
+            Event::Judged(judged) => {
+                let Judged { model, present, possible } = *judged;
                 (self.model, self.present) = (model, present);
                 self.findings.possible.retain(|earlier| possible.iter().all(|p| p.spec.name != earlier.spec.name));
                 self.findings.possible.extend(possible);

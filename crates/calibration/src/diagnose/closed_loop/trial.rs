@@ -95,7 +95,7 @@ pub(super) fn trial(
             }
         };
         match fitted.gain_over(present, &with.added[before..], bench.thresholds()) {
-            Gain::Certain => return Trial::Helps(Box::new((without_pixels_of_earlier(with), fitted))),
+            Gain::Certain(_) => return Trial::Helps(Box::new((without_pixels_of_earlier(with), fitted))),
             Gain::Possible(gain) if with.added.len() == before + 1 => {
                 let spec = with.added[before].evidence.spec.clone();
                 possible = Some(Possible::new(spec, gain, present.held_out.evaluated.frames.len()));

@@ -37,7 +37,7 @@ use depthcal_io::DiagnosisPlace;
 use depthcal_model::Options;
 use tracing::{debug, info};
 
-pub use self::additive::{Component, additive_components, effects_of_board};
+pub use self::additive::{Component, additive_components, effects_of_board, searched};
 pub use self::component::components;
 use self::confirmation::replicate;
 use self::definition::{effect_of, name_of};

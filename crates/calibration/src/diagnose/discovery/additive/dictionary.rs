@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 
 use depthcal_formula::FormulaCovariate as C;
+use depthcal_io::DiagnosisSearched;
 use depthcal_model::{Of, On};
 use nalgebra::DMatrix;
 
@@ -122,6 +123,21 @@ impl Dictionary {
         dictionary.add_groups();
         dictionary.add_pairs();
         dictionary
+    }
+
+    /// Its functions by the names of their covariates.
+    pub fn searched(&self) -> DiagnosisSearched {
+        let name = |covariate: &C| covariate.name().to_owned();
+        let has = |covariate: &C| self.smooth.iter().any(|smooth| smooth.covariate == *covariate);
+        let (functions_of, unknown): (Vec<C>, Vec<C>) =
+            COVARIATES.iter().map(|(covariate, _)| *covariate).partition(has);
+        let pairs: BTreeSet<[usize; 2]> = self.groups.iter().filter_map(|group| group.pair).collect();
+        DiagnosisSearched {
+            functions_of: functions_of.iter().map(name).collect(),
+            times: self.factors.iter().map(|(covariate, _)| name(covariate)).collect(),
+            functions_of_pairs: pairs.iter().map(|pair| pair.map(|i| name(&self.coarse[i].covariate))).collect(),
+            unknown: unknown.iter().map(name).collect(),
+        }
     }
 
     fn add_groups(&mut self) {

@@ -18,6 +18,7 @@ mod spline_formula;
 #[cfg(test)]
 mod tests;
 
+use depthcal_io::DiagnosisSearched;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Block, Camera, Register};
 use tracing::info;
@@ -33,6 +34,8 @@ use crate::diagnose::candidate_blocks::with_pieces;
 
 /// Depth samples that take part, about: the products of all columns take most of the time.
 const MOST_SAMPLES: usize = 6000;
+/// … where only the covariates are looked at.
+const SAMPLES_OF_SPANS: usize = 600;
 
 /// A function that the residuals depend on, given all others, as a formula that describes it.
 #[derive(Debug, Clone)]
@@ -67,6 +70,11 @@ fn with_free_board(fit: &Calibrated, register: &Register) -> Calibrated {
 pub fn additive_components(fit: &Calibrated, register: &Register, taken: &[String]) -> Vec<Component> {
     let fit = with_free_board(fit, register);
     Observations::thinned(&fit, MOST_SAMPLES).map_or_else(Vec::new, |observations| described(&observations, taken))
+}
+
+/// The functions that are searched in the residuals of a fit; `None` where the frames cannot be evaluated.
+pub fn searched(fit: &Calibrated) -> Option<DiagnosisSearched> {
+    Observations::thinned(fit, SAMPLES_OF_SPANS).map(|observations| Dictionary::of(&observations, 1).searched())
 }
 
 /// The functions that residuals depend on, described by formulas.
