@@ -101,7 +101,13 @@ fn read(file: &Value) -> Result<RigCapture, Box<dyn Error>> {
             frames,
             dropped: Vec::new(),
         };
-        cameras.push(CameraCapture { name: name.to_owned(), capture, declared: None, lens: None });
+        cameras.push(CameraCapture {
+            name: name.to_owned(),
+            capture,
+            declared: None,
+            lens: None,
+            camera_from_rig: None,
+        });
     }
     Ok(RigCapture { name: "corners".to_owned(), cameras })
 }

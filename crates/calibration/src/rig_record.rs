@@ -60,7 +60,7 @@ pub fn rig_record(result: &RigCalibrated, fitted: &EvaluatedRig, dataset: FileRe
 
 fn camera_record(camera: &CameraFit) -> CameraRecord {
     let fit = &camera.calibrated;
-    let std_dev = camera.place_std_dev.map(std_dev_record);
+    let std_dev = camera.place_std_dev.filter(|std_dev| *std_dev != [0.0; 6]).map(std_dev_record);
     let (rotation, translation_mm) = numbers(&camera.camera_from_rig);
     CameraRecord {
         name: camera.name.clone(),

@@ -25,7 +25,7 @@ pub fn rig_capture(points: &RigPoints) -> RigCapture {
         } else {
             capture.frames.retain(|frame| frame.has_depth());
         }
-        CameraCapture { name: truth.name.clone(), capture, declared: None, lens: None }
+        CameraCapture { name: truth.name.clone(), capture, declared: None, lens: None, camera_from_rig: None }
     });
     RigCapture { name: "rig".to_owned(), cameras: cameras.collect() }
 }
@@ -96,7 +96,9 @@ pub fn errors(fit: &RigCalibrated, truth: &RigTruth) -> Vec<(usize, f64)> {
     for camera in &fit.cameras {
         let Some(true_camera) = truth.cameras.iter().find(|t| t.name == camera.name) else { continue };
         if camera.place_std_dev.is_some() {
-            errors.extend(place_error(camera, true_camera).iter().enumerate().map(|(i, e)| (row + i, *e)));
+            let off = place_error(camera, true_camera);
+            let is_free = |i: &usize| fit.covariance[(row + i, row + i)] > 0.0;
+            errors.extend((0..6).filter(is_free).map(|i| (row + i, off[i])));
             row += if camera.drift.is_some() { 12 } else { 6 };
             if let Some(offset) = camera.time_offset {
                 errors.push((row, true_camera.time_offset_s - offset.value_s));

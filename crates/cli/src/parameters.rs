@@ -44,10 +44,10 @@ fn print_value(name: &str, value: f64, std: Option<f64>, unknown: &str, unit: &s
 }
 
 /// The six values of a rigid motion: a rotation vector in radians, which is printed in degrees, and a translation, mm.
-fn print_motion(values: &[f64; 6], std_devs: &[f64; 6]) {
+fn print_motion(values: &[f64; 6], std_devs: Option<&[f64; 6]>) {
     for (i, name) in ["rx", "ry", "rz", "tx", "ty", "tz"].into_iter().enumerate() {
         let (scale, unit) = if i < 3 { (1_f64.to_degrees(), "°") } else { (1.0, "mm") };
-        print_value(name, scale * values[i], Some(scale * std_devs[i]), "fixed", unit);
+        print_value(name, scale * values[i], std_devs.map(|std_devs| scale * std_devs[i]), "fixed", unit);
     }
 }
 
@@ -58,14 +58,17 @@ fn print_extrinsics(camera: &CameraFit) {
     };
     let (turn, shift) = (camera.camera_from_rig.rotation.scaled_axis(), camera.camera_from_rig.translation.vector);
     say!("camera_from_rig");
-    print_motion(&[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z], &std_devs);
+    print_motion(
+        &[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z],
+        Some(&std_devs).filter(|std_devs| **std_devs != [0.0; 6]),
+    );
     if let Some(TimeOffset { value_s, std_dev_s }) = camera.time_offset {
         let [value, std_dev] = [value_s, std_dev_s].map(|s| quantity(1e3 * s, "ms"));
         say!("time_offset: it exposes {value} ± {std_dev} later than its times say");
     }
     if let Some((drift, std_devs)) = &camera.drift {
         say!("extrinsics_drift over {}", drift_range(drift.over, drift.range));
-        print_motion(&drift.change, std_devs);
+        print_motion(&drift.change, Some(std_devs));
     }
 }
 

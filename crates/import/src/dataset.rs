@@ -124,6 +124,7 @@ fn description(chosen: &Chosen, board: Target, [image_extension, depth_extension
             // REP 118: 16-bit depth is in millimetres, floating-point depth in metres.
             unit_mm: chosen.depth.as_ref().map(|_| if is_metres { 1000.0 } else { 1.0 }),
             camera: chosen.info.as_ref().map(camera_hint),
+            camera_from_rig: None,
             ..CameraSection::default()
         }],
     }

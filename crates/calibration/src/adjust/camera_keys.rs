@@ -57,6 +57,9 @@ pub(super) fn camera_keys<F: AdjustableFrame>(
     let drift = problem.extrinsics.and_then(|e| e.drift).map(|d| values.insert(DVector::from_column_slice(&d)));
     let offset = problem.extrinsics.and_then(|e| e.offset_s).map(|s| values.insert(DVector::from_element(1, s)));
     extrinsics.iter().for_each(|key| graph.label(*key, label("camera_from_rig")));
+    if problem.extrinsics.is_some_and(|e| e.are_known) {
+        extrinsics.iter().for_each(|key| graph.fix(*key));
+    }
     drift.iter().for_each(|key| graph.label(*key, label("extrinsics_drift")));
     offset.iter().for_each(|key| graph.label(*key, label("time_offset")));
     let mut variables = |block: &Block| {

@@ -48,9 +48,10 @@ impl SharedParameters {
         let mut first = 0;
         for camera in &adjustment.cameras {
             let is_free = camera.camera.blocks().iter().flat_map(|block| block.free.iter().copied());
-            let extrinsics: usize =
-                camera.variables().take(camera.variables_of_extrinsics()).map(|id| adjustment.values.dim(id)).sum();
-            let mut is_free = std::iter::repeat_n(true, extrinsics).chain(is_free);
+            let extrinsics = camera.variables().take(camera.variables_of_extrinsics());
+            let is_free_extrinsics = extrinsics
+                .flat_map(|id| std::iter::repeat_n(!adjustment.graph.is_fixed(id), adjustment.values.dim(id)));
+            let mut is_free = is_free_extrinsics.chain(is_free);
             for id in camera.variables() {
                 let dim = adjustment.values.dim(id);
                 let of_variable: Vec<bool> = is_free.by_ref().take(dim).collect();

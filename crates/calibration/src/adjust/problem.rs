@@ -50,6 +50,8 @@ pub struct View {
 pub struct Extrinsics {
     /// Maps the rig's frame to the camera's, mm.
     pub camera_from_rig: Isometry3<f64>,
+    /// Whether they are known, and held.
+    pub are_known: bool,
     /// Their change with time or temperature, ω and τ; `None` where they do not change.
     pub drift: Option<[f64; 6]>,
     /// By how much the camera exposes later than its times say, s; `None` where that is not estimated.
@@ -80,6 +82,7 @@ impl<'a, F: AdjustableFrame> Problem<'a, F> {
             };
             let extrinsics = Extrinsics {
                 camera_from_rig: camera.camera_from_rig,
+                are_known: camera.is_placed,
                 drift: camera.drift.map(|drift| drift.change),
                 offset_s: camera.offset_s,
             };

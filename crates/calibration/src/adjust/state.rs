@@ -44,6 +44,8 @@ pub struct CameraState<F = SampledFrame> {
     pub camera: Camera,
     /// Its place; the identity for the reference.
     pub camera_from_rig: Isometry3<f64>,
+    /// Whether that is known, and held.
+    pub is_placed: bool,
     /// How its place changes.
     pub drift: Option<PlaceDrift>,
     /// By how much it exposes later than its frames' times say, against the reference, s; `None` where that is not asked. Then it
@@ -116,6 +118,7 @@ impl<F: AdjustableFrame> CameraState<F> {
             name: REFERENCE.to_owned(),
             camera,
             camera_from_rig: Isometry3::identity(),
+            is_placed: true,
             drift: None,
             offset_s: None,
             noise,

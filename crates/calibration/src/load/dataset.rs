@@ -10,6 +10,7 @@ use depthcal_io::{
     GrayImage, Observations, check_same_size, digest_files, read_depth_frame, read_gray,
 };
 use depthcal_model::{BoardPart, CharucoLayout, Register};
+use nalgebra::{Isometry3, Matrix3x4, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 use tracing::{debug, info, warn};
 
@@ -144,6 +145,7 @@ impl Loaded {
             capture: loaded.capture.clone(),
             declared: None,
             lens: loaded.declared.camera.as_ref().and_then(|camera| camera.lens.clone()),
+            camera_from_rig: loaded.declared.camera_from_rig.map(rigid_motion),
         };
         RigCapture { name: self.name.clone(), cameras: self.cameras.iter().map(camera).collect() }
     }
@@ -472,4 +474,11 @@ fn find_markers(dataset: &DatasetCamera, _frames: &[RawFrame], _options: &LoadOp
 #[cfg(feature = "detect")]
 fn find_markers(dataset: &DatasetCamera, frames: &[RawFrame], options: &LoadOptions) -> Result<Found, LoadError> {
     super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)
+}
+
+/// The rigid motion of the rows of (R | t), with the rotation next to R.
+fn rigid_motion(rows: [f64; 12]) -> Isometry3<f64> {
+    let matrix = Matrix3x4::from_row_slice(&rows);
+    let rotation = UnitQuaternion::from_matrix(&matrix.fixed_columns::<3>(0).into_owned());
+    Isometry3::from_parts(Translation3::from(matrix.column(3).into_owned()), rotation)
 }

@@ -96,6 +96,7 @@ pub fn declared_in_memory(name: &str, target: &Target, depth_unit_mm: Option<f64
         frames: Vec::new(),
         depth_unit_mm,
         camera: None,
+        camera_from_rig: None,
         pairing: Pairing::default(),
         strays: Vec::new(),
         lists: Vec::new(),

@@ -2,6 +2,7 @@
 
 use crate::observe::Capture;
 use depthcal_model::Camera;
+use nalgebra::Isometry3;
 
 /// The captures of all cameras of a rig. Frames of different cameras that were taken together have the same name.
 #[derive(Debug, Clone)]
@@ -23,6 +24,8 @@ pub struct CameraCapture {
     pub declared: Option<Camera>,
     /// The lens model that the dataset declares.
     pub lens: Option<String>,
+    /// Its extrinsics where they are known: no fit changes them.
+    pub camera_from_rig: Option<Isometry3<f64>>,
 }
 
 impl CameraCapture {

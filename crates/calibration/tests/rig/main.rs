@@ -3,6 +3,7 @@
 
 mod depth_only;
 mod jacobians;
+mod known_extrinsics;
 mod like_one_camera;
 mod one_camera;
 mod several_boards;

@@ -10,6 +10,7 @@ use super::board::BOARD_KEYS;
 use super::boards::Boards;
 use super::camera_hint::{CAMERA_KEYS, CameraHint, camera_from};
 use super::error::DatasetError;
+use super::extrinsics::extrinsics_from;
 use super::inside::within;
 use super::section::{Field, Keys, Section, Source};
 use super::text::read_text;
@@ -58,11 +59,14 @@ pub struct CameraSection {
     pub unit_mm: Option<f64>,
     /// Intrinsics, as start values or constants, and the lens.
     pub camera: Option<CameraHint>,
+    /// Known extrinsics, which no fit changes: the three rows of (R | t) that map the reference's coordinates to this camera's,
+    /// mm.
+    pub camera_from_rig: Option<[f64; 12]>,
 }
 
 impl Default for CameraSection {
     fn default() -> Self {
-        Self { name: CAMERA.to_owned(), image: None, depth: None, unit_mm: None, camera: None }
+        Self { name: CAMERA.to_owned(), image: None, depth: None, unit_mm: None, camera: None, camera_from_rig: None }
     }
 }
 
@@ -93,6 +97,7 @@ const MEMBER_KEYS: &[&str] = &[
     "lens",
     "fixed",
     "technology",
+    "camera_from_rig",
 ];
 
 const FRAMES: Field = Field {
@@ -238,9 +243,10 @@ impl Cameras<'_> {
                 depth: path_of(frames, DEPTH_GLOB)?,
                 unit_mm: depth.as_ref().map(unit).transpose()?,
                 camera: camera.as_ref().map(camera_from).transpose()?,
+                camera_from_rig: None,
             }]),
             Self::Long(members) => {
-                let camera = |(name, section): &(String, Section<'_>)| {
+                let camera = |(number, (name, section)): (usize, &(String, Section<'_>))| {
                     let declares = CAMERA_KEYS.iter().any(|key| section.table.contains_key(*key));
                     Ok(CameraSection {
                         name: name.clone(),
@@ -248,9 +254,10 @@ impl Cameras<'_> {
                         depth: path_of(section, DEPTH_GLOB)?,
                         unit_mm: section.get(UNIT).map(|_| unit(section)).transpose()?,
                         camera: declares.then(|| camera_from(section)).transpose()?,
+                        camera_from_rig: extrinsics_from(section, number == 0)?,
                     })
                 };
-                members.iter().map(camera).collect()
+                members.iter().enumerate().map(camera).collect()
             }
         }
     }

@@ -43,6 +43,8 @@ pub struct DatasetCamera {
     pub depth_unit_mm: Option<f64>,
     /// Declared intrinsics.
     pub camera: Option<CameraHint>,
+    /// Known extrinsics, see [`CameraSection::camera_from_rig`].
+    pub camera_from_rig: Option<[f64; 12]>,
     /// How images and depth were paired.
     pub pairing: Pairing,
     /// Files and rows that belong to no frame, in natural order.
@@ -106,6 +108,7 @@ impl DatasetCamera {
             frames,
             depth_unit_mm: declared.unit_mm,
             camera: declared.camera,
+            camera_from_rig: declared.camera_from_rig,
             pairing,
             strays,
             lists,

@@ -7,6 +7,7 @@ mod candidate;
 mod common_names;
 mod declaration;
 mod error;
+mod extrinsics;
 mod folder;
 mod frame;
 mod frame_table;

@@ -59,6 +59,8 @@ struct Camera<'a> {
     unit_mm: Option<f64>,
     #[serde(flatten)]
     camera: Option<&'a CameraHint>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    camera_from_rig: Option<[f64; 12]>,
 }
 
 #[derive(Serialize)]
@@ -131,7 +133,12 @@ fn numbered(board: &NumberedBoard) -> (&str, Numbered<'_>) {
 }
 
 fn camera(section: &CameraSection) -> Camera<'_> {
-    Camera { files: files(section), unit_mm: section.unit_mm, camera: section.camera.as_ref() }
+    Camera {
+        files: files(section),
+        unit_mm: section.unit_mm,
+        camera: section.camera.as_ref(),
+        camera_from_rig: section.camera_from_rig,
+    }
 }
 
 fn files(section: &CameraSection) -> Files<'_> {

@@ -11,7 +11,7 @@ pub struct ExtrinsicsRecord {
     pub rotation: [f64; 4],
     /// Translation, rig to camera, mm.
     pub translation_mm: [f64; 3],
-    /// Standard deviations; absent for the reference, whose extrinsics are exact.
+    /// Standard deviations; absent for the reference and for declared extrinsics, which are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub std_dev: Option<ExtrinsicsStdDev>,
     /// How they change; absent where they do not.

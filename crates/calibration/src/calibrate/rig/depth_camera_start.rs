@@ -11,6 +11,7 @@ use depthcal_model::Camera;
 use nalgebra::Isometry3;
 use tracing::info;
 
+use super::known_extrinsics::take_known;
 use crate::calibrate::CalibrateError;
 use crate::observe::CameraCapture;
 use crate::start::depth_only::{BoardPlaneSeen, place_from_planes, planes_of};
@@ -62,7 +63,7 @@ pub fn start_depth_camera(
         .map(|(frame, image)| BoardPlaneSeen { image: *image, rig_from_board: rig_from_board[frame.name.as_str()] })
         .collect();
     let declared_focal = camera.declared.as_ref().map(|c| c.pinhole()[0]);
-    let place = place_from_planes(&seen, capture.width, declared_focal).ok_or_else(|| {
+    let mut place = place_from_planes(&seen, capture.width, declared_focal).ok_or_else(|| {
         lacking(
             "its boards are parallel, which leaves its place open: tilt the board by 20° to 45° about both axes"
                 .to_owned(),
@@ -75,6 +76,7 @@ pub fn start_depth_camera(
         place.agreeing.iter().filter(|a| **a).count(),
         place.angle_rad.to_degrees()
     );
+    take_known(&mut place.camera_from_rig, camera);
     let start = match &camera.declared {
         Some(declared) => declared.clone(),
         None => {

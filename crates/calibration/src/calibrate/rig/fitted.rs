@@ -39,7 +39,7 @@ pub struct CameraFit {
     pub name: String,
     /// Its place: maps the rig's frame to its own, mm; the identity for the reference.
     pub camera_from_rig: Isometry3<f64>,
-    /// Standard deviations of the place's tangent (ω, τ), rad and mm; `None` for the reference.
+    /// Standard deviations of the place's tangent (ω, τ), rad and mm; zero where it is known, `None` for the reference.
     pub place_std_dev: Option<[f64; 6]>,
     /// How the place changes with time or temperature, with standard deviations of the change; `None` where it does not.
     pub drift: Option<(PlaceDrift, [f64; 6])>,
@@ -76,8 +76,9 @@ impl RigCalibrated {
     pub fn parameters(&self) -> Vec<(String, bool)> {
         let mut names = Vec::new();
         for camera in &self.cameras {
-            if camera.place_std_dev.is_some() {
-                names.extend(PLACE.map(|p| (format!("{}/camera_from_rig.{p}", camera.name), true)));
+            if let Some(std_dev) = camera.place_std_dev {
+                let is_free = std_dev != [0.0; 6];
+                names.extend(PLACE.map(|p| (format!("{}/camera_from_rig.{p}", camera.name), is_free)));
             }
             if camera.drift.is_some() {
                 names.extend(PLACE.map(|p| (format!("{}/extrinsics_drift.{p}", camera.name), true)));

@@ -4,6 +4,7 @@ mod depth_camera_prior;
 mod depth_camera_start;
 mod driver;
 mod fitted;
+mod known_extrinsics;
 mod options;
 mod start;
 

@@ -9,6 +9,7 @@ use nalgebra::Isometry3;
 
 use super::depth_camera_prior::priors_of;
 use super::depth_camera_start::{DepthStart, start_depth_camera};
+use super::known_extrinsics::take_known;
 use super::options::RigOptions;
 use crate::adjust::state::{CameraState, RigFrame, State};
 use crate::calibrate::CalibrateError;
@@ -59,8 +60,11 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             offset_s: *offset_s,
         })
         .collect();
-    let places = connect(&mut nodes)?;
+    let mut places = connect(&mut nodes)?;
     drop(nodes);
+    for (place, camera) in places.camera_from_rig.iter_mut().zip(&with_images) {
+        take_known(place, camera);
+    }
     let frames = rig_frames(capture, &from_images, &places.camera_from_rig, &offsets);
     let number: BTreeMap<&str, usize> = frames.iter().enumerate().map(|(i, f)| (f.name.as_str(), i)).collect();
     let rig_from_board: BTreeMap<&str, Isometry3<f64>> =
@@ -92,6 +96,7 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
             name: camera.name.clone(),
             camera: prepared.camera.clone(),
             camera_from_rig,
+            is_placed: camera.camera_from_rig.is_some(),
             drift: None,
             offset_s,
             noise: prepared.noise,

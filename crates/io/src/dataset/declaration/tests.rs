@@ -158,6 +158,7 @@ fn what_is_written_reads_back() {
             image: Some("ir/*.png".into()),
             depth: Some("depth/*.png".into()),
             unit_mm: Some(0.1),
+            camera_from_rig: None,
             camera: Some(CameraHint {
                 numbers: Some(IntrinsicNumbers {
                     fx: 476.9,
@@ -223,6 +224,28 @@ fn faults_of_cameras_have_their_names() {
     assert!(complaint("").contains("[cameras.NAME]") && complaint("[cameras]\n").contains("[cameras.NAME]"));
     assert!(complaint("[depth]\nunit_mm = 1\n[cameras.a]\nimage = \"*\"\n").contains("`cameras.NAME.depth`"));
     assert!(complaint("[frames]\nimage = \"*\"\n[cameras.a]\nimage = \"*\"\n").contains("`cameras.NAME.image`"));
+}
+
+#[test]
+fn known_extrinsics_are_a_rigid_motion_of_another_camera_than_the_first() {
+    let rig = |first: &str, second: &str| {
+        let camera = |name: &str, rest: &str| format!("[cameras.{name}]\nimage = \"*\"\n{rest}\n");
+        parse(&(CHESSBOARD.to_owned() + &camera("a", first) + &camera("b", second)))
+    };
+    let known = "camera_from_rig = [0, -1, 0, 52.3, 1, 0, 0, -1.4, 0, 0, 1, 3.2";
+    let rows = [0.0, -1.0, 0.0, 52.3, 1.0, 0.0, 0.0, -1.4, 0.0, 0.0, 1.0, 3.2];
+    for text in [format!("{known}]"), format!("{known}, 0, 0, 0, 1]")] {
+        let file = rig("", &text).unwrap();
+        assert_eq!(file.cameras[1].camera_from_rig, Some(rows));
+        assert_eq!(parse(&file.to_toml().unwrap()).unwrap(), file);
+    }
+    let refused = |first: &str, second: &str| rig(first, second).unwrap_err().to_string();
+    assert!(refused(&format!("{known}]"), "").contains("first camera"));
+    let mirrored = known.replace("3.2", "3.2]").replace("1, 3.2", "-1, 3.2");
+    for wrong in [&mirrored, "camera_from_rig = [1, 0, 0]", &known.replace("-1,", "-1.1,").replace("3.2", "3.2]")] {
+        let message = refused("", wrong);
+        assert!(message.contains("`cameras.b.camera_from_rig`") && message.contains("[R t]"), "{message}");
+    }
 }
 
 fn tags(name: &str, first_tag: usize) -> String {
