@@ -19,7 +19,7 @@ use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::calibrate::Estimator;
 use depthcal_calibration::judge::parts::Parts;
-use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{Fit, FitRequest, GivenPrior, HoldOut, ModelRequest, OptionNames};
 use depthcal_report::fit_sentences;
 use depthcal_report::format::{number, quantity};
 
@@ -76,9 +76,10 @@ pub(super) struct Calibrate {
     #[arg(long, value_delimiter = ',', value_name = "FILE,…")]
     score: Vec<String>,
     /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
-    /// over the whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all
-    /// on left-out frames.
-    #[arg(long, value_parser = LENSES)]
+    /// over the whole image are chosen on left-out frames; brown-conrady:full (k1k2p1p2, k1k2, k1), opencv8, opencv12, opencv14,
+    /// kannala-brandt, division and none fit what they say; auto compares all on left-out frames. A lens of your own is given by
+    /// its name, or as a file of its formula.
+    #[arg(long)]
     lens: Option<String>,
     /// Estimator: joint fits everything together; the others fit D alone, with camera and poses from the images.
     #[arg(long, value_enum, default_value = "joint")]
@@ -132,6 +133,7 @@ impl Calibrate {
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         self.model = formula_files::resolve_model("--model", &self.model, register)?;
         self.with = formula_files::resolve("--with", &self.with, register)?;
+        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
         self.score = formula_files::resolve("--score", &self.score, register)?;
         Ok(())
     }

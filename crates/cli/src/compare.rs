@@ -14,7 +14,7 @@ use super::session::Session;
 use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::compare::tables::tables;
-use depthcal_calibration::task::{CompareRequest, Compared, LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{CompareRequest, Compared, ModelRequest, OptionNames};
 
 /// Compares depth models on held-out data.
 ///
@@ -46,9 +46,10 @@ pub(super) struct Compare {
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
-    /// over the whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all
-    /// on left-out frames.
-    #[arg(long, value_parser = LENSES)]
+    /// over the whole image are chosen on left-out frames; brown-conrady:full (k1k2p1p2, k1k2, k1), opencv8, opencv12, opencv14,
+    /// kannala-brandt, division and none fit what they say; auto compares all on left-out frames. A lens of your own is given by
+    /// its name, or as a file of its formula.
+    #[arg(long)]
     lens: Option<String>,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
@@ -72,6 +73,7 @@ impl Compare {
             *model = formula_files::resolve_model("--models", model, register)?;
         }
         self.with = formula_files::resolve("--with", &self.with, register)?;
+        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
         Ok(())
     }
 

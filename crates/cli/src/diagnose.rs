@@ -13,7 +13,7 @@ use super::formula_files;
 use super::recording::Recording;
 use super::session::Session;
 use depthcal_calibration::load::Loaded;
-use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, ModelRequest, OptionNames};
 
 /// Finds effects that a camera's model lacks: fits it, tests the residuals for each known effect, adds the one that explains
 /// them, fits again, and reports held-out errors before and after.
@@ -41,9 +41,10 @@ pub(super) struct Diagnose {
     #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
     with: Vec<String>,
     /// Lens model [default: that of dataset.toml, else brown-conrady]. Terms of brown-conrady that the markers do not determine
-    /// over the whole image are chosen on left-out frames; brown-conrady:full and the others fit what they say; auto compares all
-    /// on left-out frames.
-    #[arg(long, value_parser = LENSES)]
+    /// over the whole image are chosen on left-out frames; brown-conrady:full (k1k2p1p2, k1k2, k1), opencv8, opencv12, opencv14,
+    /// kannala-brandt, division and none fit what they say; auto compares all on left-out frames. A lens of your own is given by
+    /// its name, or as a file of its formula.
+    #[arg(long)]
     lens: Option<String>,
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(2..))]
@@ -64,6 +65,7 @@ impl Diagnose {
     pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
         self.model = formula_files::resolve_model("--model", &self.model, register)?;
         self.with = formula_files::resolve("--with", &self.with, register)?;
+        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
         Ok(())
     }
 

@@ -21,3 +21,12 @@ pub(super) fn resolve(option: &str, texts: &[String], register: &mut Register) -
 pub(super) fn resolve_model(option: &str, text: &str, register: &mut Register) -> Result<String, Failure> {
     depthcal_formula::resolve_model(option, text, register).map_err(input)
 }
+
+/// [`depthcal_formula::resolve_lens`].
+pub(super) fn resolve_lens(
+    option: &str,
+    lens: Option<&str>,
+    register: &mut Register,
+) -> Result<Option<String>, Failure> {
+    depthcal_formula::resolve_lens(option, lens, register).map_err(input)
+}

@@ -53,4 +53,4 @@ pub use error::{FormulaError, FormulaFileError};
 pub use file::{FormulaFile, file_text};
 pub use function::FormulaFunction;
 pub use graph::cubic_b_splines;
-pub use named_files::{NamedFileError, resolve, resolve_model, values};
+pub use named_files::{NamedFileError, resolve, resolve_lens, resolve_model, values};

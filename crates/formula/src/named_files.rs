@@ -46,6 +46,20 @@ pub enum NamedFileError {
     },
 }
 
+/// A lens model with the name of its effect instead of the file of a formula, as [`resolve`] does with lists.
+///
+/// # Errors
+///
+/// [`NamedFileError`].
+pub fn resolve_lens(
+    option: &str,
+    lens: Option<&str>,
+    register: &mut Register,
+) -> Result<Option<String>, NamedFileError> {
+    let given: Vec<String> = lens.iter().map(|lens| (*lens).to_owned()).collect();
+    Ok(resolve(option, &given, register)?.pop())
+}
+
 /// Texts with the names of effects instead of files of formulas, `FILE.toml` or `FILE.toml:SUBSET@CONSTANT=NUMBER`; the effects
 /// are added to the register. Other texts stay. `option` is what the user calls the list.
 ///

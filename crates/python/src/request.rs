@@ -2,7 +2,7 @@
 
 use depthcal_calibration::calibrate::{CalibrateOptions, Estimator};
 use depthcal_calibration::progress::ProgressHandle;
-use depthcal_calibration::task::{HoldOut, LENSES, ModelRequest, OptionNames};
+use depthcal_calibration::task::{HoldOut, ModelRequest, OptionNames};
 use depthcal_model::Register;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -25,9 +25,6 @@ pub(crate) fn register_with(effects: &[PyRef<'_, Effect>]) -> PyResult<Register>
 pub(crate) fn model_request(given: &Bound<'_, PyDict>) -> PyResult<(ModelRequest, Register)> {
     let lens: Option<String> = argument(given, "lens")?;
     let mut register = register_with(&argument::<Vec<PyRef<'_, Effect>>>(given, "effects")?)?;
-    if let Some(lens) = lens.as_ref().filter(|lens| !LENSES.contains(&lens.as_str())) {
-        return Err(input(format!("lens '{lens}' is unknown; known are {}", LENSES.join(", "))).into());
-    }
     let (model, with) = (argument(given, "model")?, argument(given, "with")?);
     let mut request = ModelRequest { names: OptionNames::ARGUMENTS, model, with, lens };
     request.load_formulas(&mut register).map_err(Failure::from)?;

@@ -16,7 +16,7 @@ use super::lens_choice::one_to_one;
 use super::options::CalibrateOptions;
 use crate::adjust::smoothness_selection::errors_worse;
 use crate::observe::{Capture, PosedFrame};
-use crate::start::{LENS_MODELS, LensModel, estimate_pose};
+use crate::start::{LensModel, estimate_pose, lens_models};
 
 /// Value of `--lens` that asks for a comparison.
 pub const AUTO: &str = "auto";
@@ -41,18 +41,19 @@ pub(super) fn fit_best_lens(
 ) -> Result<Calibrated<PosedFrame>, CalibrateError> {
     let _stage = options.progress.stage("comparison of lenses");
     let with_lens = |model: &LensModel| CalibrateOptions { lens: model.name.to_owned(), ..options.clone() };
-    let fits: Vec<_> = LENS_MODELS.par_iter().map(|model| fit(capture, &with_lens(model))).collect();
+    let models = lens_models(&options.register);
+    let fits: Vec<_> = models.par_iter().map(|model| fit(capture, &with_lens(model))).collect();
     // Frames and markers that the best fit did not take for misdetected: the same for all.
     let best = fits
         .iter()
         .filter_map(|f| f.as_ref().ok())
         .min_by(|a, b| a.reprojection_rms_px.total_cmp(&b.reprojection_rms_px));
     let Some(best) = best else {
-        return fits.into_iter().next_back().unwrap_or_else(|| fit(capture, &with_lens(&LENS_MODELS[0])));
+        return fits.into_iter().next_back().unwrap_or_else(|| fit(capture, &with_lens(&models[0])));
     };
     let mut common = capture.with_frames(Vec::new());
     common.frames = best.capture.frames.iter().map(|f| f.detected.clone()).collect();
-    let costs: Vec<Result<Vec<f64>, String>> = LENS_MODELS
+    let costs: Vec<Result<Vec<f64>, String>> = models
         .par_iter()
         .zip(&fits)
         .map(|(model, whole)| match whole {
@@ -60,10 +61,10 @@ pub(super) fn fit_best_lens(
             Err(error) => Err(error.to_string()),
         })
         .collect();
-    let comparison = compared(&costs, &fits, common.frames.iter().map(|f| f.markers.len()).sum());
+    let comparison = compared(&models, &costs, &fits, common.frames.iter().map(|f| f.markers.len()).sum());
     info!("{}", in_words(&comparison));
-    let place = LENS_MODELS.iter().position(|m| m.name == comparison.chosen).unwrap_or(0);
-    let chosen = fits.into_iter().nth(place).unwrap_or_else(|| fit(capture, &with_lens(&LENS_MODELS[place])))?;
+    let place = models.iter().position(|m| m.name == comparison.chosen).unwrap_or(0);
+    let chosen = fits.into_iter().nth(place).unwrap_or_else(|| fit(capture, &with_lens(&models[place])))?;
     Ok(Calibrated { lens_comparison: Some(comparison), ..chosen })
 }
 
@@ -94,6 +95,7 @@ fn held_out_costs(
 
 /// The comparison, given every model's costs by frame.
 fn compared(
+    models: &[LensModel],
     costs: &[Result<Vec<f64>, String>],
     fits: &[Result<Calibrated<PosedFrame>, CalibrateError>],
     markers: usize,
@@ -101,7 +103,7 @@ fn compared(
     let sum = |costs: &[f64]| costs.iter().sum::<f64>();
     let usable = || costs.iter().filter_map(|c| c.as_deref().ok());
     let best = usable().min_by(|a, b| sum(a).total_cmp(&sum(b))).unwrap_or_default();
-    let lenses: Vec<ComparedLens> = LENS_MODELS
+    let lenses: Vec<ComparedLens> = models
         .iter()
         .zip(costs)
         .zip(fits)

@@ -44,7 +44,7 @@ pub struct CalibrateOptions {
     pub effects: Vec<PieceSpec>,
     /// Parameters that are held at their nominal values.
     pub held: Vec<HeldParameter>,
-    /// Lens model: one of [`LENS_MODELS`](crate::start::LENS_MODELS); `auto`, which compares these; or `brown-conrady:ORDER` with
+    /// Lens model: one of [`lens_models`](crate::start::lens_models); `auto`, which compares these; or `brown-conrady:ORDER` with
     /// the name of a [`LensOrder`](super::LensOrder). The order of `brown-conrady` is chosen where the markers do not determine
     /// it over the whole image.
     pub lens: String,

@@ -1,6 +1,7 @@
 //! Lenses other than the default, and their choice, on simulated markers and depth.
 
-use depthcal_model::ModelSpec;
+use depthcal_model::hook::{Lens, LensState};
+use depthcal_model::{Context, ModelSpec, Parameter, Piece, Register, Role, Scalar};
 use depthcal_simulate::{CameraTruth, Kind, PointOptions, Simulation};
 
 use super::*;
@@ -95,4 +96,38 @@ fn the_lens_of_the_camera_is_chosen() {
             .sum();
         assert_eq!(free, chosen.parameters);
     }
+}
+
+/// A lens that depthcal does not have, with a parameter that no lens of its own needs for these captures.
+#[derive(Debug)]
+struct Quartic;
+
+impl Piece<Lens, 1> for Quartic {
+    const NAME: &'static str = "quartic";
+    const SUMMARY: &'static str = "the lens distorts with the fourth power of the radius";
+    const EQUATION: &'static str = "(x, y) (1 + q r⁴)";
+    const SOURCE: &'static str = "a test";
+    const PARAMETERS: [Parameter; 1] = [Parameter::new("q", "1", 0.0, 0.1)];
+    const ROLE: Role = Role::Model;
+
+    fn map<T: Scalar>(&self, s: LensState<T>, [q]: [T; 1], _: &Context) -> [T; 2] {
+        let r2 = s.x * s.x + s.y * s.y;
+        let scale = q * r2 * r2 + 1.0;
+        [s.x * scale, s.y * scale]
+    }
+}
+
+/// A lens of a program is asked for by its name, and is compared with depthcal's own.
+#[test]
+fn a_lens_of_a_program_is_one_of_those_that_are_compared() {
+    let truth = CameraTruth { lens: [0.0, -0.4, 0.0, 0.0, 0.0], ..CameraTruth::published(1).unwrap() };
+    let capture = captured(truth, Kind::General(1), 5);
+    let mut register = Register::builtin();
+    register.add::<Lens, 1, Quartic>(|_| Quartic);
+    let given = |lens: &str| CalibrateOptions { register: register.clone(), model: ModelSpec::none(), ..options(lens) };
+    let asked = calibrate_image(&capture, &given("quartic")).unwrap();
+    assert!((asked.camera.block("quartic").unwrap().theta[0] + 0.4).abs() < 0.02, "{:?}", asked.camera.theta());
+    let chosen = calibrate_image(&capture, &given(AUTO)).unwrap();
+    let comparison = chosen.lens_comparison.as_ref().unwrap();
+    assert_eq!((comparison.chosen.as_str(), comparison.lenses.len()), ("quartic", 8), "{comparison:#?}");
 }

@@ -1,6 +1,7 @@
 //! The lens models that can be asked for by name.
 
-use depthcal_model::{Block, Register, RegisterError};
+use depthcal_model::hook::HookKind;
+use depthcal_model::{Block, Register, RegisterError, Role};
 
 /// A lens model: a piece, and how many of its parameters are fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,7 +14,7 @@ pub struct LensModel {
     pub parameters: usize,
 }
 
-/// All lens models, the simplest first.
+/// The lens models that depthcal has, the simplest first.
 pub const LENS_MODELS: [LensModel; 7] = [
     LensModel { name: "none", piece: None, parameters: 0 },
     LensModel { name: "division", piece: Some("division"), parameters: 1 },
@@ -24,6 +25,19 @@ pub const LENS_MODELS: [LensModel; 7] = [
     LensModel { name: "opencv14", piece: Some(OPENCV), parameters: 14 },
 ];
 
+/// The lens models of a register, the simplest first: [`LENS_MODELS`], and the lenses that a program has added.
+pub fn lens_models(register: &Register) -> Vec<LensModel> {
+    let known = Register::builtin();
+    let added = register.names_at(HookKind::Lens).filter(|name| known.find(name).is_none());
+    let added = added.filter_map(|name| {
+        let piece = register.find(name).filter(|piece| piece.role() == Role::Model)?;
+        Some(LensModel { name, piece: Some(name), parameters: piece.parameters().len() })
+    });
+    let mut models: Vec<LensModel> = LENS_MODELS.into_iter().chain(added).collect();
+    models.sort_by_key(|model| model.parameters);
+    models
+}
+
 /// Name of the piece of fisheye lenses, which at nominal parameters is the equidistant projection.
 pub(crate) const KANNALA_BRANDT: &str = "kannala_brandt";
 const OPENCV: &str = "opencv_lens";
@@ -33,10 +47,12 @@ const OPENCV: &str = "opencv_lens";
 ///
 /// # Errors
 ///
-/// [`RegisterError`] where neither a lens model nor a piece has this name.
+/// [`RegisterError`] where neither a lens model nor a piece of lenses has this name.
 pub fn lens_block(name: &str, register: &Register) -> Result<Option<Block>, RegisterError> {
     let named = LENS_MODELS.iter().find(|model| model.name.replace('-', "_") == name.replace('-', "_"));
-    let Some(model) = named else { return register.block(name, None).map(Some) };
+    let Some(model) = named else {
+        return register.block(name, Some(HookKind::Lens)).map(Some);
+    };
     let Some(piece) = model.piece else { return Ok(None) };
     let mut block = register.block(piece, None)?;
     block.free.iter_mut().skip(model.parameters).for_each(|free| *free = false);

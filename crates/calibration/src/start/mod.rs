@@ -17,7 +17,7 @@ mod zhang;
 pub use error::{FEWEST_FRAMES, FEWEST_MARKERS, PARALLEL_DEG, StartError};
 pub use frame_markers::FrameMarkers;
 pub use homography::{HomographyFit, fit_homography, homography};
-pub use lens_models::{LENS_MODELS, LensModel, lens_block};
+pub use lens_models::{LENS_MODELS, LensModel, lens_block, lens_models};
 pub(crate) use pose::mirrored_pose;
 pub use pose::{PoseFit, estimate_pose, local_poses, refine_pose};
 pub(crate) use pose_precision::doubt_between;

@@ -1,19 +1,20 @@
 //! The model that is asked for, in words.
 
-use depthcal_formula::{resolve, resolve_model};
+use depthcal_formula::{resolve, resolve_lens, resolve_model};
 use depthcal_io::DatasetCamera;
 use depthcal_model::{ModelSpec, PieceSpec, Register};
 
 use super::error::TaskError;
 use super::option_names::OptionNames;
 use crate::calibrate::rig::{EffectOf, HeldOf, RigOptions};
-use crate::calibrate::{CalibrateOptions, HeldParameter};
+use crate::calibrate::{AUTO, CalibrateOptions, HeldParameter, lens_named};
 use crate::load::{Loaded, LoadedCamera, declared_camera};
+use crate::start::lens_models;
 
 /// The name of the time by which a camera exposes later than its times say, among effects.
 const TIME_OFFSET: &str = "time_offset";
 
-/// Lens models that may be asked for.
+/// Lens models that may be asked for, apart from those that a program has added.
 pub const LENSES: [&str; 12] = [
     "brown-conrady",
     "brown-conrady:full",
@@ -44,7 +45,7 @@ pub struct ModelRequest {
     pub model: String,
     /// Further effects such as `cyclic_depth@period_mm=300`, files of formulas, and `fixed:PIECE.PARAMETER` to hold a parameter.
     pub with: Vec<String>,
-    /// Lens model, one of [`LENSES`]; `None` is that of the dataset, else Brown–Conrady.
+    /// Lens model, one of [`LENSES`] or a piece of lenses; `None` is that of the dataset, else Brown–Conrady.
     pub lens: Option<String>,
 }
 
@@ -57,6 +58,7 @@ impl ModelRequest {
     pub fn load_formulas(&mut self, register: &mut Register) -> Result<(), TaskError> {
         self.model = resolve_model(self.names.model, &self.model, register)?;
         self.with = resolve(self.names.with, &self.with, register)?;
+        self.lens = resolve_lens(self.names.lens, self.lens.as_deref(), register)?;
         Ok(())
     }
 
@@ -66,9 +68,23 @@ impl ModelRequest {
     ///
     /// [`TaskError::Option`] where a name, a constant or a parameter is unknown.
     pub fn options(&self, base: CalibrateOptions) -> Result<CalibrateOptions, TaskError> {
+        self.check_lens(&base.register)?;
         let (effects, held) = self.effects(&base.register)?;
         let model = self.depth_model(&base.register)?;
         Ok(CalibrateOptions { model, effects, held, ..base })
+    }
+
+    /// Checks that the register knows the lens model.
+    fn check_lens(&self, register: &Register) -> Result<(), TaskError> {
+        let Some(lens) = self.lens.as_deref().filter(|lens| *lens != AUTO) else { return Ok(()) };
+        let known = || {
+            let models = lens_models(register).into_iter().map(|model| model.name);
+            let others: Vec<&str> = models.filter(|name| !LENSES.contains(name)).collect();
+            LENSES.into_iter().chain(others).collect::<Vec<_>>().join(", ")
+        };
+        lens_named(lens, register)
+            .map(|_| ())
+            .map_err(|_| TaskError::option(self.names.lens, lens, format!("is no lens model; known are {}", known())))
     }
 
     /// The depth model, which the register knows.
@@ -114,6 +130,7 @@ impl ModelRequest {
     ///
     /// [`TaskError::Option`] where a name, a constant or a parameter is unknown.
     pub fn rig_options(&self, base: CalibrateOptions, loaded: &Loaded) -> Result<RigOptions, TaskError> {
+        self.check_lens(&base.register)?;
         let model = self.depth_model(&base.register)?;
         let each = CalibrateOptions { model, ..base };
         let mut options = RigOptions { each, lens: self.lens.clone(), ..RigOptions::default() };

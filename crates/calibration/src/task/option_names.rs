@@ -7,6 +7,8 @@ pub struct OptionNames {
     pub model: &'static str,
     /// Further effects.
     pub with: &'static str,
+    /// The lens model.
+    pub lens: &'static str,
     /// The estimator.
     pub estimator: &'static str,
     /// Frames that are held out.
@@ -26,6 +28,7 @@ impl OptionNames {
     pub const COMMAND_LINE: Self = Self {
         model: "--model",
         with: "--with",
+        lens: "--lens",
         estimator: "--estimator",
         hold_out: "--hold-out",
         cross_validate: "--cross-validate",
@@ -37,6 +40,7 @@ impl OptionNames {
     pub const ARGUMENTS: Self = Self {
         model: "model",
         with: "effects",
+        lens: "lens",
         estimator: "estimator",
         hold_out: "hold_out",
         cross_validate: "cross_validate",
