@@ -96,7 +96,7 @@ fn refuted(round: &Round, refuted: &Refuted) -> DiagnosisRefuted {
 
 /// The effects of the first round and the free map, by falling gain.
 fn first_candidates(first: Option<&DiagnosisRound>) -> Vec<DiagnosisCandidate> {
-    let map = first.and_then(|r| r.free.iter().find(|f| f.effect.starts_with("map")));
+    let map = first.and_then(|r| r.free.iter().find(|f| f.along == Some(DiagnosisCovariate::Pixel)));
     let map = map.map(|m| DiagnosisCandidate { effect: FREE_MAP.to_owned(), ..m.clone() });
     let mut candidates: Vec<DiagnosisCandidate> = first.map(|r| r.effects.clone()).unwrap_or_default();
     candidates.extend(map);

@@ -2,7 +2,7 @@
 
 use crate::adjust::blocks::is_depth_only;
 use crate::calibrate::CalibrateOptions;
-use crate::diagnose::{DiagnoseOptions, Diagnosis, FREE_MAP, Thresholds, diagnose};
+use crate::diagnose::{DiagnoseOptions, Diagnosis, Thresholds, diagnose};
 use depthcal_io::Verdict;
 use depthcal_model::hook::HookKind;
 use depthcal_model::{PieceSpec, Register};
@@ -231,8 +231,9 @@ fn examine(
     let diagnosis = diagnose(&capture, verify, &of_camera)
         .map_err(|source| DiagnoseError::Camera { camera: camera.name.clone(), source: Box::new(source) })?;
     let added = diagnosis.steps.iter().map(|step| step.spec.clone());
-    let is_free_map = |spec: &PieceSpec| spec.name == FREE_MAP || spec.name == "bspline";
-    let (not_adjusted, effects): (Vec<PieceSpec>, Vec<PieceSpec>) = added.partition(is_free_map);
+    let piece = |spec: &PieceSpec| diagnosis.last.camera.block(&spec.name).and_then(|block| block.piece());
+    let is_map = |spec: &PieceSpec| piece(spec).is_some_and(|piece| piece.field().is_some());
+    let (not_adjusted, effects): (Vec<PieceSpec>, Vec<PieceSpec>) = added.partition(is_map);
     Ok(CameraDiagnosis {
         name: camera.name.clone(),
         poses_from_others,
