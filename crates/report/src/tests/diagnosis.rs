@@ -120,7 +120,7 @@ fn every_question_is_answered_on_the_first_screen() {
     unique.sort_unstable();
     unique.dedup();
     assert_eq!(unique.len(), ids.len(), "every figure has an id of its own");
-    assert!(html.len() < 6_000_000, "{} bytes", html.len());
+    assert!(html.len() < 3_000_000, "{} bytes", html.len());
     for link in html.split("href=\"#").skip(1).filter_map(|s| s.split('"').next()) {
         assert!(html.contains(&format!("id=\"{link}\"")), "#{link} leads nowhere");
     }
