@@ -62,7 +62,7 @@ mod statistics;
 mod tables;
 mod uncertainty;
 
-pub use diagnosis::{diagnosis_text, verdict_sentence};
+pub use diagnosis::{Detail, diagnosis_text, verdict_sentence};
 pub use effect_files::effect_files;
 pub use fit_sentences::fit_sentences;
 pub use fleet::{FleetResults, fleet_text};

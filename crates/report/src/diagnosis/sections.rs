@@ -147,7 +147,7 @@ pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
             let hint = if free { &c.effect } else { summary(d.register, &c.effect) };
             let hint = format!(" <span class=\"hint\">{}</span>", escape(hint));
             let blind = !free && c.minimal_detectable_mm.is_none_or(|m| m <= 0.0);
-            let detectable = if blind { "at no size".to_owned() } else { mm(c.minimal_detectable_mm) };
+            let detectable = if blind { "not testable".to_owned() } else { mm(c.minimal_detectable_mm) };
             format!(
                 "<tr><th scope=\"row\">{}{hint}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                 escape(&name),
