@@ -30,6 +30,7 @@ mod demo;
 mod detect;
 mod diagnose;
 mod diagnosis_output;
+mod diff;
 #[cfg(test)]
 mod documented_commands;
 mod evaluate;
@@ -38,7 +39,6 @@ mod failure;
 mod fleet;
 mod formula;
 mod formula_files;
-mod given_camera;
 #[cfg(feature = "import")]
 mod import;
 mod log_writer;

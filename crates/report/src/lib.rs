@@ -33,6 +33,7 @@ mod component_plot;
 mod content;
 mod covariates;
 mod diagnosis;
+mod difference;
 mod effect_files;
 mod figures;
 mod finding;
@@ -63,6 +64,7 @@ mod tables;
 mod uncertainty;
 
 pub use diagnosis::{Detail, diagnosis_text, verdict_sentence};
+pub use difference::{difference_sentences, difference_text};
 pub use effect_files::effect_files;
 pub use fit_sentences::fit_sentences;
 pub use fleet::{FleetResults, fleet_text};

@@ -10,6 +10,7 @@ mod component;
 mod covariate;
 mod decision;
 mod diagnosis;
+mod difference;
 mod evaluation;
 mod extrinsics;
 mod findings;
@@ -42,6 +43,10 @@ pub use decision::{
 };
 pub(crate) use diagnosis::RigDiagnosis;
 pub use diagnosis::{DiagnosedCamera, Diagnosis, RigDriftTest, RigEffect, RigFindings, RigHeldOut, RigLeftOut};
+pub use difference::{
+    CameraDifference, ClearestDifference, DepthDifference, Difference, DifferenceSide, DifferenceSize,
+    ExtrinsicsDifference, ParameterDifference, ProjectionDifference, grid_pixel,
+};
 pub use evaluation::{
     BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, TransferAtDistance,
     TransferError,

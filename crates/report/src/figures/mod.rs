@@ -22,6 +22,7 @@ mod plotly;
 mod poses;
 mod rig;
 mod stages;
+mod two_calibrations;
 mod uncertainty;
 
 pub(super) use bars::{by_dataset, headline_bars};
@@ -42,4 +43,5 @@ pub(super) use per_frame::per_frame;
 pub(super) use poses::poses;
 pub(super) use rig::{rig_in_space, transfer_by_distance, transfer_over_image};
 pub(super) use stages::{stage_bars, step_gains};
+pub(super) use two_calibrations::{depth_difference_maps, difference_by_distance, projection_maps};
 pub(super) use uncertainty::{uncertainty_curves, uncertainty_map};
