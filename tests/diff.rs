@@ -25,6 +25,7 @@ fn two_camera_files_are_compared_and_the_files_follow_their_schema() {
     let json: Value = serde_json::from_str(&stdout(&output)).unwrap();
     let verdict = json["verdict"][0].as_str().unwrap();
     assert!(verdict.starts_with("Projection differs by"), "{verdict}");
+    assert!(json["next"].as_str().unwrap().starts_with("depthcal evaluate"), "{json}");
     schemas::follows(folder.path("out/diff.json"), "diff");
     let record = Difference::read(folder.path("out/diff.json")).unwrap();
     let camera = &record.cameras[0];

@@ -53,6 +53,6 @@ pub use record::{
     Observations, Outliers, ParameterDifference, ParameterRecord, PieceRecord, Prior, PriorUse, ProjectionDifference,
     RigDriftTest, RigEffect, RigFindings, RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores,
     Separability, StabilityEstimate, StabilityRecord, TimeOffsetRecord, TransferAtDistance, TransferError,
-    UsedPriorParameter, Verdict, grid_pixel,
+    UsedPriorParameter, Verdict, grid_pixel, recommended,
 };
 pub use schema::SchemaName;

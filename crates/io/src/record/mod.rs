@@ -33,7 +33,7 @@ pub use camera_diagnosis::{
     DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
 pub use comparison::{
-    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
+    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord, recommended,
 };
 pub use component::{DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariatePart};
 pub use covariate::DiagnosisCovariate;
