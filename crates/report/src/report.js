@@ -169,6 +169,12 @@
   });
   window.addEventListener("afterprint", () => drawAll(false));
 
+  for (const picture of document.querySelectorAll(".picture")) {
+    const toggle = () => picture.classList.toggle("large");
+    picture.addEventListener("click", toggle);
+    picture.addEventListener("keydown", (event) => { if (event.key === "Enter") toggle(); });
+  }
+
   // The library is packed, which halves the file.
   const unpack = async () => {
     const packed = Uint8Array.from(atob(document.getElementById("library").textContent), (c) => c.charCodeAt(0));

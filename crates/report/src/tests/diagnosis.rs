@@ -112,6 +112,8 @@ fn every_question_is_answered_on_the_first_screen() {
         "candidates-size",
         "separability",
         "uncertainty-map",
+        "residual-histogram",
+        "projection-std",
         "poses",
     ] {
         assert!(ids.contains(&id), "{id} is missing among {ids:?}");

@@ -54,6 +54,8 @@ fn a_full_report_has_every_figure_and_a_verdict() {
         "distance-tilt",
         "uncertainty-curves",
         "uncertainty-map",
+        "residual-histogram",
+        "projection-std",
         "noise",
         "correlation",
     ] {
