@@ -16,8 +16,11 @@ const LEAST_SCATTER: f64 = 0.1;
 /// Fewest other units that say what is usual.
 const FEWEST: usize = 3;
 
+/// An error of a unit.
+type ErrorOf = fn(&Unit) -> Option<f64>;
+
 /// The errors that are compared, by name.
-const ERRORS: [(&str, fn(&Unit) -> Option<f64>); 2] =
+const ERRORS: [(&str, ErrorOf); 2] =
     [("depth_rms_mm", |unit| unit.depth_rms_mm), ("reprojection_rms_px", |unit| unit.reprojection_rms_px)];
 
 /// Units with errors far larger than those of the others, each for one error.

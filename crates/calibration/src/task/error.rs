@@ -88,7 +88,7 @@ pub enum TaskError {
         /// The file.
         file: String,
         /// Why.
-        error: RecordError,
+        error: Box<RecordError>,
     },
     /// Neither of two camera files says how large the images are.
     #[error("neither {first} nor {second} says how large the images are: give {option}, such as 640x480")]

@@ -57,8 +57,10 @@ impl GivenCamera {
     ///
     /// [`TaskError::GivenCamera`] where a piece is not known here.
     pub fn cameras(&self, size: [usize; 2], register: &Register) -> Result<Vec<PlacedCamera>, TaskError> {
-        let in_file =
-            |path: &Path, error: RecordError| TaskError::GivenCamera { file: path.display().to_string(), error };
+        let in_file = |path: &Path, error: RecordError| TaskError::GivenCamera {
+            file: path.display().to_string(),
+            error: Box::new(error),
+        };
         match self {
             Self::Calibration(path, calibration) => {
                 cameras_from_record(calibration, register).map_err(|error| in_file(path, error))
