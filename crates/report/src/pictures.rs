@@ -18,8 +18,10 @@ use super::pool::{Pool, Pooled};
 const MOST: usize = 6;
 /// Widest picture, px: more would not be seen, and make the file large.
 const WIDEST: usize = 320;
+/// Part of the board's extent that is shown on every side of it.
+const MARGIN: f64 = 0.25;
 /// Length of a typical residual vector, as a share of the image's width.
-const LENGTH: f64 = 0.03;
+const LENGTH: f64 = 0.015;
 
 /// Corrected depth error of a frame, mm, or its reprojection error, px, where there is no depth.
 fn error(frame: &Pooled<'_>) -> f64 {
@@ -44,7 +46,7 @@ pub(super) fn pictures(camera: &ReportCamera<'_>) -> Option<(String, String)> {
     for frame in &frames {
         // An image that has become unreadable is no reason to have no report.
         if let Ok(image) = images[frame.frame.name.as_str()].get() {
-            html += &picture(frame, &image, factor)?;
+            html += &picture(frame, &image, factor).unwrap_or_default();
         }
     }
     let with_depth = frames.iter().any(|f| f.frame.record().depth_rms_mm.is_some());
@@ -58,9 +60,26 @@ pub(super) fn pictures(camera: &ReportCamera<'_>) -> Option<(String, String)> {
     (!html.is_empty()).then(|| (format!("<div class=\"grid three\">\n{html}</div>\n"), intro))
 }
 
+/// The part of an image with the markers and some of what surrounds them: first column, first row, width, height, px.
+fn around_markers(frame: &Pooled<'_>, image: &GrayImage) -> [usize; 4] {
+    let along = |axis: usize, size: usize| {
+        let places = || frame.frame.reprojection.iter().map(|e| e[axis]).filter(|place| place.is_finite());
+        let (low, high) = (places().fold(f64::INFINITY, f64::min), places().fold(0.0, f64::max));
+        let margin = MARGIN * (high - low).max(1.0);
+        let first = (low - margin).clamp(0.0, size as f64 - 1.0) as usize;
+        let last = (high + margin).clamp(first as f64 + 1.0, size as f64) as usize;
+        [first, last - first]
+    };
+    let ([u, width], [v, height]) = (along(0, image.width), along(1, image.height));
+    [u, v, width, height]
+}
+
 fn picture(frame: &Pooled<'_>, image: &GrayImage, factor: f64) -> Option<String> {
-    let png = base64(&Picture::of(image, WIDEST).png()?);
-    let (w, h) = (image.width, image.height);
+    let [left, top, w, h] = around_markers(frame, image);
+    let rows = image.data.chunks(image.width).skip(top).take(h);
+    let data: Vec<u16> = rows.flat_map(|row| &row[left..left + w]).copied().collect();
+    let png = base64(&Picture::of(&GrayImage { width: w, height: h, data, bits: image.bits }, WIDEST).png()?);
+    let [x, y] = [left, top].map(|first| first as f64 - 0.5);
     // Marks are as large in every picture, whatever the resolution.
     let unit = w as f64 / WIDEST as f64;
     let (mut rings, mut crosses, mut vectors) = (String::new(), String::new(), String::new());
@@ -84,8 +103,8 @@ fn picture(frame: &Pooled<'_>, image: &GrayImage, factor: f64) -> Option<String>
     let name = escape(&frame.frame.name);
     let errors = format!("{} rms in the image{depth}", quantity(record.reprojection_px.rms, "px"));
     Some(format!(
-        "<figure class=\"picture\" tabindex=\"0\"><svg viewBox=\"-0.5 -0.5 {w} {h}\" role=\"img\" aria-label=\"Frame {name}: {errors}\" \
-         fill=\"none\" stroke-width=\"{:.2}\"><image x=\"-0.5\" y=\"-0.5\" width=\"{w}\" height=\"{h}\" preserveAspectRatio=\"none\" \
+        "<figure class=\"picture\" tabindex=\"0\"><svg viewBox=\"{x} {y} {w} {h}\" role=\"img\" aria-label=\"Frame {name}: {errors}\" \
+         fill=\"none\" stroke-width=\"{:.2}\"><image x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" preserveAspectRatio=\"none\" \
          href=\"data:image/png;base64,{png}\"/><path stroke=\"#ffc000\" d=\"{rings}\"/><path stroke=\"#19b5ff\" d=\"{crosses}\"/>\
          <path stroke=\"#ff4fa0\" stroke-width=\"{:.2}\" d=\"{vectors}\"/></svg>\
          <figcaption><b>{name}</b> ({}): {errors}.</figcaption></figure>\n",
