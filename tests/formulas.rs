@@ -68,7 +68,6 @@ fn a_formula_is_fitted_kept_and_applied_like_a_piece() {
         &captures,
         "--models",
         &format!("projective,projective+{file}"),
-        "--no-thesis",
         "--out",
         &folder.arg("compared"),
     ]);

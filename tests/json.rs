@@ -105,19 +105,8 @@ fn diagnoses(folder: &Folder, captures: &str, other: &str) {
 }
 
 fn compares(captures: &str, other: &str, out: &str) {
-    let (value, _) = json(&[
-        "compare",
-        captures,
-        "--verify",
-        other,
-        "--models",
-        "none,projective",
-        "--no-thesis",
-        "--learning",
-        "0",
-        "--out",
-        out,
-    ]);
+    let (value, _) =
+        json(&["compare", captures, "--verify", other, "--models", "none,projective", "--learning", "0", "--out", out]);
     assert_eq!(value["comparison"]["models"].as_array().unwrap().len(), 2);
     assert_eq!(value["frames"].as_array().unwrap().len(), 2);
 }

@@ -79,7 +79,7 @@ fn a_model_from_outside_takes_part_in_every_command() {
     assert!(report.contains("cubic vignette"));
 
     let models = format!("projective,{MODEL}");
-    let quick = ["--no-thesis", "--learning", "0", "--folds", "2"];
+    let quick = ["--learning", "0", "--folds", "2"];
     let out = folder.arg("compared");
     let arguments = [&["compare", &captures, "--models", &models, "--out", &out], &quick[..]].concat();
     let (value, _) = run(&arguments);

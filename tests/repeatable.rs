@@ -48,10 +48,7 @@ fn all_records(folder: &Folder, cache: &Path, threads: &str, out: &str) -> BTree
     };
     run("calibrate", &["calibrate", &captures, "--cross-validate", "2", "--with", "range_offset"]);
     run("diagnose", &["diagnose", &captures, "--folds", "2", "--no-discovery"]);
-    run(
-        "compare",
-        &["compare", &captures, "--models", "none,projective", "--folds", "2", "--no-thesis", "--learning", "1"],
-    );
+    run("compare", &["compare", &captures, "--models", "none,projective", "--folds", "2", "--learning", "1"]);
     run("detect", &["detect", &captures]);
     // Records name the files that they are of, so that what is read has the same name in all runs.
     fs::create_dir_all(folder.path("fit")).unwrap();

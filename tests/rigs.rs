@@ -54,7 +54,7 @@ fn a_rendered_rig_from_images_to_coloured_clouds() {
 
     diagnosis_finds_nothing(&folder, &rig);
     let compared = folder.arg("compared");
-    let models = ["--models", "none,projective", "--no-thesis", "--learning", "0", "--folds", "3"];
+    let models = ["--models", "none,projective", "--learning", "0", "--folds", "3"];
     succeeds(["compare", &rig, "--out", &compared].into_iter().chain(models));
     for camera in ["infrared", "depth"] {
         let comparison = Comparison::read(folder.path(&format!("compared/{camera}/comparison.json"))).unwrap();

@@ -10,6 +10,7 @@ mod commands;
 mod compare;
 mod crash_safety;
 mod diagnose;
+mod diff;
 mod discovered;
 mod documented_toml;
 mod effects;

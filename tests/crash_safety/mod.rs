@@ -73,8 +73,8 @@ const CASES: [Case; 16] = [
     ),
     case(
         "compare",
-        "compare in/dataset --models none --no-thesis --learning 0 --folds 2 --out out",
-        "compare in/dataset --models none,projective --no-thesis --learning 0 --folds 2 --out out",
+        "compare in/dataset --models none --learning 0 --folds 2 --out out",
+        "compare in/dataset --models none,projective --learning 0 --folds 2 --out out",
         30,
     ),
     case(

@@ -2,14 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use crate::calibration_record::{RecordError, camera_from_record, declarations, noise_record, piece_records};
+use crate::calibration_record::{
+    RecordError, camera_from_record, declarations, noise_record, parameter_names, piece_records,
+};
 use depthcal_io::{
     CAMERA, Calibration, CameraRecord, CovarianceRecord, DriftRecord, DroppedFrame, ExtrinsicsRecord, ExtrinsicsStdDev,
     FileReference, FitRecord, FrameRecord, TimeOffsetRecord,
 };
 use depthcal_model::{Camera, Register};
 use depthcal_statistics::rms;
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::calibrate::rig::{CameraFit, RigCalibrated};
 use crate::judge::rig::EvaluatedRig;
@@ -153,6 +155,24 @@ pub fn cameras_from_record(record: &Calibration, register: &Register) -> Result<
         })
     };
     record.cameras().map(placed).collect()
+}
+
+/// Covariance of those parameters of a camera that its calibration has estimated, with their places in [`Camera::theta`]; `None`
+/// without any.
+pub fn covariance_of(record: &Calibration, camera: &PlacedCamera) -> Option<(Vec<usize>, DMatrix<f64>)> {
+    let covariance = record.covariance.as_ref()?;
+    let rows: BTreeMap<&str, usize> =
+        covariance.parameters.iter().enumerate().map(|(row, name)| (name.as_str(), row)).collect();
+    let row = |name: &str| match record.is_short() {
+        true => rows.get(name),
+        false => rows.get(format!("{}/{name}", camera.name).as_str()),
+    };
+    let names = parameter_names(&camera.camera);
+    let estimated: Vec<(usize, usize)> =
+        names.iter().enumerate().filter_map(|(place, (name, _))| Some((place, *row(name)?))).collect();
+    let entry = |i: usize, j: usize| covariance.matrix[estimated[i].1][estimated[j].1];
+    let n = estimated.len();
+    (n > 0).then(|| (estimated.iter().map(|(place, _)| *place).collect(), DMatrix::from_fn(n, n, entry)))
 }
 
 /// A camera without a name, as the only one of its rig.

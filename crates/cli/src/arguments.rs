@@ -14,6 +14,7 @@ use super::completions::Completions;
 use super::demo::Demo;
 use super::detect::Detect;
 use super::diagnose::Diagnose;
+use super::diff::Diff;
 use super::evaluate::Evaluate;
 use super::export::Export;
 use super::failure::Failure;
@@ -45,11 +46,12 @@ pub(super) struct Arguments {
 }
 
 /// Commands whose results go into a folder, and that folder where none is given.
-const FOLDERS: [(&str, &str); 8] = [
+const FOLDERS: [(&str, &str); 9] = [
     ("calibrate", "depthcal-out/calibrate"),
     ("diagnose", "depthcal-out/diagnose"),
     ("evaluate", "depthcal-out/evaluate"),
     ("compare", "depthcal-out/compare"),
+    ("diff", "depthcal-out/diff"),
     ("fleet", "depthcal-out/fleet"),
     ("simulate", "depthcal-out/simulate"),
     ("board", "depthcal-out/board/board.pdf"),
@@ -105,6 +107,7 @@ pub(super) enum Command {
     Diagnose(Diagnose),
     Evaluate(Evaluate),
     Compare(Compare),
+    Diff(Diff),
     Fleet(Fleet),
     Apply(Apply),
     Export(Export),
@@ -128,6 +131,7 @@ impl Command {
             Command::Diagnose(_) => "diagnose",
             Command::Evaluate(_) => "evaluate",
             Command::Compare(_) => "compare",
+            Command::Diff(_) => "diff",
             Command::Fleet(_) => "fleet",
             Command::Apply(_) => "apply",
             Command::Export(_) => "export",
@@ -150,6 +154,7 @@ impl Command {
             Command::Diagnose(command) => &command.output,
             Command::Compare(command) => &command.output,
             Command::Evaluate(command) => &command.output,
+            Command::Diff(command) => &command.output,
             Command::Fleet(command) => &command.output,
             _ => return None,
         };
@@ -175,6 +180,7 @@ impl Command {
             Command::Diagnose(command) => command.run(session),
             Command::Evaluate(command) => command.run(session),
             Command::Compare(command) => command.run(session),
+            Command::Diff(command) => command.run(session),
             Command::Fleet(command) => command.run(session),
             Command::Apply(command) => command.run(session),
             Command::Export(command) => command.run(session),

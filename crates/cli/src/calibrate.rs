@@ -58,7 +58,7 @@ enum EstimatorName {
   depthcal calibrate captures/ --json --out r/ | jq .calibration.camera")]
 pub(super) struct Calibrate {
     /// Folder with a dataset.toml.
-    dataset: PathBuf,
+    pub(super) dataset: PathBuf,
     /// Depth model: none, projective, projective:xw (only dx and dw free), or a stack such as projective+cyclic_depth.
     #[arg(long, default_value = "projective")]
     model: String,

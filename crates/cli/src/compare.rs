@@ -19,18 +19,18 @@ use depthcal_calibration::task::{CompareRequest, Compared, ModelRequest, OptionN
 /// Compares depth models on held-out data.
 ///
 /// Each model is fitted to TRAIN and evaluated on the datasets of --verify or, without any, by cross-validation on TRAIN.
-/// Prints the ranking with intervals from resampled frames, which differences are significant, and the tables of Sjöholm
-/// 2017 for all subsets of D. Writes comparison.json and report.html; of a rig of several cameras, of each with depth in a folder
-/// of its name.
+/// Prints the ranking with intervals from resampled frames, which differences are significant, and with --tables the tables of
+/// Sjöholm 2017 for all subsets of D. Writes comparison.json and report.html; of a rig of several cameras, of each with depth in
+/// a folder of its name.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal compare captures/ --out compared/                       cross-validation
   depthcal compare captures/ --verify other/ third/ --out compared/
-  depthcal compare captures/ --models none,projective,projective+bspline --no-thesis --out compared/
+  depthcal compare captures/ --models none,projective,projective+bspline --out compared/
   depthcal compare captures/ --json --out compared/ | jq '.comparison.models[].model'")]
 pub(super) struct Compare {
     /// Folder with a dataset.toml: the dataset that the models are fitted to.
-    train: PathBuf,
+    pub(super) train: PathBuf,
     /// Datasets that the models are evaluated on.
     #[arg(long, num_args = 1.., value_name = "DATASET")]
     verify: Vec<PathBuf>,
@@ -54,9 +54,10 @@ pub(super) struct Compare {
     /// Parts of the cross-validation, without --verify.
     #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u16).range(2..))]
     folds: u16,
-    /// Omits the tables of Sjöholm 2017: subsets of D, with and without lens, four estimators, stability of D.
+    /// Adds the tables of Sjöholm 2017: subsets of D, with and without lens, four estimators, stability of D. They take several
+    /// times as long as the ranking.
     #[arg(long)]
-    no_thesis: bool,
+    tables: bool,
     /// Fits per number of frames in the learning curve; 0: no learning curve.
     #[arg(long, default_value = "3", value_name = "N")]
     learning: u16,
@@ -90,7 +91,7 @@ impl Compare {
             },
             models,
             folds: usize::from(self.folds),
-            thesis: !self.no_thesis,
+            thesis: self.tables,
             learning_fits: usize::from(self.learning),
         };
         let train = self.reading.load(&self.train, session)?;

@@ -22,7 +22,7 @@ use depthcal_report::format::count;
   depthcal detect captures/ --refresh --out found/    detect again, and write observations.json")]
 pub(super) struct Detect {
     /// Folder with a dataset.toml.
-    dataset: PathBuf,
+    pub(super) dataset: PathBuf,
     /// Folder that receives observations.json.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,

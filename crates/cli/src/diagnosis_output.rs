@@ -7,8 +7,8 @@ use depthcal_calibration::diagnose::rig::{EffectInRig, RigDiagnosis};
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{Diagnosed, DiagnosedCamera, DiagnosedRig, Made};
 use depthcal_io::{Evaluation, GainInterval, RigFindings};
-use depthcal_report::diagnosis_text;
 use depthcal_report::format::{count, interval, number, percent};
+use depthcal_report::{Detail, diagnosis_text};
 use serde_json::{Value, json};
 
 use super::common::{frames_of, value_of};
@@ -84,7 +84,8 @@ fn tell_files(camera: &DiagnosedCamera, folder: &Path) -> Vec<PathBuf> {
 fn print_camera(camera: &DiagnosedCamera) {
     let (used, all) = (camera.diagnosis.last.capture.frames.len(), camera.loaded_camera().capture.frames.len());
     say!("fitted to {used} of {}", count(all, "frame"));
-    say!("\n{}", diagnosis_text(&camera.record, &camera.register));
+    let detail = if tracing::enabled!(tracing::Level::INFO) { Detail::All } else { Detail::Screen };
+    say!("\n{}", diagnosis_text(&camera.record, &camera.register, detail));
 }
 
 fn print_camera_of_rig(name: &str, camera: &DiagnosedCamera) {

@@ -11,7 +11,6 @@ use serde_json::{Value, json};
 use super::common::{Output, Reading, calibration_path, frames_of, made, print_not_evaluated, value_of};
 use super::failure::{Failure, input};
 use super::formula_files;
-use super::given_camera::GivenCamera;
 use super::recording::Recording;
 use super::results::save;
 use super::session::Session;
@@ -20,7 +19,7 @@ use super::voice::say;
 use crate::progress::Progress;
 use depthcal_calibration::load::Loaded;
 use depthcal_calibration::observe::PlacedCamera;
-use depthcal_calibration::task::{Evaluations, OptionNames, with_effects};
+use depthcal_calibration::task::{Evaluations, GivenCamera, OptionNames, with_effects};
 use depthcal_report::format::count;
 
 /// Measures a calibration's errors on datasets, before and after correction.
@@ -37,7 +36,7 @@ pub(super) struct Evaluate {
     /// A calibration.json, or the folder that it is in; or a camera file of another program, which corrects
     /// no depth.
     #[arg(value_parser = calibration_path())]
-    calibration: PathBuf,
+    pub(super) calibration: PathBuf,
     /// Folders with a dataset.toml each.
     #[arg(required = true)]
     datasets: Vec<PathBuf>,

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use depthcal_calibration::task::GivenCamera;
 use depthcal_io::{CameraFormat, ExportCamera, write_atomically};
 
 use serde_json::{Value, json};
 
 use super::common::{calibration_path, read_calibration};
 use super::failure::{Failure, input};
-use super::given_camera::GivenCamera;
 use super::session::Session;
 use super::voice::{complaint, say};
 
@@ -78,7 +78,7 @@ impl Export {
 }
 
 /// Width and height, px, of words such as `640x480`.
-fn size_px(text: &str) -> Result<[usize; 2], String> {
+pub(super) fn size_px(text: &str) -> Result<[usize; 2], String> {
     let side = |word: &str| word.trim().parse::<usize>().ok().filter(|side| (1..=1 << 16).contains(side));
     let size = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
     size.ok_or_else(|| "give width and height in px, such as 640x480".to_owned())

@@ -42,7 +42,7 @@ pub(super) struct Import {
     frames: u32,
     /// Folder for the dataset; created if it does not exist. It must not hold one already.
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
 }
 
 impl Import {

@@ -30,6 +30,7 @@ mod demo;
 mod detect;
 mod diagnose;
 mod diagnosis_output;
+mod diff;
 #[cfg(test)]
 mod documented_commands;
 mod evaluate;
@@ -38,11 +39,11 @@ mod failure;
 mod fleet;
 mod formula;
 mod formula_files;
-mod given_camera;
 #[cfg(feature = "import")]
 mod import;
 mod log_writer;
 mod man;
+mod next_command;
 mod parameters;
 mod progress;
 mod recording;

@@ -12,8 +12,15 @@ use super::session::Session;
 use super::voice::say;
 
 /// Files of results that a failed run leaves as they were, and speaks of.
-const TOLD: [&str; 6] =
-    ["calibration.json", "fleet.json", "comparison.json", "diagnosis.json", "evaluation.json", "report.html"];
+const TOLD: [&str; 7] = [
+    "calibration.json",
+    "fleet.json",
+    "comparison.json",
+    "diff.json",
+    "diagnosis.json",
+    "evaluation.json",
+    "report.html",
+];
 
 impl Output {
     /// Refuses a folder that cannot be written, before any work is done.

@@ -62,6 +62,10 @@ pub fn run(mut register: Register) -> ExitCode {
             (code, value)
         }
     };
+    if let (0, Some(next)) = (code, arguments.command.next(&value)) {
+        voice::line(format_args!("next: {next}"));
+        value["next"] = json!(next);
+    }
     let times = session.progress.stage_times();
     if tracing::enabled!(tracing::Level::INFO) && !times.stages.is_empty() {
         voice::note_line(format_args!("{}", stage_table(&times)));

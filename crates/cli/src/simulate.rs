@@ -59,7 +59,7 @@ pub(super) struct Simulate {
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     #[command(flatten)]
-    output: Output,
+    pub(super) output: Output,
 }
 
 impl Simulate {

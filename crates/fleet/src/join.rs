@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::effects::{EffectOutliers, Effects};
 use crate::error::{FEWEST_UNITS, FleetError};
+use crate::errors::large_errors;
 use crate::outliers::{Departure, OutlierSearch, find_outliers};
 use crate::random_effects::{RandomEffects, UnitEstimate};
 use crate::replication::replications;
@@ -67,17 +68,19 @@ pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOption
             .count_all(&common);
     let tests = (units.len() * (tested + 1)) as f64;
     let search = find_outliers(&estimates, options.level / tests);
+    let of_errors = large_errors(&units, tests);
+    let is_alike = without(&search.kept, &of_errors);
     let alike_of = |values: &[UnitEstimate]| -> Vec<UnitEstimate> {
-        values.iter().zip(&search.kept).filter(|(_, is_alike)| **is_alike).map(|(v, _)| v.clone()).collect()
+        values.iter().zip(&is_alike).filter(|(_, is_alike)| **is_alike).map(|(v, _)| v.clone()).collect()
     };
     let alike = alike_of(&estimates);
     let fit = RandomEffects::diagonal(&alike).ok_or(FleetError::NotPositiveDefinite)?;
     let ratios = fit.variance_ratios(&alike);
     let fit = fit.with_factors(&alike);
-    let effects = Effects { units: &units, kept: &search.kept, adopted: &adopted, level: options.level };
+    let effects = Effects { units: &units, kept: &is_alike, adopted: &adopted, level: options.level };
     let (found_effects, shared) = effects.all(&common);
     let of_effects = effects.outliers(&common, &shared);
-    let prior = prior(&units, &search.kept, &names, [&common, &adopted, &shared], &fit);
+    let prior = prior(&units, &is_alike, &names, [&common, &adopted, &shared], &fit);
     let fleet = Fleet {
         units: units.iter().zip(&search.departures).map(|(u, d)| unit_record(u, d.as_ref())).collect(),
         left_out,
@@ -87,8 +90,8 @@ pub fn join(units: Vec<Unit>, left_out: Vec<FleetLeftOut>, options: &FleetOption
         of_mean: rows(&fit.mean_covariance),
         common_factors: fit.factors,
         effects: found_effects,
-        outliers: outliers(&units, &names, &estimates, &search, &of_effects, tests),
-        replications: replications(&units, &search.kept, &common, options.level),
+        outliers: by_certainty(of_errors, outliers(&units, &names, &estimates, &search, &of_effects, tests)),
+        replications: replications(&units, &is_alike, &common, options.level),
     };
     Ok(Joined { fleet, prior })
 }
@@ -168,6 +171,8 @@ fn unit_record(unit: &Unit, departure: Option<&Departure>) -> FleetUnit {
         name: unit.name.clone(),
         calibration: unit.calibration.clone(),
         frames: unit.frames,
+        depth_rms_mm: unit.depth_rms_mm,
+        reprojection_rms_px: unit.reprojection_rms_px,
         has_scores: unit.scores.is_some(),
         p_value: departure.map_or(1.0, |d| d.p_value),
     }
@@ -240,8 +245,22 @@ fn outliers(
             outliers.push(record(unit, &effect.key.name, &effect.names, values, d));
         }
     }
-    outliers.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(a.unit.cmp(&b.unit)));
     outliers
+}
+
+/// All outliers, the most certain first.
+fn by_certainty(of_errors: Vec<FleetOutlier>, others: Vec<FleetOutlier>) -> Vec<FleetOutlier> {
+    let mut all: Vec<FleetOutlier> = of_errors.into_iter().chain(others).collect();
+    all.sort_by(|a, b| a.p_value.total_cmp(&b.p_value).then(a.unit.cmp(&b.unit)));
+    all
+}
+
+/// Units that are alike and have no large error; the large errors count for nothing where too few units would be left.
+fn without(alike: &[bool], of_errors: &[FleetOutlier]) -> Vec<bool> {
+    let is_large = |unit: usize| of_errors.iter().any(|outlier| outlier.unit == unit);
+    let usual: Vec<bool> = alike.iter().enumerate().map(|(unit, is_alike)| *is_alike && !is_large(unit)).collect();
+    let left = usual.iter().filter(|is_usual| **is_usual).count();
+    if left >= FEWEST_UNITS && 2 * left > alike.len() { usual } else { alike.to_vec() }
 }
 
 /// The parameters that carry a departure, the largest first; of an effect, whose departures are in coordinates of their own, all.

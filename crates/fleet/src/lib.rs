@@ -8,7 +8,7 @@
 //! | what units share and how they scatter: the random-effects model | [`random_effects`] |
 //! | tests of both, corrected for their number | [`significance`] |
 //! | effects that all units share, or that differ, also where no unit alone shows them | `effects` |
-//! | which unit is unlike the others, and in what | [`outliers`] |
+//! | which unit is unlike the others, and in what | [`outliers`], of its errors `errors` |
 //! | whether an effect that was found in one unit repeats in others | `replication` |
 //! | a prior for the next unit, and the record | [`mod@join`] |
 //!
@@ -17,6 +17,7 @@
 
 mod effects;
 mod error;
+mod errors;
 pub mod join;
 pub mod outliers;
 pub mod random_effects;

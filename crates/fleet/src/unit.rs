@@ -72,6 +72,10 @@ pub struct Unit {
     pub size: [usize; 2],
     /// Number of fitted frames.
     pub frames: usize,
+    /// Root mean square of the depth residuals, mm; `None` without depth.
+    pub depth_rms_mm: Option<f64>,
+    /// Root mean square of the reprojection errors, px; `None` without images.
+    pub reprojection_rms_px: Option<f64>,
     /// The free parameters with a covariance.
     pub parameters: Vec<UnitParameter>,
     /// Estimate and covariance of these.
@@ -143,6 +147,8 @@ impl Unit {
             digest: calibration.dataset.digest.clone(),
             size: [calibration.camera.width, calibration.camera.height],
             frames: calibration.fit.frames_used,
+            depth_rms_mm: calibration.fit.depth_rms_mm,
+            reprojection_rms_px: Some(calibration.fit.reprojection_rms_px).filter(|rms| *rms > 0.0),
             parameters,
             estimate: UnitEstimate { value: DVector::from_vec(values), covariance },
             effects,

@@ -27,7 +27,7 @@ pub use dataset::{
 };
 pub use file::{
     Displaced, FileError, OF_CALIBRATION, StagedDataset, StagedResults, check_writable, digest_contents, digest_files,
-    digest_json, is_temporary, read_json, write_atomically, write_json, write_json_compact,
+    digest_json, is_of_depthcal, is_temporary, read_json, write_atomically, write_json, write_json_compact,
 };
 pub use image::{
     DEPTH_EXTENSIONS, DepthFrame, DepthImage, DepthValues, GrayImage, IMAGE_EXTENSIONS, ImageError, RgbImage,
@@ -37,21 +37,22 @@ pub use image::{
 pub use pcd::write_pcd;
 pub use ply::{Cloud, PlyFormat, write_ply};
 pub use record::{
-    BeforeAfter, Calibration, CameraDiagnosis, CameraRecord, ComparedLens, Comparison, CovarianceRecord,
-    DatasetEvaluation, DeclaredValue, DepthSample, DiagnosedCamera, Diagnosis, DiagnosisAddOutcome, DiagnosisCandidate,
-    DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariate,
-    DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration, DiagnosisExchange, DiagnosisFormula,
-    DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut, DiagnosisImage, DiagnosisLeftOver,
-    DiagnosisNoiseAtDepth, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible, DiagnosisProposedFrame,
-    DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted, DiagnosisReplication,
-    DiagnosisRound, DiagnosisRunnerUp, DiagnosisSearched, DiagnosisShared, DiagnosisStep, DiagnosisUnexplainedOutcome,
-    DriftOver, DriftRecord, DroppedFrame, Errors, Evaluation, ExtrinsicsRecord, ExtrinsicsStdDev, FileReference,
-    FitRecord, Fleet, FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter,
-    FleetReplication, FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations, FrameRecord, GainInterval,
-    HeldOutErrors, Interval, LearningPoint, LeftOpen, LensComparison, MarkerObservation, MeanStd, ModelComparison,
-    ModelValue, NoiseRecord, Observations, Outliers, ParameterRecord, PieceRecord, Prior, PriorUse, RigDriftTest,
-    RigEffect, RigFindings, RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores, Separability,
-    StabilityEstimate, StabilityRecord, TimeOffsetRecord, TransferAtDistance, TransferError, UsedPriorParameter,
-    Verdict,
+    BeforeAfter, Calibration, CameraDiagnosis, CameraDifference, CameraRecord, ClearestDifference, ComparedLens,
+    Comparison, CovarianceRecord, DatasetEvaluation, DeclaredValue, DepthDifference, DepthSample, DiagnosedCamera,
+    Diagnosis, DiagnosisAddOutcome, DiagnosisCandidate, DiagnosisCapture, DiagnosisCompetitor, DiagnosisComponent,
+    DiagnosisComponentBin, DiagnosisCovariate, DiagnosisCovariatePart, DiagnosisDecision, DiagnosisDeclaration,
+    DiagnosisExchange, DiagnosisFormula, DiagnosisFrame, DiagnosisFrameCause, DiagnosisFramePlane, DiagnosisHeldOut,
+    DiagnosisImage, DiagnosisLeftOver, DiagnosisNoiseAtDepth, DiagnosisParameter, DiagnosisPlace, DiagnosisPossible,
+    DiagnosisProposedFrame, DiagnosisPureError, DiagnosisPureNoise, DiagnosisRefutation, DiagnosisRefuted,
+    DiagnosisReplication, DiagnosisRound, DiagnosisRunnerUp, DiagnosisSearched, DiagnosisShared, DiagnosisStep,
+    DiagnosisUnexplainedOutcome, Difference, DifferenceSide, DifferenceSize, DriftOver, DriftRecord, DroppedFrame,
+    Errors, Evaluation, ExtrinsicsDifference, ExtrinsicsRecord, ExtrinsicsStdDev, FileReference, FitRecord, Fleet,
+    FleetEffect, FleetEffectUnit, FleetLeftOut, FleetOutlier, FleetOutlierPart, FleetParameter, FleetReplication,
+    FleetUnit, FleetUnitValue, FrameEvaluation, FrameObservations, FrameRecord, GainInterval, HeldOutErrors, Interval,
+    LearningPoint, LeftOpen, LensComparison, MarkerObservation, MeanStd, ModelComparison, ModelValue, NoiseRecord,
+    Observations, Outliers, ParameterDifference, ParameterRecord, PieceRecord, Prior, PriorUse, ProjectionDifference,
+    RigDriftTest, RigEffect, RigFindings, RigHeldOut, RigLeftOut, Rms, ScoredEffect, ScoredParameter, Scores,
+    Separability, StabilityEstimate, StabilityRecord, TimeOffsetRecord, TransferAtDistance, TransferError,
+    UsedPriorParameter, Verdict, grid_pixel, recommended,
 };
 pub use schema::SchemaName;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use depthcal_calibration::judge::table::table;
 use depthcal_calibration::task::{DiagnoseRequest, Diagnosed, DiagnosedCamera, Made, Results};
-use depthcal_report::{diagnosis_text, verdict_sentence};
+use depthcal_report::{Detail, diagnosis_text, verdict_sentence};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -94,7 +94,7 @@ impl Diagnosis {
     /// The diagnosis in words.
     fn text(&self) -> String {
         if let Some(camera) = self.only_camera() {
-            return diagnosis_text(&camera.record, &camera.register);
+            return diagnosis_text(&camera.record, &camera.register, Detail::All);
         }
         let sentence =
             |(name, camera): &(String, DiagnosedCamera)| format!("[{name}] {}", verdict_sentence(&camera.record));

@@ -4,8 +4,8 @@
 //! own (`running`), results are objects that keep the library's results and give its records as JSON. Tables, figures and
 //! documentation for users are in the package's Python files.
 //!
-//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `calibrated`, `simulated`: the steps of the work, on one camera
-//!   or several on one body;
+//! - `dataset`, `fitted`, `evaluated`, `compared`, `diagnosed`, `differed`, `calibrated`, `simulated`: the steps of the work, on
+//!   one camera or several on one body;
 //! - `fleet`: many cameras of one type;
 //! - `corrector`, `registration`: depth images on numpy arrays;
 //! - `effect`, `function_piece`: formulas and numpy functions as pieces of the chain;
@@ -25,6 +25,7 @@ mod compared;
 mod corrector;
 mod dataset;
 mod diagnosed;
+mod differed;
 mod effect;
 mod evaluated;
 mod failure;
@@ -56,6 +57,7 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<evaluated::Evaluation>()?;
     module.add_class::<compared::Comparison>()?;
     module.add_class::<diagnosed::Diagnosis>()?;
+    module.add_class::<differed::Difference>()?;
     module.add_class::<calibrated::Calibration>()?;
     module.add_class::<corrector::Corrector>()?;
     module.add_class::<registration::Registration>()?;
@@ -67,6 +69,7 @@ fn _depthcal(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(evaluated::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(compared::compare, module)?)?;
     module.add_function(wrap_pyfunction!(diagnosed::diagnose, module)?)?;
+    module.add_function(wrap_pyfunction!(differed::diff, module)?)?;
     module.add_function(wrap_pyfunction!(fleet::fleet, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulated::simulate_points, module)?)?;

@@ -28,7 +28,6 @@ def test_diagnosis_and_comparison_equal_the_command_line_to_the_byte(cli, folder
         folder,
         "--models",
         ",".join(models),
-        "--no-thesis",
         "--learning",
         0,
         "--folds",

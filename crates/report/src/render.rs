@@ -32,7 +32,7 @@ pub fn render(input: &ReportInput<'_>) -> Result<String, ReportError> {
                 parts.map(|(i, camera)| sections::content(&Scope::camera(i + 1), camera, &[])).collect();
             let (summaries, parts): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
             let mut content = Content::default();
-            rig::verdicts(&mut content, &cameras, &summaries, input.story);
+            rig::verdicts(&mut content, &cameras, &summaries, rig.as_ref(), input.story);
             if let Some(rig) = rig {
                 rig::section(&mut content, rig, &cameras);
             }

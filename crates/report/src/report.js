@@ -124,7 +124,7 @@
     });
   };
 
-  const drawAll = (paper) => Promise.all(figures.map((figure) => draw(figure, paper)));
+  const drawAll = (paper) => typeof Plotly !== "undefined" && Promise.all(figures.map((figure) => draw(figure, paper)));
 
   for (const picker of document.querySelectorAll(".picker")) {
     const select = picker.querySelector("select");
@@ -169,8 +169,29 @@
   });
   window.addEventListener("afterprint", () => drawAll(false));
 
+  for (const picture of document.querySelectorAll(".picture")) {
+    const toggle = () => picture.classList.toggle("large");
+    picture.addEventListener("click", toggle);
+    picture.addEventListener("keydown", (event) => { if (event.key === "Enter") toggle(); });
+  }
+
+  // The library is packed, which halves the file.
+  const unpack = async () => {
+    const packed = Uint8Array.from(atob(document.getElementById("library").textContent), (c) => c.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const script = document.createElement("script");
+    script.textContent = await new Response(stream).text();
+    document.head.append(script);
+  };
+
   // What is seen first is drawn first; the page stays responsive in between.
   (async () => {
+    try {
+      await unpack();
+    } catch {
+      document.getElementById("no-figures").hidden = false;
+      return;
+    }
     for (const figure of figures) {
       await draw(figure, false);
       await new Promise((resolve) => setTimeout(resolve, 0));

@@ -9,6 +9,7 @@ use depthcal_io::{Displaced, FileError, StagedResults, write_atomically};
 use thiserror::Error;
 
 use super::comparison::render_comparison;
+use super::difference::render_difference;
 use super::effect_files::effect_files;
 use super::fleet::render_fleet;
 use super::input::ReportError;
@@ -39,6 +40,7 @@ pub fn report_of(results: &dyn Results, made: &Made) -> Result<String, ReportErr
         Shown::Comparison { comparison, best, register, made } => {
             render_comparison(comparison, &tables(comparison), best, register, &made)
         }
+        Shown::Difference { difference, made } => render_difference(difference, &made),
         Shown::Fleet { fleet, prior, made } => render_fleet(fleet, prior, &made),
     }
 }

@@ -4,20 +4,36 @@ use std::fmt::Write;
 
 use depthcal_calibration::judge::transfer::Transfer;
 use depthcal_io::TransferError;
+use depthcal_model::hook::HookKind;
 use nalgebra::Isometry3;
 
 use super::content::Content;
 use super::figures::{rig_in_space, transfer_by_distance, transfer_over_image};
-use super::format::{Measured, count, join, measured, number};
+use super::format::{Measured, count, join, measured, number, quantity};
 use super::html::{escape, tie};
 use super::input::{ReportCamera, ReportRig};
 use super::scope::Scope;
 use super::sections::Summary;
 
 /// The first screen of several cameras: the verdict on each, with a link to its sections.
-pub(super) fn verdicts(page: &mut Content, cameras: &[&ReportCamera<'_>], summaries: &[Summary], story: &[String]) {
+pub(super) fn verdicts(
+    page: &mut Content,
+    cameras: &[&ReportCamera<'_>],
+    summaries: &[Summary],
+    rig: Option<&ReportRig<'_>>,
+    story: &[String],
+) {
     let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
-    page.open_verdict(&escape(&format!("{}: {}", count(names.len(), "camera"), join(&names))));
+    let transfer = rig.and_then(worst_transfer).map_or_else(String::new, |t| {
+        format!(
+            ". Markers carried from {} through its depth into {} are {} off, rms, on {}",
+            t.from,
+            t.to,
+            quantity(t.rms_px, "px"),
+            t.dataset
+        )
+    });
+    page.open_verdict(&tie(&escape(&format!("{}: {}{transfer}.", count(names.len(), "camera"), join(&names)))));
     let story: String = story.iter().map(|s| format!("<p>{}</p>\n", escape(s))).collect();
     if !story.is_empty() {
         page.body += &format!("<div class=\"story\">{story}</div>\n");
@@ -37,6 +53,13 @@ pub(super) fn verdicts(page: &mut Content, cameras: &[&ReportCamera<'_>], summar
     page.close();
 }
 
+/// The largest transfer error on the last dataset, which was not fitted where there is one that was not.
+fn worst_transfer(rig: &ReportRig<'_>) -> Option<TransferError> {
+    let last = rig.evaluated.iter().rev().find(|e| !e.transfers.is_empty())?;
+    let records = last.transfers.iter().map(|t| t.record(&last.name));
+    records.filter(|t| t.rms_px.is_finite()).max_by(|a, b| a.rms_px.total_cmp(&b.rms_px))
+}
+
 /// The section of a rig.
 pub(super) fn section(page: &mut Content, rig: &ReportRig<'_>, cameras: &[&ReportCamera<'_>]) {
     let reference = rig.cameras.first().map_or("", |c| c.name.as_str());
@@ -44,7 +67,8 @@ pub(super) fn section(page: &mut Content, rig: &ReportRig<'_>, cameras: &[&Repor
         "Extrinsics map the frame of the rig, which is that of the reference camera, {}, to each camera's own.",
         escape(reference)
     );
-    page.open("rig", ["Rig", "The rig: extrinsics, overlaps and transfer errors"], &intro);
+    page.open("rig", ["Rig", "The rig: intrinsics, extrinsics, overlaps and transfer errors"], &intro);
+    page.body += &intrinsics(rig);
     page.body += &extrinsics(rig);
     let frames = rig.record.frames.iter().map(|f| {
         let [w, x, y, z] = f.rotation;
@@ -74,6 +98,45 @@ fn table(caption: &str, head: &[&str], rows: &str) -> String {
     format!(
         "<div class=\"scroll\" tabindex=\"0\"><table><caption>{caption}</caption><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
+}
+
+/// Pinhole, lens and errors of every camera.
+fn intrinsics(rig: &ReportRig<'_>) -> String {
+    let mut rows = String::new();
+    for camera in rig.record.cameras() {
+        let _ = write!(rows, "<tr><th scope=\"row\">{}</th>", escape(&camera.name));
+        let pinhole = camera.piece("pinhole");
+        for name in ["fx", "fy", "cx", "cy"] {
+            let value = pinhole.and_then(|piece| piece.parameter(name)).map(|p| measured(p.value, p.std_dev));
+            let value = value.map_or_else(|| "–".to_owned(), |v| v.to_string());
+            let _ = write!(rows, "<td>{value}</td>");
+        }
+        let lens: Vec<&str> =
+            camera.pieces.iter().filter(|p| p.hook == HookKind::Lens).map(|p| p.name.as_str()).collect();
+        let lens = if lens.is_empty() { "none".to_owned() } else { lens.join(", ") };
+        let error = |rms: Option<f64>| rms.map_or_else(|| "–".to_owned(), number);
+        let _ = writeln!(
+            rows,
+            "<td>{}×{}</td><td class=\"text\">{}</td><td>{}</td><td>{}</td></tr>",
+            camera.width,
+            camera.height,
+            escape(&lens),
+            error(camera.reprojection_rms_px),
+            error(camera.depth_rms_mm)
+        );
+    }
+    let head = [
+        "camera",
+        "fx / px",
+        "fy / px",
+        "cx / px",
+        "cy / px",
+        "image / px",
+        "lens",
+        "reprojection, rms / px",
+        "depth, rms / mm",
+    ];
+    table("Intrinsics of the cameras, with standard deviations, and errors on the fitted frames", &head, &rows)
 }
 
 fn extrinsics(rig: &ReportRig<'_>) -> String {

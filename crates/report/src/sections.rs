@@ -14,7 +14,7 @@ use super::input::{ReportCamera, ReportDiagnosis, Role};
 use super::leftover::{Leftover, tested_frames};
 use super::scope::Scope;
 use super::uncertainty::Uncertainty;
-use super::{checks, diagnosis, headline, tables};
+use super::{checks, diagnosis, headline, pictures, tables};
 
 /// Failed checks that the first screen shows.
 const DOUBTS: usize = 3;
@@ -85,6 +85,7 @@ fn others<'a>(camera: &'a ReportCamera<'a>, image: &'a Image) -> Vec<Section<'a>
         sections.push(Box::new(|page| single_frames(page, figures::differences(camera))));
         sections.push(Box::new(|page| against(page, camera, image)));
     }
+    sections.push(Box::new(|page| pictures(page, camera)));
     sections.push(Box::new(|page| per_frame(page, camera)));
     sections.push(Box::new(|page| volume(page, camera, image)));
     sections.push(Box::new(|page| parameters(page, camera)));
@@ -343,6 +344,19 @@ fn against(page: &mut Content, camera: &ReportCamera<'_>, image: &Image) {
     page.close();
 }
 
+fn pictures(page: &mut Content, camera: &ReportCamera<'_>) {
+    let shown = pictures::pictures(camera);
+    let histogram = figures::residual_histogram(camera);
+    if shown.is_none() && histogram.is_none() {
+        return;
+    }
+    let (html, intro) = shown.unwrap_or_default();
+    page.open("pictures", ["Pictures", "Markers in the worst frames"], &intro);
+    page.body += &html;
+    page.grid(&histogram.into_iter().collect::<Vec<_>>(), "two fill");
+    page.close();
+}
+
 fn per_frame(page: &mut Content, camera: &ReportCamera<'_>) {
     let list: Vec<Figure> =
         camera.evaluations.iter().enumerate().filter_map(|(i, d)| figures::per_frame(d, i)).collect();
@@ -387,7 +401,13 @@ fn parameters(page: &mut Content, camera: &ReportCamera<'_>) {
         let map = [figures::uncertainty_map(c, &u)];
         page.picker("distance-picker", "Distance", &map, 1);
         let [map] = map;
-        page.grid(&[figures::uncertainty_curves(c, &u), map], "two");
+        let list = [Some(figures::uncertainty_curves(c, &u)), Some(map), figures::projection_uncertainty(c)];
+        page.grid(&list.into_iter().flatten().collect::<Vec<_>>(), "two fill");
+        page.close();
+    } else if let Some(figure) = figures::projection_uncertainty(c) {
+        let intro = "Propagated from the covariance of the parameters, as if the model were complete.";
+        page.open("uncertainty", ["Uncertainty", "How certain is the projection?"], intro);
+        page.grid(&[figure], "two");
         page.close();
     }
     page.open("parameters", ["Parameters", "The camera"], "");

@@ -1,32 +1,36 @@
 //! The ranking of models in sentences.
 
-use depthcal_io::ModelComparison;
+use depthcal_io::{ModelComparison, recommended};
 
-/// The ranking of the listed models, best first, in sentences.
+/// The ranking of the listed models, best first, in sentences: first the one to use, with those that these frames cannot tell
+/// from it.
 pub(super) fn verdict(models: &[ModelComparison]) -> Vec<String> {
     let mut sentences = Vec::new();
-    let Some(best) = models.first().filter(|m| m.failed.is_none()) else {
+    let Some((best, chosen)) = models.first().zip(recommended(models)) else {
         return vec!["No model could be fitted.".to_owned()];
     };
     let error = |m: &ModelComparison| m.held_out.dot_error_mm.or(m.held_out.depth_rms_mm);
-    if let Some(e) = error(best) {
+    let ties: Vec<String> = models
+        .iter()
+        .filter(|m| m.failed.is_none() && !m.really_worse && m.model != chosen.model)
+        .map(|m| format!("'{}'", m.model))
+        .collect();
+    let ties = match ties.is_empty() {
+        true => String::new(),
+        false => format!("; these frames cannot tell it from {}", ties.join(", ")),
+    };
+    if let Some(e) = error(chosen) {
         sentences.push(format!(
-            "'{}' has the smallest error on data that it did not see: {:.2} mm ({:.2} to {:.2}).",
-            best.model, e.mean, e.low, e.high
+            "Use '{}': {:.2} mm ({:.2} to {:.2}) on data that it did not see{ties}.",
+            chosen.model, e.mean, e.low, e.high
         ));
     }
-    let equal: Vec<&ModelComparison> = models.iter().filter(|m| m.failed.is_none() && !m.really_worse).collect();
-    if equal.len() > 1 {
-        let names: Vec<String> = equal.iter().map(|m| format!("'{}'", m.model)).collect();
-        sentences.push(format!("These frames cannot tell apart: {}.", names.join(", ")));
-    }
-    // Effective numbers within one parameter of the least count as equal; among these the model with the fewest parameters.
-    let least = equal.iter().map(|m| m.effective_parameters).fold(f64::INFINITY, f64::min);
-    let simplest = equal.iter().filter(|m| m.effective_parameters < least + 1.0).min_by_key(|m| m.parameters);
-    if let Some(simplest) = simplest {
+    if best.model != chosen.model
+        && let Some(e) = error(best)
+    {
         sentences.push(format!(
-            "The simplest of them is '{}' with {:.1} effective parameters; use it unless another reason speaks for more.",
-            simplest.model, simplest.effective_parameters
+            "'{}' has the smallest error, {:.2} mm, but {:.1} effective parameters instead of {:.1}.",
+            best.model, e.mean, best.effective_parameters, chosen.effective_parameters
         ));
     }
     let worse: Vec<String> = models

@@ -2,6 +2,7 @@
 
 pub mod cross_validation;
 pub mod depth_errors;
+pub mod difference;
 pub mod evaluate;
 mod linearity;
 pub mod parts;

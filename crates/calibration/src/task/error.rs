@@ -3,13 +3,14 @@
 use std::fmt::Display;
 
 use depthcal_formula::{FormulaError, NamedFileError};
-use depthcal_io::FileError;
+use depthcal_io::{CameraFileError, FileError};
 use depthcal_model::RegisterError;
 use thiserror::Error;
 
 use super::option_names::OptionNames;
 use super::unlike_calibration::UnlikeCalibration;
 use crate::calibrate::CalibrateError;
+use crate::calibration_record::RecordError;
 use crate::diagnose::DiagnoseError;
 use crate::load::{DeclaredCameraError, LoadError};
 
@@ -77,6 +78,52 @@ pub enum TaskError {
         expected: [usize; 2],
         /// Those of the dataset.
         found: [usize; 2],
+    },
+    /// A camera file of another program is at fault.
+    #[error(transparent)]
+    CameraFile(#[from] CameraFileError),
+    /// A file does not make a camera.
+    #[error("{file}: {error}")]
+    GivenCamera {
+        /// The file.
+        file: String,
+        /// Why.
+        error: Box<RecordError>,
+    },
+    /// Neither of two camera files says how large the images are.
+    #[error("neither {first} nor {second} says how large the images are: give {option}, such as 640x480")]
+    NoSize {
+        /// The first file.
+        first: String,
+        /// The second.
+        second: String,
+        /// Name of the option, as its user writes it.
+        option: String,
+    },
+    /// Two calibrations of a camera are of images of different sizes.
+    #[error(
+        "{camera} has images of {}x{} px in {first}, but of {}x{} px in {second}: give two calibrations of one resolution",
+        sizes[0][0], sizes[0][1], sizes[1][0], sizes[1][1]
+    )]
+    DifferentSizes {
+        /// The camera, in words.
+        camera: String,
+        /// The first calibration.
+        first: String,
+        /// The second.
+        second: String,
+        /// Widths and heights, px.
+        sizes: [[usize; 2]; 2],
+    },
+    /// Two calibrations have no camera in common.
+    #[error("{first} has the cameras {}, and {second} {}: none has the same name in both", names[0], names[1])]
+    NoCommonCamera {
+        /// The first calibration.
+        first: String,
+        /// The second.
+        second: String,
+        /// Names of the cameras of either.
+        names: [String; 2],
     },
     /// There is no calibration.
     #[error(transparent)]

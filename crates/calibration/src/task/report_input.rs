@@ -1,6 +1,6 @@
 //! The data that a report is made from.
 
-use depthcal_io::CameraDiagnosis;
+use depthcal_io::{CameraDiagnosis, DiagnosisStep};
 use depthcal_model::Register;
 
 use super::made::Made;
@@ -55,6 +55,13 @@ impl<'a> ReportDiagnosis<'a> {
     /// Names of the added effects, in the order in which they were added.
     pub fn added(&self) -> Vec<&'a str> {
         self.record.steps.iter().filter_map(|s| s.effects.first().map(String::as_str)).collect()
+    }
+
+    /// Added effects of which it is certain, or not, that the depth error of left-out frames falls with them. Effects of images
+    /// alone have no such gain and count as certain.
+    pub fn steps_by_certainty(&self, certain: bool) -> Vec<&'a DiagnosisStep> {
+        let is_certain = |step: &DiagnosisStep| step.depth_gain_percent.is_none_or(|gain| gain.is_certain());
+        self.record.steps.iter().filter(|step| is_certain(step) == certain).collect()
     }
 }
 

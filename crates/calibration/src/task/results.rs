@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use depthcal_formula::FormulaEffect;
-use depthcal_io::{Comparison, FileError, Fleet, Prior};
+use depthcal_io::{Comparison, Difference, FileError, Fleet, Prior};
 use depthcal_model::Register;
 
 use super::made::Made;
@@ -23,6 +23,13 @@ pub enum Shown<'a> {
         best: Option<&'a Calibrated>,
         /// The pieces that the record names.
         register: &'a Register,
+        /// How it was made.
+        made: Made,
+    },
+    /// Two calibrations, compared with each other.
+    Difference {
+        /// The record.
+        difference: &'a Difference,
         /// How it was made.
         made: Made,
     },

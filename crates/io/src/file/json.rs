@@ -23,6 +23,12 @@ pub fn read_json<T: DeserializeOwned>(path: impl AsRef<Path>) -> Result<T, FileE
     parse_json(path, &read_bytes(path)?)
 }
 
+/// Whether a file is JSON with a `format` of depthcal's.
+pub fn is_of_depthcal(path: &Path) -> bool {
+    let json = fs::read(path).ok().and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok());
+    json.is_some_and(|json| json["format"].as_str().is_some_and(|format| format.starts_with("depthcal")))
+}
+
 /// Writes a JSON file, indented, atomically (see [`write_atomically`]).
 ///
 /// # Errors

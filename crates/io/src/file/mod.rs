@@ -12,7 +12,7 @@ mod write;
 
 pub use digest::{digest_contents, digest_files, digest_json};
 pub use error::FileError;
-pub use json::{read_json, write_json, write_json_compact};
+pub use json::{is_of_depthcal, read_json, write_json, write_json_compact};
 pub use staged::{Displaced, OF_CALIBRATION, StagedResults, check_writable};
 pub use staged_dataset::StagedDataset;
 pub use temporary::is_temporary;

@@ -114,6 +114,12 @@ impl CameraDiagnosis {
 }
 
 impl DiagnosisStep {
+    /// The decrease of the error by which it is judged: given all other effects or, where that is not known, from `before` to
+    /// `after`.
+    pub fn gain(&self) -> Option<GainInterval> {
+        self.gain_percent.or(self.depth_gain_percent)
+    }
+
     /// Its parameters that are no coefficients of a spline, and the coefficients of each spline.
     pub fn parameters_and_splines(&self) -> (Vec<&DiagnosisParameter>, Vec<Vec<&DiagnosisParameter>>) {
         let smooth = self.formula.iter().flat_map(|formula| &formula.definition.smooth);

@@ -72,6 +72,15 @@ pub struct ModelComparison {
     pub failed: Option<String>,
 }
 
+/// The model to use, of models with the best first: the one with the fewest parameters of those that are not really worse than
+/// the best. Effective numbers within one parameter of the least count as equal. `None` where no model could be fitted.
+pub fn recommended(models: &[ModelComparison]) -> Option<&ModelComparison> {
+    models.first().filter(|best| best.failed.is_none())?;
+    let equal = || models.iter().filter(|m| m.failed.is_none() && !m.really_worse);
+    let least = equal().map(|m| m.effective_parameters).fold(f64::INFINITY, f64::min);
+    equal().filter(|m| m.effective_parameters < least + 1.0).min_by_key(|m| m.parameters)
+}
+
 impl ModelComparison {
     /// Share of the held-out board pixels that are no measurements of the board and are in none of the errors: mean over the
     /// datasets, which count alike as in the errors. `None` without depth.

@@ -41,6 +41,12 @@ pub struct FleetUnit {
     pub calibration: String,
     /// Number of frames that were fitted.
     pub frames: usize,
+    /// Root mean square of its depth residuals on these, mm; absent without depth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_rms_mm: Option<f64>,
+    /// Root mean square of its reprojection errors, px; absent without images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reprojection_rms_px: Option<f64>,
     /// Whether scores of effects that its model lacks were found next to the calibration.
     pub has_scores: bool,
     /// p-value of its parameters' squared distance from what the other units predict, uncorrected.

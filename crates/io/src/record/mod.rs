@@ -10,6 +10,7 @@ mod component;
 mod covariate;
 mod decision;
 mod diagnosis;
+mod difference;
 mod evaluation;
 mod extrinsics;
 mod findings;
@@ -33,7 +34,7 @@ pub use camera_diagnosis::{
     DiagnosisRunnerUp, DiagnosisStep, GainInterval, HeldOutErrors, Separability, Verdict,
 };
 pub use comparison::{
-    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord,
+    Comparison, Errors, Interval, LearningPoint, ModelComparison, StabilityEstimate, StabilityRecord, recommended,
 };
 pub use component::{DiagnosisComponent, DiagnosisComponentBin, DiagnosisCovariatePart};
 pub use covariate::DiagnosisCovariate;
@@ -43,6 +44,10 @@ pub use decision::{
 };
 pub(crate) use diagnosis::RigDiagnosis;
 pub use diagnosis::{DiagnosedCamera, Diagnosis, RigDriftTest, RigEffect, RigFindings, RigHeldOut, RigLeftOut};
+pub use difference::{
+    CameraDifference, ClearestDifference, DepthDifference, Difference, DifferenceSide, DifferenceSize,
+    ExtrinsicsDifference, ParameterDifference, ProjectionDifference, grid_pixel,
+};
 pub use evaluation::{
     BeforeAfter, DatasetEvaluation, Evaluation, FrameEvaluation, MeanStd, Outliers, Rms, TransferAtDistance,
     TransferError,

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::file::Versioned;
 use crate::record::{
-    Calibration, CameraDiagnosis, Comparison, Evaluation, Fleet, Observations, Prior, RigDiagnosis, Scores,
+    Calibration, CameraDiagnosis, Comparison, Difference, Evaluation, Fleet, Observations, Prior, RigDiagnosis, Scores,
 };
 
 /// The files that have a schema.
@@ -31,6 +31,8 @@ pub enum SchemaName {
     RigDiagnosis,
     /// `comparison.json`.
     Comparison,
+    /// `diff.json`.
+    Difference,
     /// `fleet.json`.
     Fleet,
     /// `prior.json`.
@@ -50,7 +52,7 @@ struct EffectFile {
 
 impl SchemaName {
     /// All files that have a schema.
-    pub const ALL: [SchemaName; 11] = [
+    pub const ALL: [SchemaName; 12] = [
         SchemaName::Dataset,
         SchemaName::Effects,
         SchemaName::Observations,
@@ -59,6 +61,7 @@ impl SchemaName {
         SchemaName::Diagnosis,
         SchemaName::RigDiagnosis,
         SchemaName::Comparison,
+        SchemaName::Difference,
         SchemaName::Fleet,
         SchemaName::Prior,
         SchemaName::Scores,
@@ -75,6 +78,7 @@ impl SchemaName {
             SchemaName::Diagnosis => "diagnosis",
             SchemaName::RigDiagnosis => "rig_diagnosis",
             SchemaName::Comparison => "comparison",
+            SchemaName::Difference => "diff",
             SchemaName::Fleet => "fleet",
             SchemaName::Prior => "prior",
             SchemaName::Scores => "scores",
@@ -93,6 +97,7 @@ impl SchemaName {
             SchemaName::Diagnosis => of::<CameraDiagnosis>(),
             SchemaName::RigDiagnosis => of::<RigDiagnosis>(),
             SchemaName::Comparison => of::<Comparison>(),
+            SchemaName::Difference => of::<Difference>(),
             SchemaName::Fleet => of::<Fleet>(),
             SchemaName::Prior => versioned::<Prior>(),
             SchemaName::Scores => versioned::<Scores>(),

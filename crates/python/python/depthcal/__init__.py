@@ -33,6 +33,7 @@ from ._depthcal import (
     set_threads,
 )
 from ._diagnose import Diagnosis, Step, diagnose
+from ._diff import Difference, DifferenceAt, diff
 from ._effects import Effect, EffectCost, EffectWarning, effect, read_effects
 from ._evaluate import DatasetErrors, Evaluation, FrameErrors, TransferError, evaluate
 from ._fit import Fit, calibrate
@@ -62,6 +63,8 @@ __all__ = [
     "Dataset",
     "DatasetErrors",
     "Diagnosis",
+    "Difference",
+    "DifferenceAt",
     "Effect",
     "EffectCost",
     "EffectWarning",
@@ -95,6 +98,7 @@ __all__ = [
     "compare",
     "diagnose",
     "diagnose_rig",
+    "diff",
     "effect",
     "evaluate",
     "evaluate_rig",

@@ -2,11 +2,12 @@
 
 use depthcal_io::{DiagnosisCandidate, DiagnosisStep, GainInterval, Verdict};
 
+use super::remedies::remedy;
 use super::sentences::{
-    capture, covariate, declaration, left_over, possible, pure_noise, rivals_of_other_technologies,
+    capture, covariate, declaration, left_over, possible, pure_noise, rivals_of_other_technologies, searched,
 };
 use crate::checks::Level;
-use crate::format::{self, capital, count, join, number, percent};
+use crate::format::{self, capital, count, join, number, percent, quantity};
 use crate::headline::certainty;
 use crate::input::{ReportCamera, ReportDiagnosis};
 use crate::left_out;
@@ -45,6 +46,11 @@ fn with_interval(change: &Change) -> String {
     format!("{} mm rms ({})", number(change.before.value), certainty(&change.before, "mm", change.frames))
 }
 
+/// Names of steps.
+fn names<'a>(steps: &[&'a DiagnosisStep]) -> Vec<&'a str> {
+    steps.iter().filter_map(|step| step.effects.first().map(String::as_str)).collect()
+}
+
 /// The headline: depth error as measured, under the declared model, and under the last one.
 pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     let Some(change) = Pool::last(camera).depth_rms() else {
@@ -53,12 +59,16 @@ pub(crate) fn sentence(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> St
     let declared = Pool::declared(d).depth_rms().map_or(f64::NAN, |c| c.after.value);
     let sure = certainty(&change.after, "mm", change.frames);
     let model = declared_model(d);
-    let added = d.added();
+    let added = names(&d.steps_by_certainty(true));
     let (raw, now) = (number(change.before.value), number(change.after.value));
     match (d.record.verdict, added.is_empty()) {
         (Verdict::Adequate, _) => format!(
             "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {now} mm on held-out frames ({sure}), and \
              these captures show nothing that is missing.",
+        ),
+        (_, true) if !d.record.steps.is_empty() => format!(
+            "The depth error was {raw} mm rms as measured, relative to the board's pose. With the last model it is {now} mm on held-out frames \
+             ({sure}); no single effect lowers it for certain.",
         ),
         (_, true) => format!(
             "The depth error was {raw} mm rms as measured, relative to the board's pose. With {model} it is {now} mm on held-out frames ({sure}): \
@@ -155,31 +165,35 @@ fn place(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     text
 }
 
+/// Significant effects in plain words, each with what a person can do about it.
 fn why(d: &ReportDiagnosis<'_>) -> String {
-    let mut parts: Vec<String> = d
-        .record
-        .steps
-        .iter()
-        .filter_map(|s| Some(format!("{}: {}", s.effects.first()?, summary(d.register, s.effects.first()?))))
-        .collect();
+    let certain = d.steps_by_certainty(true);
+    let mut parts: Vec<String> = certain.iter().map(|step| cause(d, step)).collect();
     if parts.is_empty() {
         parts.push(match d.record.verdict {
             Verdict::Adequate => "The declared model describes it; no known effect is missing".to_owned(),
-            _ => "Unknown: no known effect explains the errors under the declared model".to_owned(),
+            _ => "Unknown: no known effect certainly explains the errors under the declared model".to_owned(),
         });
-    } else if d.record.verdict == Verdict::Unexplained && !d.record.lacks_only_causes() {
-        parts.push("and something that no known effect explains".to_owned());
     }
-    let rivals: Vec<String> = d
-        .record
-        .steps
-        .iter()
-        .filter(|s| !s.indistinguishable.is_empty())
-        .map(|s| format!(" These captures cannot distinguish {} from {}.", s.effects[0], join(&s.indistinguishable)))
-        .collect();
-    let of_others =
-        d.record.steps.iter().filter_map(rivals_of_other_technologies).map(|text| format!(" {}.", capital(&text)));
-    format!("{}.{}{}", parts.join("; "), rivals.concat(), of_others.collect::<String>())
+    for step in certain {
+        if !step.indistinguishable.is_empty() {
+            parts.push(format!(
+                "these captures cannot distinguish {} from {}",
+                step.effects[0],
+                join(&step.indistinguishable)
+            ));
+        }
+        parts.extend(rivals_of_other_technologies(step));
+    }
+    sentences(&parts)
+}
+
+/// The cause that a step names, its size, and the remedy.
+fn cause(d: &ReportDiagnosis<'_>, step: &DiagnosisStep) -> String {
+    let name = step.effects.first().map_or("", String::as_str);
+    let size = if step.size_mm > 0.0 { format!(", {} rms", quantity(step.size_mm, "mm")) } else { String::new() };
+    let remedy = remedy(name).map_or_else(String::new, |words| format!(": {words}"));
+    format!("{} ({name}{size}){remedy}", summary(d.register, name))
 }
 
 /// A change of the depth error: `16.5 % less (95 % interval 13.5 to 20.1 %)`.
@@ -199,7 +213,8 @@ pub(crate) fn arrow(before: Option<f64>, after: Option<f64>, unit: &str) -> Stri
 fn step_words(step: &DiagnosisStep) -> String {
     let change = arrow(step.before.depth_rms_mm, step.after.depth_rms_mm, "mm");
     let size = if step.size_mm > 0.0 { format!(" ({} mm rms)", number(step.size_mm)) } else { String::new() };
-    let gain = step.depth_gain_percent.as_ref().map_or(String::new(), |g| format!(", {}", gain(g)));
+    let given = if step.gain_percent.is_some() { "; given all others, the error on left-out frames is" } else { "," };
+    let gain = step.gain().as_ref().map_or(String::new(), |g| format!("{given} {}", gain(g)));
     format!("{}{size}: {change}{gain}.", step.effects.first().map_or("", String::as_str))
 }
 
@@ -208,12 +223,16 @@ fn added(d: &ReportDiagnosis<'_>) -> String {
         let tested = d.record.rounds.first().map_or(0, |r| r.effects.len());
         return format!("Nothing; {} were tested.{}", count(tested, "effect"), not_certain(d));
     }
-    d.record.steps.iter().map(step_words).collect::<Vec<_>>().join(" ") + &not_certain(d)
+    let certain: Vec<String> = d.steps_by_certainty(true).into_iter().map(step_words).collect();
+    format!("{}{}", certain.join(" "), not_certain(d)).trim_start().to_owned()
 }
 
-/// Effects that may be missing, with a space before; empty where there are none.
+/// Effects that may be missing, and those that were added although their gain may be chance, with a space before; empty where
+/// there are none.
 fn not_certain(d: &ReportDiagnosis<'_>) -> String {
-    let words: Vec<String> = d.record.possible.iter().map(|effect| possible(effect, d.register)).collect();
+    let mut words: Vec<String> = d.record.possible.iter().map(|effect| possible(effect, d.register)).collect();
+    let added = d.steps_by_certainty(false);
+    words.extend(added.into_iter().map(|step| step_words(step).trim_end_matches('.').to_owned()));
     if words.is_empty() { String::new() } else { format!(" Possible, but not certain: {}.", words.join(". ")) }
 }
 
@@ -240,6 +259,9 @@ fn now(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     if !d.record.left_over.is_empty() {
         text += &format!(" Left: {}", sentences(&words(&d.record.left_over, left_over)));
     }
+    if let Some(functions) = &d.record.searched {
+        text += &format!(" Tried on what is left: {}.", searched(functions));
+    }
     text + &pure_error(d)
 }
 
@@ -248,39 +270,49 @@ fn sure(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> String {
     let Some(depth) = pool.depth_rms() else { return "Unknown: no depth could be evaluated.".to_owned() };
     let sure = certainty(&depth.after, "mm", depth.frames);
     let mut text = format!("{}, each evaluated by a fit without it.", capital(&sure));
-    let unsure: Vec<String> = d
-        .record
-        .steps
-        .iter()
-        .filter(|s| s.depth_gain_percent.is_some_and(|g| !g.is_certain()))
-        .filter_map(|s| s.effects.first().cloned())
-        .collect();
-    if !unsure.is_empty() {
-        let intervals = if unsure.len() == 1 { "its interval contains" } else { "their intervals contain" };
-        text += &format!(" The gain by {} may be chance: {intervals} zero.", join(&unsure));
-    }
-    if let Some(least) = smallest(d) {
+    if let Some(least) = smallest(d, depth.before.value) {
         text += &format!(" {least}");
     }
     text
 }
 
-/// The sizes below which effects would have been missed.
-fn smallest(d: &ReportDiagnosis<'_>) -> Option<String> {
+/// Effects whose detectable sizes the first screen names, the first three of those that were tested.
+const NAMED: [&str; 7] = [
+    "cyclic_depth",
+    "disparity_ripple",
+    "board_bow",
+    "range_offset",
+    "reflectivity_bias",
+    "projector_distortion",
+    "quadratic_depth",
+];
+
+/// Whether captures show an effect at a size that it can have: one below the depth error as measured, of which it is a part.
+pub(crate) fn is_testable(c: &DiagnosisCandidate, measured_mm: f64) -> bool {
+    c.minimal_detectable_mm.is_some_and(|size| size > 0.0 && size < measured_mm)
+}
+
+/// From which sizes on effects are seen, and which are not testable.
+fn smallest(d: &ReportDiagnosis<'_>, measured_mm: f64) -> Option<String> {
     let round = d.record.rounds.last()?;
-    let seen = |c: &&DiagnosisCandidate| c.minimal_detectable_mm.is_some_and(|m| m > 0.0);
-    let sizes: Vec<f64> = round.effects.iter().filter(seen).filter_map(|c| c.minimal_detectable_mm).collect();
-    let blind = round.effects.len() - sizes.len();
-    let size = |q: f64| number(quantile(sizes.iter().copied(), q));
-    let blind =
-        if blind == 0 { String::new() } else { format!("; {} would not be found at any size", count(blind, "effect")) };
-    (!sizes.is_empty()).then(|| {
-        format!(
-            "Effects below {} to {} mm rms, depending on the effect, would have been missed{blind}.",
-            size(0.0),
-            size(1.0)
-        )
-    })
+    let (seen, blind): (Vec<_>, Vec<_>) = round.effects.iter().partition(|c| is_testable(c, measured_mm));
+    let size =
+        |c: &DiagnosisCandidate| c.minimal_detectable_mm.map(|mm| format!("{} from {}", c.effect, quantity(mm, "mm")));
+    let chosen = NAMED
+        .iter()
+        .filter_map(|name| seen.iter().find(|c| c.effect == *name))
+        .chain(seen.iter().filter(|c| !NAMED.contains(&c.effect.as_str())));
+    let sizes: Vec<String> = chosen.take(3).filter_map(|c| size(c)).collect();
+    let mut parts = Vec::new();
+    if !sizes.is_empty() {
+        parts.push(format!("further effects would be seen, among them {}", join(&sizes)));
+    }
+    if !blind.is_empty() {
+        let names: Vec<&str> = blind.iter().map(|c| c.effect.as_str()).collect();
+        let listed = if names.len() > 4 { count(names.len(), "effect") } else { join(&names) };
+        parts.push(format!("not testable with these captures: {listed}"));
+    }
+    (!parts.is_empty()).then(|| sentences(&parts))
 }
 
 /// Captures to make next: first what separates effects, then gaps in the coverage.

@@ -6,10 +6,11 @@
 
 mod answers;
 mod formula;
+mod remedies;
 mod sections;
 pub(crate) mod sentences;
 mod text;
 
 pub(super) use answers::{Answer, answers, pill, sentence};
 pub(super) use sections::{apart, candidates, frames, next, steps};
-pub use text::{diagnosis_text, verdict_sentence};
+pub use text::{Detail, diagnosis_text, verdict_sentence};

@@ -35,7 +35,7 @@ pub(crate) fn steps(d: &ReportDiagnosis<'_>) -> String {
             "<div class=\"scroll\" tabindex=\"0\"><table><caption>Errors before → after every step, on held-out frames. Size: \
              rms over the observations of the effect by itself; other parameters may compensate a part of it.</caption>\
              <thead><tr><th scope=\"col\">added</th><th scope=\"col\">size / mm</th><th scope=\"col\">p</th>\
-             <th scope=\"col\">depth error, rms</th><th scope=\"col\" class=\"text\">change</th><th scope=\"col\">left \
+             <th scope=\"col\">depth error, rms</th><th scope=\"col\" class=\"text\">gain, given all others</th><th scope=\"col\">left \
              out</th><th scope=\"col\">plane error, mean</th><th scope=\"col\">dot error, mean</th><th scope=\"col\">reprojection error, rms</th></tr>\
              </thead><tbody>{rows}</tbody></table></div>"
         );
@@ -58,8 +58,8 @@ fn step_row(d: &ReportDiagnosis<'_>, i: usize, s: &DiagnosisStep) -> String {
     }
     notes.extend(rivals_of_other_technologies(s));
     let (b, a) = (&s.before, &s.after);
-    let gain = s.depth_gain_percent.as_ref().map_or_else(|| "–".to_owned(), gain);
-    let class = match &s.depth_gain_percent {
+    let gain = s.gain().as_ref().map_or_else(|| "–".to_owned(), gain);
+    let class = match s.gain() {
         Some(g) if g.is_certain() => "good",
         Some(g) if g.high < 0.0 => "bad",
         _ => "care",
@@ -147,7 +147,7 @@ pub(crate) fn candidates(d: &ReportDiagnosis<'_>) -> String {
             let hint = if free { &c.effect } else { summary(d.register, &c.effect) };
             let hint = format!(" <span class=\"hint\">{}</span>", escape(hint));
             let blind = !free && c.minimal_detectable_mm.is_none_or(|m| m <= 0.0);
-            let detectable = if blind { "at no size".to_owned() } else { mm(c.minimal_detectable_mm) };
+            let detectable = if blind { "not testable".to_owned() } else { mm(c.minimal_detectable_mm) };
             format!(
                 "<tr><th scope=\"row\">{}{hint}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                 escape(&name),

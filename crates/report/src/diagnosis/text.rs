@@ -7,17 +7,24 @@ use depthcal_model::Register;
 
 use super::answers::arrow;
 use super::formula::{FormulaText, formula_sentences};
+use super::remedies::remedy;
 use super::sentences::{
     capture, declaration, frame_cause, left_over, place, possible, pure_error, rivals_of_other_technologies, searched,
 };
-use crate::format::{interval, join, measured, number, p_equals, p_value, percent, quantity, shown_unit};
+use crate::format::{count, interval, join, measured, number, p_equals, p_value, percent, quantity, shown_unit};
 use crate::left_out::share;
+use crate::parameters::summary;
 
 /// The verdict of a diagnosis in a sentence, without full stop.
 pub fn verdict_sentence(d: &CameraDiagnosis) -> String {
-    let added: Vec<&str> = d.steps.iter().filter_map(|s| s.effects.first().map(String::as_str)).collect();
-    let were = if added.len() == 1 { "was" } else { "were" };
-    let added = format!("{} {were} missing and {were} added", join(&added));
+    let is_certain = |s: &&DiagnosisStep| s.gain().is_none_or(|gain| gain.is_certain());
+    let name = |s: &DiagnosisStep| s.effects.first().cloned();
+    let (certain, possible): (Vec<&DiagnosisStep>, Vec<&DiagnosisStep>) = d.steps.iter().partition(is_certain);
+    let [certain, possible] = [certain, possible].map(|steps| steps.into_iter().filter_map(name).collect::<Vec<_>>());
+    let were = if certain.len() == 1 { "was" } else { "were" };
+    let missing = (!certain.is_empty()).then(|| format!("{} {were} missing and {were} added", join(&certain)));
+    let maybe = (!possible.is_empty()).then(|| format!("added, but not certain: {}", join(&possible)));
+    let added = [missing, maybe].into_iter().flatten().collect::<Vec<_>>().join("; ");
     match (d.verdict, d.steps.is_empty()) {
         (Verdict::Adequate, _) => "adequate: these captures show nothing that the model lacks".to_owned(),
         (Verdict::Effect, _) => format!("effect: {added}; these captures show nothing else"),
@@ -31,11 +38,22 @@ pub fn verdict_sentence(d: &CameraDiagnosis) -> String {
     }
 }
 
-/// A diagnosis as text: verdict, excluded frames, added effects with their gains, held-out errors, what is left, the effects
-/// that were tested given the last model, and what to capture next.
-pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register) -> String {
+/// How much of a diagnosis a terminal shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Detail {
+    /// As much as one screen holds.
+    Screen,
+    /// Parameters, places and every effect that was tested as well.
+    All,
+}
+
+/// Most captures that a screen proposes.
+const MOST_PROPOSED: usize = 2;
+
+/// A diagnosis as text: excluded frames, added effects with their gains, what is left, held-out errors, what to capture next, and
+/// last the verdict; with [`Detail::All`] also parameters, and the effects that were tested given the last model.
+pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register, detail: Detail) -> String {
     let mut t = String::new();
-    let _ = writeln!(t, "{}\n", verdict_sentence(d));
     for finding in &d.declarations {
         let _ = writeln!(t, "check the dataset file: {}", declaration(finding));
     }
@@ -43,7 +61,7 @@ pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register) -> String {
         let _ = writeln!(t, "excluded: {} ({})", frame.name, frame_cause(&frame.cause));
     }
     for (i, step) in d.steps.iter().enumerate() {
-        t += &step_text(i + 1, step, register);
+        t += &step_text(i + 1, step, register, detail);
     }
     for found in &d.possible {
         let _ = writeln!(t, "possible, not added: {}", possible(found, register));
@@ -60,27 +78,42 @@ pub fn diagnosis_text(d: &CameraDiagnosis, register: &Register) -> String {
     if let Some(error) = &d.pure_error {
         let _ = writeln!(t, "{}", pure_error(error));
     }
-    let _ = writeln!(t, "\nheld-out frames, declared → last model: {}", errors(&d.held_out.before, &d.held_out.after));
+    let all = detail == Detail::All;
     if let Some(round) = d.rounds.last() {
-        t += &candidates(&round.effects);
+        match all {
+            true => t += &candidates(&round.effects),
+            false => {
+                let tested = count(round.effects.len(), "effect");
+                let _ = writeln!(t, "{tested} tested given the last model; -v lists them");
+            }
+        }
     }
-    for proposal in &d.capture_next {
+    let proposed = if all { d.capture_next.len() } else { MOST_PROPOSED };
+    for proposal in d.capture_next.iter().take(proposed) {
         let _ = writeln!(t, "capture next: {}", capture(proposal));
     }
+    let _ = writeln!(t, "\nheld-out frames, declared → last model: {}", errors(&d.held_out.before, &d.held_out.after));
+    let _ = writeln!(t, "{}", verdict_sentence(d));
     t
 }
 
-fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register) -> String {
+fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register, detail: Detail) -> String {
     let mut t = String::new();
+    let all = detail == Detail::All;
     let (size, p) = (quantity(s.size_mm, "mm"), p_equals(s.p_value));
     let _ = writeln!(t, "{number_of_step}. added {}: {size} rms, {p}", register.words(&s.with));
-    if let Some(place) = place(s) {
-        let _ = writeln!(t, "   {place}");
+    if let Some(name) = s.effects.first()
+        && let Some(remedy) = remedy(name)
+    {
+        let _ = writeln!(t, "   {}: {remedy}", summary(register, name));
     }
-    let (parameters, splines) = s.parameters_and_splines();
-    parameters.into_iter().for_each(|p| t += &parameter(p));
-    splines.iter().for_each(|spline| t += &format!("     {}\n", spline_words(spline)));
-    let _ = writeln!(t, "   held-out frames: {}", errors(&s.before, &s.after));
+    if all {
+        t += &place(s).map_or_else(String::new, |place| format!("   {place}\n"));
+        let (parameters, splines) = s.parameters_and_splines();
+        parameters.into_iter().for_each(|p| t += &parameter(p));
+        splines.iter().for_each(|spline| t += &format!("     {}\n", spline_words(spline)));
+        let _ = writeln!(t, "   held-out frames: {}", errors(&s.before, &s.after));
+    }
     if let Some(gain) = &s.gain_percent {
         let (fall, range) = (percent(gain.value), interval(gain.low, gain.high, "%"));
         let _ =
@@ -95,7 +128,7 @@ fn step_text(number_of_step: usize, s: &DiagnosisStep, register: &Register) -> S
     if let Some(formula) = &s.formula {
         let _ = writeln!(t, "   {}", formula_sentences(formula, &FormulaText::Plain).join("\n   "));
     }
-    if s.effects.len() > 1 {
+    if all && s.effects.len() > 1 {
         let _ = writeln!(t, "   found together with: {}", s.effects[1..].join(", "));
     }
     t
@@ -161,7 +194,9 @@ fn candidates(effects: &[DiagnosisCandidate]) -> String {
             p_value(c.p_value),
             percent(c.held_out_gain_percent),
             size(c.expected_size_mm),
-            size(c.minimal_detectable_mm)
+            c.minimal_detectable_mm
+                .filter(|mm| *mm > 0.0)
+                .map_or_else(|| "not testable".to_owned(), |mm| quantity(mm, "mm"))
         );
     }
     t
@@ -232,9 +267,8 @@ mod tests {
     #[test]
     fn the_text_has_numbers_for_people() {
         let expected = "\
-effect: cyclic_depth was missing and was added; these captures show nothing else
-
 1. added cyclic_depth (after the depth model, period 300 mm): 2.10 mm rms, p < 1e−16
+   depth waves over distance (time-of-flight wiggling): keep the correction: this kind of camera has it
    acts after the depth model, added to depth; these captures cannot tell this from: before the depth model, as a factor of depth
      a             2.981 ± 0.012     mm
      b               0.5 fixed
@@ -244,14 +278,22 @@ effect: cyclic_depth was missing and was added; these captures show nothing else
    cameras of another technology have disparity_ripple instead: `technology` in [camera] of dataset.toml decides
    found together with: range_offset
 
-held-out frames, declared → last model: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
-
 effects tested given the last model:
                            p-value held-out gain estimated size detectable size
-  board_bow                  0.300       −0.20 %      0.0100 mm               –
+  board_bow                  0.300       −0.20 %      0.0100 mm    not testable
 capture next: for temporal_drift: the frames have no times; record timestamp_s in frames.csv, from the moment when the camera is switched on
+
+held-out frames, declared → last model: depth 6.60 → 5.51 mm rms, reprojection 0.123 → 0.123 px rms
+effect: cyclic_depth was missing and was added; these captures show nothing else
 ";
-        assert_eq!(diagnosis_text(&record(), &Register::builtin()), expected);
+        assert_eq!(diagnosis_text(&record(), &Register::builtin(), Detail::All), expected);
+        let screen = diagnosis_text(&record(), &Register::builtin(), Detail::Screen);
+        assert!(screen.lines().count() < 12 && !screen.contains("± 0.012"), "{screen}");
+        assert!(
+            screen.contains("1 effect tested given the last model; -v lists them")
+                && screen.contains("keep the correction")
+        );
+        assert!(screen.ends_with("these captures show nothing else\n"), "the verdict is last: {screen}");
     }
 
     #[test]
@@ -260,12 +302,12 @@ capture next: for temporal_drift: the frames have no times; record timestamp_s i
         let some = |share| Some(depthcal_io::Outliers { count: 4, share, limit_mm: 50.0 });
         (d.held_out.before.outliers, d.held_out.after.outliers) = (some(0.0004), some(0.0004));
         assert!(
-            diagnosis_text(&d, &Register::builtin())
+            diagnosis_text(&d, &Register::builtin(), Detail::All)
                 .contains("depth 6.60 → 5.51 mm rms, 0.04 % of the board left out, reprojection")
         );
         d.held_out.after.outliers = some(0.01);
         assert!(
-            diagnosis_text(&d, &Register::builtin())
+            diagnosis_text(&d, &Register::builtin(), Detail::All)
                 .contains("mm rms, 0.04 % → 1.00 % of the board left out, reprojection")
         );
     }
@@ -310,7 +352,7 @@ capture next: for temporal_drift: the frames have no times; record timestamp_s i
     #[test]
     fn a_smooth_function_is_a_correction_without_a_cause() {
         let mut d = with_smooth_function();
-        let text = diagnosis_text(&d, &Register::builtin());
+        let text = diagnosis_text(&d, &Register::builtin(), Detail::All);
         for expected in [
             "unexplained: found_r was missing and was added; nothing else is left, but the cause of a function is not known",
             "     c1 … c4: 4 coefficients of a spline, −1.00 to 2.00 mm\n",
@@ -332,6 +374,13 @@ capture next: for temporal_drift: the frames have no times; record timestamp_s i
         );
         d.steps.push(d.steps[0].clone());
         assert!(sentence(&d, Verdict::Effect).contains("cyclic_depth and cyclic_depth were missing"));
+        d.steps[1].gain_percent = Some(GainInterval { value: 1.0, low: -1.0, high: 3.0 });
+        d.steps[1].effects = vec!["board_warp".to_owned()];
+        let unsure = sentence(&d, Verdict::Effect);
+        assert!(
+            unsure.contains("cyclic_depth was missing and was added; added, but not certain: board_warp;"),
+            "{unsure}"
+        );
         d.steps.clear();
         assert_eq!(sentence(&d, Verdict::Unexplained), "unexplained: something is left that no known effect explains");
         assert!(sentence(&d, Verdict::Adequate).starts_with("adequate: "));

@@ -14,7 +14,7 @@ use depthcal_calibration::judge::evaluate::EvaluatedFrame;
 use depthcal_statistics::{median, quantile};
 
 /// Most cells of all frames together, which bounds the size of the file.
-const CELLS: usize = 70_000;
+const CELLS: usize = 50_000;
 /// Most cells of one frame.
 const CELLS_PER_FRAME: usize = 2500;
 

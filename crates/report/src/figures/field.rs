@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::figure::Figure;
-use super::plotly::{AFTER, NEUTRAL, image_axes, rounded};
+use super::plotly::{AFTER, NEUTRAL, image_axes, round_factor, rounded};
 use crate::covariates::Image;
 use crate::format::{number, significant};
 use crate::input::{ReportCamera, Role};
@@ -58,10 +58,7 @@ pub(crate) fn reprojection_field(camera: &ReportCamera<'_>, image: &Image) -> Op
         return None;
     }
     let typical = quantile(errors.iter().map(|e| e[2].hypot(e[3])), 0.75).max(1e-6);
-    // A round factor: 1, 2 or 5 times a power of ten.
-    let wanted = LENGTH * image.width / typical;
-    let decade = 10_f64.powf(wanted.log10().floor());
-    let factor = [5.0, 2.0, 1.0].into_iter().map(|m| m * decade).find(|f| *f <= wanted).unwrap_or(decade);
+    let factor = round_factor(LENGTH * image.width / typical);
     let arrow = |at: [f64; 2], d: [f64; 2], k: f64| [at, [at[0] + k * d[0], at[1] + k * d[1]]];
 
     let step = errors.len().div_ceil(ARROWS);

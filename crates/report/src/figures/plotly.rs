@@ -93,3 +93,9 @@ pub(super) fn sequential() -> &'static str {
 pub(super) fn colour_bar(unit: &str) -> Value {
     json!({"title": {"text": unit, "side": "top"}, "thickness": 12, "outlinewidth": 0, "len": 1.0})
 }
+
+/// The largest 1, 2 or 5 times a power of ten that is at most `wanted`: by which vectors are enlarged.
+pub(crate) fn round_factor(wanted: f64) -> f64 {
+    let decade = 10_f64.powf(wanted.log10().floor());
+    [5.0, 2.0, 1.0].into_iter().map(|m| m * decade).find(|factor| *factor <= wanted).unwrap_or(decade)
+}

@@ -92,10 +92,9 @@ pub(crate) fn stage_bars(camera: &ReportCamera<'_>, d: &ReportDiagnosis<'_>) -> 
     )
 }
 
-/// Decrease of the depth error by each step, per cent, with intervals; `None` without steps.
+/// Decrease of the error by each step given all others, per cent, with intervals; `None` without steps.
 pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
-    let list: Vec<_> =
-        d.record.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.depth_gain_percent?))).collect();
+    let list: Vec<_> = d.record.steps.iter().filter_map(|s| Some((plain(s.effects.first()?), s.gain()?))).collect();
     if list.is_empty() {
         return None;
     }
@@ -112,15 +111,15 @@ pub(crate) fn step_gains(d: &ReportDiagnosis<'_>) -> Option<Figure> {
     });
     let layout = json!({
         "yaxis": {"type": "category", "autorange": "reversed"}, "showlegend": false,
-        "xaxis": {"title": {"text": "decrease of the depth error / %"}, "zeroline": true},
+        "xaxis": {"title": {"text": "decrease of the error / %"}, "zeroline": true},
     });
     let told: Vec<String> =
         list.iter().map(|(n, g)| format!("{n} {} ({})", percent(g.value), interval(g.low, g.high, "%"))).collect();
     Some(
         Figure::new("step-gains", "Gain by each step", vec![data], layout)
             .caption(format!(
-                "Decrease of the depth error from one model to the next, with 95 % intervals from resampling the same frames for \
-                 both: {}. Grey: not significant.",
+                "Decrease of the error on left-out frames by each, given all others, with 95 % intervals from resampling the same \
+                 frames for both: {}. Grey: not significant.",
                 told.join("; ")
             ))
             .alt(format!("Bars of the gain by each step: {}.", told.join("; ")))

@@ -7,7 +7,12 @@ use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
 use crate::format::number;
 use crate::uncertainty::Uncertainty;
 use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::judge::difference::{UncertainCamera, projection_difference};
+use depthcal_io::grid_pixel;
 use depthcal_statistics::quantile;
+
+/// With more free parameters than this there is no map of projection, which would take seconds.
+const MOST_PARAMETERS: usize = 80;
 
 /// Standard deviation against the distance, at three places of the image, and the noise of one pixel.
 pub(crate) fn uncertainty_curves(c: &Calibrated, u: &Uncertainty) -> Figure {
@@ -98,4 +103,54 @@ pub(crate) fn uncertainty_map(c: &Calibrated, u: &Uncertainty) -> Figure {
         .aspect(1.3);
     figure.variants = variants;
     figure
+}
+
+/// Columns of the map of projection.
+const COLUMNS: usize = 17;
+
+/// Standard deviation of the pixel that a ray is projected to, over the image; `None` without a covariance.
+pub(crate) fn projection_uncertainty(c: &Calibrated) -> Option<Figure> {
+    let covariance = c.covariance.as_ref()?;
+    let places: Vec<usize> = (0..covariance.nrows()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
+    if places.is_empty() || places.len() > MOST_PARAMETERS {
+        return None;
+    }
+    let of_free = covariance.select_rows(&places).select_columns(&places);
+    let size = [c.camera.width, c.camera.height];
+    let rows = ((COLUMNS as f64 * size[1] as f64 / size[0] as f64).round() as usize).max(2);
+    let pixels: Vec<[f64; 2]> = (0..COLUMNS * rows).map(|i| grid_pixel(size, [COLUMNS, rows], i)).collect();
+    let distance = quantile(crate::uncertainty::distances(c), 0.5);
+    let [uncertain, exact] =
+        [UncertainCamera::new(c.camera.clone(), &places, &of_free), UncertainCamera::exact(c.camera.clone())];
+    let std_devs = projection_difference([&uncertain, &exact], &pixels, distance).difference.std_devs::<2>();
+    let values: Vec<f64> = std_devs.iter().map(|std| std.unwrap_or(f64::NAN)).collect();
+    let valid = || values.iter().copied().filter(|v| v.is_finite());
+    let [low, middle, high] = [0.0, 0.5, 0.95].map(|q| quantile(valid(), q));
+    let z: Value = values.chunks(COLUMNS).map(|row| shorts(row.iter().copied())).collect();
+    let data = json!({
+        "type": "heatmap", "x": shorts((0..COLUMNS).map(|i| pixels[i][0])),
+        "y": shorts((0..rows).map(|i| pixels[i * COLUMNS][1])), "z": z, "zmin": 0, "zmax": high,
+        "colorscale": sequential(), "colorbar": colour_bar("px"), "hoverongaps": false,
+        "hovertemplate": "(%{x:.0f}, %{y:.0f}): %{z:.2~g} px<extra></extra>",
+    });
+    let layout = json!({
+        "xaxis": {"title": {"text": "u / px"}, "constrain": "domain", "showgrid": false},
+        "yaxis": {"title": {"text": "v / px"}, "autorange": "reversed", "scaleanchor": "x", "constrain": "domain",
+                  "showgrid": false},
+    });
+    let told = format!(
+        "{} px at least, {} px in the middle of all cells; 5 % are above {} px",
+        number(low),
+        number(middle),
+        number(high)
+    );
+    Some(
+        Figure::new("projection-std", "Uncertainty of projection", vec![data], layout)
+            .caption(format!(
+                "Standard deviation of the pixel to which the camera projects a ray, both coordinates together, less the rotation that \
+                 poses take up. {told}."
+            ))
+            .alt(format!("Map of the standard deviation of projection over the image. {told}."))
+            .aspect(size[0] as f64 / size[1] as f64 * 1.02),
+    )
 }

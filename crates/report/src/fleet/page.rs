@@ -126,7 +126,9 @@ fn effects(content: &mut Content, fleet: &Fleet) {
 }
 
 fn units(content: &mut Content, fleet: &Fleet) {
-    let intro = "Every unit against what the others predict of it: the p-value of its departure in the parameters, uncorrected.";
+    let intro = "Errors of every unit on its fitted frames, and the p-value of its departure in the parameters from what the others predict, \
+                 uncorrected. A unit whose error is at least twice that of the others, and four robust standard deviations larger, is an \
+                 outlier whatever its parameters say.";
     content.open("units", ["Units", "All units"], intro);
     let mut rows = String::new();
     for (i, unit) in fleet.units.iter().enumerate() {
@@ -140,16 +142,19 @@ fn units(content: &mut Content, fleet: &Fleet) {
             if departures.is_empty() { "–".to_owned() } else { format!("outlier in {}", departures.join(", ")) };
         let _ = writeln!(
             rows,
-            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"text\">{text}</td></tr>",
+            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td class=\"text\">{text}</td></tr>",
             escape(&unit.name),
             unit.frames,
+            unit.depth_rms_mm.map_or_else(|| "–".to_owned(), number),
+            unit.reprojection_rms_px.map_or_else(|| "–".to_owned(), number),
             p_value(unit.p_value),
         );
     }
     let _ = writeln!(
         content.body,
         "<div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th scope=\"col\">unit</th><th scope=\"col\">frames</th><th \
-         scope=\"col\">p</th><th scope=\"col\">finding</th></tr></thead><tbody>{rows}</tbody></table></div>"
+         scope=\"col\">depth error, rms / mm</th><th scope=\"col\">reprojection error, rms / px</th><th scope=\"col\">p</th><th \
+         scope=\"col\" class=\"text\">finding</th></tr></thead><tbody>{rows}</tbody></table></div>"
     );
     content.close();
 }

@@ -70,6 +70,16 @@ pub(super) fn shared_effect(e: &FleetEffect) -> String {
 
 /// A unit that is unlike the others.
 pub(super) fn outlier(o: &FleetOutlier) -> String {
+    if let ("error", [part]) = (o.within.as_str(), o.parts.as_slice()) {
+        let (error, unit) = if part.parameter == "depth_rms_mm" { ("depth", "mm") } else { ("reprojection", "px") };
+        return format!(
+            "outlier: {}, whose {error} error of {} rms is {} times that of the others ({})",
+            o.name,
+            quantity(part.value, unit),
+            number(part.value / part.expected),
+            quantity(part.expected, unit)
+        );
+    }
     let parts: Vec<String> = o
         .parts
         .iter()

@@ -35,6 +35,12 @@ pub fn fleet_text(fleet: &Fleet) -> String {
         );
         let _ = writeln!(t, "{}", line.trim_end());
     }
+    let _ = writeln!(t, "\n{:<NAME$} {:>10} {:>14} {:>14}", "unit", "frames", "depth rms / mm", "image rms / px");
+    for unit in &fleet.units {
+        let error = |rms: Option<f64>| rms.map_or_else(|| "–".to_owned(), number);
+        let (depth, image) = (error(unit.depth_rms_mm), error(unit.reprojection_rms_px));
+        let _ = writeln!(t, "{:<NAME$} {:>10} {depth:>14} {image:>14}", unit.name, unit.frames);
+    }
     let _ = writeln!(t, "\n{}", scatter(fleet));
     let shared: Vec<_> = fleet.effects.iter().filter(|e| e.shared).collect();
     if shared.is_empty() && !fleet.effects.is_empty() {

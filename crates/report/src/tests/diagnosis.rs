@@ -91,7 +91,7 @@ fn every_question_is_answered_on_the_first_screen() {
         assert!(first.contains(question), "{question}");
     }
     assert!(first.contains("with cyclic_depth it is"), "the headline names the effect");
-    assert!(first.contains("depth waves over distance"), "in plain words");
+    assert!(first.contains("Depth waves over distance"), "in plain words");
     assert!(first.contains("Effect: what was missing was found and added"));
     let ids = figure_ids(&html);
     for id in [
@@ -112,6 +112,8 @@ fn every_question_is_answered_on_the_first_screen() {
         "candidates-size",
         "separability",
         "uncertainty-map",
+        "residual-histogram",
+        "projection-std",
         "poses",
     ] {
         assert!(ids.contains(&id), "{id} is missing among {ids:?}");
@@ -120,10 +122,50 @@ fn every_question_is_answered_on_the_first_screen() {
     unique.sort_unstable();
     unique.dedup();
     assert_eq!(unique.len(), ids.len(), "every figure has an id of its own");
-    assert!(html.len() < 6_000_000, "{} bytes", html.len());
+    assert!(html.len() < 3_000_000, "{} bytes", html.len());
     for link in html.split("href=\"#").skip(1).filter_map(|s| s.split('"').next()) {
         assert!(html.contains(&format!("id=\"{link}\"")), "#{link} leads nowhere");
     }
+}
+
+/// The text of HTML.
+fn text_of(html: &str) -> String {
+    html.split('<').filter_map(|part| part.split_once('>')).map(|(_, text)| format!("{text} ")).collect()
+}
+
+/// A verdict is read at a glance: at most 80 words with its outcome, and no sentence of the first screen stands there twice.
+#[test]
+fn the_verdict_is_short_and_says_everything_once() {
+    let d = diagnosed();
+    let mut unsure = d.account.clone();
+    unsure.steps.push(unsure.steps[0].clone());
+    unsure.steps[1].effects = vec!["range_offset".to_owned()];
+    unsure.steps[1].gain_percent = Some(depthcal_io::GainInterval { value: 1.0, low: -1.0, high: 3.0 });
+    for account in [&d.account, &unsure] {
+        let html = d.render(account);
+        let (_, verdict) = html.split_once("<p class=\"verdict\"").unwrap();
+        let (verdict, after) = verdict.split_once("</a></p>").unwrap();
+        let verdict = text_of(&format!("<{verdict}"));
+        let words = verdict.split_whitespace().filter(|word| word.chars().any(char::is_alphanumeric)).count();
+        assert!((10..=80).contains(&words), "{words} words: {verdict}");
+        assert!(
+            verdict.contains("cyclic_depth") && !verdict.contains("range_offset"),
+            "only what is certain: {verdict}"
+        );
+        let first = text_of(after.split_once("id=\"steps\"").unwrap().0);
+        assert!(!first.contains("would have been missed"), "{first}");
+        let mut sentences: Vec<&str> = first.split(". ").map(str::trim).filter(|s| s.len() > 20).collect();
+        let all = sentences.len();
+        sentences.sort_unstable();
+        sentences.dedup();
+        assert!(all > 5 && sentences.len() == all, "a sentence stands there twice: {first}");
+    }
+    let html = d.render(&unsure);
+    let (_, why) = html.split_once("Why?").unwrap();
+    let (why, added) = why.split_once("What was added?").unwrap();
+    assert!(why.contains("keep the correction") && !why.contains("range_offset"), "{why}");
+    let (_, possible) = added.split_once("Possible, but not certain: range_offset").unwrap();
+    assert!(possible.contains("not significant"), "{possible}");
 }
 
 /// Every bar has a whisker: those between the first and the last model as well, from the account.

@@ -1,18 +1,18 @@
-//! A camera given to a command: a calibration, or a file of another program.
+//! A camera given to a task: a calibration, or a file of another program.
 
 use std::path::{Path, PathBuf};
 
-use depthcal_calibration::observe::PlacedCamera;
-use depthcal_calibration::rig_record::unnamed_camera;
-use depthcal_io::{Calibration, CameraFileError, Intrinsics, read_camera};
+use depthcal_io::{Calibration, CameraFileError, Intrinsics, is_of_depthcal, read_camera};
 use depthcal_model::Register;
 
-use super::common::read_cameras;
-use super::failure::{Failure, input};
+use super::error::TaskError;
+use crate::calibration_record::RecordError;
+use crate::observe::PlacedCamera;
+use crate::rig_record::{cameras_from_record, unnamed_camera};
 
 /// A camera from a file.
-#[derive(Debug)]
-pub(super) enum GivenCamera {
+#[derive(Debug, Clone)]
+pub enum GivenCamera {
     /// A calibration.json.
     Calibration(PathBuf, Box<Calibration>),
     /// A file of another program: pinhole and lens.
@@ -22,8 +22,12 @@ pub(super) enum GivenCamera {
 impl GivenCamera {
     /// Reads a file: a calibration where it has depthcal's `format`, else a file of another program. A file that is neither is
     /// judged as a calibration where it is called as one.
-    pub(super) fn read(path: &Path) -> Result<Self, Failure> {
-        let calibration = || Ok(Self::Calibration(path.to_owned(), Box::new(Calibration::read(path).map_err(input)?)));
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::File`], [`TaskError::CameraFile`].
+    pub fn read(path: &Path) -> Result<Self, TaskError> {
+        let calibration = || Ok(Self::Calibration(path.to_owned(), Box::new(Calibration::read(path)?)));
         if is_of_depthcal(path) {
             return calibration();
         }
@@ -34,12 +38,12 @@ impl GivenCamera {
             Err(
                 CameraFileError::Read { .. } | CameraFileError::UnknownFormat { .. } | CameraFileError::Syntax { .. },
             ) if is_called_so => calibration(),
-            Err(error) => Err(input(error)),
+            Err(error) => Err(TaskError::CameraFile(error)),
         }
     }
 
     /// Size of its images, px, where its file has one.
-    pub(super) fn size(&self) -> Option<[usize; 2]> {
+    pub fn size(&self) -> Option<[usize; 2]> {
         match self {
             Self::Calibration(_, calibration) => Some([calibration.camera.width, calibration.camera.height]),
             Self::Intrinsics(_, intrinsics) => intrinsics.size,
@@ -48,27 +52,31 @@ impl GivenCamera {
 
     /// The cameras, of which the first is the reference; a camera of another program has images of this size (px) where its file
     /// has none.
-    pub(super) fn cameras(&self, size: [usize; 2], register: &Register) -> Result<Vec<PlacedCamera>, Failure> {
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::GivenCamera`] where a piece is not known here.
+    pub fn cameras(&self, size: [usize; 2], register: &Register) -> Result<Vec<PlacedCamera>, TaskError> {
+        let in_file = |path: &Path, error: RecordError| TaskError::GivenCamera {
+            file: path.display().to_string(),
+            error: Box::new(error),
+        };
         match self {
-            Self::Calibration(path, calibration) => read_cameras(path, calibration, register),
+            Self::Calibration(path, calibration) => {
+                cameras_from_record(calibration, register).map_err(|error| in_file(path, error))
+            }
             Self::Intrinsics(path, intrinsics) => {
-                let camera = intrinsics.camera(size, register);
-                Ok(vec![unnamed_camera(camera.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?)])
+                let camera = intrinsics.camera(size, register).map_err(|error| in_file(path, error.into()))?;
+                Ok(vec![unnamed_camera(camera)])
             }
         }
     }
 
     /// The record, of a calibration.
-    pub(super) fn record(&self) -> Option<&Calibration> {
+    pub fn record(&self) -> Option<&Calibration> {
         match self {
             Self::Calibration(_, calibration) => Some(calibration),
             Self::Intrinsics(..) => None,
         }
     }
-}
-
-/// Whether a file is JSON with a `format` of depthcal's.
-fn is_of_depthcal(path: &Path) -> bool {
-    let json = std::fs::read(path).ok().and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok());
-    json.is_some_and(|json| json["format"].as_str().is_some_and(|format| format.starts_with("depthcal")))
 }
