@@ -51,10 +51,27 @@ impl<'a> Boards<'a> {
     /// [`DatasetError`] with the line, the field and the remedy.
     pub(super) fn target(&self) -> Result<Target, DatasetError> {
         match self {
-            Self::One(board) => board_from(board),
+            Self::One(section) => one(section),
             Self::Several(source, value) => several(*source, value),
         }
     }
+}
+
+/// One board; from another tag than the first of the dictionary on it is one of several, of which there is one.
+fn one(section: &Section<'_>) -> Result<Target, DatasetError> {
+    let board = board_from(section)?;
+    match (first_tag(section)?, section.get(FIRST_TAG)) {
+        (0, _) | (_, None) => Ok(board),
+        (_, Some(value)) if tags_of(&board, 0).is_none() => {
+            Err(section.fault(value, FIRST_TAG, "is for boards with tags, of kind \"charuco\" or \"aprilgrid\""))
+        }
+        (first_tag, _) => Ok(Target::several(vec![NumberedBoard { name: BOARD.key.to_owned(), first_tag, board }])),
+    }
+}
+
+/// Number of a board's first tag; 0 where none is declared.
+fn first_tag(section: &Section<'_>) -> Result<usize, DatasetError> {
+    section.get(FIRST_TAG).map_or(Ok(0), |_| section.count(FIRST_TAG, 0..=MOST_TAGS))
 }
 
 fn several(source: Source<'_>, value: &Spanned<DeValue<'_>>) -> Result<Target, DatasetError> {
@@ -74,8 +91,7 @@ fn several(source: Source<'_>, value: &Spanned<DeValue<'_>>) -> Result<Target, D
         let section = Section { source, name: format!("boards.{name}"), table };
         source.deny_unknown(table, &section.name, KEYS, &[])?;
         let board = board_from(&section)?;
-        let first_tag =
-            section.get(FIRST_TAG).map(|_| section.count(FIRST_TAG, 0..=MOST_TAGS)).transpose()?.unwrap_or(0);
+        let first_tag = first_tag(&section)?;
         let Some((dictionary, tags)) = tags_of(&board, first_tag) else {
             return refused("without tags, which cannot be told from others");
         };
