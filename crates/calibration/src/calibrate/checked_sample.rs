@@ -14,7 +14,7 @@ use crate::observe::{Capture, PosedFrame, SampledFrame};
 ///
 /// # Errors
 ///
-/// [`CalibrateError::Depth`] with the cause, [`CalibrateError::DepthUnexplained`], [`CalibrateError::Scale`] and those of [`sample`].
+/// [`CalibrateError::Depth`] with the cause, [`CalibrateError::DepthUnexplained`], [`CalibrateError::Scale`], and of [`sample`].
 pub(super) fn checked_sample(
     capture: Capture<PosedFrame>,
     camera: &Camera,

@@ -77,7 +77,7 @@ pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), Implaus
     }
 }
 
-/// The cause of an implausible scale where a ratio of the declared board's lengths tells it: the side of a tag declared as the pitch.
+/// The cause of an implausible scale where a ratio of the declared lengths tells it: the side of a tag declared as the pitch.
 pub(super) fn scale_hint(capture: &Capture<SampledFrame>) -> Option<String> {
     let ImplausibleScale { scale, .. } = implausible_scale(capture, PLAUSIBLE_SCALE_DEVIATION)?;
     let parts = capture.target.parts();

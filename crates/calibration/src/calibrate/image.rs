@@ -52,7 +52,7 @@ pub(crate) fn calibrate_image_or_cause(
     let result = result.map_err(|error| {
         let is_of_markers = !matches!(error, CalibrateError::Register(_) | CalibrateError::UnknownHeld { .. });
         let frames = capture.frames.iter().filter(|_| is_of_markers).map(|frame| &frame.raw);
-        match crate::cause::board::board_cause(&capture.target, frames) {
+        match crate::cause::board_cause(&capture.target, frames) {
             Some(cause) => CalibrateError::Board { cause: Box::new(cause), source: Box::new(error) },
             None => error,
         }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use depthcal_detect::{DetectOptions, Detector, chessboard_size, detect};
 use depthcal_io::GrayImage;
-use depthcal_model::{NumberedBoard, Pattern, Target};
+use depthcal_model::{Pattern, Target};
 use rayon::prelude::*;
 
+use super::board_alternative::Alternative;
 use super::board_fault::{BoardCause, BoardFault};
 use super::tag_board::tag_board;
 use crate::observe::RawFrame;
@@ -19,16 +20,9 @@ const MOST_PIXELS: usize = 1_600_000;
 /// Share of the images in which the mended board has to be found.
 const SHARE: f64 = 0.5;
 
-/// What was tried, for the message where nothing fits.
-pub(crate) const TRIED: &str = "mirrored images, columns and rows exchanged or counted otherwise, other kinds of boards, other \
+/// The alternatives in words, for the message where none fits.
+pub const TRIED: &str = "mirrored images, columns and rows exchanged or counted otherwise, other kinds of boards, other \
                                 dictionaries, first tags and sides of tags were tried as well, and none fits";
-
-/// A board that the images may show instead, with the faults of the declaration, and whether the images are mirrored.
-pub(super) struct Alternative {
-    pub(super) target: Target,
-    pub(super) is_mirrored: bool,
-    pub(super) faults: Vec<BoardFault>,
-}
 
 /// A source of alternatives to a board, from images.
 type Source = fn(&Target, &[GrayImage]) -> Vec<Alternative>;
@@ -37,7 +31,7 @@ type Source = fn(&Target, &[GrayImage]) -> Vec<Alternative>;
 const ALTERNATIVES: [Source; 3] = [tag_board, chessboard, circles];
 
 /// The faults of a declared board with which the images show it; `None` where none is certain.
-pub(crate) fn board_cause<'a>(target: &Target, frames: impl Iterator<Item = &'a RawFrame>) -> Option<BoardCause> {
+pub fn board_cause<'a>(target: &Target, frames: impl Iterator<Item = &'a RawFrame>) -> Option<BoardCause> {
     let stored: Vec<_> = frames.filter_map(|frame| frame.image.as_ref()).collect();
     let step = stored.len().div_ceil(IMAGES).max(1);
     let chosen: Vec<_> = stored.into_iter().step_by(step).collect();
@@ -78,14 +72,6 @@ fn confirmed(Alternative { target, is_mirrored, faults }: Alternative, images: &
     let found_in = images.par_iter().filter(is_found).count();
     let tried = images.len();
     (found_in > 0 && found_in as f64 >= SHARE * tried as f64).then_some(BoardCause { faults, found: found_in, tried })
-}
-
-/// A board of tags from `first_tag` on.
-pub(super) fn numbered(board: Target, first_tag: usize) -> Target {
-    match first_tag {
-        0 => board,
-        _ => Target::several(vec![NumberedBoard { name: "board".to_owned(), first_tag, board }]),
-    }
 }
 
 /// The chessboard whose size most images agree on.

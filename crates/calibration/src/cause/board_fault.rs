@@ -58,7 +58,10 @@ impl fmt::Display for BoardFault {
                 write!(f, "the board has {columns} × {rows} ({explanation}): columns = {columns}, rows = {rows}")
             }
             Self::Dictionary { dictionary } => {
-                write!(f, "the tags that were seen are of another dictionary: dictionary = \"{dictionary}\"")
+                write!(
+                    f,
+                    "the tags that were seen are of another dictionary: dictionary = \"{dictionary}\", or a larger one of the same cells"
+                )
             }
             Self::FirstTag { seen: [low, high] } => {
                 write!(f, "the tags that were seen have the numbers {low} to {high}: first_tag = {low}")

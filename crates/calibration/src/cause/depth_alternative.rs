@@ -1,5 +1,5 @@
-//! The alternatives to declared depth: how the depth image lies on the image, the quantity that it holds, the frame to which it
-//! belongs. One entry of [`Turn::ALL`], [`Quantity::ALL`] or [`DepthAlternative::FRAMES`] per alternative; all combinations are tried.
+//! The alternatives to declared depth: how the depth image lies on the image, its quantity, its frame.
+//! One entry of [`Turn::ALL`], [`Quantity::ALL`] or [`DepthAlternative::FRAMES`] per alternative; all combinations are tried.
 
 use std::fmt;
 
@@ -37,8 +37,8 @@ impl Turn {
         Self::TransposedHalfTurn,
     ];
 
-    /// The pixel of the depth image, of width and height `size`, that belongs to a pixel of the image; `None` where the depth image
-    /// has none. Quarter turns have the size of the image only where that is a square.
+    /// The pixel of a depth image of this width and height that belongs to a pixel of the image; `None` where it has none, as
+    /// after quarter turns of images that are no squares.
     pub fn depth_pixel(self, [u, v]: [usize; 2], [width, height]: [usize; 2]) -> Option<[usize; 2]> {
         let is_quarter =
             matches!(self, Self::Clockwise | Self::Anticlockwise | Self::Transposed | Self::TransposedHalfTurn);

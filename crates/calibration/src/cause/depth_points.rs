@@ -29,7 +29,7 @@ pub(super) struct BoardPoint {
     pub(super) range_per_z: f64,
 }
 
-/// A frame's points, and the raw values that depth images have there: by [`DepthAlternative::FRAMES`] and [`Turn::ALL`], NaN where
+/// A frame's points, and the raw values of depth images there by [`DepthAlternative::FRAMES`] and [`Turn::ALL`], NaN where
 /// nothing was measured.
 pub(super) struct FramePoints {
     pub(super) points: Vec<BoardPoint>,

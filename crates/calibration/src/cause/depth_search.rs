@@ -27,7 +27,7 @@ const CONTRADICTS: f64 = 0.08;
 
 /// Depth as declared, held against the boards that the images show.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum DepthFinding {
+pub enum DepthFinding {
     /// There is nothing to say against it.
     Fits,
     /// It contradicts the boards, and this is why.
@@ -41,7 +41,7 @@ pub(crate) enum DepthFinding {
 /// # Errors
 ///
 /// [`ImageError`] where a depth image has become unreadable.
-pub(crate) fn examine_depth(capture: &Capture<PosedFrame>, camera: &Camera) -> Result<DepthFinding, ImageError> {
+pub fn examine_depth(capture: &Capture<PosedFrame>, camera: &Camera) -> Result<DepthFinding, ImageError> {
     let with_depth: Vec<usize> =
         (0..capture.frames.len()).filter(|i| capture.frames[*i].depth_image().is_some()).collect();
     let step = with_depth.len().div_ceil(FRAMES).max(1);

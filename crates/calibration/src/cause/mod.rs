@@ -3,14 +3,16 @@
 //!
 //! | data | alternatives | evidence |
 //! |---|---|---|
-//! | depth ([`depth_alternative`]) | how its image lies on the image, the quantity that it holds, the frame to which it belongs | the boards that the images show |
-//! | depth ([`registration`]) | depth on a pixel grid of its own | as above |
-//! | boards ([`board`]) | mirrored images; kind, columns and rows, dictionary, first tag, side of the tags | tags of any dictionary, lattices of any size |
+//! | depth ([`DepthAlternative`]) | how its image lies on the image, its quantity, its frame | the boards that the images show |
+//! | depth ([`Registration`]) | depth on a pixel grid of its own | as above |
+//! | boards (`board`) | mirrored images; kind, size, dictionary, first tag, side of tags | tags of any dictionary, lattices |
 //!
 //! A wrong cause is worse than none: where two fit alike, none is named.
 
 #[cfg(feature = "detect")]
-pub(crate) mod board;
+mod board;
+#[cfg(feature = "detect")]
+mod board_alternative;
 #[cfg(feature = "detect")]
 mod board_fault;
 mod depth_alternative;
@@ -22,9 +24,11 @@ mod registration;
 mod tag_board;
 
 #[cfg(feature = "detect")]
+pub use board::{TRIED, board_cause};
+#[cfg(feature = "detect")]
 pub use board_fault::{BoardCause, BoardFault};
 pub use depth_alternative::{DepthAlternative, Quantity, Turn};
 pub use depth_cause::DepthCause;
 pub use depth_points::Deviation;
-pub(crate) use depth_search::{DepthFinding, examine_depth};
+pub use depth_search::{DepthFinding, examine_depth};
 pub use registration::Registration;

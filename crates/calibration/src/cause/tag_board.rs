@@ -7,7 +7,7 @@ use depthcal_model::{Pattern, Target};
 use depthcal_statistics::upper_median;
 use rayon::prelude::*;
 
-use super::board::{Alternative, numbered};
+use super::board_alternative::{Alternative, numbered};
 use super::board_fault::BoardFault;
 
 /// Fewest tags in the image with most of them that make a board.

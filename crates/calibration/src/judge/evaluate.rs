@@ -134,8 +134,8 @@ where
     evaluated
 }
 
-/// Why a frame with hardly any depth on its board is not judged: what there is, is far from the board, and nothing else of the frame
-/// tells it from measurements. `None` of other frames.
+/// Why a frame with hardly any depth on its board is not judged: that little is far from the board, and nothing else of the
+/// frame tells it from measurements. `None` of other frames.
 fn scarce_and_far(frame: &EvaluatedFrame, area_px: usize) -> Option<String> {
     /// Share of the board's pixels with depth below which a frame has hardly any.
     const SCARCE: f64 = 0.02;

@@ -23,7 +23,7 @@ use super::marker_lists::{GivenMarkers, markers_of};
 use super::per_board::{markers_per_board, per_board};
 use super::same_frames::drop_copies;
 #[cfg(feature = "detect")]
-use crate::cause::board::{TRIED, board_cause};
+use crate::cause::{TRIED, board_cause};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{
     CameraCapture, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, RigCapture, Stored,

@@ -60,7 +60,7 @@ pub enum LoadError {
         board: String,
         /// Frames looked at.
         frames: usize,
-        /// What else was looked for, in words.
+        /// The other boards that were looked for, in words.
         tried: Option<&'static str>,
     },
     /// The images show another board than the declared one.

@@ -12,7 +12,7 @@ const LEAST_CROSSINGS: usize = 12;
 /// Least share of a row's places, or a column's, that have a crossing, for it to belong to the board.
 const FILLED: f64 = 0.7;
 
-/// The numbers of inner corners of the largest chessboard in an image, along its two sides; which of them are columns cannot be told.
+/// The numbers of inner corners of the largest chessboard in an image, along its two sides, in either order.
 /// `None` where there is none.
 pub fn chessboard_size(image: &GrayImage) -> Option<[usize; 2]> {
     let planes = Stretch::candidates(image).iter().map(|&stretch| Plane::stretched(image, stretch));

@@ -28,7 +28,7 @@ const FAMILIES: [&str; 10] = [
 /// Widths of the black border in cells that are tried.
 const BORDERS: [usize; 2] = [1, 2];
 
-/// A tag that was seen: its number and its corners (px), clockwise from its own top left; of a mirrored image in the mirrored order.
+/// A tag that was seen: its number and its corners (px) from its own top left, clockwise on the print.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeenTag {
     /// Its number in the dictionary.
@@ -48,8 +48,8 @@ pub struct SeenTags {
     pub tags: Vec<SeenTag>,
 }
 
-/// All tags in an image, by dictionary and by whether the image is mirrored. Dictionaries share some tags, and of what is no tag a
-/// few are read as one: the dictionary of a board is that of most tags.
+/// All tags in an image, by dictionary and by whether the image is mirrored. Dictionaries share some tags, and now and then
+/// what is no tag is read as one: the dictionary of a board is that of most tags.
 pub fn survey_tags(image: &GrayImage) -> Vec<SeenTags> {
     let dictionaries: Vec<Dictionary> = FAMILIES.iter().filter_map(|name| Dictionary::whole(name)).collect();
     let mut seen: Vec<SeenTags> = FAMILIES

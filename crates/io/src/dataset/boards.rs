@@ -60,13 +60,16 @@ impl<'a> Boards<'a> {
 /// One board; from another tag than the first of the dictionary on it is one of several, of which there is one.
 fn one(section: &Section<'_>) -> Result<Target, DatasetError> {
     let board = board_from(section)?;
-    match (first_tag(section)?, section.get(FIRST_TAG)) {
-        (0, _) | (_, None) => Ok(board),
-        (_, Some(value)) if tags_of(&board, 0).is_none() => {
-            Err(section.fault(value, FIRST_TAG, "is for boards with tags, of kind \"charuco\" or \"aprilgrid\""))
-        }
-        (first_tag, _) => Ok(Target::several(vec![NumberedBoard { name: BOARD.key.to_owned(), first_tag, board }])),
+    let first_tag = first_tag(section)?;
+    if first_tag == 0 {
+        return Ok(board);
     }
+    if tags_of(&board, first_tag).is_none() {
+        let (path, name) = (section.source.path.display(), &section.name);
+        tracing::warn!("{path}: `{name}.first_tag` has no meaning for a board without tags and is ignored");
+        return Ok(board);
+    }
+    Ok(Target::several(vec![NumberedBoard { name: BOARD.key.to_owned(), first_tag, board }]))
 }
 
 /// Number of a board's first tag; 0 where none is declared.

@@ -165,6 +165,13 @@ mod tests {
     }
 
     #[test]
+    fn other_separators_are_named() {
+        assert!(complaint("frame;timestamp_s\n0001;0,5\n").contains("semicolons"));
+        assert!(complaint("timestamp_s\tframe\n0.5\t0001\n").contains("tabs"));
+        assert!(!complaint("time;name\n0.5;0001\n").contains("semicolons"));
+    }
+
+    #[test]
     fn a_cell_that_is_no_number_has_line_and_column() {
         for value in ["warm", "nan", "inf", "1,5"] {
             let message = complaint(&format!("frame,temperature_c\n0001,20\n0002,\"{value}\"\n"));

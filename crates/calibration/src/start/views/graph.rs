@@ -104,7 +104,7 @@ pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, ExtrinsicsError> {
     Ok(Places { camera_from_rig, pairs })
 }
 
-/// Numbers the boards that look the same after a turn alike in the views that two cameras share; the first one's stay as they are.
+/// Numbers boards that look the same after a turn alike in the views that two cameras share; the first one's stay as they are.
 fn number_alike([a, b]: [usize; 2], nodes: &mut [Node<'_>], shared: &[[usize; 2]]) {
     let (before, after) = nodes.split_at_mut(b);
     let (first, Some(second)) = (&before[a], after.first_mut()) else { return };
