@@ -95,7 +95,8 @@ impl FramePoints {
         let points = board_points(capture, camera, &capture.frames[number]);
         let mut raw = Vec::new();
         for frame in DepthAlternative::FRAMES {
-            let other = number.checked_add_signed(frame).and_then(|i| capture.frames.get(i));
+            // Where depth images show the frame before theirs, this frame is shown by the one after it.
+            let other = number.checked_add_signed(-frame).and_then(|i| capture.frames.get(i));
             let is_read = frames.contains(&frame);
             let stored = other.filter(|_| is_read).and_then(|frame| frame.depth_image());
             let depth = stored.map(|stored| stored.get()).transpose()?;
