@@ -6,6 +6,7 @@
 //! |---|---|
 //! | what was measured: markers, depth samples, noise, which pixels are board | [`observe`] |
 //! | start values from homographies | [`start`] |
+//! | why data and declarations contradict each other | [`cause`] |
 //! | D from markers' depth alone, as in the thesis | [`estimators`] |
 //! | one joint adjustment on the solver: factors, fields and their smoothness | [`adjust`] |
 //! | the driver: image, depth, noise, outliers, until they settle | [`calibrate`] |
@@ -22,6 +23,7 @@
 pub mod adjust;
 pub mod calibrate;
 pub mod calibration_record;
+pub mod cause;
 pub mod compare;
 pub mod diagnose;
 pub mod estimators;

@@ -32,12 +32,14 @@ mod stretch;
 mod tags;
 
 pub use batch::{FrameError, detect_all};
+pub use chessboard::chessboard_size;
 pub use detect::detect;
 pub use detection::{DetectOptions, Detection, Detector, Marker, Polarity};
 pub use error::DetectError;
-pub use fiducial::tag_cells;
+pub use fiducial::{tag_cells, tag_square};
 pub use geometry::{BoardMap, Homography};
 pub use refine::{
     CircleDiameter, RefineOptions, RefinedMarker, homography_mapping, measure_circle_diameter, refine_circles,
     refine_corners,
 };
+pub use tags::{SeenTag, SeenTags, survey_tags};

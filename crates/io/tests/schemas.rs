@@ -43,6 +43,7 @@ fn the_schema_of_dataset_toml_agrees_with_its_parser() {
         format!("{BOARD}[frames]\nassociations = \"a.txt\"\n[depth]\nunit_mm = 0.2\n"),
         format!("{BOARD}[frames]\nmetadata = \"frames.csv\"\n"),
         format!("{charuco}{FRAMES}"),
+        format!("{charuco}first_tag = 100\n{FRAMES}"),
         format!("{}{FRAMES}", BOARD.replace("chessboard", "symmetric-circles")),
         format!("{}{FRAMES}", BOARD.replace("chessboard", "aprilgrid").replace("rows = 6", "rows = 1\nmarker_mm = 18")),
         format!(
@@ -68,6 +69,7 @@ fn the_schema_of_dataset_toml_agrees_with_its_parser() {
         format!("{}{FRAMES}", BOARD.replace("rows = 6", "rows = 1")),
         format!("{}{FRAMES}", BOARD.replace("25", "0")),
         format!("{}{FRAMES}", charuco.replace("marker_mm = 18\n", "")),
+        format!("{charuco}first_tag = -1\n{FRAMES}"),
         format!("{BOARD}[frames]\n"),
         format!("{BOARD}{FRAMES}[depth]\nunit_mm = 0.001\n"),
         format!("{BOARD}{FRAMES}[camera]\nfx = 500\n"),

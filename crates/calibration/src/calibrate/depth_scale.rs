@@ -3,6 +3,7 @@
 //! until it folds.
 
 use depthcal_io::{DeclaredValue, DiagnosisDeclaration};
+use depthcal_model::Pattern;
 use depthcal_statistics::upper_median;
 use nalgebra::Point3;
 use thiserror::Error;
@@ -13,14 +14,18 @@ use crate::observe::{Capture, SampledFrame};
 pub const PLAUSIBLE_SCALE_DEVIATION: f64 = 0.08;
 /// Scale, or its inverse, beyond which nothing is fitted.
 const MOST_SCALE: f64 = 1.5;
+const MM_PER_INCH: f64 = 25.4;
+/// Relative difference of two ratios within which they count as equal: depth cameras are off by as much.
+const EQUAL: f64 = 0.02;
 
 /// Depth and image disagree in scale by more than a depth camera's error.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error(
     "measured depth is {scale:.3} times the depth at which the images see the board, far more than any depth camera is off: check \
-     depth.unit_mm (declared {unit_mm}, {:.4} would fit) and board.spacing_mm (declared {spacing_mm}, {:.4} would fit) in dataset.toml",
+     depth.unit_mm (declared {unit_mm}, {:.4} would fit) and board.spacing_mm (declared {spacing_mm}, {:.4} would fit{}) in dataset.toml",
     self.fitting_unit_mm(),
-    self.fitting_spacing_mm()
+    self.fitting_spacing_mm(),
+    if self.is_in_inches() { "; the declared one is in inches" } else { "" }
 )]
 pub struct ImplausibleScale {
     /// Median of measured depth over the depth at which the image sees the board.
@@ -40,6 +45,11 @@ impl ImplausibleScale {
     /// The `unit_mm` with which depth and image would agree.
     pub fn fitting_unit_mm(&self) -> f64 {
         self.unit_mm / self.scale
+    }
+
+    /// Whether the board's size is declared in inches.
+    fn is_in_inches(&self) -> bool {
+        (self.scale / MM_PER_INCH - 1.0).abs() < EQUAL
     }
 
     /// The finding for files.
@@ -65,6 +75,25 @@ pub(super) fn check_scale(capture: &Capture<SampledFrame>) -> Result<(), Implaus
         Some(found) if found.scale.max(1.0 / found.scale) > MOST_SCALE => Err(found),
         _ => Ok(()),
     }
+}
+
+/// The cause of an implausible scale where a ratio of the declared lengths tells it: the side of a tag declared as the pitch.
+pub(super) fn scale_hint(capture: &Capture<SampledFrame>) -> Option<String> {
+    let ImplausibleScale { scale, .. } = implausible_scale(capture, PLAUSIBLE_SCALE_DEVIATION)?;
+    let parts = capture.target.parts();
+    let [part] = parts.as_slice() else { return None };
+    let (Pattern::Aprilgrid { marker_mm } | Pattern::Charuco { marker_mm, .. }) = &part.board.pattern else {
+        return None;
+    };
+    let spacing_mm = part.board.spacing_mm;
+    let ratio = spacing_mm / marker_mm;
+    ((scale / ratio - 1.0).abs() < EQUAL).then(|| {
+        format!(
+            "depth is {scale:.2} times what the images show, which is the ratio of spacing_mm and marker_mm: {spacing_mm} mm seems to be the side of a \
+             tag; then write spacing_mm = {:.4}, marker_mm = {spacing_mm} under [board] in dataset.toml",
+            spacing_mm * ratio
+        )
+    })
 }
 
 /// Median of measured depth over the depth of the board point that a sample sees; `None` without samples.

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use depthcal_model::{AnyPiece, Block, Modulation, RegisterError, needed_light};
 use tracing::info;
 
-use super::depth_scale::check_scale;
+use super::checked_sample::checked_sample;
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
 use super::foreign_depth::drop_foreign_depth;
 use super::held::hold;
-use super::image::calibrate_image;
-use super::joint::{joint, sample, with_depth_pieces};
+use super::image::calibrate_image_or_cause;
+use super::joint::{joint, with_depth_pieces};
 use super::marker_estimators::estimate;
 use super::model_blocks::depth_blocks;
 use super::options::{CalibrateOptions, Estimator};
@@ -24,7 +24,7 @@ use crate::observe::{Capture, PosedFrame, SampledFrame};
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate(capture: &Capture, options: &CalibrateOptions) -> Result<Calibrated, CalibrateError> {
     depth_blocks(options)?;
-    let from_image = calibrate_image(capture, options)?;
+    let from_image = calibrate_image_or_cause(capture, options)?;
     info!(
         "{} frames, {:.3} px rms from the image alone",
         from_image.capture.frames.len(),
@@ -44,9 +44,9 @@ pub fn calibrate_keeping_samples(
     options: &CalibrateOptions,
 ) -> Result<(Calibrated, Capture<SampledFrame>), CalibrateError> {
     let blocks = depth_blocks(options)?;
-    let from_image = calibrate_image(capture, options)?;
-    let (mut capture, correlation) = sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
-    check_scale(&capture)?;
+    let from_image = calibrate_image_or_cause(capture, options)?;
+    let (mut capture, correlation) =
+        checked_sample(from_image.capture, &from_image.camera, light(&blocks, options), options)?;
     let foreign_depth = drop_foreign_depth(&mut capture);
     let samples = capture.clone();
     let fit = joint(capture, correlation, from_image.camera, from_image.noise, blocks, options)?;
@@ -74,8 +74,7 @@ pub fn calibrate_depth(
     match options.estimator {
         Estimator::Joint => {
             let Calibrated { capture, camera, noise, lens_choice, lens_comparison, .. } = from_image;
-            let (mut capture, correlation) = sample(capture, &camera, light(&depth_blocks, options), options)?;
-            check_scale(&capture)?;
+            let (mut capture, correlation) = checked_sample(capture, &camera, light(&depth_blocks, options), options)?;
             let foreign_depth = drop_foreign_depth(&mut capture);
             let fit = joint(capture, correlation, camera, noise, depth_blocks, options)?;
             Ok(Calibrated { lens_choice, lens_comparison, foreign_depth, ..fit })
@@ -104,8 +103,7 @@ pub fn prepare_depth(
         return calibrate_depth(from_image, options);
     }
     let (mut sampled, correlation) =
-        sample(from_image.capture.clone(), &from_image.camera, light(&blocks, options), options)?;
-    check_scale(&sampled)?;
+        checked_sample(from_image.capture.clone(), &from_image.camera, light(&blocks, options), options)?;
     let foreign_depth = drop_foreign_depth(&mut sampled);
     let (camera, noise) = with_depth_pieces(&sampled, from_image.camera.clone(), from_image.noise, blocks);
     let mut prepared = from_image.without_samples();

@@ -7,7 +7,11 @@ use thiserror::Error;
 use depthcal_io::ImageError;
 
 use super::depth_scale::ImplausibleScale;
+use super::rig_contradiction::RigContradiction;
 use super::undetermined::UndeterminedModel;
+#[cfg(feature = "detect")]
+use crate::cause::BoardCause;
+use crate::cause::DepthCause;
 use crate::estimators::EstimatorError;
 use crate::start::StartError;
 use crate::start::views::ExtrinsicsError;
@@ -79,6 +83,31 @@ pub enum CalibrateError {
     /// Depth and image disagree by a factor that no camera has.
     #[error(transparent)]
     Scale(#[from] ImplausibleScale),
+    /// Depth is something else than what is declared.
+    #[error("{0}")]
+    Depth(Box<DepthCause>),
+    /// Depth contradicts the boards, and no alternative fits.
+    #[error(
+        "depth contradicts the boards that the images show: even with the unit that fits best it is off by {:.0} % of the distance; mirrored, turned \
+         and transposed depth, ranges, disparities, exchanged bytes, depth of the frame before or after, and depth on a pixel grid of its own were \
+         tried and do not fit either: check that image and depth show the same scene", 100.0 * .deviation
+    )]
+    DepthUnexplained {
+        /// Relative deviation that most points do not exceed.
+        deviation: f64,
+    },
+    /// The board is another than the declared one.
+    #[cfg(feature = "detect")]
+    #[error("{cause} (as declared: {source})")]
+    Board {
+        /// The board that the images show.
+        cause: Box<BoardCause>,
+        /// The failure of the declared board.
+        source: Box<CalibrateError>,
+    },
+    /// The cameras of a rig contradict each other.
+    #[error("{0}")]
+    RigContradiction(Box<RigContradiction>),
     /// The fitted camera cannot be inverted where it was fitted.
     #[error("the fitted model folds: {0}")]
     Folded(#[from] CameraError),
@@ -145,6 +174,7 @@ impl CalibrateError {
             | Self::Undetermined(_)
             | Self::Covariance(_)
             | Self::Folded(_)
+            | Self::RigContradiction(_)
             | Self::Extrinsics(ExtrinsicsError::Moved { .. }) => true,
             _ => false,
         }

@@ -17,7 +17,7 @@ use crate::observe::{Capture, DroppedFrame, SampledFrame};
 
 /// Fewer frames than this say nothing about one of them.
 const FEWEST_FRAMES: usize = 6;
-/// Fewer samples are no frame.
+/// Fewer samples determine nothing; their frame is judged by the others.
 const FEWEST_SAMPLES: usize = 12;
 /// A frame is foreign where it deviates by this many times the median frame …
 const RATIO: f64 = 6.0;
@@ -56,9 +56,6 @@ struct OfFrame {
 impl OfFrame {
     fn of(frame: usize, sampled: &SampledFrame, scale: f64) -> Option<Self> {
         let count = sampled.samples.len();
-        if count < FEWEST_SAMPLES {
-            return None;
-        }
         let (mut a, mut b) = (SMatrix::zeros(), SVector::zeros());
         for sample in sampled.samples.iter() {
             let [x, y] = sample.board_seed;
@@ -72,7 +69,7 @@ impl OfFrame {
             b += row;
         }
         let mean = 1.0 / count as f64;
-        (b.iter().all(|v| v.is_finite())).then(|| Self { frame, a: a * mean, b: b * mean })
+        (count > 0 && b.iter().all(|v| v.is_finite())).then(|| Self { frame, a: a * mean, b: b * mean })
     }
 
     /// Root mean square of the relative error under parameters.
@@ -127,9 +124,17 @@ fn is_foreign(deviation: f64, median: f64) -> bool {
     deviation > LEAST_SHARE && deviation > RATIO * median
 }
 
+/// The deviations of frames from their boards.
+struct Deviations {
+    of_frames: Vec<f64>,
+    median: f64,
+    /// The parameters under which they are.
+    theta: Parameters,
+}
+
 /// The deviation of every frame, and its median, under the parameters that fit all frames that are not foreign: half of the
 /// frames hardly reach the ends of the range, where the others may deviate by what the half does not determine.
-fn deviations(frames: &[OfFrame]) -> Option<(Vec<f64>, f64)> {
+fn deviations(frames: &[OfFrame]) -> Option<Deviations> {
     let mut theta = trimmed(frames)?;
     let mut fitted_frames: Vec<bool> = Vec::new();
     let mut last = None;
@@ -137,7 +142,7 @@ fn deviations(frames: &[OfFrame]) -> Option<(Vec<f64>, f64)> {
         let all: Vec<f64> = frames.iter().map(|f| f.deviation(&theta)).collect();
         let median = upper_median(&mut all.clone())?;
         let fits: Vec<bool> = all.iter().map(|deviation| !is_foreign(*deviation, median)).collect();
-        last = Some((all, median));
+        last = Some(Deviations { of_frames: all, median, theta });
         if fits == fitted_frames {
             break;
         }
@@ -152,14 +157,17 @@ pub(super) fn drop_foreign_depth(capture: &mut Capture<SampledFrame>) -> Vec<For
     let mut inverse: Vec<f64> =
         capture.frames.iter().map(|frame| 1.0 / frame.camera_from_board.translation.z).collect();
     let Some(scale) = upper_median(&mut inverse) else { return Vec::new() };
-    let frames: Vec<OfFrame> =
-        capture.frames.iter().enumerate().filter_map(|(i, frame)| OfFrame::of(i, frame, scale)).collect();
+    let all = capture.frames.iter().enumerate().filter_map(|(i, frame)| OfFrame::of(i, frame, scale));
+    // A few depth pixels of a frame are mostly no measurements of the board, and nothing of the frame contradicts them.
+    let (frames, few): (Vec<OfFrame>, Vec<OfFrame>) =
+        all.partition(|f| capture.frames[f.frame].samples.len() >= FEWEST_SAMPLES);
     if frames.len() < FEWEST_FRAMES {
         return Vec::new();
     }
-    let Some((deviations, median)) = deviations(&frames) else { return Vec::new() };
+    let Some(Deviations { of_frames, median, theta }) = deviations(&frames) else { return Vec::new() };
+    let of_few: Vec<f64> = few.iter().map(|f| f.deviation(&theta)).collect();
     let mut foreign: Vec<ForeignDepth> = Vec::new();
-    for (f, deviation) in frames.iter().zip(&deviations) {
+    for (f, deviation) in frames.iter().chain(&few).zip(of_frames.iter().chain(&of_few)) {
         if is_foreign(*deviation, median) {
             let SampledFrame { posed, .. } = &capture.frames[f.frame];
             let (name, distance_mm) = (posed.name.clone(), posed.camera_from_board.translation.z);

@@ -1,6 +1,7 @@
 //! Camera, lens and poses from the markers alone.
 
 use depthcal_model::{Block, Camera};
+use tracing::warn;
 
 use super::error::CalibrateError;
 use super::fitted::Calibrated;
@@ -35,6 +36,44 @@ pub fn calibrate_image(
         return fit_best_lens(capture, options, &calibrate_image_with_lens);
     }
     calibrate_image_with_lens(capture, options)
+}
+
+/// [`calibrate_image`]; where it fails because the board is another than the declared one, that is the error.
+///
+/// # Errors
+///
+/// [`CalibrateError`], where the captures do not determine the camera.
+pub(crate) fn calibrate_image_or_cause(
+    capture: &Capture,
+    options: &CalibrateOptions,
+) -> Result<Calibrated<PosedFrame>, CalibrateError> {
+    let result = calibrate_image(capture, options).inspect(hint_at_stretched_board);
+    #[cfg(feature = "detect")]
+    let result = result.map_err(|error| {
+        let is_of_markers = !matches!(error, CalibrateError::Register(_) | CalibrateError::UnknownHeld { .. });
+        let frames = capture.frames.iter().filter(|_| is_of_markers).map(|frame| &frame.raw);
+        match crate::cause::board_cause(&capture.target, frames) {
+            Some(cause) => CalibrateError::Board { cause: Box::new(cause), source: Box::new(error) },
+            None => error,
+        }
+    });
+    result
+}
+
+/// Warns of focal lengths that differ more than those of a camera do: the print is stretched.
+fn hint_at_stretched_board(calibrated: &Calibrated<PosedFrame>) {
+    /// Relative difference from which on it is no camera's: pixels of today's sensors are square.
+    const STRETCHED: f64 = 0.02;
+    let [fx, fy, ..] = calibrated.camera.pinhole();
+    let ratio = fy / fx;
+    if (ratio - 1.0).abs() > STRETCHED {
+        warn!(
+            "the focal lengths of {} differ by {:.1} % (fx {fx:.0} px, fy {fy:.0} px): if its pixels are square, the squares of the board are not, and \
+             its print is stretched; measure the spacing along columns and rows (diagnose has the effect print_scale)",
+            calibrated.capture.name,
+            100.0 * (ratio - 1.0).abs()
+        );
+    }
 }
 
 /// [`calibrate_image`] with the lens model that the options name.

@@ -1,5 +1,6 @@
 //! From detected boards to a calibrated depth camera.
 
+mod checked_sample;
 mod depth_scale;
 mod domain;
 mod driver;
@@ -28,6 +29,7 @@ mod parameter_names;
 mod readjust;
 mod residuals;
 pub mod rig;
+mod rig_contradiction;
 mod rounds;
 mod rules;
 mod sampled;
@@ -47,11 +49,13 @@ pub use foreign_depth::ForeignDepth;
 pub use frame_scatter::with_frame_scatter;
 pub use held::{HeldError, HeldParameter};
 pub use image::calibrate_image;
+pub(crate) use image::calibrate_image_or_cause;
 pub use lens_comparison::AUTO;
 pub use lens_order::{LensCandidate, LensChoice, LensOrder, lens_named};
 pub use model_blocks::image_blocks;
 pub use options::{CalibrateOptions, Estimator};
 pub use parameter_names::parameter_names;
 pub use readjust::{has_fields, readjust};
+pub use rig_contradiction::RigContradiction;
 pub use sampled::sampled_under;
 pub use undetermined::UndeterminedModel;

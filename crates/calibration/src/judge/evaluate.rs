@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::depth_errors::{DepthErrors, PixelError};
 use crate::estimators::{MarkerPoint, marker_points};
-use crate::observe::board_pixels::{BoardPixel, board_pixels, key};
+use crate::observe::board_pixels::{BoardPixel, board_area_px, board_pixels, key};
 use crate::observe::board_plane::BoardSurface;
 use crate::observe::board_region::BoardRegion;
 use crate::observe::outliers::remove_outliers;
@@ -114,7 +114,12 @@ where
             Some(doubt) => Err(dropped(doubt.to_string())),
             None => {
                 let open = frame.open().map_err(|e| dropped(e.to_string()))?;
-                Ok(evaluation.of_frame(frame, &open, pose))
+                let evaluated = evaluation.of_frame(frame, &open, pose);
+                let region = BoardRegion::within_markers(&capture.target, &frame.markers);
+                let area_px = board_area_px(&bare, &region, &pose);
+                // A part of the pixels was kept by the caller already: the share of all is unknown.
+                let scarce = if thinning == Thinning::ALL { scarce_and_far(&evaluated, area_px) } else { None };
+                scarce.map_or(Ok(evaluated), |reason| Err(dropped(reason)))
             }
         }
     };
@@ -127,6 +132,27 @@ where
         }
     }
     evaluated
+}
+
+/// Why a frame with hardly any depth on its board is not judged: that little is far from the board, and nothing else of the
+/// frame tells it from measurements. `None` of other frames.
+fn scarce_and_far(frame: &EvaluatedFrame, area_px: usize) -> Option<String> {
+    /// Share of the board's pixels with depth below which a frame has hardly any.
+    const SCARCE: f64 = 0.02;
+    /// Share of the distance by which a depth camera is not off.
+    const FAR: f64 = 0.08;
+    let count = frame.pixels.len();
+    if count == 0 || count as f64 > SCARCE * area_px as f64 {
+        return None;
+    }
+    let error = upper_median(&mut frame.pixels.iter().map(|p| p.after_mm).collect::<Vec<_>>())?;
+    let distance = upper_median(&mut frame.pixels.iter().map(|p| p.board_depth_mm).collect::<Vec<_>>())?;
+    (error.abs() > FAR * distance).then(|| {
+        format!(
+            "hardly any depth: {count} of some {area_px} pixels of its board, and those are off by {:.0} mm",
+            error.abs()
+        )
+    })
 }
 
 /// Data that all frames of an evaluation share.

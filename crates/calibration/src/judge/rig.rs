@@ -10,6 +10,7 @@ use tracing::warn;
 use super::transfer::{Transfer, transfers};
 use crate::calibrate::CalibrateError;
 use crate::observe::{DroppedFrame, PlacedCamera, RigCapture};
+use crate::start::views::numbered_for;
 
 /// Errors of a rig on a capture.
 #[derive(Debug, Clone)]
@@ -25,6 +26,7 @@ pub struct EvaluatedRig {
 /// Evaluates a rig on all frames of a capture. Cameras are found by their names; those that the capture does not have are left
 /// out.
 pub fn evaluate_rig(rig: &[PlacedCamera], capture: &RigCapture) -> EvaluatedRig {
+    let capture = &*numbered_for(rig, capture);
     let both = rig.iter().filter_map(|placed| {
         let camera = capture.cameras.iter().find(|c| c.name == placed.name)?;
         camera.has_markers().then_some((placed, camera))

@@ -57,7 +57,7 @@ pub(super) fn read(path: &Path, digest: &str, dataset: &DatasetCamera) -> Option
     };
     let markers = dataset.frames.iter().map(|f| frame_markers(&f.name)).collect::<Option<_>>()?;
     let charuco_layout = cached.settings.get(LAYOUT).and_then(|name| CharucoLayout::named(name));
-    Some(Found { markers, circle_diameter, charuco_layout })
+    Some(Found { markers, circle_diameter, charuco_layout, tried: None })
 }
 
 /// Keeps the detections; without them in the cache, the next run is slower and its results are the same.

@@ -22,11 +22,16 @@ use super::found::Found;
 use super::given_markers::given_markers;
 use super::marker_lists::{GivenMarkers, markers_of};
 use super::per_board::{markers_per_board, per_board};
+use super::same_frames::drop_copies;
+#[cfg(feature = "detect")]
+use crate::cause::{TRIED, board_cause};
 use crate::observe::stored::{ImageFile, depth_digest};
 use crate::observe::{
     CameraCapture, Capture, DetectedFrame, DroppedFrame, MeasuredDepth, RawFrame, RigCapture, Stored,
 };
 use crate::progress::ProgressHandle;
+#[cfg(feature = "detect")]
+use crate::start::FEWEST_FRAMES;
 
 /// The setting that names the file of markers that another program found.
 const MARKERS: &str = "markers";
@@ -316,7 +321,7 @@ pub(super) fn assemble(
     reference: FileReference,
     frames: Vec<RawFrame>,
     (width, height): (usize, usize),
-    Found { markers, circle_diameter, charuco_layout }: Found,
+    Found { markers, circle_diameter, charuco_layout, tried }: Found,
     file: Option<FileReference>,
 ) -> Result<(LoadedCamera, usize), LoadError> {
     if let Some(measured) = circle_diameter {
@@ -349,15 +354,12 @@ pub(super) fn assemble(
     if frames_with_board.is_empty() {
         let size = |part: &BoardPart<'_>| format!("{} × {}", part.board.columns, part.board.rows);
         let board = dataset.target.parts().iter().map(size).collect::<Vec<_>>().join(", ");
-        return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len() });
+        return Err(LoadError::NoBoard { root: dataset.root, board, frames: dropped.len(), tried });
     }
-    info!(
-        "{}: the board was found in {} of {} frames",
-        dataset.title,
-        frames_with_board.len(),
-        frames_with_board.len() + dropped.len()
-    );
+    let (with_board, all) = (frames_with_board.len(), frames_with_board.len() + dropped.len());
+    info!("{}: the board was found in {with_board} of {all} frames", dataset.title);
     let without_board = dropped.len();
+    drop_copies(&mut frames_with_board, &mut dropped);
     dropped.extend(dataset.strays.iter().map(|s| DroppedFrame { name: s.name.clone(), reason: s.reason.clone() }));
     let capture = Capture {
         name: dataset.title.clone(),
@@ -473,7 +475,17 @@ fn find_markers(dataset: &DatasetCamera, _frames: &[RawFrame], _options: &LoadOp
 
 #[cfg(feature = "detect")]
 fn find_markers(dataset: &DatasetCamera, frames: &[RawFrame], options: &LoadOptions) -> Result<Found, LoadError> {
-    super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)
+    let mut found_markers =
+        super::detection::find_markers(&dataset.target, frames, &options.register, &options.progress)?;
+    let with_board = found_markers.markers.iter().filter(|markers| !markers.is_empty()).count();
+    if with_board < FEWEST_FRAMES.min(frames.len()) {
+        let _stage = options.progress.stage("looking for other boards");
+        if let Some(cause) = board_cause(&dataset.target, frames.iter()) {
+            return Err(LoadError::OtherBoard { root: dataset.root.clone(), cause: Box::new(cause) });
+        }
+        found_markers.tried = Some(TRIED);
+    }
+    Ok(found_markers)
 }
 
 /// The rigid motion of the rows of (R | t), with the rotation next to R.

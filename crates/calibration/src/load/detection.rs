@@ -61,7 +61,7 @@ pub(crate) fn find_markers(
             info!("circle centres refined, round {}", round + 1);
         }
     }
-    Ok(Found { markers, circle_diameter, charuco_layout })
+    Ok(Found { markers, circle_diameter, charuco_layout, tried: None })
 }
 
 /// The layout of a ChArUco board, that of most frames. Frames in which another was seen, or no board, are searched again for this

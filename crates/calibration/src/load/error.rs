@@ -7,6 +7,8 @@ use thiserror::Error;
 
 use super::declared_camera::DeclaredCameraError;
 use super::given_markers_error::GivenMarkersError;
+#[cfg(feature = "detect")]
+use crate::cause::BoardCause;
 
 /// Why a dataset gives no observations.
 #[derive(Debug, Error)]
@@ -49,7 +51,8 @@ pub enum LoadError {
     },
     /// No frame shows the board.
     #[error("the board ({board}) was not found in any of the {frames} frames of {}: check columns, rows and kind under \
-             [board] in dataset.toml, and that the whole board is visible", root.display())]
+             [board] in dataset.toml, and that the whole board is visible{}", root.display(),
+        .tried.map_or(String::new(), |tried| format!(" ({tried})")))]
     NoBoard {
         /// The dataset's folder.
         root: PathBuf,
@@ -57,6 +60,17 @@ pub enum LoadError {
         board: String,
         /// Frames looked at.
         frames: usize,
+        /// The other boards that were looked for, in words.
+        tried: Option<&'static str>,
+    },
+    /// The images show another board than the declared one.
+    #[cfg(feature = "detect")]
+    #[error("{}: {cause}", root.display())]
+    OtherBoard {
+        /// The dataset's folder.
+        root: PathBuf,
+        /// The board that they show.
+        cause: Box<BoardCause>,
     },
     /// Markers of a frame that cannot be.
     #[error("frame '{frame}': {problem}")]

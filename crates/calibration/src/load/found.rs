@@ -13,4 +13,6 @@ pub(crate) struct Found {
     pub(crate) circle_diameter: Option<MeasuredDiameter>,
     /// `None` where there is but one layout.
     pub(crate) charuco_layout: Option<CharucoLayout>,
+    /// The boards that were looked for beside the declared one, in words.
+    pub(crate) tried: Option<&'static str>,
 }

@@ -13,6 +13,7 @@ mod given_markers_error;
 mod in_memory;
 mod marker_lists;
 mod per_board;
+mod same_frames;
 
 pub use circle_diameter::MeasuredDiameter;
 pub use dataset::{LoadOptions, Loaded, LoadedCamera, default_cache, load, load_with_markers};

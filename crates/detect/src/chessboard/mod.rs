@@ -5,5 +5,7 @@ mod attempt;
 mod find;
 mod order;
 pub(crate) mod saddles;
+mod size;
 
 pub(crate) use find::find;
+pub use size::chessboard_size;

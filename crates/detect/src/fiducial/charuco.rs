@@ -32,7 +32,7 @@ const BORDER_PX: f64 = 4.0;
 /// Column and row of the square that carries tag `id`; `None` when the board has fewer tags. Tags are numbered row by
 /// row over the white squares. `first_white` is the column of the first white square: 1 when the top left square is
 /// black, 0 when it has a tag.
-fn square_of(id: usize, columns: usize, rows: usize, first_white: usize) -> Option<[usize; 2]> {
+pub fn square_of(id: usize, columns: usize, rows: usize, first_white: usize) -> Option<[usize; 2]> {
     let mut left = id;
     for row in 0..rows {
         let start = (row + first_white) % 2;

@@ -12,6 +12,7 @@ mod strays;
 
 pub(crate) use aprilgrid::find as find_aprilgrid;
 pub(crate) use charuco::find as find_charuco;
+pub use charuco::square_of as tag_square;
 
 use crate::error::DetectError;
 use crate::tags::dictionary::Dictionary;

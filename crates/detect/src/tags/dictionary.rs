@@ -78,6 +78,11 @@ impl Dictionary {
         Ok(Dictionary { number: number as i32, side, correctable: correctable(&codes, side), codes })
     }
 
+    /// All tags of the dictionary called `name`; `None` where there is none.
+    pub(crate) fn whole(name: &str) -> Option<Dictionary> {
+        Self::with_tags(name, builtin_dictionary(name)?.codes.len()).ok()
+    }
+
     /// Cells along a tag's side, without its border.
     pub(crate) fn side(&self) -> usize {
         self.side

@@ -8,8 +8,10 @@ mod quad;
 mod read;
 mod regions;
 mod sides;
+mod survey;
 mod tag;
 mod threshold;
 
 pub(crate) use read::read_tags;
+pub use survey::{SeenTag, SeenTags, survey_tags};
 pub(crate) use tag::{Reading, Tag};

@@ -11,9 +11,9 @@ use crate::stretch::Plane;
 
 /// Levels of the threshold between the darkest and the brightest value around a pixel. At the second, tags that touch other print
 /// by their corners come apart; at the third, thin borders that blur has lightened hold together.
-const LEVELS: [f32; 3] = [0.5, 0.3, 0.7];
+pub(super) const LEVELS: [f32; 3] = [0.5, 0.3, 0.7];
 /// Least size of a cell, px.
-const LEAST_CELL_PX: f64 = 1.25;
+pub(super) const LEAST_CELL_PX: f64 = 1.25;
 
 /// Reads the tags of a dictionary in an image, in the order in which they are found.
 pub(crate) fn read_tags(plane: &Plane, reading: &Reading) -> Vec<Tag> {
@@ -54,7 +54,7 @@ fn tag(quad: &Quad, known: &Match) -> Tag {
 }
 
 /// Whether two tags are one in the image.
-fn same(a: &Tag, b: &Tag) -> bool {
+pub(super) fn same(a: &Tag, b: &Tag) -> bool {
     let middle = |t: &Tag| [0, 1].map(|axis| t.corners.iter().map(|c| c[axis]).sum::<f64>() / 4.0);
     let (p, q) = (middle(a), middle(b));
     let side = lengths(&a.corners).into_iter().fold(f64::INFINITY, f64::min);

@@ -9,7 +9,7 @@ use super::suggest::nearest;
 const KINDS: &[&str] = &["asymmetric-circles", "symmetric-circles", "chessboard", "charuco", "aprilgrid"];
 /// Keys of `[board]`.
 pub(super) const BOARD_KEYS: &[&str] =
-    &["kind", "columns", "rows", "spacing_mm", "circle_diameter_mm", "marker_mm", "dictionary"];
+    &["kind", "columns", "rows", "spacing_mm", "circle_diameter_mm", "marker_mm", "dictionary", "first_tag"];
 
 const KIND: Field = Field {
     key: "kind",

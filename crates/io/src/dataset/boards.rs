@@ -51,10 +51,30 @@ impl<'a> Boards<'a> {
     /// [`DatasetError`] with the line, the field and the remedy.
     pub(super) fn target(&self) -> Result<Target, DatasetError> {
         match self {
-            Self::One(board) => board_from(board),
+            Self::One(section) => one(section),
             Self::Several(source, value) => several(*source, value),
         }
     }
+}
+
+/// One board; from another tag than the first of the dictionary on it is one of several, of which there is one.
+fn one(section: &Section<'_>) -> Result<Target, DatasetError> {
+    let board = board_from(section)?;
+    let first_tag = first_tag(section)?;
+    if first_tag == 0 {
+        return Ok(board);
+    }
+    if tags_of(&board, first_tag).is_none() {
+        let (path, name) = (section.source.path.display(), &section.name);
+        tracing::warn!("{path}: `{name}.first_tag` has no meaning for a board without tags and is ignored");
+        return Ok(board);
+    }
+    Ok(Target::several(vec![NumberedBoard { name: BOARD.key.to_owned(), first_tag, board }]))
+}
+
+/// Number of a board's first tag; 0 where none is declared.
+fn first_tag(section: &Section<'_>) -> Result<usize, DatasetError> {
+    section.get(FIRST_TAG).map_or(Ok(0), |_| section.count(FIRST_TAG, 0..=MOST_TAGS))
 }
 
 fn several(source: Source<'_>, value: &Spanned<DeValue<'_>>) -> Result<Target, DatasetError> {
@@ -74,8 +94,7 @@ fn several(source: Source<'_>, value: &Spanned<DeValue<'_>>) -> Result<Target, D
         let section = Section { source, name: format!("boards.{name}"), table };
         source.deny_unknown(table, &section.name, KEYS, &[])?;
         let board = board_from(&section)?;
-        let first_tag =
-            section.get(FIRST_TAG).map(|_| section.count(FIRST_TAG, 0..=MOST_TAGS)).transpose()?.unwrap_or(0);
+        let first_tag = first_tag(&section)?;
         let Some((dictionary, tags)) = tags_of(&board, first_tag) else {
             return refused("without tags, which cannot be told from others");
         };

@@ -119,8 +119,11 @@ pub enum DatasetError {
     },
     /// A glob that matches no file.
     #[error(
-        "{path}: `{field}` = \"{pattern}\" matches no file: give a glob relative to the folder of dataset.toml, \
-         such as \"image/*.png\""
+        "{path}: `{field}` = \"{pattern}\" matches no file: {}",
+        match .in_other_case {
+            Some(file) => format!("{file} would match but for upper and lower case, which count: write the glob as the files are written"),
+            None => "give a glob relative to the folder of dataset.toml, such as \"image/*.png\"".to_owned(),
+        }
     )]
     NoMatch {
         /// The file.
@@ -129,6 +132,8 @@ pub enum DatasetError {
         field: String,
         /// The glob.
         pattern: String,
+        /// A file that matches where upper and lower case do not count.
+        in_other_case: Option<String>,
     },
     /// Two files of one kind with the same stem.
     #[error(

@@ -65,8 +65,19 @@ fn parse(path: &Path, reader: impl io::Read, files: &[String]) -> Result<FrameTa
         }
     }
     let Some(frame_column) = head.iter().position(|name| name == "frame") else {
-        let problem = "there is no column `frame`: start the table with a line such as frame,timestamp_s,temperature_c";
-        return Err(fault(problem.into()));
+        // The only column is the whole line where another separator is used.
+        let separators = [(';', "semicolons"), ('\t', "tabs")];
+        let other = separators
+            .into_iter()
+            .find(|(separator, _)| head.len() == 1 && head[0].split(*separator).any(|name| name.trim() == "frame"));
+        let problem = match other {
+            Some((_, name)) => {
+                format!("the columns are separated by {name}: write commas instead, and points in decimal numbers")
+            }
+            None => "there is no column `frame`: start the table with a line such as frame,timestamp_s,temperature_c"
+                .to_owned(),
+        };
+        return Err(fault(problem));
     };
 
     let mut rows: Vec<Row> = Vec::new();
@@ -151,6 +162,13 @@ mod tests {
         assert_eq!((first.number("gain"), first.number("note")), (Some(2.5), None));
         assert_eq!(first.other["note"], "a, b");
         assert_eq!(rows[1].metadata, FrameMetadata::default());
+    }
+
+    #[test]
+    fn other_separators_are_named() {
+        assert!(complaint("frame;timestamp_s\n0001;0,5\n").contains("semicolons"));
+        assert!(complaint("timestamp_s\tframe\n0.5\t0001\n").contains("tabs"));
+        assert!(!complaint("time;name\n0.5;0001\n").contains("semicolons"));
     }
 
     #[test]

@@ -150,10 +150,18 @@ pub(super) fn find_files(root: &Path, file: &Path, field: &str, pattern: &str) -
             path: file.to_owned(),
             field: field.to_owned(),
             pattern: pattern.to_owned(),
+            in_other_case: in_other_case(root, &full, options),
         });
     }
     files.sort_by(|a, b| natural::compare(&a.stem(), &b.stem()));
     Ok(files)
+}
+
+/// A file, as its path in the dataset's folder, that matches a glob where upper and lower case do not count.
+fn in_other_case(root: &Path, full: &str, options: glob::MatchOptions) -> Option<String> {
+    let options = glob::MatchOptions { case_sensitive: false, ..options };
+    let mut paths = glob::glob_with(full, options).ok()?.flatten().filter(|path| path.is_file());
+    paths.next().map(|path| path.strip_prefix(root).unwrap_or(&path).display().to_string())
 }
 
 fn refuse_duplicates(file: &Path, field: &str, files: &[Candidate]) -> Result<(), DatasetError> {

@@ -54,9 +54,8 @@ pub enum ImageError {
     },
     /// Image and depth of a frame differ in size.
     #[error(
-        "{image} has {}×{} pixels, but {depth} has {}×{}: a frame's image and depth must lie on one pixel grid; \
-         register the depth to the image",
-        .image_size[0], .image_size[1], .depth_size[0], .depth_size[1]
+        "{image} has {}×{} pixels, but {depth} has {}×{}: a frame's image and depth must lie on one pixel grid; {}",
+        .image_size[0], .image_size[1], .depth_size[0], .depth_size[1], sizes_remedy(*.image_size, *.depth_size, *.orientation)
     )]
     SizesDiffer {
         /// The image.
@@ -67,5 +66,26 @@ pub enum ImageError {
         depth: PathBuf,
         /// Width and height of the depth image, px.
         depth_size: [usize; 2],
+        /// The image's EXIF orientation, where it is another than 1.
+        orientation: Option<u16>,
     },
+}
+
+/// The remedy for an image and a depth image of different sizes.
+fn sizes_remedy(image: [usize; 2], depth: [usize; 2], orientation: Option<u16>) -> String {
+    let turned = match orientation {
+        Some(5) => Some("transposed"),
+        Some(6) => Some("turned by 90° clockwise"),
+        Some(7) => Some("transposed and turned by 180°"),
+        Some(8) => Some("turned by 90° anticlockwise"),
+        _ => None,
+    };
+    match (image == [depth[1], depth[0]], orientation.zip(turned)) {
+        (true, Some((number, turned))) => format!(
+            "the image's EXIF orientation {number} has viewers show it {turned}, which does not change its pixels, and the depth lies as it is shown: \
+             write the image as it is shown without that entry, or turn the depth back"
+        ),
+        (true, None) => "one of them is turned by 90°: turn it back".to_owned(),
+        (false, _) => "register the depth to the image".to_owned(),
+    }
 }

@@ -135,6 +135,12 @@ pub fn check_same_size(image: (&Path, [usize; 2]), depth: (&Path, [usize; 2])) -
         image_size: image.1,
         depth: depth.0.to_owned(),
         depth_size: depth.1,
+        // The image has been read before; a file that has vanished says nothing.
+        orientation: fs::read(image.0)
+            .ok()
+            .as_deref()
+            .and_then(jpeg::orientation)
+            .filter(|orientation| *orientation != 1),
     })
 }
 

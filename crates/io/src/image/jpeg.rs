@@ -16,6 +16,44 @@ pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\xff\xd8\xff")
 }
 
+/// The orientation in a JPEG's EXIF data, 1 to 8; `None` where it has none.
+pub(crate) fn orientation(bytes: &[u8]) -> Option<u16> {
+    if !is_jpeg(bytes) {
+        return None;
+    }
+    let mut at_segment = 2;
+    loop {
+        let [0xff, marker, high, low] = *bytes.get(at_segment..at_segment + 4)? else { return None };
+        let length = usize::from(u16::from_be_bytes([high, low]));
+        let segment = bytes.get(at_segment + 4..at_segment + 2 + length)?;
+        match (marker, segment.strip_prefix(b"Exif\0\0")) {
+            (0xe1, Some(tiff)) => return orientation_of_tiff(tiff),
+            // The image begins.
+            (0xda, _) => return None,
+            _ => at_segment += 2 + length,
+        }
+    }
+}
+
+/// The orientation in the first directory of TIFF data.
+fn orientation_of_tiff(tiff: &[u8]) -> Option<u16> {
+    const ORIENTATION: u16 = 0x0112;
+    let is_little = tiff.starts_with(b"II");
+    let short = |place: usize| {
+        let pair: [u8; 2] = tiff.get(place..place.checked_add(2)?)?.try_into().ok()?;
+        Some(if is_little { u16::from_le_bytes(pair) } else { u16::from_be_bytes(pair) })
+    };
+    let long = |place: usize| {
+        let [first, second] = [short(place)?, short(place + 2)?].map(usize::from);
+        Some(if is_little { second << 16 | first } else { first << 16 | second })
+    };
+    let directory = long(4)?;
+    let entries = usize::from(short(directory)?);
+    let places = (0..entries).map(|i| directory + 2 + 12 * i);
+    let entry = places.take_while(|place| *place < tiff.len()).find(|place| short(*place) == Some(ORIENTATION))?;
+    short(entry + 8).filter(|orientation| (1..=8).contains(orientation))
+}
+
 pub(crate) fn decode(path: &Path, bytes: &[u8]) -> Result<GrayImage, ImageError> {
     // Detection needs the luma, which the file holds; converting to RGB and back would only add rounding.
     let ([width, height], data) = decode_as(

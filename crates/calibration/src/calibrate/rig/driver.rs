@@ -69,6 +69,8 @@ fn camera_fit(
     options: &CalibrateOptions,
 ) -> CameraFit {
     let camera = &settled.state.cameras[number];
+    let has_markers = alone.capture.frames.iter().any(|frame| !frame.markers.is_empty());
+    let alone_px = has_markers.then_some(alone.noise.pixel_sigma);
     let rows = &settled.state.parameter_rows()[number];
     let std_dev = |row: usize| settled.covariance.as_ref().map_or(f64::NAN, |c| c[(row, row)].max(0.0).sqrt());
     let of_tangent = |rows: &Range<usize>| std::array::from_fn(|i| std_dev(rows.start + i));
@@ -89,6 +91,7 @@ fn camera_fit(
         drift: camera.drift.filter(|_| !rows.drift.is_empty()).map(|drift| (drift, of_tangent(&rows.drift))),
         time_offset: value_s.map(|value_s| TimeOffset { value_s, std_dev_s: std_dev(rows.offset.start) }),
         calibrated,
+        alone_px,
         left_open: Vec::new(),
     }
 }

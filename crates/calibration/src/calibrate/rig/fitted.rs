@@ -47,6 +47,8 @@ pub struct CameraFit {
     pub time_offset: Option<TimeOffset>,
     /// The camera with its own part of the fit, as if it had been calibrated alone.
     pub calibrated: Calibrated,
+    /// Noise of a marker in the fit of this camera alone, px per coordinate; `None` of a camera without images.
+    pub alone_px: Option<f64>,
     /// Parameters that the boards leave open.
     pub left_open: Vec<LeftOpen>,
 }

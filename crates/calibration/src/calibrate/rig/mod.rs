@@ -1,5 +1,6 @@
 //! From the captures of all cameras to a calibrated rig.
 
+mod contradiction;
 mod depth_camera_prior;
 mod depth_camera_start;
 mod driver;
@@ -8,6 +9,7 @@ mod known_extrinsics;
 mod options;
 mod start;
 
+pub use contradiction::check_evidence;
 pub use driver::calibrate_rig;
 pub use fitted::{CameraFit, RigCalibrated, TimeOffset};
 pub use options::{EffectOf, HeldOf, RigOptions};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::calibrate::{Calibrated, calibrate_image, prepare_depth};
+use crate::calibrate::{Calibrated, calibrate_image_or_cause, prepare_depth};
 use crate::observe::{Capture, DroppedFrame, PosedFrame};
 use depthcal_model::Camera;
 use nalgebra::Isometry3;
@@ -46,8 +46,8 @@ pub(super) fn start(capture: &RigCapture, options: &RigOptions) -> Result<Starte
     let mut from_images: Vec<Calibrated<PosedFrame>> = Vec::new();
     for camera in &with_images {
         let camera_options = options.of(camera)?;
-        from_images
-            .push(calibrate_image(&camera.capture, &camera_options).map_err(CalibrateError::of_camera(&camera.name))?);
+        let from_image = calibrate_image_or_cause(&camera.capture, &camera_options);
+        from_images.push(from_image.map_err(CalibrateError::of_camera(&camera.name))?);
     }
     let cameras: Vec<Camera> = from_images.iter().map(|c| c.camera.clone()).collect();
     let offsets = time_offsets(&with_images, &from_images, options)?;

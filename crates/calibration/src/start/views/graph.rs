@@ -8,6 +8,7 @@ use nalgebra::Isometry3;
 use tracing::{info, warn};
 
 use super::error::ExtrinsicsError;
+use super::labels::agree_on_labels;
 use super::offset::{MovingView, time_offset};
 use super::pair::{Contradiction, PairView, RelativePose, relative_pose};
 use crate::observe::board_motion::{BoardMotion, motions};
@@ -69,6 +70,9 @@ pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, ExtrinsicsError> {
         for a in 0..b {
             let moves = nodes[a].offset_s.is_some() || nodes[b].offset_s.is_some();
             let mut shared = shared_frames(nodes[a].capture, nodes[b].capture);
+            if !moves {
+                number_alike([a, b], nodes, &shared);
+            }
             let mut firsts: Vec<PosedFrame> = shared.iter().map(|s| nodes[a].capture.frames[s[0]].clone()).collect();
             if moves {
                 (shared, firsts) = when_the_second_exposes([&nodes[a], &nodes[b]], &shared);
@@ -98,6 +102,16 @@ pub fn connect(nodes: &mut [Node<'_>]) -> Result<Places, ExtrinsicsError> {
     let camera_from_rig = spanning_tree(nodes, &edges)?;
     check_loops(nodes, &edges, &camera_from_rig);
     Ok(Places { camera_from_rig, pairs })
+}
+
+/// Numbers boards that look the same after a turn alike in the views that two cameras share; the first one's stay as they are.
+fn number_alike([a, b]: [usize; 2], nodes: &mut [Node<'_>], shared: &[[usize; 2]]) {
+    let (before, after) = nodes.split_at_mut(b);
+    let (first, Some(second)) = (&before[a], after.first_mut()) else { return };
+    let target = first.capture.target.clone();
+    let mut seconds: Vec<Option<&mut PosedFrame>> = second.capture.frames.iter_mut().map(Some).collect();
+    let view = |[i, j]: &[usize; 2]| Some((&first.capture.frames[*i], seconds.get_mut(*j)?.take()?));
+    agree_on_labels(&target, &mut shared.iter().filter_map(view).collect::<Vec<_>>());
 }
 
 /// Places of the frames that both captures have.

@@ -266,6 +266,20 @@ fn several_boards_are_told_apart_by_the_numbers_of_their_tags() {
 }
 
 #[test]
+fn one_board_may_begin_with_another_tag() {
+    let one = |first_tag: usize| tags("wall", first_tag).replace("[boards.wall]", "[board]") + FRAMES;
+    let file = parse(&one(100)).unwrap();
+    let parts = file.board.parts();
+    assert_eq!((parts.len(), parts[0].first_tag, parts[0].frame_name("0007")), (1, 100, "0007".to_owned()));
+    assert_eq!(parse(&file.to_toml().unwrap()).unwrap().board.parts()[0].first_tag, 100);
+    // The first of its dictionary is no other.
+    let plain = parse(&one(0).replace("first_tag = 0\n", "")).unwrap();
+    assert_eq!((parse(&one(0)).unwrap(), plain.board.columns), (plain.clone(), 6));
+    complains(&one(0).replace("first_tag = 0", "first_tag = -1"), &["board.first_tag"]);
+    assert_eq!(parse(&format!("{CHESSBOARD}first_tag = 3\n{FRAMES}")).unwrap().board.parts()[0].first_tag, 0);
+}
+
+#[test]
 fn the_tags_of_a_charuco_board_are_as_many_as_its_white_squares() {
     let board = |name: &str, rows: usize, first_tag: usize| {
         format!(

@@ -96,6 +96,35 @@ fn sizes_that_differ_name_both_files() {
     assert!(check_same_size((image, [4, 3]), (other, [4, 3])).is_ok());
 }
 
+/// A JPEG whose EXIF data say that it is shown turned, in both byte orders.
+#[test]
+fn an_image_that_viewers_turn_is_told_by_its_orientation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("1.jpg");
+    let tiffs: [&[u8]; 2] = [
+        b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0",
+        b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0",
+    ];
+    for tiff in tiffs {
+        let length = (2 + 6 + tiff.len()) as u16;
+        let head: &[&[u8]] =
+            &[b"\xff\xd8\xff\xe0\0\x04ab\xff\xe1", &length.to_be_bytes(), b"Exif\0\0", tiff, b"\xff\xda"];
+        std::fs::write(&path, head.concat()).unwrap();
+        let depth = Path::new("depth/1.png");
+        let message = check_same_size((&path, [4, 3]), (depth, [3, 4])).unwrap_err().to_string();
+        assert!(message.contains("orientation 6") && message.contains("clockwise"), "{message}");
+        // A half of the size has another cause.
+        let message = check_same_size((&path, [4, 2]), (depth, [2, 1])).unwrap_err().to_string();
+        assert!(message.contains("register"), "{message}");
+        for cut in 0..head.concat().len() {
+            std::fs::write(&path, &head.concat()[..cut]).unwrap();
+            assert!(check_same_size((&path, [4, 3]), (depth, [3, 4])).is_err());
+        }
+    }
+    let message = check_same_size((Path::new("a.png"), [4, 3]), (Path::new("b.png"), [3, 4])).unwrap_err().to_string();
+    assert!(message.contains("turned by 90°"), "{message}");
+}
+
 #[test]
 fn pgm_of_8_and_16_bits() {
     let image = decode_gray(name(), b"P5\n# made by hand\n2 1\n255\n\x0a\x20").unwrap();
