@@ -15,7 +15,7 @@ use depthcal::calibration::load::{LoadOptions, load};
 use depthcal::calibration::simulated;
 use depthcal::io::FileReference;
 use depthcal::model::Register;
-use depthcal::report::diagnosis_text;
+use depthcal::report::{Detail, diagnosis_text};
 use depthcal_simulate::Effect;
 
 const DEFAULT: &str = "none,cyclic_depth=4,temporal_drift=6,depth_registration=3,range_offset=15,radial_range=8,\
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let d = diagnose(&planted, None, &DiagnoseOptions::default())?;
         println!("| {text} | {rms_mm:.2} | {}", row(&d));
         let record = to_file(&d, FileReference::default(), "projective".parse()?);
-        eprintln!("{text}\n{}", diagnosis_text(&record, &Register::builtin()));
+        eprintln!("{text}\n{}", diagnosis_text(&record, &Register::builtin(), Detail::All));
     }
     Ok(())
 }
