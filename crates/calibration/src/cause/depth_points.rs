@@ -3,7 +3,7 @@
 use depthcal_io::{DepthFrame, ImageError};
 use depthcal_model::Camera;
 use depthcal_statistics::upper_median;
-use nalgebra::Point3;
+use nalgebra::{Matrix4, Point3, Vector4};
 
 use super::depth_alternative::{DepthAlternative, Quantity, Turn};
 use crate::observe::board_region::BoardRegion;
@@ -15,14 +15,18 @@ const POINTS_PER_SIDE: usize = 14;
 const AGREEING: f64 = 0.7;
 /// Fewest points that say anything.
 const FEWEST_POINTS: usize = 100;
-/// Iterations of the fit of an affine map by least absolute deviations.
+/// Iterations of a fit by least absolute deviations.
 const ITERATIONS: usize = 15;
+/// Ridge of such a fit, as a share of the trace of its normal matrix.
+const RIDGE: f64 = 1e-10;
 
 /// A point of the board in the image, and the camera's view of it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoardPoint {
     /// The pixel, px.
     pub(super) pixel: [f64; 2],
+    /// Its place in widths of the image, from the middle.
+    pub(super) place: [f64; 2],
     /// Depth by the image, mm.
     pub(super) z_mm: f64,
     /// Distance along the ray per z.
@@ -36,11 +40,14 @@ pub(super) struct FramePoints {
     raw: Vec<Vec<Vec<f64>>>,
 }
 
-/// How far measured depth is from the boards, with the scale that fits best.
+/// How far measured depth is from the boards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
-    /// Relative deviation that most points do not exceed.
+    /// Relative deviation that most points do not exceed, where inverse depth has the error of a depth camera that fits best: an
+    /// affine function of place and inverse depth, as D. Without that freedom another depth could fit better by chance.
     pub relative: f64,
+    /// The same with no other freedom than the scale.
+    pub relative_in_scale: f64,
     /// Measured over expected depth; 1 of a disparity.
     pub scale: f64,
     /// Share of the points with a measurement.
@@ -73,7 +80,9 @@ pub(super) fn board_points(capture: &Capture<PosedFrame>, camera: &Camera, frame
             && pixel[0] < capture.width as f64 - 0.5
             && pixel[1] < capture.height as f64 - 0.5;
         let range_per_z = point_in_camera.coords.norm() / point_in_camera.z;
-        is_inside.then_some(BoardPoint { pixel, z_mm: point_in_camera.z, range_per_z })
+        let width = capture.width as f64;
+        let place = [pixel[0] / width - 0.5, (pixel[1] - 0.5 * capture.height as f64) / width];
+        is_inside.then_some(BoardPoint { pixel, place, z_mm: point_in_camera.z, range_per_z })
     };
     (0..POINTS_PER_SIDE * POINTS_PER_SIDE).filter_map(point).collect()
 }
@@ -125,22 +134,54 @@ fn raw_at(depth: &DepthFrame, turn: Turn, pixel: [f64; 2]) -> f64 {
     place.and_then(|[u, v]| depth.measurement(v * depth.width + u)).unwrap_or(f64::NAN)
 }
 
+/// A point with a value: its depth by the image, mm, its place, and the inverse depth that was measured there, or the disparity.
+type Measured = (f64, [f64; 2], f64);
+
 /// The deviation of depth under an alternative; `None` where too few points have a measurement.
 pub(super) fn deviation(frames: &[FramePoints], unit_mm: f64, alternative: DepthAlternative) -> Option<Deviation> {
+    let is_disparity = alternative.quantity == Quantity::Disparity;
     let all = || frames.iter().flat_map(|frame| frame.raw(alternative));
-    let value = |(point, raw): (&BoardPoint, f64)| {
-        let value = alternative.quantity.value(raw, point.range_per_z).filter(|value| *value > 0.0);
-        value.map(|value| (point.z_mm, value))
+    let measured = |(point, raw): (&BoardPoint, f64)| -> Option<Measured> {
+        let value = alternative.quantity.value(raw, point.range_per_z).filter(|value| *value > 0.0)?;
+        Some((point.z_mm, point.place, if is_disparity { value } else { 1.0 / (value * unit_mm) }))
     };
-    let pairs: Vec<(f64, f64)> = all().filter_map(value).collect();
-    let coverage = pairs.len() as f64 / all().count().max(1) as f64;
-    if alternative.quantity == Quantity::Disparity {
-        let (affine, relative) = of_affine(&pairs)?;
-        return Some(Deviation { relative, scale: 1.0, coverage, affine: Some(affine) });
+    let measured: Vec<Measured> = all().filter_map(measured).collect();
+    let coverage = measured.len() as f64 / all().count().max(1) as f64;
+    let relative = of_depth_camera(&measured)?;
+    if is_disparity {
+        let pairs: Vec<(f64, f64)> = measured.iter().map(|(z_mm, _, value)| (*z_mm, *value)).collect();
+        let (affine, relative_in_scale) = of_affine(&pairs)?;
+        return Some(Deviation { relative, relative_in_scale, scale: 1.0, coverage, affine: Some(affine) });
     }
-    let logarithms: Vec<f64> = pairs.iter().map(|(z_mm, value)| (value * unit_mm / z_mm).ln()).collect();
-    let (scale, relative) = of_scale(&logarithms)?;
-    Some(Deviation { relative, scale: scale.exp(), coverage, affine: None })
+    let logarithms: Vec<f64> = measured.iter().map(|(z_mm, _, rho)| -(rho * z_mm).ln()).collect();
+    let (scale, relative_in_scale) = of_scale(&logarithms)?;
+    Some(Deviation { relative, relative_in_scale, scale: scale.exp(), coverage, affine: None })
+}
+
+/// The relative deviation of inverse depth from the function of place (x, y) and value v that fits best, a + b x + c y + d v, by
+/// least absolute deviations; `None` of few points.
+fn of_depth_camera(measured: &[Measured]) -> Option<f64> {
+    if measured.len() < FEWEST_POINTS {
+        return None;
+    }
+    let typical = upper_median(&mut measured.iter().map(|(_, _, value)| *value).collect::<Vec<_>>())?;
+    let row = |(z_mm, [x, y], value): &Measured| Vector4::new(1.0, *x, *y, value / typical) * *z_mm;
+    let mut weights = vec![1.0; measured.len()];
+    let mut deviations = Vec::new();
+    for _ in 0..ITERATIONS {
+        let (mut normal, mut right) = (Matrix4::zeros(), Vector4::zeros());
+        for (point, weight) in measured.iter().zip(&weights) {
+            let row = row(point);
+            normal += *weight * row * row.transpose();
+            right += *weight * row;
+        }
+        // Boards at one distance leave the affine function open.
+        normal += Matrix4::identity() * (RIDGE * normal.trace());
+        let affine = normal.cholesky()?.solve(&right);
+        deviations = measured.iter().map(|point| (row(point).dot(&affine) - 1.0).abs()).collect();
+        weights.iter_mut().zip(&deviations).for_each(|(weight, deviation)| *weight = 1.0 / deviation.max(1e-4));
+    }
+    most(deviations)
 }
 
 /// The median of logarithms of measured over expected depth, and the deviation from it that most do not exceed; `None` of few.
@@ -187,16 +228,8 @@ fn most(mut values: Vec<f64>) -> Option<f64> {
     (place < values.len()).then(|| *values.select_nth_unstable_by(place, f64::total_cmp).1)
 }
 
-/// The deviation of depth that is the same everywhere, and that of depth whose inverse is affine in that of the values: an
-/// alternative that is no better says nothing of the data.
+/// The deviation of depth that is the same everywhere: an alternative that is no better says nothing of the data.
 pub(super) fn trivial(frames: &[FramePoints]) -> f64 {
     let logarithms: Vec<f64> = frames.iter().flat_map(|frame| frame.points.iter().map(|p| p.z_mm.ln())).collect();
     of_scale(&logarithms).map_or(0.0, |(_, deviation)| deviation)
-}
-
-/// The deviation of declared depth whose inverse may have an error that is affine.
-pub(super) fn with_affine_error(frames: &[FramePoints]) -> f64 {
-    let all = frames.iter().flat_map(|frame| frame.raw(DepthAlternative::DECLARED));
-    let pairs: Vec<(f64, f64)> = all.filter(|(_, raw)| raw.is_finite()).map(|(p, raw)| (p.z_mm, 1.0 / raw)).collect();
-    of_affine(&pairs).map_or(f64::INFINITY, |(_, deviation)| deviation)
 }

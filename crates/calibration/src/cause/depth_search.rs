@@ -4,9 +4,9 @@ use depthcal_io::ImageError;
 use depthcal_model::Camera;
 use rayon::prelude::*;
 
-use super::depth_alternative::{DepthAlternative, Quantity, Turn};
+use super::depth_alternative::{DepthAlternative, Turn};
 use super::depth_cause::DepthCause;
-use super::depth_points::{Deviation, FramePoints, deviation, trivial, with_affine_error};
+use super::depth_points::{Deviation, FramePoints, deviation, trivial};
 use super::registration::registration;
 use crate::observe::{Capture, PosedFrame};
 
@@ -23,7 +23,7 @@ const ALIKE: f64 = 1.5;
 /// Least share of the points with a measurement.
 const LEAST_COVERAGE: f64 = 0.15;
 /// Relative deviation from which on depth may lie on another pixel grid.
-const OTHER_GRID: f64 = 0.05;
+const OTHER_GRID: f64 = 0.02;
 /// Relative deviation from which on depth contradicts the boards, whatever its scale.
 const CONTRADICTS: f64 = 0.08;
 
@@ -70,25 +70,17 @@ pub fn examine_depth(capture: &Capture<PosedFrame>, camera: &Camera) -> Result<D
     if let Some(registration) = registration {
         return Ok(DepthFinding::Cause(DepthCause::OtherGrid { registration, declared }));
     }
-    let is_contradiction = limit > CONTRADICTS;
-    Ok(if is_contradiction { DepthFinding::Unexplained(limit) } else { DepthFinding::Fits })
+    let in_scale = declared.map_or(f64::INFINITY, |declared| declared.relative_in_scale);
+    Ok(if in_scale > CONTRADICTS { DepthFinding::Unexplained(in_scale) } else { DepthFinding::Fits })
 }
 
 /// The alternative that fits clearly better than the declaration, whose deviation is given, and than all others.
 fn best(frames: &[FramePoints], unit_mm: f64, declared: f64) -> Option<(DepthAlternative, Deviation)> {
-    let trivial = trivial(frames);
-    let affine = with_affine_error(frames);
-    let limit = |alternative: DepthAlternative| {
-        let limit = MOST.min(CLEARLY * declared).min(CLEARLY * trivial);
-        // A disparity has one freedom more than depth, which depth with such an error has as well.
-        if alternative.quantity == Quantity::Disparity { limit.min(CLEARLY * affine) } else { limit }
-    };
+    let limit = MOST.min(CLEARLY * declared).min(CLEARLY * trivial(frames));
     let fitted: Vec<(DepthAlternative, Deviation)> = DepthAlternative::all()
         .filter(|alternative| *alternative != DepthAlternative::DECLARED)
         .filter_map(|alternative| Some((alternative, deviation(frames, unit_mm, alternative)?)))
-        .filter(|(alternative, deviation)| {
-            deviation.relative <= limit(*alternative) && deviation.coverage >= LEAST_COVERAGE
-        })
+        .filter(|(_, deviation)| deviation.relative <= limit && deviation.coverage >= LEAST_COVERAGE)
         .collect();
     let least = fitted.iter().map(|(_, deviation)| deviation.relative).fold(f64::INFINITY, f64::min);
     let alike: Vec<_> = fitted.into_iter().filter(|(_, d)| d.relative <= ALIKE * least).collect();
@@ -106,6 +98,7 @@ mod tests {
     use depthcal_model::{Pattern, Target};
     use nalgebra::{Isometry3, Point3, Vector3};
 
+    use super::super::depth_alternative::Quantity;
     use super::*;
     use crate::observe::{DetectedFrame, MeasuredDepth, RawFrame};
 
@@ -250,12 +243,12 @@ mod tests {
     fn another_grid_is_named() {
         let centre = (SIDE as f64 - 1.0) / 2.0;
         let spoiled = finding(|depth, i, u, v| {
-            let [x, y] = [(u, 12.0), (v, -7.0)].map(|(c, shift)| centre + (c as f64 - shift - centre) / 0.65);
+            let [x, y] = [(u, 28.0), (v, -20.0)].map(|(c, shift)| centre + (c as f64 - shift - centre) / 0.55);
             let is_inside = [x, y].iter().all(|c| (0.0..SIDE as f64 - 1.0).contains(c));
             if is_inside { depth(i, x.round() as usize, y.round() as usize) } else { 0.0 }
         });
         let DepthFinding::Cause(DepthCause::OtherGrid { registration, .. }) = spoiled else { panic!("{spoiled:?}") };
-        assert!((registration.ratio - 0.65).abs() < 0.04, "{registration:?}");
+        assert!((registration.ratio - 0.55).abs() < 0.03, "{registration:?}");
     }
 
     /// Right depth, errors of a camera, units, and depth of nothing: none of them has another cause.

@@ -60,7 +60,7 @@ impl<'a> ReportDiagnosis<'a> {
     /// Added effects of which it is certain, or not, that the depth error of left-out frames falls with them. Effects of images
     /// alone have no such gain and count as certain.
     pub fn steps_by_certainty(&self, certain: bool) -> Vec<&'a DiagnosisStep> {
-        let is_certain = |step: &DiagnosisStep| step.depth_gain_percent.is_none_or(|gain| gain.is_certain());
+        let is_certain = |step: &DiagnosisStep| step.gain().is_none_or(|gain| gain.is_certain());
         self.record.steps.iter().filter(|step| is_certain(step) == certain).collect()
     }
 }

@@ -398,7 +398,12 @@ mod tests {
         let event = without_uncertain(&bench, &state).unwrap().unwrap();
         state.apply(event);
         assert_eq!(names(&state.model.specs_from(0)), ["range_offset"]);
-        assert!(without_uncertain(&bench, &state).unwrap().is_none(), "it is certain");
+        let gain = |state: &State| state.model.added[0].gain_percent;
+        assert!(gain(&state).is_some_and(|gain| gain.is_certain()));
+        let again = without_uncertain(&bench, &state).unwrap().unwrap();
+        let before = gain(&state);
+        state.apply(again);
+        assert_eq!((names(&state.model.specs_from(0)), gain(&state)), (vec!["range_offset"], before));
     }
 
     #[test]
