@@ -144,7 +144,9 @@ impl SideCamera<'_> {
     }
 
     fn corrects_depth(&self) -> bool {
-        self.camera().blocks().iter().any(|block| matches!(block.hook(), HookKind::Depth | HookKind::Pixel))
+        // The pinhole is a block at the same hook as pieces that displace the depth image.
+        let pieces = self.camera().blocks().iter().filter(|block| block.piece().is_some());
+        pieces.map(|block| block.hook()).any(|hook| matches!(hook, HookKind::Depth | HookKind::Pixel))
     }
 
     /// Distances of the centre of the board in every frame, mm.
