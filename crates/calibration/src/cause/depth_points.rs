@@ -46,7 +46,7 @@ pub struct Deviation {
     /// Relative deviation that most points do not exceed, where inverse depth has the error of a depth camera that fits best: an
     /// affine function of place and inverse depth, as D. Without that freedom another depth could fit better by chance.
     pub relative: f64,
-    /// The same with no other freedom than the scale.
+    /// Relative deviation with no other freedom than the scale.
     pub relative_in_scale: f64,
     /// Measured over expected depth; 1 of a disparity.
     pub scale: f64,

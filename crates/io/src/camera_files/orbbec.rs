@@ -5,7 +5,7 @@
 //! | `depthIntrinsic`, `rgbIntrinsic` (`depth_intrinsic`, …) | fx fy cx cy, width, height, px; pixel centres at integers |
 //! | `depthDistortion`, `rgbDistortion` | k1 … k6 p1 p2, OpenCV's eight by name; `model` where the SDK has one |
 //!
-//! Source: `OBCameraIntrinsic`, `OBCameraDistortion` in ObTypes.h. Any mapping with both `…intrinsic` and `…distortion` is read so.
+//! Source: `OBCameraIntrinsic`, `OBCameraDistortion` in ObTypes.h. A mapping with `…intrinsic` and `…distortion` is read so.
 
 use super::error::CameraFileError;
 use super::intrinsics::Intrinsics;
