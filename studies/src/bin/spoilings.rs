@@ -128,7 +128,7 @@ fn spoil_in_all_ways(capture: &(Capture<PosedFrame>, depthcal_model::Camera), se
             let is_grid = matches!(second, Fault::OnOtherGrid(_));
             let is_scaled_disparity = first == Fault::Holds(Quantity::Disparity) && matches!(second, Fault::Scaled(_));
             // Two in three, others of every capture.
-            if !is_one_kind && !is_grid && !is_scaled_disparity && (i + j + seed as usize) % 3 > 0 {
+            if !is_one_kind && !is_grid && !is_scaled_disparity && !(i + j + seed as usize).is_multiple_of(3) {
                 judge(capture, &[first, second], &mut counts[2]);
             }
         }

@@ -223,7 +223,7 @@ mod tests {
         };
         let firsts: Vec<PosedFrame> = (0..9).map(|i| frame(pose(i))).collect();
         let truth: Vec<Isometry3<f64>> = (0..9).map(|i| second_from_first * pose(i)).collect();
-        let turned = |i: usize| if i % 2 == 0 { half.pose(&truth[i]) } else { truth[i] };
+        let turned = |i: usize| if i.is_multiple_of(2) { half.pose(&truth[i]) } else { truth[i] };
         let mut seconds: Vec<PosedFrame> = (0..9).map(|i| frame(turned(i))).collect();
         let mut views: Vec<_> = firsts.iter().zip(&mut seconds).collect();
         agree_on_labels(&target, &mut views);
