@@ -16,12 +16,13 @@ def calibrations():
 
 def changed(calibration, tmp_path, name, change):
     """The calibration with a parameter changed by so many standard deviations, as a file."""
-    record = json.loads(json.dumps(calibration.record))
+    path = tmp_path / "calibration.json"
+    calibration.save(path)
+    record = json.loads(path.read_text())
     piece, parameter = name.split(".")
     for p in next(q for q in record["camera"]["pieces"] if q["name"] == piece)["parameters"]:
         if p["name"] == parameter:
             p["value"] += change * p["std_dev"]
-    path = tmp_path / "calibration.json"
     path.write_text(json.dumps(record))
     return path
 

@@ -9,7 +9,7 @@ use depthcal_io::{
 use depthcal_model::hook::HookKind;
 use depthcal_model::{Camera, Context, Register};
 use depthcal_statistics::median;
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion};
 
 use super::error::TaskError;
 use super::extrinsics_difference::extrinsics_difference;
@@ -254,7 +254,8 @@ fn projection(pair: [&UncertainCamera; 2], pixels: &[[f64; 2]], distance: f64, v
     let lengths: Vec<Option<f64>> = values.chunks(2).map(length).collect();
     ProjectionDifference {
         distance_mm: varies.then_some(distance),
-        rotation_rad: of_projection.rotation.scaled_axis().into(),
+        // By quaternion: the angle of a matrix of nearly no rotation is not a number where its trace is rounded up.
+        rotation_rad: UnitQuaternion::from_rotation_matrix(&of_projection.rotation).scaled_axis().into(),
         size: size::<2>(&of_projection.difference, &lengths, &std_dev_px, pixels),
         du_px: values.chunks(2).map(|cell| cell[0]).collect(),
         dv_px: values.chunks(2).map(|cell| cell[1]).collect(),

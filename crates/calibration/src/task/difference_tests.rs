@@ -117,6 +117,7 @@ fn what_was_changed_is_seen_where_it_acts() {
     assert_eq!(none.common_frames, 16);
     let d = only_camera(&none);
     assert!(d.depth.iter().all(|d| d.size.rms < 1e-9) && d.projection[0].size.rms < 1e-6);
+    assert!(d.projection[0].rotation_rad.iter().all(|r| r.abs() < 1e-6), "{:?}", d.projection[0].rotation_rad);
 
     // A shift of the principal point is a rotation of all rays, but for its second order.
     let turned = diff(&a, &changed(&a, "pinhole", "cx", |_| 2.0)).unwrap();
