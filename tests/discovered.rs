@@ -89,8 +89,7 @@ fn frames_that_verify_confirm_a_formula_or_do_not() {
     assert_eq!(confirmed_by(&capture_with(23, place, |_| 0.0)), None);
 }
 
-/// Effects of the catalogue imitate an error in x and y that the catalogue lacks; none of them is left beside the formula that it
-/// is.
+/// Effects of the catalogue imitate an error in x and y that the catalogue lacks; none of them stays once its formula is added.
 #[test]
 fn a_formula_takes_the_place_of_effects_that_imitate_it() {
     let error = |o: &Observation| 4.0 * o.ray[0] + 2.0 * o.ray[1];

@@ -48,7 +48,7 @@ fn is_scaled(deviation: &Deviation) -> bool {
     deviation.scale.max(1.0 / deviation.scale) > MOST_SCALE
 }
 
-/// A wrong unit beside the other faults, or the conversion of a disparity.
+/// The wrong unit, where there is one as well as the other faults, or how a disparity is converted.
 fn further(deviation: &Deviation, unit_mm: f64, spacing_mm: f64) -> String {
     if let Some([a, b]) = deviation.affine {
         let sign = if b < 0.0 { '−' } else { '+' };

@@ -13,6 +13,6 @@ pub(crate) struct Found {
     pub(crate) circle_diameter: Option<MeasuredDiameter>,
     /// `None` where there is but one layout.
     pub(crate) charuco_layout: Option<CharucoLayout>,
-    /// The boards that were looked for beside the declared one, in words.
+    /// Boards other than the declared one that were looked for, in words.
     pub(crate) tried: Option<&'static str>,
 }

@@ -56,7 +56,7 @@ pub struct CameraDifference {
 /// A camera in one of two calibrations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct DifferenceSide {
-    /// Names of its pieces beside pinhole and board.
+    /// Names of its pieces, without pinhole and board.
     pub pieces: Vec<String>,
     /// Number of fitted frames; 0 of a camera file of another program.
     pub frames: usize,

@@ -13,7 +13,7 @@ const BINS: usize = 41;
 /// The axis ends at this quantile of the residuals' sizes.
 const SHOWN: f64 = 0.995;
 
-/// Residuals of both coordinates beside a normal distribution of their central part; `None` without markers.
+/// Residuals of both coordinates, and the normal distribution of their central part; `None` without markers.
 pub(crate) fn residual_histogram(camera: &ReportCamera<'_>) -> Option<Figure> {
     let (pool, _) = Pool::headline(camera);
     let residuals: Vec<f64> = pool
