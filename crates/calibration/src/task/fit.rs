@@ -15,7 +15,7 @@ use super::prior::GivenPrior;
 use super::report_input::{ReportCamera, ReportInput, ReportRig, Role};
 use super::results::{Results, Shown};
 use crate::adjust::camera_prior::CameraPrior;
-use crate::calibrate::rig::{RigCalibrated, calibrate_rig, check_evidence};
+use crate::calibrate::rig::{RigCalibrated, calibrate_rig};
 use crate::calibrate::{CalibrateError, CalibrateOptions, Calibrated, Estimator, calibrate};
 use crate::calibration_record::calibration_record;
 use crate::diagnose::effect_scores::effect_scores;
@@ -261,7 +261,6 @@ impl FitRequest {
             None => (all, None),
         };
         let result = calibrate_rig(&capture, &options)?;
-        check_evidence(&result)?;
         let placed = result.placed();
         let stage = progress.stage("evaluation");
         let on_fitted = evaluate_rig(&placed, &capture);

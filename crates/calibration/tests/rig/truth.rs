@@ -198,3 +198,20 @@ fn cameras_without_common_frames_are_named() {
     );
     assert!(error.to_string().contains("within_s") && !error.is_untrusted_fit());
 }
+
+/// A camera that exposes while the board moves on sees every board somewhere else: alone it is as good as any, and in the rig it is
+/// refused, by `calibrate_rig` itself.
+#[test]
+fn a_camera_that_contradicts_the_others_is_refused() {
+    let mut capture = rig_capture(&support::two_cameras(3, Kind::General(1)));
+    for (number, frame) in capture.cameras[1].capture.frames.iter_mut().enumerate() {
+        let (sin, cos) = (2.4 * number as f64).sin_cos();
+        for marker in &mut frame.markers {
+            marker.pixel[0] += 12.0 * sin;
+            marker.pixel[1] += 12.0 * cos;
+        }
+    }
+    let refused = calibrate_rig(&capture, &options()).expect_err("a contradiction");
+    let CalibrateError::RigContradiction(contradiction) = refused else { panic!("{refused}") };
+    assert!(contradiction.joint_px > 3.0 * contradiction.alone_px, "{contradiction:?}");
+}

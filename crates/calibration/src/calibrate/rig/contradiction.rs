@@ -21,7 +21,7 @@ const NAMED: usize = 6;
 /// # Errors
 ///
 /// [`CalibrateError::RigContradiction`] with the camera that is contradicted most.
-pub fn check_evidence(rig: &RigCalibrated) -> Result<(), CalibrateError> {
+pub(crate) fn check_evidence(rig: &RigCalibrated) -> Result<(), CalibrateError> {
     fn ratio(camera: &CameraFit) -> Option<(f64, &CameraFit, f64)> {
         let (alone_px, joint_px) = (camera.alone_px?, camera.calibrated.noise.pixel_sigma);
         (joint_px > LEAST_PX && joint_px > CONTRADICTS * alone_px).then_some((joint_px / alone_px, camera, alone_px))

@@ -7,6 +7,7 @@ use crate::calibrate::settle::{Settled, settle};
 use crate::calibrate::{CalibrateOptions, Calibrated, check_invertible};
 use nalgebra::DMatrix;
 
+use super::contradiction::check_evidence;
 use super::depth_camera_prior::left_open;
 use super::fitted::{CameraFit, RigCalibrated, TimeOffset};
 use super::options::RigOptions;
@@ -16,12 +17,20 @@ use crate::calibrate::CalibrateError;
 use crate::observe::{RigCapture, SampledFrame};
 
 /// Calibrates a rig: every camera with images alone, the places of the cameras from the views that they share, then all
-/// cameras, places and poses of the board in one adjustment, with the noise of every camera estimated on the way.
+/// cameras, places and poses of the board in one adjustment, with the noise of every camera estimated on the way. A rig whose
+/// joint fit contradicts those of its cameras alone is refused.
 ///
 /// # Errors
 ///
 /// [`CalibrateError`]; see [`CalibrateError::is_untrusted_fit`] for which of them speak of the fit.
 pub fn calibrate_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCalibrated, CalibrateError> {
+    let rig = fit_rig(capture, options)?;
+    check_evidence(&rig)?;
+    Ok(rig)
+}
+
+/// [`calibrate_rig`] whose cameras may contradict each other, as they do where an effect is missing that a diagnosis searches.
+pub(crate) fn fit_rig(capture: &RigCapture, options: &RigOptions) -> Result<RigCalibrated, CalibrateError> {
     let mut started = start(capture, options)?;
     for (camera, drift) in &options.drifts {
         if let Some(drifting) = started.state.cameras.iter_mut().skip(1).find(|c| c.name == *camera) {

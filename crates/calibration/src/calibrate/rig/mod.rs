@@ -9,7 +9,8 @@ mod known_extrinsics;
 mod options;
 mod start;
 
-pub use contradiction::check_evidence;
+pub(crate) use contradiction::check_evidence;
 pub use driver::calibrate_rig;
+pub(crate) use driver::fit_rig;
 pub use fitted::{CameraFit, RigCalibrated, TimeOffset};
 pub use options::{EffectOf, HeldOf, RigOptions};

@@ -11,7 +11,7 @@ use tracing::info;
 use super::alone::examined;
 use super::drift_test::{DriftTest, drift_tests};
 use super::trial::{EffectInRig, Tried, tried_in_rig};
-use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
+use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, check_evidence, fit_rig};
 use crate::diagnose::DiagnoseError;
 use crate::judge::rig::{EvaluatedRig, evaluate_rig};
 use crate::observe::{CameraCapture, RigCapture};
@@ -95,8 +95,8 @@ pub struct RigDiagnosis {
 ///
 /// # Errors
 ///
-/// [`DiagnoseError`] of the calibrations, [`DiagnoseError::Camera`] of a camera's loop, [`DiagnoseError::NoDepth`] where no
-/// camera has depth.
+/// [`DiagnoseError`] of the calibrations, also where the cameras still contradict each other with all effects,
+/// [`DiagnoseError::Camera`] of a camera's loop, [`DiagnoseError::NoDepth`] where no camera has depth.
 pub fn diagnose_rig(
     capture: &RigCapture,
     verify: Option<&RigCapture>,
@@ -109,7 +109,7 @@ pub fn diagnose_rig(
     // An effect that a camera lacks looks like planes of its frames: the search ignores these, and the last fit has them.
     let asked = options.rig.each.frame_planes;
     let options = &RigDiagnoseOptions { rig: with_frame_planes(&options.rig, false), ..options.clone() };
-    let declared = calibrate_rig(capture, &options.rig)?;
+    let declared = fit_rig(capture, &options.rig)?;
     let mut cameras = Vec::new();
     for camera in capture.cameras.iter().filter(is_depth) {
         let of_verify = verify.and_then(|v| v.cameras.iter().find(|c| c.name == camera.name));
@@ -144,8 +144,8 @@ pub fn diagnose_rig(
         Some(verify) => (usable.clone(), verify.clone()),
         None => (usable.subset(|name| !is_held(name)), usable.subset(is_held)),
     };
-    let errors = |rig: &RigOptions| Ok::<_, DiagnoseError>(evaluate_rig(&calibrate_rig(&fitted, rig)?.placed(), &held));
-    let mut last = calibrate_rig(&usable, &with_frame_planes(&with_effects, asked))?;
+    let errors = |rig: &RigOptions| Ok::<_, DiagnoseError>(evaluate_rig(&fit_rig(&fitted, rig)?.placed(), &held));
+    let mut last = fit_rig(&usable, &with_frame_planes(&with_effects, asked))?;
     let drifts = drift_tests(&last, options.folds)?;
     for camera in capture.cameras.iter().map(|c| &c.name) {
         // Of time and temperature, which often go together, the one that leaves less.
@@ -156,8 +156,9 @@ pub fn diagnose_rig(
         }
     }
     if !with_effects.drifts.is_empty() {
-        last = calibrate_rig(&usable, &with_frame_planes(&with_effects, asked))?;
+        last = fit_rig(&usable, &with_frame_planes(&with_effects, asked))?;
     }
+    check_evidence(&last)?;
     let (before, after) = (errors(&options.rig)?, errors(&with_effects)?);
     let of_drifts = with_effects.drifts.first().map(|_| Verdict::Effect);
     let without_depth = capture.cameras.iter().filter(|c| !is_depth(c)).map(|c| c.name.clone()).collect();

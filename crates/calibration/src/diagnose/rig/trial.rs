@@ -11,7 +11,7 @@ use tracing::{debug, info};
 
 use super::joint_search::{JointEvidence, joint_search};
 use super::left_out::left_out;
-use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, calibrate_rig};
+use crate::calibrate::rig::{EffectOf, RigCalibrated, RigOptions, fit_rig};
 use crate::diagnose::DiagnoseError;
 use crate::observe::RigCapture;
 
@@ -68,7 +68,7 @@ pub(super) fn tried_in_rig(
         debug!("{camera}: {spec} has a score of {statistic:.1}, p = {p_value:.1e}, gains of t = {gain_t:.1}");
         let mut with = options.clone();
         with.effects.push(EffectOf { camera: Some(camera.to_owned()), effect: spec.clone() });
-        let mut fit = match calibrate_rig(capture, &with) {
+        let mut fit = match fit_rig(capture, &with) {
             Ok(fit) => fit,
             Err(error) => {
                 info!("{camera}: the rig cannot be calibrated with {spec}: {error}");
