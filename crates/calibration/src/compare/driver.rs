@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::errors::{FrameErrors, errors, frame_errors};
 use super::image_calibrations::ImageCalibrations;
-use super::information_criteria::{criteria, effective_parameters};
+use super::information_criteria::{Residuals, effective_parameters};
 use super::learning_curve::learning_curve;
 use super::options::CompareOptions;
 use super::ranking::{EvaluatedVariant, rank};
@@ -90,16 +90,16 @@ fn evaluate_variant(
         ..ModelComparison::default()
     };
     match fit_and_evaluate(variant, whole, folds, verify, base, &mut record) {
-        Ok((held_out, criteria)) => EvaluatedVariant { record, held_out, criteria },
+        Ok((held_out, residuals)) => EvaluatedVariant { record, held_out, residuals },
         Err(reason) => {
             record.failed = Some(reason);
-            EvaluatedVariant { record, held_out: Vec::new(), criteria: None }
+            EvaluatedVariant { record, held_out: Vec::new(), residuals: None }
         }
     }
 }
 
-/// Errors of held-out frames by dataset, and AIC and BIC of the fit.
-type HeldOutAndCriteria = (Vec<Vec<FrameErrors>>, Option<[f64; 2]>);
+/// Errors of held-out frames by dataset, and residuals of the fit.
+type HeldOutAndResiduals = (Vec<Vec<FrameErrors>>, Option<Residuals>);
 
 fn fit_and_evaluate(
     variant: &Variant,
@@ -108,7 +108,7 @@ fn fit_and_evaluate(
     verify: &[Capture],
     base: &CalibrateOptions,
     record: &mut ModelComparison,
-) -> Result<HeldOutAndCriteria, String> {
+) -> Result<HeldOutAndResiduals, String> {
     let fitted = whole.fit(variant, base)?;
     record.parameters = fitted.camera.blocks().iter().map(|b| b.free.iter().filter(|f| **f).count()).sum();
     record.effective_parameters = effective_parameters(&fitted);
@@ -135,5 +135,5 @@ fn fit_and_evaluate(
     let [refused, all] =
         held.iter().flatten().fold([0, 0], |[r, a], f| [r + f.uncorrectable[0], a + f.uncorrectable[1]]);
     record.not_correctable = refused as f64 / all.max(1) as f64;
-    Ok((held, criteria(&fitted, record.effective_parameters)))
+    Ok((held, Residuals::of(&fitted, record.effective_parameters)))
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use depthcal_io::{Errors, Interval, ModelComparison};
 
 use super::errors::{FrameErrors, interval, resampled};
+use super::information_criteria::{Residuals, criteria};
 
 /// Share of resampled values outside an interval: 95 % intervals.
 const OUTSIDE: f64 = 0.05;
@@ -15,13 +16,16 @@ pub(super) struct EvaluatedVariant {
     pub record: ModelComparison,
     /// Errors of the held-out frames, by dataset.
     pub held_out: Vec<Vec<FrameErrors>>,
-    /// AIC and BIC.
-    pub criteria: Option<[f64; 2]>,
+    /// Residuals of the fit, for AIC and BIC.
+    pub residuals: Option<Residuals>,
 }
 
 /// Intervals and criteria of all variants, of which the first `listed` are those asked for. Returns the records of the
 /// listed ones, best first, and those of all in the given order.
-pub(super) fn rank(evaluated: Vec<EvaluatedVariant>, listed: usize) -> (Vec<ModelComparison>, Vec<ModelComparison>) {
+pub(super) fn rank(
+    mut evaluated: Vec<EvaluatedVariant>,
+    listed: usize,
+) -> (Vec<ModelComparison>, Vec<ModelComparison>) {
     let good: Vec<usize> = (0..evaluated.len()).filter(|i| evaluated[*i].record.failed.is_none()).collect();
     let held: Vec<&[Vec<FrameErrors>]> = good.iter().map(|i| evaluated[*i].held_out.as_slice()).collect();
     let mut results: BTreeMap<usize, (Errors<_>, Vec<f64>)> = good.iter().copied().zip(resampled(&held)).collect();
@@ -30,10 +34,8 @@ pub(super) fn rank(evaluated: Vec<EvaluatedVariant>, listed: usize) -> (Vec<Mode
         .filter_map(|i| results.get(&i).map(|r| (i, error(&r.0))))
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(i, value)| (results[&i].1.clone(), value));
-    let mut least = [f64::INFINITY; 2];
-    for criteria in evaluated[..listed].iter().filter_map(|e| e.criteria) {
-        least = [0, 1].map(|k| least[k].min(criteria[k]));
-    }
+    let with_residuals = evaluated[..listed].iter_mut().enumerate();
+    let criteria = criteria(with_residuals.filter_map(|(i, e)| Some((i, e.residuals.take()?))).collect());
     // Bonferroni over the comparisons with the best model: 5 % is the chance that any difference is called real by accident.
     let outside = OUTSIDE / (listed.max(2) - 1) as f64;
     let mut records: Vec<ModelComparison> = evaluated
@@ -43,10 +45,7 @@ pub(super) fn rank(evaluated: Vec<EvaluatedVariant>, listed: usize) -> (Vec<Mode
             let mut record = evaluated.record;
             let Some((held_out, samples)) = results.remove(&i) else { return record };
             record.held_out = held_out;
-            [record.aic, record.bic] = match evaluated.criteria {
-                Some(c) if least[0].is_finite() => [Some(c[0] - least[0]), Some(c[1] - least[1])],
-                _ => [None; 2],
-            };
+            [record.aic, record.bic] = criteria.get(&i).map_or([None; 2], |c| c.map(Some));
             if let Some((reference, value)) = &best {
                 let difference: Vec<f64> = samples.iter().zip(reference).map(|(a, b)| a - b).collect();
                 let mean = error(&held_out) - value;
