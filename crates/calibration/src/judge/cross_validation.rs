@@ -198,7 +198,7 @@ pub fn dot_gain_percent(before: &Evaluated, after: &Evaluated) -> Option<GainInt
     gain_over(pairs.len(), |drawn| fall_percent([side(drawn, 0), side(drawn, 1)]))
 }
 
-/// Sum of the falls of two errors, per cent, with its 95 % interval over frames: of depth weighted by the noise, so that near
+/// Fall of the product of two errors, per cent, with its 95 % interval over frames: of depth weighted by the noise, so that near
 /// pixels, where noise is small, count as much as far ones, and of reprojection. Every frame counts alike, by the geometric mean
 /// of the frames' errors: a frame far outside the others' poses, which they do not determine, decides nothing alone.
 pub fn weighted_gain_percent(before: &Evaluated, after: &Evaluated, noise: &DepthNoise) -> Option<GainInterval> {
@@ -218,10 +218,10 @@ pub fn weighted_gain_of_blocks_percent(
     gain_over(blocks.len(), |drawn| mean_fall_percent(drawn.iter().flat_map(|d| blocks[*d].iter().copied())))
 }
 
-/// Sum of the falls of both kinds of error, per cent, over frames given by the logarithms of their ratios.
+/// Fall of the product of both kinds of error, per cent, over frames given by the logarithms of their ratios.
 fn mean_fall_percent(frames: impl Iterator<Item = [f64; 2]>) -> f64 {
-    let (sum, n) = frames.fold(([0.0; 2], 0.0), |(sum, n), f| ([sum[0] + f[0], sum[1] + f[1]], n + 1.0));
-    sum.map(|s: f64| 100.0 * (1.0 - (s / n).exp())).iter().sum()
+    let (sum, n) = frames.fold((0.0, 0.0), |(sum, n), f| (sum + f[0] + f[1], n + 1.0));
+    100.0 * (1.0 - (sum / n).exp())
 }
 
 /// Logarithms of the ratio of every frame's weighted depth errors after and before, and of its reprojection errors; in the order
