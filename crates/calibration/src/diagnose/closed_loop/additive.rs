@@ -37,15 +37,13 @@ struct Task<'a> {
     model: &'a AugmentedModel,
     base: &'a Fitted,
     incumbent: &'a Fitted,
-    /// Functions that there have to be.
-    least: usize,
 }
 
 /// Searches with the noise that the functions of the last one leave: what is missing counts as noise before.
 const SEARCHES: usize = 2;
 
-/// The present model with explanations of all functions that its residuals depend on, where there are at least `least` and the
-/// held-out errors fall for certain with them.
+/// The present model with explanations of all functions that its residuals depend on, where the held-out errors fall for certain
+/// with them.
 ///
 /// # Errors
 ///
@@ -54,12 +52,10 @@ pub(super) fn explained_together(
     bench: &impl Bench,
     state: &State,
     examination: &Examination,
-    least: usize,
 ) -> Result<Event, DiagnoseError> {
     let State { model, present, .. } = state;
-    let task = Task { model, base: present, incumbent: present, least };
-    let Functions { untried, described } = functions(bench, &task)?;
-    let with = match described {
+    let task = Task { model, base: present, incumbent: present };
+    let with = match functions(bench, &task)? {
         None => None,
         Some(described) => match one_effect(bench, state, examination)? {
             Some(alone) if says_all(present, &described.0.1, &alone.present) => Some(alone),
@@ -67,7 +63,7 @@ pub(super) fn explained_together(
             alone => explained(bench, state, examination, &task, described)?.or(alone),
         },
     };
-    Ok(Event::ExplainedTogether { untried, with })
+    Ok(Event::ExplainedTogether(with))
 }
 
 /// The present model with the one effect that the residuals decide for, where it helps.
@@ -121,8 +117,8 @@ pub(super) fn explained_anew(
             }
         }
     };
-    let task = Task { model: &without, base: &base, incumbent: present, least: 1 };
-    let Some(described) = functions(bench, &task)?.described else { return Ok(None) };
+    let task = Task { model: &without, base: &base, incumbent: present };
+    let Some(described) = functions(bench, &task)? else { return Ok(None) };
     let explained = explained(bench, state, examination, &task, described)?;
     // Without what was needless it may be the present model again.
     let is_better = |anew: &Accepted| {
@@ -148,21 +144,21 @@ fn explained(
         return Ok(None);
     }
     let explained = (before..).zip(&shares).filter(|(_, share)| **share >= LEAST_NAMED);
-    let mut functions: Vec<usize> = explained.map(|(place, _)| place).collect();
+    // With the number of names when the function was last tried in vain: once another has a name, it may be explained.
+    let mut functions: Vec<(usize, Option<usize>)> = explained.map(|(place, _)| (place, None)).collect();
+    let mut names = 0;
     for _ in 0..NAMING_PASSES {
         let mut without_name = Vec::new();
-        for place in &functions {
-            match named(bench, &state.memory, &described, *place)? {
-                Some(named) => described = named,
-                None => without_name.push(*place),
+        for (place, tried) in functions {
+            if tried == Some(names) {
+                continue;
+            }
+            match named(bench, &state.memory, &described, place)? {
+                Some(named) => (described, names) = (named, names + 1),
+                None => without_name.push((place, Some(names))),
             }
         }
-        // Once one function has a name, another may be explained that was not before.
-        let is_another = without_name.len() < functions.len();
         functions = without_name;
-        if !is_another {
-            break;
-        }
     }
     let (model, fitted) = described;
     let Revisited { model, present, removed, earlier } =
@@ -177,35 +173,23 @@ fn explained(
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
 
-/// The result of a search for functions that the residuals depend on.
-struct Functions {
-    /// The number of functions that were found and that are too few for the task.
-    untried: usize,
-    /// The model of the task with them, and the share of the squared residuals that each explains.
-    described: Option<(Model, Vec<f64>)>,
-}
-
-/// Searches functions that the residuals of a task depend on; again with the noise that they leave as long as the held-out errors
-/// fall.
-fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Functions, CalibrateError> {
-    let Task { model, base, incumbent, least } = task;
+/// The model of a task with the functions that its residuals depend on, and the share of the squared residuals that each explains.
+/// They are searched again with the noise that they leave as long as the held-out errors fall.
+fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
+    let Task { model, base, incumbent } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
     let taken = model.names(&base.fit);
     let mut noise = incumbent.fit.noise;
-    let mut functions = Functions { untried: 0, described: None };
+    let mut described: Option<(Model, Vec<f64>)> = None;
     for _ in 0..SEARCHES {
         let components = bench.components(&Calibrated { noise, ..base.fit.clone() }, &taken);
-        let before = &mut functions.described;
-        if components.len() < *least {
-            if before.is_none() {
-                functions.untried = components.len();
-            }
+        if components.is_empty() {
             break;
         }
         let shares = components.iter().map(|component| component.share).collect();
         let Some(with) = with_descriptions(bench, model, base, components)? else { break };
         let with = with_effects_of_board(bench, with)?;
-        if before
+        if described
             .as_ref()
             .is_some_and(|((_, before), _)| lower_percent(before, &with.1).is_none_or(|percent| percent < LEAST_FALL))
         {
@@ -213,12 +197,12 @@ fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Functions, Calibrate
         }
         let [earlier, later] = [noise, with.1.fit.noise].map(|noise| noise.depth.sigma(TYPICAL_INVERSE_DEPTH));
         noise = with.1.fit.noise;
-        *before = Some((with, shares));
+        described = Some((with, shares));
         if later > OTHER_NOISE * earlier {
             break;
         }
     }
-    Ok(functions)
+    Ok(described)
 }
 
 /// Share of the noise before that is left, above which a further search would find the same …
@@ -376,10 +360,10 @@ mod tests {
         bench
     }
 
-    /// The model with at least so many functions explained, and the number of those that were too few.
-    fn together(bench: &LinearBench, state: &State, least: usize) -> (usize, Option<Box<Accepted>>) {
-        match explained_together(bench, state, &examined(Planted::default(), 1), least).unwrap() {
-            Event::ExplainedTogether { untried, with } => (untried, with),
+    /// The model with functions explained.
+    fn together(bench: &LinearBench, state: &State) -> Option<Box<Accepted>> {
+        match explained_together(bench, state, &examined(Planted::default(), 1)).unwrap() {
+            Event::ExplainedTogether(with) => with,
             _ => panic!("another event"),
         }
     }
@@ -392,27 +376,23 @@ mod tests {
     fn functions_that_hide_each_other_are_added_together() {
         let bench = bench([0.6, -0.6]);
         let state = bench.state(&[]);
-        let (untried, accepted) = together(&bench, &state, 2);
-        let accepted = accepted.unwrap();
-        assert_eq!((untried, names(&accepted)), (0, FUNCTIONS.to_vec()));
+        let accepted = together(&bench, &state).unwrap();
+        assert_eq!(names(&accepted), FUNCTIONS.to_vec());
         assert_eq!(accepted.model.formulas.len(), 2);
         assert!(matches!(accepted.outcome, Some(RoundOutcome::Added { ref effects, .. }) if effects.len() == 2));
-        let (untried, with) = together(&bench, &state, 3);
-        assert!(untried == 2 && with.is_none(), "there are two");
     }
 
     #[test]
     fn functions_that_do_not_help_are_not_added() {
         let bench = bench([0.0, 0.0]);
-        let (untried, with) = together(&bench, &bench.state(&[]), 1);
-        assert!(untried == 0 && with.is_none(), "they were tried");
+        assert!(together(&bench, &bench.state(&[])).is_none());
     }
 
     /// One of the two explains nothing that the other does not.
     #[test]
     fn a_needless_function_is_removed() {
         let bench = bench([0.6, 0.0]);
-        let accepted = together(&bench, &bench.state(&[]), 2).1.unwrap();
+        let accepted = together(&bench, &bench.state(&[])).unwrap();
         assert_eq!(names(&accepted), FUNCTIONS[..1]);
     }
 
@@ -420,7 +400,7 @@ mod tests {
     fn a_formula_that_says_as_much_takes_the_place_of_its_function() {
         let mut bench = bench([0.6, -0.6]);
         bench.finds_formula = true;
-        let accepted = together(&bench, &bench.state(&[]), 2).1.unwrap();
+        let accepted = together(&bench, &bench.state(&[])).unwrap();
         assert_eq!(names(&accepted), [FORMULA, FUNCTIONS[1]]);
     }
 
@@ -434,9 +414,9 @@ mod tests {
         // One function that imitates both was found first.
         bench.functions = vec![IMITATION];
         let mut state = bench.state(&[]);
-        let (untried, with) = together(&bench, &state, 1);
+        let with = together(&bench, &state);
         assert_eq!(names(with.as_ref().unwrap()), [IMITATION]);
-        state.apply(Event::ExplainedTogether { untried, with });
+        state.apply(Event::ExplainedTogether(with));
         assert!(explained_anew(&bench, &state, &examination).unwrap().is_none(), "a single effect, nothing left");
         bench.functions = FUNCTIONS.to_vec();
         state.findings.left_over.push(LeftOver::FramePlanes { share: 0.5, rms_mm: 1.0 });

@@ -61,7 +61,7 @@ pub(super) fn conclude(
         declarations: findings.declarations,
         left_over,
         formulas,
-        searched: memory.tried.functions.and_then(|_| searched(&fit)),
+        searched: memory.tried.functions.then(|| searched(&fit)).flatten(),
         formula_refused: findings.formula_refused,
         capture_next,
         first: first.fit,

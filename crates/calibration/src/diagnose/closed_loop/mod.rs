@@ -78,9 +78,6 @@ pub fn diagnose(
     conclude(&fitter, closed_loop.state, examination)
 }
 
-/// Functions that are explained together before single effects are; one alone is what the rounds find.
-const FEWEST_TOGETHER: usize = 2;
-
 /// The loop with its state.
 struct ClosedLoop<'a> {
     fitter: &'a Fitter<'a>,
@@ -133,8 +130,8 @@ impl ClosedLoop<'_> {
 
     /// A round: a decision on the residuals, and what comes of it.
     fn round(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
-        // Effects that hide each other: later rounds have what the first names leave.
-        if self.state.rounds.is_empty() && self.together(examination, FEWEST_TOGETHER)? == Next::Examine {
+        // Functions first, names second; later rounds have what the first names leave.
+        if self.state.rounds.is_empty() && self.together(examination)? == Next::Examine {
             return Ok(Next::Examine);
         }
         let State { present, memory, .. } = &self.state;
@@ -142,7 +139,7 @@ impl ClosedLoop<'_> {
             decided::decided(&present.fit, examination, memory, self.bench().options())?;
         self.state.apply(Event::Decided(Box::new(Round::new(examination, decision.clone(), refuted))));
         match &decision {
-            Decision::Nothing if self.together(examination, 1)? == Next::Examine => Ok(Next::Examine),
+            Decision::Nothing if self.together(examination)? == Next::Examine => Ok(Next::Examine),
             Decision::Nothing => Ok(self.state.apply(Event::Stopped(None))),
             Decision::Unexplained { free, explained, .. } => self.explain(examination, *free, *explained),
             Decision::Add { effect, jointly_with, indistinguishable, .. } => {
@@ -154,7 +151,7 @@ impl ClosedLoop<'_> {
     /// Tries the effects of a proposal. Where they are accepted, frames are looked at again.
     fn add(&mut self, examination: &Examination, proposal: Proposal<'_>) -> Result<Next, DiagnoseError> {
         let event = tried(&self.bench(), &self.state, examination, proposal)?;
-        if matches!(event, Event::Stopped(_)) && self.together(examination, 1)? == Next::Examine {
+        if matches!(event, Event::Stopped(_)) && self.together(examination)? == Next::Examine {
             return Ok(Next::Examine);
         }
         let next = self.state.apply(event);
@@ -166,13 +163,12 @@ impl ClosedLoop<'_> {
         Ok(next)
     }
 
-    /// Explains what is left by several functions at once, at least `least`; those that were tried under this model are not tried
-    /// again.
-    fn together(&mut self, examination: &Examination, least: usize) -> Result<Next, DiagnoseError> {
-        if self.state.memory.tried.functions.is_some_and(|untried| untried < least) || !self.functions_are_wanted() {
+    /// Explains what is left by functions, all at once; those that were tried under this model are not tried again.
+    fn together(&mut self, examination: &Examination) -> Result<Next, DiagnoseError> {
+        if self.state.memory.tried.functions || !self.functions_are_wanted() {
             return Ok(Next::GoOn);
         }
-        let event = explained_together(&self.bench(), &self.state, examination, least)?;
+        let event = explained_together(&self.bench(), &self.state, examination)?;
         let next = self.state.apply(event);
         if next == Next::Examine
             && let Some(event) = other_frames_excluded(self.fitter, &self.state)?
@@ -212,14 +208,15 @@ impl ClosedLoop<'_> {
         if self.formula_instead()? == Next::Examine {
             return Ok(Next::Examine);
         }
+        // A function first: a formula takes its place where it says as much.
+        if self.together(examination)? == Next::Examine {
+            return Ok(Next::Examine);
+        }
         if may_be_searched(&self.bench(), &self.state) {
             let event = formula_for_unexplained(&self.bench(), &self.state, examination)?;
             if self.state.apply(event) == Next::Examine {
                 return Ok(Next::Examine);
             }
-        }
-        if self.together(examination, 1)? == Next::Examine {
-            return Ok(Next::Examine);
         }
         let event = unexplained(&self.bench(), &self.state, examination, free, explained);
         Ok(self.state.apply(event))

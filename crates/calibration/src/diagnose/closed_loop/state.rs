@@ -50,8 +50,8 @@ pub(super) struct Tried {
     pub rejected: Vec<String>,
     /// Those that were tried together.
     pub together: Vec<BTreeSet<String>>,
-    /// The number of functions that the residuals depend on and that were too few to be tried; `None` before a search.
-    pub functions: Option<usize>,
+    /// Whether functions that the residuals depend on were searched.
+    pub functions: bool,
     /// Whether all effects of depth were explained anew.
     pub anew: bool,
 }
@@ -87,12 +87,7 @@ pub(super) enum Event {
         because: Rejection,
     },
     /// Functions that explain the residuals together were searched; the model with them, where they are certain.
-    ExplainedTogether {
-        /// The number of functions that were found and not tried, as they were too few.
-        untried: usize,
-        /// The model.
-        with: Option<Box<Accepted>>,
-    },
+    ExplainedTogether(Option<Box<Accepted>>),
     /// All effects of depth were explained anew; the model with the explanations, where it is better.
     ExplainedAnew(Option<Box<Accepted>>),
     /// A formula was compared with all added effects; the model that has it instead of them, where it is better.
@@ -204,8 +199,8 @@ impl State {
                 Next::Examine
             }
             Event::Rejected { effects, because } => self.reject(effects, because),
-            Event::ExplainedTogether { untried, with } => {
-                self.memory.tried.functions = Some(untried);
+            Event::ExplainedTogether(with) => {
+                self.memory.tried.functions = true;
                 with.map_or(Next::GoOn, |accepted| self.accept(*accepted))
             }
             Event::ExplainedAnew(anew) => {

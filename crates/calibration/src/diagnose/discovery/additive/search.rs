@@ -23,7 +23,9 @@ const LEAST_GAIN_PER_SAMPLE: f64 = 0.002;
 /// … and the level of Wilcoxon's test over frames, and the least share of frames that it makes better: the gain of single frames
 /// may be large by chance, but not that of most.
 const LEVEL: f64 = 0.01;
-const LEAST_SHARE: f64 = 0.7;
+const LEAST_SHARE: f64 = 0.6;
+/// Pairs, single groups and additions that are tried, the best first, until all members are certain.
+const STARTS: usize = 4;
 /// Share by which the gain of a pair has to exceed that of the best single group.
 const WORTH: f64 = 0.02;
 
@@ -65,11 +67,13 @@ impl Search<'_> {
     fn members(&self) -> Vec<usize> {
         let mut members = self.start();
         while !members.is_empty() && members.len() < MOST {
-            let Some((group, _)) = self.best_addition(&members) else { break };
-            let extended = self.exchanged([&members[..], &[group]].concat());
-            if !self.are_certain(&extended) {
-                break;
-            }
+            let mut tried = BTreeSet::new();
+            let extended = self.additions(&members).into_iter().take(STARTS).find_map(|(group, _)| {
+                let mut extended = self.exchanged([&members[..], &[group]].concat());
+                extended.sort_unstable();
+                (tried.insert(extended.clone()) && self.are_certain(&extended)).then_some(extended)
+            });
+            let Some(extended) = extended else { break };
             members = extended;
         }
         self.simplified(members)
@@ -103,38 +107,40 @@ impl Search<'_> {
     /// The best pair of which both are certain given the other, else the best single group that is certain; empty where none is.
     fn start(&self) -> Vec<usize> {
         let tested = &self.blocks.tested;
-        let Some((single, of_single)) = self.best_addition(&[]) else { return Vec::new() };
+        let singles: Vec<(Vec<usize>, f64)> =
+            self.additions(&[]).into_iter().map(|(group, gain)| (vec![group], gain)).collect();
         let with = |place: usize| {
             let gain = |second: &usize| {
-                let pair = [tested[place], *second];
-                (pair, self.blocks.gain(self.dictionary, &pair))
+                let pair = vec![tested[place], *second];
+                let gain = self.blocks.gain(self.dictionary, &pair);
+                (pair, gain)
             };
             tested[place + 1..].iter().map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
         };
-        let pairs: Vec<([usize; 2], f64)> = (0..tested.len()).into_par_iter().filter_map(with).collect();
-        let pair = pairs.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        debug!(
-            "additive: {} alone {:.1}, pair {:?}",
-            self.words(&[single]),
-            of_single,
-            pair.map(|p| (self.words(&p.0), p.1))
-        );
-        if let Some((pair, gain)) = pair
-            && *gain > (1.0 + WORTH) * of_single.max(0.0)
-        {
-            let exchanged = self.exchanged(pair.to_vec());
-            if self.are_certain(&exchanged) {
-                return exchanged;
-            }
+        let mut pairs: Vec<(Vec<usize>, f64)> = (0..tested.len()).into_par_iter().filter_map(with).collect();
+        pairs.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let of_single = singles.first().map_or(0.0, |(_, gain)| gain.max(0.0));
+        pairs.retain(|(_, gain)| *gain > (1.0 + WORTH) * of_single);
+        for (start, gain) in [&pairs, &singles].into_iter().flat_map(|starts| starts.iter().take(STARTS)) {
+            debug!("additive: {} gains {gain:.1}", self.words(start));
         }
-        if self.are_certain(&[single]) { vec![single] } else { Vec::new() }
+        let mut tried = BTreeSet::new();
+        let mut certain = |start: &[usize]| {
+            let mut members = if start.len() > 1 { self.exchanged(start.to_vec()) } else { start.to_vec() };
+            members.sort_unstable();
+            (tried.insert(members.clone()) && self.are_certain(&members)).then_some(members)
+        };
+        let mut starts = pairs.iter().take(STARTS).chain(singles.iter().take(STARTS));
+        starts.find_map(|(start, _)| certain(start)).unwrap_or_default()
     }
 
-    /// The group with which the model of some members gains most.
-    fn best_addition(&self, members: &[usize]) -> Option<(usize, f64)> {
+    /// The groups with which the model of some members gains most, the best first.
+    fn additions(&self, members: &[usize]) -> Vec<(usize, f64)> {
         let gain = |group: usize| (group, self.blocks.gain(self.dictionary, &[members, &[group]].concat()));
         let others = self.blocks.tested.par_iter().copied().filter(|group| !members.contains(group));
-        others.map(gain).max_by(|a, b| a.1.total_cmp(&b.1))
+        let mut additions: Vec<(usize, f64)> = others.map(gain).collect();
+        additions.sort_by(|a, b| b.1.total_cmp(&a.1));
+        additions
     }
 
     /// The members, each exchanged against all other groups as long as that gains.
@@ -145,7 +151,7 @@ impl Search<'_> {
             for place in 0..members.len() {
                 let mut others = members.clone();
                 others.remove(place);
-                if let Some((group, other)) = self.best_addition(&others)
+                if let Some(&(group, other)) = self.additions(&others).first()
                     && other > gain
                 {
                     (members[place], gain) = (group, other);
@@ -163,28 +169,45 @@ impl Search<'_> {
         let whole = self.frame_gains(members);
         members.iter().all(|member| {
             let others: Vec<usize> = members.iter().copied().filter(|other| other != member).collect();
-            let without = if others.is_empty() { vec![0.0; whole.len()] } else { self.frame_gains(&others) };
-            let gains: Vec<f64> = whole.iter().zip(&without).map(|(with, without)| with - without).collect();
-            let is_certain = is_certain(&gains, self.samples);
+            let without = self.frame_gains(&others);
+            let [in_blocks, interleaved] = [0, 1].map(|how| -> Vec<f64> {
+                whole[how].iter().zip(&without[how]).map(|(with, without)| with - without).collect()
+            });
+            // A block of consecutive frames is an extrapolation of a function of time: there it must not lose.
+            let is_of_time = self.is_of_time(*member);
+            let gains = if is_of_time { &interleaved } else { &in_blocks };
+            let is_certain = is_certain(gains, self.samples) && in_blocks.iter().sum::<f64>() > 0.0;
             debug!(
                 "additive: {} given {}: gain {:.1}, p {:.2e}, {:.2} of frames, certain: {is_certain}",
                 self.words(&[*member]),
                 self.words(&others),
                 gains.iter().sum::<f64>(),
-                signed_rank_p_value(&gains),
-                share_above_zero(&gains)
+                signed_rank_p_value(gains),
+                share_above_zero(gains)
             );
             is_certain
         })
     }
 
-    /// Fall of the cost of every frame with some groups that are estimated without its block.
-    fn frame_gains(&self, groups: &[usize]) -> Vec<f64> {
+    fn is_of_time(&self, group: usize) -> bool {
+        let covariates = self.dictionary.covariates(&self.dictionary.groups[group]);
+        covariates.contains(&C::Time) || covariates.contains(&C::Temperature)
+    }
+
+    /// Fall of the cost of every frame with some groups that are estimated without its block of consecutive frames, and without
+    /// as many frames from all over the capture.
+    fn frame_gains(&self, groups: &[usize]) -> [Vec<f64>; 2] {
         let normals: Vec<Normal> = self.observations.normals_of(|frame| self.dictionary.columns(frame, groups));
-        let penalty = block_diagonal(groups.iter().map(|g| &self.blocks.penalties[*g]));
         let count = normals.len();
-        let parts: Vec<usize> = (0..count).map(|frame| block_of(frame, count)).collect();
-        left_out_gains(&normals, self.observations.shared, &penalty, &parts, blocks_of(count))
+        if groups.is_empty() {
+            return [vec![0.0; count], vec![0.0; count]];
+        }
+        let penalty = block_diagonal(groups.iter().map(|g| &self.blocks.penalties[*g]));
+        let gains = |part: &dyn Fn(usize) -> usize| {
+            let parts: Vec<usize> = (0..count).map(part).collect();
+            left_out_gains(&normals, self.observations.shared, &penalty, &parts, blocks_of(count))
+        };
+        [gains(&|frame| block_of(frame, count)), gains(&|frame| frame % blocks_of(count))]
     }
 
     fn words(&self, groups: &[usize]) -> String {
