@@ -140,6 +140,11 @@ fn boards_are_written_with_their_section() {
         assert!(section.starts_with("[board]\n") && section.contains(kind) && !section.contains("frames"), "{section}");
     }
     assert!(std::fs::read(folder.path("dots.pdf")).unwrap().starts_with(b"%PDF-"));
+    for kind in ["asymmetric-circles", "symmetric-circles", "chessboard", "charuco", "aprilgrid"] {
+        for paper in ["a4", "letter"] {
+            succeeds(["board", "--kind", kind, "--paper", paper, "--out", &folder.arg(&format!("{kind}-{paper}.pdf"))]);
+        }
+    }
     fails(["board", "--kind", "chessboard", "--out", &folder.arg("a.png")], &[".pdf or .svg"]);
     fails(
         ["board", "--kind", "chessboard", "--spacing-mm", "300", "--paper", "a4", "--out", &folder.arg("a.pdf")],

@@ -95,13 +95,13 @@ impl Board {
         Ok(json!({ "page_mm": page.size_mm, "ruler_mm": page.ruler_mm, "written": [self.out, beside] }))
     }
 
-    /// The board, with defaults that fit on A4.
+    /// The board, with defaults that fit on A4 as on Letter.
     fn target(&self) -> Target {
         let (columns, rows, spacing) = match self.kind {
             Kind::AsymmetricCircles => (4, 11, 17.0),
             Kind::SymmetricCircles => (9, 7, 20.0),
-            Kind::Chessboard => (8, 5, 28.0),
-            Kind::Charuco => (9, 6, 28.0),
+            Kind::Chessboard => (8, 5, 25.0),
+            Kind::Charuco => (9, 6, 25.0),
             Kind::Aprilgrid => (6, 4, 40.0),
         };
         let spacing_mm = self.spacing_mm.unwrap_or(spacing);

@@ -88,13 +88,13 @@ fn picture(frame: &Pooled<'_>, image: &GrayImage, factor: f64) -> Option<String>
         let (x, y) = (u - du, v - dv);
         let _ = write!(
             rings,
-            "M{:.1} {v:.1}a{arm:.1} {arm:.1} 0 1 0 {:.1} 0a{arm:.1} {arm:.1} 0 1 0 {:.1} 0",
+            "M{:.2} {v:.2}a{arm:.2} {arm:.2} 0 1 0 {:.2} 0a{arm:.2} {arm:.2} 0 1 0 {:.2} 0",
             u - arm,
             2.0 * arm,
             -2.0 * arm
         );
-        let _ = write!(crosses, "M{:.1} {y:.1}h{:.1}M{x:.1} {:.1}v{:.1}", x - arm, 2.0 * arm, y - arm, 2.0 * arm);
-        let _ = write!(vectors, "M{x:.1} {y:.1}l{:.1} {:.1}", factor * du, factor * dv);
+        let _ = write!(crosses, "M{:.2} {y:.2}h{:.2}M{x:.2} {:.2}v{:.2}", x - arm, 2.0 * arm, y - arm, 2.0 * arm);
+        let _ = write!(vectors, "M{x:.2} {y:.2}l{:.2} {:.2}", factor * du, factor * dv);
     }
     let record = frame.frame.record();
     let depth = record
