@@ -15,6 +15,7 @@
 //! - uncertainty: [`Covariance`]: joint and marginal, also of large sparse problems; undetermined combinations of variables by
 //!   name
 //! - missing effects: [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes
+//! - pose graphs: [`pose_graph`]: factors, a start by chordal relaxation, a certificate of the global optimum
 //! - checks: [`check_jacobians`]
 //!
 //! A straight line through three points:
@@ -121,6 +122,7 @@
 //! | `uncertainty` | covariances and undetermined combinations |
 //! | `step` | Levenberg–Marquardt, damping, dog-leg, sessions, checkpoints, reports |
 //! | `score` | score tests |
+//! | `pose_graph` | relative poses, their start and their certificate |
 //!
 //! Every folder uses only those above it; `score` uses only `problem`.
 //!
@@ -131,6 +133,7 @@
 
 mod normal;
 mod plan;
+pub mod pose_graph;
 mod problem;
 pub mod score;
 mod step;

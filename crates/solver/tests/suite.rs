@@ -9,6 +9,7 @@ mod covariance;
 mod ill_conditioned;
 mod lanes;
 mod linear_solvers;
+mod pose_graph_optima;
 mod pose_graphs;
 mod properties;
 mod score;

@@ -157,6 +157,16 @@ impl ReducedBlocks {
         }
     }
 
+    /// Subtracts from the diagonal blocks of H_cc: `part(rank, i, j)` from the entry of free components i and j of a variable.
+    pub fn subtract_diagonal_blocks(&mut self, part: impl Fn(u32, usize, usize) -> f64) {
+        for block in self.blocks.iter().filter(|b| b.row == b.column && !b.hessian.is_empty()) {
+            let d = block.row_d as usize;
+            for (k, value) in self.values[block.value..][..d * d].iter_mut().enumerate() {
+                *value -= part(block.row, k / d, k % d);
+            }
+        }
+    }
+
     /// Writes the diagonal of H_cc.
     pub fn diagonal(&self, target: &mut [f64]) {
         for block in self.blocks.iter().filter(|b| b.row == b.column) {
