@@ -7,6 +7,7 @@ mod choice;
 mod common;
 mod covariance;
 mod ill_conditioned;
+mod incremental;
 mod lanes;
 mod linear_solvers;
 mod pose_graph_optima;

@@ -249,6 +249,20 @@ impl ReducedBlocks {
         dense
     }
 
+    /// Writes the lower triangle of H_cc in another order of its components: component i becomes row and column `rows[i]`.
+    pub fn write_dense(&self, rows: &[usize], target: &mut DMatrix<f64>) {
+        target.fill(0.0);
+        for block in self.blocks.iter().filter(|b| !b.hessian.is_empty()) {
+            for i in 0..block.row_d as usize {
+                let columns = if block.row == block.column { i + 1 } else { block.column_d as usize };
+                for j in 0..columns {
+                    let (a, b) = (rows[block.row_offset as usize + i], rows[block.column_offset as usize + j]);
+                    target[(a.max(b), a.min(b))] = self.values[block.value + i * block.column_d as usize + j];
+                }
+            }
+        }
+    }
+
     /// Computes the blocks of H_cc + μ D² − Σ H_ce H_ee⁻¹ H_ec and passes each to `put`, with its index and row-major
     /// values.
     pub fn assemble(&mut self, chunks: &[Chunk], mu: f64, d2: &[f64], mut put: impl FnMut(usize, &Block, &[f64])) {

@@ -66,7 +66,8 @@ impl<const D: usize> Factor<4> for Row<D> {
 
 /// Looks for a lower bound of SE-Sync's objective over all poses, by the dual problem (Rosen et al. 2019, section 4): with M
 /// the matrix of the quadratic form tr X M Xᵀ = objective for X = [R₁ t₁ R₂ t₂ …] and Λ the block-diagonal matrix of the
-/// symmetric parts of Rᵢᵀ (X M)ᵢ, S = M − Λ + η I ≥ 0, with I over the rotations, says that no poses have an objective below tr Λ − η D n.
+/// symmetric parts of Rᵢᵀ (X M)ᵢ, S = M − Λ + η I ≥ 0, with I over the rotations, says that no poses have an objective below
+/// tr Λ − η D n.
 ///
 /// At the global optimum η is zero up to rounding errors, if the noise is not far beyond that of usual measurements. The bound
 /// holds for whatever poses Λ was made from. The work is at least one sparse factorisation of (D + 1) unknowns a pose. The value
