@@ -28,6 +28,8 @@ mod g2o;
 mod measured;
 #[path = "../examples/support/pose_factors.rs"]
 mod pose_factors;
+#[path = "../examples/support/street.rs"]
+mod street;
 #[path = "../examples/support/synthetic.rs"]
 mod synthetic;
 #[path = "../examples/support/words.rs"]
