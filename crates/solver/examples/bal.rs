@@ -2,10 +2,15 @@
 //!
 //! `cargo run --release -p depthcal-solver --example bal -- FILE --threads N` reads a problem of
 //! <https://grail.cs.washington.edu/projects/bal/>, plain or compressed by bzip2, and prints one line of JSON.
+//!
+//! `cargo run --release -p depthcal-solver --example bal -- --generate CAMERAS FILE` writes a synthetic problem instead, of a
+//! street around a block.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints")]
 
 #[path = "support/bal.rs"]
 mod problem;
+#[path = "support/street.rs"]
+mod street;
 mod support;
 #[path = "support/words.rs"]
 mod words;
@@ -98,6 +103,13 @@ fn build(problem: BalProblem) -> Result<(Graph, Values), Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [option, count, path] = arguments.as_slice()
+        && option == "--generate"
+    {
+        std::fs::write(path, street::generate(count.parse()?))?;
+        return Ok(());
+    }
     let parse = |path: &str| Ok(BalProblem::read(path)?);
     support::run("bal", parse, build, |options| {
         options.cost_tolerance = 1e-6;

@@ -11,10 +11,13 @@
 //! - problem: [`Graph`]: batches, fixed and bounded variables, variables to eliminate
 //! - solution: [`minimize`], or [`LevenbergMarquardt`] with argmin's executor; [`Options`]; [`Report`]
 //! - changing problems: [`Session`]: solves again after factors and variables were added or removed
+//! - growing problems: [`IncrementalSession`]: frames that share some variables, added and removed in a time that does not
+//!   depend on how many there are
 //! - interruption: [`Interrupt`]; [`CheckpointFile`]: resume from a file, with bitwise the same result
-//! - uncertainty: [`Covariance`]: joint and marginal, also of large sparse problems; undetermined combinations of variables by
+//! - uncertainty: [`Covariance`]: joint and marginal, of some or all variables of large sparse problems; undetermined combinations of variables by
 //!   name
 //! - missing effects: [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes
+//! - pose graphs: [`pose_graph`]: factors, a start by chordal relaxation, a certificate of the global optimum
 //! - checks: [`check_jacobians`]
 //!
 //! A straight line through three points:
@@ -121,6 +124,8 @@
 //! | `uncertainty` | covariances and undetermined combinations |
 //! | `step` | Levenberg–Marquardt, damping, dog-leg, sessions, checkpoints, reports |
 //! | `score` | score tests |
+//! | `incremental` | frames reduced onto what they share |
+//! | `pose_graph` | relative poses, their start and their certificate |
 //!
 //! Every folder uses only those above it; `score` uses only `problem`.
 //!
@@ -129,13 +134,16 @@
 //! 2004; Agarwal, Snavely, Seitz and Szeliski, *Bundle adjustment in the large*, 2010; Björck, *Numerical Methods for Least
 //! Squares Problems*, 1996. Equations are cited where they are used.
 
+mod incremental;
 mod normal;
 mod plan;
+pub mod pose_graph;
 mod problem;
 pub mod score;
 mod step;
 mod uncertainty;
 
+pub use incremental::{FrameId, IncrementalError, IncrementalOptions, IncrementalSession};
 pub use plan::linear_solver::{LinearSolver, LinearSolverUsed, Preconditioner, WorkEstimate};
 pub use problem::autodiff::{AutoDiffVariable, Scalar};
 pub use problem::batch::Batch;

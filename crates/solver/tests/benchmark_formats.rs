@@ -49,6 +49,21 @@ mod bal_problems {
         }
     }
 
+    #[test]
+    fn generated_streets_are_whole_problems() {
+        let text = crate::street::generate(50);
+        let problem = parse(&text).unwrap();
+        assert_eq!((problem.cameras.len(), problem.points.len()), (50, 3000));
+        let (mut of_points, mut of_cameras) = (vec![0; 3000], vec![0; 50]);
+        for o in &problem.observations {
+            of_points[o.point] += 1;
+            of_cameras[o.camera] += 1;
+            assert!(o.pixel.iter().all(|x| x.abs() < 600.0), "{:?}", o.pixel);
+        }
+        assert!(of_points.iter().all(|n| *n >= 3) && of_cameras.iter().all(|n| *n >= 30), "{of_cameras:?}");
+        assert_eq!(text, crate::street::generate(50));
+    }
+
     proptest! {
         #[test]
         fn any_text_is_no_panic(bytes in proptest::collection::vec(any::<u8>(), 0..99), text in "[0-9 .e\n-]{0,99}") {

@@ -1,10 +1,14 @@
 //! Covariances against repeated estimation and against invariances.
 
 use crate::common::{self, Bundle, bundle, normal, rng};
+use crate::g2o::G2oGraph;
+use crate::{pose_factors, synthetic};
 use depthcal_solver::{
-    Covariance, CovarianceError, CovarianceOptions, Graph, LinearSolver, Loss, Options, Values, Variable, minimize,
+    Batch, Covariance, CovarianceError, CovarianceOptions, Factor, Graph, LinearSolver, Loss, Options, Over, Prior,
+    Scalar, Values, Variable, minimize,
 };
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SVector};
+use rand::RngExt;
 
 /// The estimate's deviation from the truth in the tangent coordinates of the estimate, cameras and some points.
 fn deviation(b: &Bundle, values: &Values) -> DVector<f64> {
@@ -234,5 +238,80 @@ fn selected_covariances_are_those_of_the_whole() {
             };
             assert_eq!(directions.len(), nullity);
         }
+    }
+}
+
+/// Every block that the sparse factor has, against the inverse of the dense matrix: graphs with a supernodal factor, chains and
+/// trees with a simplicial one, and grids of scalars, such as fields.
+#[test]
+fn marginals_are_blocks_of_the_dense_inverse() {
+    let compare = |name: &str, graph: &Graph, values: &Values| {
+        let options = CovarianceOptions::default();
+        let whole = Covariance::compute(graph, values, &options).unwrap();
+        let sparse = Covariance::marginals(graph, values, &options).unwrap();
+        for id in values.ids() {
+            let (a, b) = (whole.marginal(id), sparse.marginal(id));
+            assert!((&a - &b).amax() <= 1e-9 * a.amax(), "{name} {id:?} {a} {b}");
+        }
+        let mut linked = 0;
+        for (_, batch) in graph.batches() {
+            for group in 0..batch.group_count() {
+                let ids = batch.variables(group);
+                let (a, b) = (whole.joint(ids), sparse.joint(ids));
+                assert!((&a - &b).amax() <= 1e-9 * a.amax(), "{name} {ids:?} {a} {b}");
+                linked += usize::from(ids.len() > 1);
+            }
+        }
+        assert!(linked > 0, "{name}");
+        sparse
+    };
+    for (kind, count) in [("manhattan", 300), ("sphere", 144), ("torus", 100)] {
+        let text = synthetic::generate(kind, count).unwrap();
+        let file = G2oGraph::parse("generated".as_ref(), text.as_bytes()).unwrap();
+        let (graph, values) = pose_factors::build(file).unwrap();
+        compare(kind, &graph, &values);
+    }
+    let mut rng = rng(11);
+    for (width, height, links) in [(1, 2, 0), (1, 60, 0), (1, 40, 12), (12, 9, 0), (7, 8, 5)] {
+        let mut values = Values::new();
+        let mut graph = Graph::new();
+        let nodes: Vec<_> =
+            (0..width * height).map(|_| values.insert(SVector::<f64, 1>::new(normal(&mut rng)))).collect();
+        let mut step = Batch::new("steps");
+        let mut link = |a: usize, b: usize| step.push(Step(1.0 + (a % 3) as f64), (nodes[a], nodes[b]));
+        for i in 0..width * height {
+            if i % width + 1 < width {
+                link(i, i + 1);
+            }
+            if i + width < width * height {
+                link(i, i + width);
+            }
+        }
+        for _ in 0..links {
+            let (a, b) = (rng.random_range(0..width * height), rng.random_range(0..width * height));
+            if a != b {
+                link(a, b);
+            }
+        }
+        graph.add_batch(step);
+        let free = Covariance::marginals(&graph, &values, &CovarianceOptions::default());
+        assert!(matches!(free, Err(CovarianceError::RankDeficient { directions }) if directions.len() == 1));
+        graph.add_batch(Prior::isotropic("first", nodes[0], SVector::<f64, 1>::zeros(), 0.1).unwrap());
+        let sparse = compare("grid", &graph, &values);
+        if (width, height, links) == (1, 60, 0) {
+            // The ends of a chain share no factor, and whatever the order of elimination no entry of L.
+            assert!(sparse.joint(&[nodes[0].id(), nodes[59].id()])[(0, 1)].is_nan());
+        }
+    }
+}
+
+/// w (b − a).
+struct Step(f64);
+
+impl Factor<1> for Step {
+    type Variables = (SVector<f64, 1>, SVector<f64, 1>);
+
+    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 1> {
+        SVector::<T, 1>::new((b[0] - a[0]) * self.0)
     }
 }

@@ -327,3 +327,32 @@ fn an_interrupted_solver_returns_the_best_so_far() {
     assert!(solution.report.cost < solution.report.cost0);
     assert_eq!(graph.cost(&solution.values).unwrap().to_bits(), solution.report.cost.to_bits());
 }
+
+/// A parameter of 10¹² whose residuals care about its last digits does not end the search before the others have moved: steps are
+/// compared by what they do to the residuals, not by the norm of all parameters.
+#[test]
+fn a_huge_parameter_does_not_end_the_search() {
+    struct Both {
+        x: f64,
+        y: f64,
+    }
+    impl Factor<2> for Both {
+        type Variables = (SVector<f64, 1>, SVector<f64, 1>);
+
+        fn residual<T: Scalar>(&self, (huge, small): Over<Self::Variables, T>) -> SVector<T, 2> {
+            SVector::<T, 2>::new((huge[0] - 1e12) * 1e-3, (small[0] * self.x).exp() - self.y)
+        }
+    }
+    let mut values = Values::new();
+    let huge = values.insert(SVector::<f64, 1>::new(1e12 + 5e3));
+    let small = values.insert(SVector::<f64, 1>::new(3e-7));
+    let mut graph = Graph::new();
+    for x in [1.0, 2.0, 3.0] {
+        graph.add(Both { x: 1e6 * x, y: (0.8 * x).exp() }, (huge, small));
+    }
+    let options = Options { gradient_tolerance: 0.0, cost_tolerance: 0.0, ..Options::default() };
+    let solution = minimize(&graph, values, &options).unwrap();
+    assert!(solution.report.converged, "{}", solution.report);
+    assert!((solution.values.get(small)[0] - 8e-7).abs() < 1e-15, "{}", solution.report);
+    assert!((solution.values.get(huge)[0] - 1e12).abs() < 1e-2, "{}", solution.report);
+}

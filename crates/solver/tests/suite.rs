@@ -7,8 +7,10 @@ mod choice;
 mod common;
 mod covariance;
 mod ill_conditioned;
+mod incremental;
 mod lanes;
 mod linear_solvers;
+mod pose_graph_optima;
 mod pose_graphs;
 mod properties;
 mod score;
@@ -26,6 +28,8 @@ mod g2o;
 mod measured;
 #[path = "../examples/support/pose_factors.rs"]
 mod pose_factors;
+#[path = "../examples/support/street.rs"]
+mod street;
 #[path = "../examples/support/synthetic.rs"]
 mod synthetic;
 #[path = "../examples/support/words.rs"]

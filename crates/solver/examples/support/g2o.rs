@@ -19,6 +19,8 @@ pub struct G2oGraph {
     pub se3_edges: Vec<Se3Edge>,
     /// Identifiers of fixed vertices; all of them exist.
     pub fixed: BTreeSet<usize>,
+    /// Whether the file has edges alone. Vertices are then those that edges refer to, ascending, and all at the origin.
+    pub without_vertices: bool,
 }
 
 /// `VERTEX_SE2`: a pose in the plane.
@@ -72,7 +74,7 @@ pub struct Se3Edge {
 
 impl G2oGraph {
     /// Reads a graph of `VERTEX_SE2`, `EDGE_SE2`, `VERTEX_SE3:QUAT`, `EDGE_SE3:QUAT` and `FIX` lines; empty lines and
-    /// lines that start with `#` are skipped.
+    /// lines that start with `#` are skipped. A file may have edges alone.
     ///
     /// # Errors
     /// [`ProblemFileError::Read`]; [`ProblemFileError::Line`] names the line that does not follow the format, has another tag, or
@@ -143,6 +145,9 @@ impl G2oGraph {
             }
             words.end()?;
         }
+        if plane.is_empty() && space.is_empty() {
+            graph.add_vertices(&mut plane, &mut space);
+        }
         for (line, id, tag) in references {
             let known = match tag {
                 "EDGE_SE2" => plane.contains(&id),
@@ -158,6 +163,16 @@ impl G2oGraph {
             }
         }
         Ok(graph)
+    }
+
+    /// Adds the vertices that edges refer to, with their ids.
+    fn add_vertices(&mut self, plane: &mut BTreeSet<usize>, space: &mut BTreeSet<usize>) {
+        plane.extend(self.se2_edges.iter().flat_map(|e| [e.from, e.to]));
+        space.extend(self.se3_edges.iter().flat_map(|e| [e.from, e.to]));
+        self.se2_vertices.extend(plane.iter().map(|id| Se2Vertex { id: *id, pose: [0.0; 3] }));
+        let (translation, rotation) = ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);
+        self.se3_vertices.extend(space.iter().map(|id| Se3Vertex { id: *id, translation, rotation }));
+        self.without_vertices = true;
     }
 }
 

@@ -1,11 +1,46 @@
 //! Arguments, timing and the line of JSON of the benchmark examples.
+#![allow(dead_code, reason = "not every example uses all of it")]
 
 use std::error::Error;
 use std::time::Instant;
 
-use depthcal_solver::{Graph, Options, Solution, Values, minimize};
+use depthcal_solver::{Graph, Options, Report, Solution, Values, minimize};
+use serde_json::{Value, json};
 
-/// Solves the problem that `read` makes of the file on the command line and prints one line of JSON.
+/// The command line: a file, then options.
+pub struct Arguments(Vec<String>);
+
+impl Arguments {
+    /// Those of the process.
+    pub fn read() -> Self {
+        Self(std::env::args().skip(1).collect())
+    }
+
+    /// The file, or an error that tells the usage.
+    pub fn file(&self, usage: &str) -> Result<&str, String> {
+        self.0.first().map(String::as_str).ok_or_else(|| format!("usage: {usage}"))
+    }
+
+    /// Whether an option is there.
+    pub fn has(&self, option: &str) -> bool {
+        self.0.iter().any(|a| a == option)
+    }
+
+    /// The word after an option.
+    pub fn after(&self, option: &str) -> Result<Option<&str>, String> {
+        match self.0.iter().position(|a| a == option) {
+            Some(i) => self.0.get(i + 1).map(|word| Some(word.as_str())).ok_or(format!("{option} needs a value")),
+            None => Ok(None),
+        }
+    }
+
+    /// The number of threads, 0 for as many as there are cores.
+    pub fn threads(&self) -> Result<usize, Box<dyn Error>> {
+        Ok(self.after("--threads")?.map_or(Ok(0), str::parse)?)
+    }
+}
+
+/// Solves the problem that `build` makes of the file on the command line and prints one line of JSON.
 ///
 /// `wall` is the time of the solve alone, structure included, in seconds; `build` that from parsed numbers to a graph;
 /// `cost` is ½ Σ ρ.
@@ -15,13 +50,9 @@ pub fn run<P>(
     build: impl FnOnce(P) -> Result<(Graph, Values), Box<dyn Error>>,
     configure: impl FnOnce(&mut Options),
 ) -> Result<Solution, Box<dyn Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let path = arguments.first().ok_or_else(|| format!("usage: {name} FILE [--threads N] [--report]"))?;
-    let threads = match arguments.iter().position(|a| a == "--threads") {
-        Some(i) => arguments.get(i + 1).ok_or("--threads needs a number")?.parse()?,
-        None => 0,
-    };
-    let mut options = Options { threads, ..Options::default() };
+    let arguments = Arguments::read();
+    let path = arguments.file(&format!("{name} FILE [--threads N] [--report]"))?;
+    let mut options = Options { threads: arguments.threads()?, ..Options::default() };
     configure(&mut options);
     let begin = Instant::now();
     let problem = parse(path)?;
@@ -32,20 +63,25 @@ pub fn run<P>(
     let begin = Instant::now();
     let solution = minimize(&graph, values, &options)?;
     let wall = begin.elapsed().as_secs_f64();
-    let report = &solution.report;
-    if arguments.iter().any(|a| a == "--report") {
-        eprintln!("{report}");
+    if arguments.has("--report") {
+        eprintln!("{}", solution.report);
     }
-    println!(
-        "{}",
-        serde_json::json!({
-            "wall": wall, "cost0": report.cost0, "cost": report.cost, "iters": report.iterations,
-            "converged": report.converged, "seconds": report.seconds, "build": building, "parse": parsing,
-            "rss_mb": peak_memory(), "linear_solver": report.linear_solver.to_string(), "chunks": report.linear_solver.chunks,
-            "threads": threads,
-        })
-    );
+    let more = json!({"wall": wall, "build": building, "parse": parsing, "threads": options.threads});
+    println!("{}", line(&solution.report, more));
     Ok(solution)
+}
+
+/// The line of JSON: what the report says, memory, and `more`.
+pub fn line(report: &Report, more: Value) -> Value {
+    let mut line = json!({
+        "cost0": report.cost0, "cost": report.cost, "iters": report.iterations, "converged": report.converged,
+        "seconds": report.seconds, "rss_mb": peak_memory(), "linear_solver": report.linear_solver.to_string(),
+        "chunks": report.linear_solver.chunks,
+    });
+    if let (Some(line), Value::Object(more)) = (line.as_object_mut(), more) {
+        line.extend(more);
+    }
+    line
 }
 
 /// Largest resident memory of the process in MB, where the system tells.

@@ -1,71 +1,34 @@
-//! Factors of relative poses in the plane and in space, and the graph of a g2o file.
+//! The graph of a g2o file: its objective, its start, and the certificate of its optimum.
 
 use std::collections::HashMap;
 use std::error::Error;
 
-use depthcal_solver::{Batch, Factor, Graph, Over, Pose, Scalar, Values};
-use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
+use depthcal_solver::pose_graph::{
+    BetweenPlane, BetweenSpace, Certificate, ChordalPlane, ChordalSpace, RelativePose, RigidMotion, certify,
+    chordal_start, tree_start,
+};
+use depthcal_solver::{Batch, Graph, Key, Values};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::g2o::{G2oGraph, Se2Edge, Se3Edge};
 
-/// A measured relative pose in the plane: x, y, angle in rad. Poses are vectors (x, y, angle).
-struct BetweenPlane {
-    measurement: [f64; 3],
-    /// A with Aᵀ A the information.
-    root: SMatrix<f64, 3, 3>,
+/// The sum of squares that is minimised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Objective {
+    /// That of g2o, with the information matrices of the file.
+    G2o,
+    /// That of SE-Sync, with isotropic precisions.
+    Chordal,
 }
 
-impl Factor<3> for BetweenPlane {
-    type Variables = (Vector3<f64>, Vector3<f64>);
-
-    #[inline(always)]
-    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 3> {
-        let (s, c) = a[2].sin_cos();
-        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-        let [x, y, angle] = self.measurement;
-        let turn = b[2] - a[2] - angle;
-        let turns = (turn.re() / std::f64::consts::TAU).round();
-        let e = [c * dx + s * dy - x, c * dy - s * dx - y, turn - turns * std::f64::consts::TAU];
-        weigh(&self.root, &e)
-    }
-}
-
-/// A measured relative pose in space.
-struct BetweenSpace {
-    /// The inverse of the measurement.
-    inverse: Isometry3<f64>,
-    root: SMatrix<f64, 6, 6>,
-}
-
-impl Factor<6> for BetweenSpace {
-    type Variables = (Isometry3<f64>, Isometry3<f64>);
-
-    #[inline(always)]
-    fn residual<T: Scalar>(&self, (a, b): Over<Self::Variables, T>) -> SVector<T, 6> {
-        let error = Pose::<T>::constant(&self.inverse).compose(&a.inverse().compose(&b));
-        // In g2o's convention the rotation error is the vector part of the quaternion with positive real part.
-        let sign = if error.rotation.w.re() < 0.0 { -1.0 } else { 1.0 };
-        let (t, v) = (error.translation, error.rotation.v);
-        weigh(&self.root, &[t[0], t[1], t[2], v[0] * sign, v[1] * sign, v[2] * sign])
-    }
-}
-
-/// A e for `root` = A.
-#[inline(always)]
-fn weigh<T: Scalar, const N: usize>(root: &SMatrix<f64, N, N>, e: &[T; N]) -> SVector<T, N> {
-    let mut r = SVector::<T, N>::from_element(T::from(0.0));
-    for i in 0..N {
-        for j in 0..N {
-            r[i] += e[j] * root[(i, j)];
-        }
-    }
-    r
-}
-
-/// A with Aᵀ A = `information`, which may be singular.
-fn square_root<const N: usize>(information: &[[f64; N]; N]) -> SMatrix<f64, N, N> {
-    let eigen = SymmetricEigen::new(nalgebra::DMatrix::from_fn(N, N, |i, j| information[i][j]));
-    SMatrix::from_fn(|i, j| eigen.eigenvalues[i].max(0.0).sqrt() * eigen.eigenvectors[(j, i)])
+/// A graph, its variables in the file's order, and its measurements by index of the pose.
+pub struct PoseGraph {
+    pub graph: Graph,
+    pub values: Values,
+    plane: Vec<Key<Vector3<f64>>>,
+    space: Vec<Key<Isometry3<f64>>>,
+    in_plane: Vec<RelativePose<2>>,
+    in_space: Vec<RelativePose<3>>,
 }
 
 fn isometry(translation: &[f64; 3], [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
@@ -73,34 +36,99 @@ fn isometry(translation: &[f64; 3], [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(Vector3::from(*translation)), rotation)
 }
 
-/// The graph of a file. If it fixes no vertex, the first one is fixed.
+/// The graph of a file with g2o's objective and the file's start. If it fixes no vertex, the first one is fixed.
+#[allow(dead_code, reason = "the example has a choice")]
 pub fn build(file: G2oGraph) -> Result<(Graph, Values), Box<dyn Error>> {
-    let mut values = Values::new();
-    let mut graph = Graph::new();
-    let plane: HashMap<usize, _> =
-        file.se2_vertices.iter().map(|v| (v.id, values.insert(Vector3::from(v.pose)))).collect();
-    let space: HashMap<usize, _> =
-        file.se3_vertices.iter().map(|v| (v.id, values.insert(isometry(&v.translation, v.rotation)))).collect();
-    let mut in_plane = Batch::new("relative poses in the plane");
-    for Se2Edge { from, to, measurement, information } in &file.se2_edges {
-        let root = square_root(information);
-        in_plane.push(BetweenPlane { measurement: *measurement, root }, (plane[from], plane[to]));
-    }
-    let mut in_space = Batch::new("relative poses in space");
-    for Se3Edge { from, to, translation, rotation, information } in &file.se3_edges {
-        let inverse = isometry(translation, *rotation).inverse();
-        in_space.push(BetweenSpace { inverse, root: square_root(information) }, (space[from], space[to]));
-    }
-    graph.add_batch(in_plane);
-    graph.add_batch(in_space);
-    let mut fixed = file.fixed.clone();
-    if fixed.is_empty() {
-        fixed.extend(file.se2_vertices.first().map(|v| v.id));
-        fixed.extend(file.se3_vertices.first().map(|v| v.id));
-    }
-    for id in &fixed {
-        plane.get(id).into_iter().for_each(|key| graph.fix(*key));
-        space.get(id).into_iter().for_each(|key| graph.fix(*key));
-    }
+    let PoseGraph { graph, values, .. } = PoseGraph::new(&file, Objective::G2o)?;
     Ok((graph, values))
+}
+
+impl PoseGraph {
+    /// The graph of a file, with its start.
+    pub fn new(file: &G2oGraph, objective: Objective) -> Result<Self, Box<dyn Error>> {
+        let mut values = Values::new();
+        let plane: Vec<_> = file.se2_vertices.iter().map(|v| values.insert(Vector3::from(v.pose))).collect();
+        let space: Vec<_> =
+            file.se3_vertices.iter().map(|v| values.insert(isometry(&v.translation, v.rotation))).collect();
+        let plane_index: HashMap<usize, usize> = file.se2_vertices.iter().enumerate().map(|(i, v)| (v.id, i)).collect();
+        let space_index: HashMap<usize, usize> = file.se3_vertices.iter().enumerate().map(|(i, v)| (v.id, i)).collect();
+        let mut result = Self { graph: Graph::new(), values, plane, space, in_plane: Vec::new(), in_space: Vec::new() };
+        let (mut between_plane, mut chordal_plane) = (Batch::new("in the plane"), Batch::new("in the plane, chordal"));
+        for Se2Edge { from, to, measurement, information } in &file.se2_edges {
+            let (i, j) = (plane_index[from], plane_index[to]);
+            let keys = (result.plane[i], result.plane[j]);
+            let measured = RelativePose::in_plane(i, j, *measurement, information)?;
+            if objective == Objective::G2o {
+                between_plane.push(BetweenPlane::new(*measurement, information), keys);
+            } else {
+                chordal_plane.push(ChordalPlane::new(&measured), keys);
+            }
+            result.in_plane.push(measured);
+        }
+        let (mut between_space, mut chordal_space) = (Batch::new("in space"), Batch::new("in space, chordal"));
+        for Se3Edge { from, to, translation, rotation, information } in &file.se3_edges {
+            let (i, j) = (space_index[from], space_index[to]);
+            let (keys, motion) = ((result.space[i], result.space[j]), isometry(translation, *rotation));
+            let measured = RelativePose::in_space(i, j, &motion, information)?;
+            if objective == Objective::G2o {
+                between_space.push(BetweenSpace::new(&motion, information), keys);
+            } else {
+                chordal_space.push(ChordalSpace::new(&measured), keys);
+            }
+            result.in_space.push(measured);
+        }
+        result.graph.add_batch(between_plane);
+        result.graph.add_batch(chordal_plane);
+        result.graph.add_batch(between_space);
+        result.graph.add_batch(chordal_space);
+        let (plane, space) = (&result.plane, &result.space);
+        for id in &file.fixed {
+            plane_index.get(id).into_iter().for_each(|i| result.graph.fix(plane[*i]));
+            space_index.get(id).into_iter().for_each(|i| result.graph.fix(space[*i]));
+        }
+        if file.fixed.is_empty() {
+            plane.first().into_iter().for_each(|key| result.graph.fix(*key));
+            space.first().into_iter().for_each(|key| result.graph.fix(*key));
+        }
+        Ok(result)
+    }
+
+    /// Replaces the start by that of the chordal relaxation, or by measurements chained from the first pose on.
+    pub fn start(&mut self, chordal: bool) -> Result<(), Box<dyn Error>> {
+        if !self.plane.is_empty() {
+            let (count, measured) = (self.plane.len(), &self.in_plane);
+            let start = if chordal { chordal_start(count, measured) } else { tree_start(count, measured) }?;
+            self.plane.iter().zip(start).for_each(|(key, pose)| self.values.set(*key, pose.into()));
+        }
+        if !self.space.is_empty() {
+            let (count, measured) = (self.space.len(), &self.in_space);
+            let start = if chordal { chordal_start(count, measured) } else { tree_start(count, measured) }?;
+            self.space.iter().zip(start).for_each(|(key, pose)| self.values.set(*key, pose.into()));
+        }
+        Ok(())
+    }
+
+    /// The poses as lines of g2o.
+    #[allow(dead_code, reason = "tests do not write")]
+    pub fn vertices(&self, file: &G2oGraph, values: &Values) -> String {
+        let plane = self.plane.iter().zip(&file.se2_vertices).map(|(key, v)| {
+            let pose = values.get(*key);
+            format!("VERTEX_SE2 {} {} {} {}\n", v.id, pose.x, pose.y, pose.z)
+        });
+        let space = self.space.iter().zip(&file.se3_vertices).map(|(key, v)| {
+            let (t, q) = (values.get(*key).translation, values.get(*key).rotation);
+            format!("VERTEX_SE3:QUAT {} {} {} {} {} {} {} {}\n", v.id, t.x, t.y, t.z, q.i, q.j, q.k, q.w)
+        });
+        plane.chain(space).collect()
+    }
+
+    /// How far values are from the global optimum of the chordal objective: of poses in the plane, or in space without those.
+    pub fn certify(&self, values: &Values) -> Result<Certificate, Box<dyn Error>> {
+        if self.plane.is_empty() {
+            let poses: Vec<RigidMotion<3>> = self.space.iter().map(|key| (*values.get(*key)).into()).collect();
+            return Ok(certify(&poses, &self.in_space)?);
+        }
+        let poses: Vec<RigidMotion<2>> = self.plane.iter().map(|key| (*values.get(*key)).into()).collect();
+        Ok(certify(&poses, &self.in_plane)?)
+    }
 }

@@ -13,4 +13,5 @@ pub(crate) mod qr;
 pub(crate) mod reduced_blocks;
 pub(crate) mod reduced_system;
 pub(crate) mod scatter;
+pub(crate) mod selected_inverse;
 mod weak_directions;

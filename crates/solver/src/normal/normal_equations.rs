@@ -331,6 +331,17 @@ impl NormalEquations {
         self.constrain();
     }
 
+    /// Subtracts from the diagonal blocks of H of the last linearisation: `part(variable, i, j)` from the entry of the
+    /// variable's tangent components i and j. Nothing may be eliminated.
+    pub fn subtract_diagonal_blocks(&mut self, part: impl Fn(VariableId, usize, usize) -> f64) {
+        let layout = &self.layout;
+        self.blocks.subtract_diagonal_blocks(|rank, i, j| {
+            let active = &layout.active[layout.kept[rank as usize] as usize];
+            let component = |i: usize| active.mask.as_ref().map_or(i, |mask| mask[i] as usize);
+            part(active.id, component(i), component(j))
+        });
+    }
+
     /// H_cc of the last linearisation as a full matrix, kept_dim × kept_dim.
     pub fn kept_hessian(&self) -> DMatrix<f64> {
         self.blocks.to_dense(self.layout.kept_dim)

@@ -157,6 +157,16 @@ impl ReducedBlocks {
         }
     }
 
+    /// Subtracts from the diagonal blocks of H_cc: `part(rank, i, j)` from the entry of free components i and j of a variable.
+    pub fn subtract_diagonal_blocks(&mut self, part: impl Fn(u32, usize, usize) -> f64) {
+        for block in self.blocks.iter().filter(|b| b.row == b.column && !b.hessian.is_empty()) {
+            let d = block.row_d as usize;
+            for (k, value) in self.values[block.value..][..d * d].iter_mut().enumerate() {
+                *value -= part(block.row, k / d, k % d);
+            }
+        }
+    }
+
     /// Writes the diagonal of H_cc.
     pub fn diagonal(&self, target: &mut [f64]) {
         for block in self.blocks.iter().filter(|b| b.row == b.column) {
@@ -237,6 +247,20 @@ impl ReducedBlocks {
             }
         }
         dense
+    }
+
+    /// Writes the lower triangle of H_cc in another order of its components: component i becomes row and column `rows[i]`.
+    pub fn write_dense(&self, rows: &[usize], target: &mut DMatrix<f64>) {
+        target.fill(0.0);
+        for block in self.blocks.iter().filter(|b| !b.hessian.is_empty()) {
+            for i in 0..block.row_d as usize {
+                let columns = if block.row == block.column { i + 1 } else { block.column_d as usize };
+                for j in 0..columns {
+                    let (a, b) = (rows[block.row_offset as usize + i], rows[block.column_offset as usize + j]);
+                    target[(a.max(b), a.min(b))] = self.values[block.value + i * block.column_d as usize + j];
+                }
+            }
+        }
     }
 
     /// Computes the blocks of H_cc + μ D² − Σ H_ce H_ee⁻¹ H_ec and passes each to `put`, with its index and row-major

@@ -223,6 +223,39 @@ impl ReducedSystem {
     }
 }
 
+impl Sparse {
+    /// Calls `f` with every supernode of the factor in the order of elimination: its first column, the rows below its columns,
+    /// ascending, and its columns, with the lower triangle of the diagonal block above the rows. Above the diagonal numbers are
+    /// undefined.
+    pub fn for_each_node(&self, mut f: impl FnMut(usize, &[usize], MatRef<'_, f64>)) {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(raw) => {
+                for j in 0..self.n {
+                    let range = raw.col_ptr()[j]..raw.col_ptr()[j + 1];
+                    let entries = raw.row_idx()[range.clone()].iter().copied().zip(self.factor[range].iter().copied());
+                    let mut entries: Vec<(usize, f64)> = entries.collect();
+                    entries.sort_unstable_by_key(|entry| entry.0);
+                    let rows: Vec<usize> = entries[1..].iter().map(|entry| entry.0).collect();
+                    let values: Vec<f64> = entries.iter().map(|entry| entry.1).collect();
+                    f(j, &rows, MatRef::from_column_major_slice(&values, values.len(), 1));
+                }
+            }
+            SymbolicCholeskyRaw::Supernodal(raw) => {
+                let factor = SupernodalLltRef::new(raw, &self.factor);
+                for index in 0..raw.n_supernodes() {
+                    let node = factor.supernode(index);
+                    f(node.start(), node.pattern(), node.val());
+                }
+            }
+        }
+    }
+
+    /// The place of each component in the order of elimination.
+    pub fn places(&self) -> Vec<usize> {
+        self.symbolic.perm().map_or_else(|| (0..self.n).collect(), |p| p.arrays().1.to_vec())
+    }
+}
+
 /// The scalar sparsity pattern of the blocks' lower triangle, and [`Sparse::row_offset`].
 fn sparse_pattern(n: usize, blocks: &ReducedBlocks) -> (SymbolicSparseColMat<usize>, Vec<usize>) {
     let mut row_offset = vec![0; blocks.blocks.len()];

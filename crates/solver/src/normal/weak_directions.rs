@@ -6,6 +6,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::normal::linear::Linear;
 use crate::normal::normal_equations::NormalEquations;
 use crate::normal::qr::multiply_rows;
+use crate::normal::reduced_system::ReducedSystem;
+use crate::normal::selected_inverse::SelectedInverse;
 
 impl NormalEquations {
     /// Factorises H + μ D² for [`solve_many`](Self::solve_many); false if it is not positive definite.
@@ -19,6 +21,15 @@ impl NormalEquations {
     pub fn solve_many(&mut self, rhs: &mut [f64]) {
         if let Linear::Direct(reduced) = &mut self.linear {
             reduced.solve_many(rhs);
+        }
+    }
+
+    /// Entries of the inverse of the matrix that was factorised last, where the factor has entries. `None` without a sparse
+    /// factor. Nothing may be eliminated.
+    pub fn selected_inverse(&self) -> Option<SelectedInverse> {
+        match &self.linear {
+            Linear::Direct(ReducedSystem::Sparse(sparse)) => Some(SelectedInverse::new(sparse)),
+            _ => None,
         }
     }
 

@@ -12,7 +12,11 @@ trait AnyColumn: Any + Send + Sync + Debug {
     fn duplicate(&self) -> Arc<dyn AnyColumn>;
     /// Copies the variables of another column into this one; false if that is of another type.
     fn overwrite(&mut self, other: &dyn Any) -> bool;
+    /// Copies one variable of another column into this one; does nothing if that is of another type.
+    fn copy(&mut self, slot: usize, other: &dyn Any, other_slot: usize);
     fn dim(&self, slot: usize) -> usize;
+    /// Writes the tangent vector to a variable of another column; does nothing if that is of another type.
+    fn local(&self, slot: usize, other: &dyn Any, other_slot: usize, delta: &mut [f64]);
     fn retract(&mut self, slot: usize, delta: &[f64]);
     fn coordinate(&self, slot: usize, component: usize) -> Option<f64>;
     fn set_coordinate(&mut self, slot: usize, component: usize, value: f64);
@@ -34,8 +38,20 @@ impl<V: Variable> AnyColumn for Column<V> {
         other.downcast_ref::<Self>().map(|other| self.0.clone_from(&other.0)).is_some()
     }
 
+    fn copy(&mut self, slot: usize, other: &dyn Any, other_slot: usize) {
+        if let Some(other) = other.downcast_ref::<Self>() {
+            self.0[slot].clone_from(&other.0[other_slot]);
+        }
+    }
+
     fn dim(&self, slot: usize) -> usize {
         self.0[slot].dim()
+    }
+
+    fn local(&self, slot: usize, other: &dyn Any, other_slot: usize, delta: &mut [f64]) {
+        if let Some(other) = other.downcast_ref::<Self>() {
+            self.0[slot].local(&other.0[other_slot], delta);
+        }
     }
 
     fn retract(&mut self, slot: usize, delta: &[f64]) {
@@ -175,6 +191,24 @@ impl Values {
         if let Some(Place { column, slot }) = self.places.get(id.index()).copied() {
             unique(&mut self.columns[column as usize]).retract(slot as usize, delta);
         }
+    }
+
+    /// Copies a variable from other values that have it under the same id, such as values that these were cloned from.
+    pub(crate) fn copy_variable(&mut self, id: VariableId, other: &Self) {
+        let (Some(place), Some(theirs)) = (self.places.get(id.index()).copied(), other.places.get(id.index())) else {
+            return;
+        };
+        let source: &dyn Any = other.columns[theirs.column as usize].as_ref();
+        unique(&mut self.columns[place.column as usize]).copy(place.slot as usize, source, theirs.slot as usize);
+    }
+
+    /// Writes the tangent vector from a variable to that of other values under the same id.
+    pub(crate) fn local(&self, id: VariableId, other: &Self, delta: &mut [f64]) {
+        let (Some(place), Some(theirs)) = (self.places.get(id.index()), other.places.get(id.index())) else {
+            return;
+        };
+        let target: &dyn Any = other.columns[theirs.column as usize].as_ref();
+        self.columns[place.column as usize].local(place.slot as usize, target, theirs.slot as usize, delta);
     }
 
     /// The coordinate of a variable that belongs to a tangent component, if its type has one: see [`Variable::coordinate`].

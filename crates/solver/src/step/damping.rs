@@ -14,7 +14,7 @@ const MIN_FRACTION: f64 = 1e-15;
 pub(crate) fn update_scaling(damping: Damping, scaling: Scaling, diagonal: &[f64], d2: &mut [f64]) {
     for (d2, h) in d2.iter_mut().zip(diagonal) {
         *d2 = match (damping, scaling) {
-            (Damping::Nielsen { .. }, Scaling::Jacobi) => d2.max(*h),
+            (Damping::Nielsen { .. } | Damping::WhenNeeded { .. }, Scaling::Jacobi) => d2.max(*h),
             (_, Scaling::None) => 1.0,
             (Damping::Radius { .. }, Scaling::Jacobi) => *h,
         };
@@ -36,11 +36,13 @@ pub(crate) struct StepControl {
     pub nu: f64,
     /// Radius Δ of the dog-leg, or the fraction of the full step of Gauss–Newton.
     pub radius: f64,
+    /// Damping below which [`Damping::WhenNeeded`] leaves it away, and with which it begins; 0 for other rules.
+    threshold: f64,
 }
 
 impl StepControl {
     pub fn new(method: Method, damping: Damping) -> Self {
-        Self { method, damping, mu: 0.0, nu: 2.0, radius: 0.0 }
+        Self { method, damping, mu: 0.0, nu: 2.0, radius: 0.0, threshold: 0.0 }
     }
 
     /// Sets the radius at the start of a run.
@@ -53,15 +55,17 @@ impl StepControl {
 
     /// Sets μ before the first step, unless it is known from an earlier run. `least` is the smallest useful damping.
     pub fn start(&mut self, diagonal: &[f64], d2: &[f64], least: f64) {
+        let scaled = || diagonal.iter().zip(d2).map(|(h, d2)| h / d2).fold(0.0, f64::max);
+        if let Damping::WhenNeeded { tau } = self.damping {
+            self.threshold = tau * scaled();
+        }
         if self.mu > 0.0 {
             return;
         }
         let start = match self.damping {
             _ if self.method != Method::LevenbergMarquardt => least,
-            Damping::Nielsen { tau } => {
-                let scaled = diagonal.iter().zip(d2).map(|(h, d2)| h / d2);
-                tau * scaled.fold(0.0, f64::max)
-            }
+            Damping::Nielsen { tau } => tau * scaled(),
+            Damping::WhenNeeded { .. } => least,
             Damping::Radius { initial, .. } => 1.0 / initial,
         };
         self.mu = start.max(least);
@@ -72,11 +76,14 @@ impl StepControl {
         match self.method {
             Method::LevenbergMarquardt if gain_ratio.is_finite() => {
                 let (min_factor, min_damping) = match self.damping {
-                    Damping::Nielsen { .. } => (MIN_FACTOR, least),
+                    Damping::Nielsen { .. } | Damping::WhenNeeded { .. } => (MIN_FACTOR, least),
                     Damping::Radius { max, .. } => (MIN_RADIUS_FACTOR, (1.0 / max).max(least)),
                 };
                 let factor = (1.0 - (2.0 * gain_ratio - 1.0).powi(3)).max(min_factor);
                 self.mu = (self.mu * factor).max(min_damping);
+                if self.mu < self.threshold {
+                    self.mu = least;
+                }
             }
             Method::DogLeg { .. } if gain_ratio > 0.75 => self.radius = self.radius.max(3.0 * length),
             Method::DogLeg { .. } if gain_ratio < 0.25 => self.radius *= 0.5,
@@ -99,6 +106,10 @@ impl StepControl {
     /// After no step was found because H + μ D² is not positive definite in floating-point arithmetic, or after a
     /// rejected step.
     pub fn increase_damping(&mut self) {
+        if self.mu < self.threshold {
+            self.mu = self.threshold;
+            return;
+        }
         self.mu *= self.nu;
         self.nu *= 2.0;
     }

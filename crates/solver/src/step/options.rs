@@ -39,6 +39,13 @@ pub enum Damping {
         /// τ.
         tau: f64,
     },
+    /// No damping beyond rounding errors, hence Gauss–Newton steps, until a step fails; then μ as with
+    /// [`Nielsen`](Self::Nielsen), beginning at `tau`, until accepted steps have brought it below `tau` again. For start values
+    /// that deserve trust, such as those of [`chordal_start`](crate::pose_graph::chordal_start).
+    WhenNeeded {
+        /// τ.
+        tau: f64,
+    },
     /// μ is the inverse of a trust-region radius, D² the current diagonal of H, and an accepted step multiplies μ by at
     /// least 1/3, as in Ceres: more cautious far from the minimum.
     Radius {
@@ -171,7 +178,7 @@ impl Options {
             return Err(bad("checkpoint.every", 0.0, "at least 1"));
         }
         match self.damping {
-            Damping::Nielsen { tau } if !(tau > 0.0 && tau.is_finite()) => {
+            Damping::Nielsen { tau } | Damping::WhenNeeded { tau } if !(tau > 0.0 && tau.is_finite()) => {
                 Err(bad("damping.tau", tau, "positive and finite"))
             }
             Damping::Radius { initial, .. } if !(initial > 0.0 && initial.is_finite()) => {

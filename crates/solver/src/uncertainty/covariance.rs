@@ -5,6 +5,7 @@ use std::fmt;
 use nalgebra::{DMatrix, DVector};
 
 use crate::normal::normal_equations::NormalEquations;
+use crate::normal::selected_inverse::SelectedInverse;
 use crate::plan::layout::Layout;
 use crate::plan::linear_solver::LinearSolver;
 use crate::problem::graph::Graph;
@@ -14,7 +15,7 @@ use crate::uncertainty::error::CovarianceError;
 use crate::uncertainty::inverse::Inverse;
 use crate::uncertainty::linearized::linearized;
 use crate::uncertainty::null_direction::name_direction;
-use crate::uncertainty::null_space::RANK_TOLERANCE;
+use crate::uncertainty::null_space::{RANK_TOLERANCE, null_space};
 use crate::uncertainty::selected::Selected;
 
 /// Options of [`Covariance`].
@@ -54,6 +55,7 @@ pub struct Covariance {
 enum Kind {
     Whole(Inverse),
     Selected(Selected),
+    Marginals(SelectedInverse),
 }
 
 impl Kind {
@@ -61,6 +63,7 @@ impl Kind {
         match self {
             Kind::Whole(inverse) => &inverse.null,
             Kind::Selected(selected) => &selected.null,
+            Kind::Marginals(_) => &[],
         }
     }
 }
@@ -86,7 +89,8 @@ impl Covariance {
     }
 
     /// Computes the joint covariance of some variables from a sparse factorisation, for problems too large for
-    /// [`compute`](Self::compute) such as graphs of many poses. Covariances of other variables are NaN.
+    /// [`compute`](Self::compute) such as graphs of many poses. Covariances of other variables are NaN. For all variables see
+    /// [`marginals`](Self::marginals).
     ///
     /// The work is one factorisation and two triangular solves per component of these variables.
     ///
@@ -106,6 +110,36 @@ impl Covariance {
         let selected =
             Selected::new(&mut system, &chosen, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
         Self::new(graph, values, options, system, cost, Kind::Selected(selected))
+    }
+
+    /// Computes the covariance of every variable, and of every pair of variables that a factor links, from a sparse
+    /// factorisation: for all nodes of a large field, or all poses of a large graph. Covariances of other pairs are NaN unless
+    /// the factor happens to have them.
+    ///
+    /// The work is about three factorisations, whatever the number of variables, and the memory that of one more factor.
+    ///
+    /// # Errors
+    /// Like [`compute`](Self::compute), and [`CovarianceError::RankDeficient`] with `pseudo_inverse` as well: fix the gauge, or
+    /// use [`selected`](Self::selected).
+    pub fn marginals(
+        graph: &Graph,
+        values: &Values,
+        options: &CovarianceOptions,
+    ) -> Result<Covariance, CovarianceError> {
+        let (mut system, cost) = linearized(graph, values, LinearSolver::SparseCholesky)?;
+        let null = null_space(&mut system, options.rank_tolerance).ok_or(CovarianceError::Eigenvalues)?;
+        if !null.is_empty() {
+            let directions = null.iter().map(|v| name_direction(graph, &system, v)).collect();
+            return Err(CovarianceError::RankDeficient { directions });
+        }
+        let none = vec![0.0; system.dim()];
+        if !system.factorize(0.0, &none) {
+            return Err(CovarianceError::Eigenvalues);
+        }
+        match system.selected_inverse() {
+            Some(inverse) => Self::new(graph, values, options, system, cost, Kind::Marginals(inverse)),
+            None => Self::compute(graph, values, options),
+        }
     }
 
     fn new(
@@ -158,6 +192,7 @@ impl Covariance {
                 let block = match &self.inverse {
                     Kind::Whole(inverse) => inverse.block(&self.layout, a, b),
                     Kind::Selected(selected) => selected.block(a, b),
+                    Kind::Marginals(inverse) => inverse.block((a.offset, a.free as usize), (b.offset, b.free as usize)),
                 };
                 for (i, row) in rows.iter().enumerate() {
                     for (j, column) in columns.iter().enumerate() {
