@@ -3,7 +3,7 @@
 
     benches/compare.py --peers DIR [--rounds 5] [--threads 1,2] [--sizes 30,300,3000] [--bal FILE] [--json FILE]
 
-DIR (or the environment variable PEERS) holds the programs `ceres_board FILE 3d VARIANT dense THREADS 1` and
+DIR (or the environment variable PEERS), which benches/setup_peers.sh makes, holds the programs `ceres_board FILE 3d VARIANT dense THREADS 1` and
 `ceres_bal FILE VARIANT THREADS 1 50`, and `data/board_44_N.txt` with N frames of 44 points. `--bal` names a problem of
 bundle adjustment in the large as plain text, by default `data/problem-16-22106-pre.txt` in DIR; it is left out if it is not
 there. Our examples are built first, unless `--ours` names the folder that they are in.
@@ -50,7 +50,7 @@ def main():
     ours = os.path.abspath(options.ours) if options.ours else os.path.dirname(build("-p", "depthcal-solver", "--example", "board", "--example", "bal"))
     threads = [int(t) for t in options.threads.split(",")]
     jobs = []
-    for size in options.sizes.split(","):
+    for size in filter(None, options.sizes.split(",")):
         path = f"{peers}/data/board_44_{size}.txt"
         for t in threads:
             jobs.append((f"board {size}", "ours", t, [f"{ours}/board", path, "--threads", str(t)]))

@@ -11,7 +11,8 @@ as it is by default, and with Ceres' defaults, multifrontal Cholesky; `between` 
 `BetweenFactorPose3`, the factors that GTSAM's users have, whose objective has angles instead of chords and hence another
 minimum. Times are those of the solve, without the start.
 
-A peer of this file is the file itself with `--worker`: it prints one line of JSON.
+GTSAM runs in this file with `--worker GRAPH START RESULT VARIANT`, which prints one line of JSON; the environment variable
+MAX_ITERATIONS bounds its iterations.
 """
 import argparse
 import json
@@ -127,7 +128,7 @@ def worker(graph, start, result, variant):
         optimizer = gtsam.LevenbergMarquardtOptimizer
     params.setRelativeErrorTol(TOLERANCE)
     params.setAbsoluteErrorTol(0.0)
-    params.setMaxIterations(100)
+    params.setMaxIterations(int(os.environ.get("MAX_ITERATIONS", 100)))
     begin = time.perf_counter()
     solver = optimizer(factors, values, params)
     solved = solver.optimize()
@@ -220,4 +221,5 @@ def main():
             json.dump(rows, file, indent=1)
 
 
-main()
+if __name__ == "__main__":
+    main()

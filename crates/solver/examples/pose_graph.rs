@@ -53,6 +53,7 @@ fn solve() -> Result<(), Box<dyn Error>> {
         Some(_) => return Err(usage.into()),
     };
     let mut options = Options { threads: arguments.threads()?, cost_tolerance: 1e-8, ..Options::default() };
+    options.max_iterations = arguments.max_iterations()?;
     if !arguments.has("--nielsen") {
         options.damping = Damping::WhenNeeded { tau: 1e-4 };
     }
@@ -87,7 +88,7 @@ fn solve() -> Result<(), Box<dyn Error>> {
     }
     if objective == Objective::Chordal && arguments.has("--certify") {
         // The bound is best at the exact optimum, and holds for all poses.
-        let exact = Options { cost_tolerance: 1e-14, ..options };
+        let exact = Options { cost_tolerance: 1e-14, max_iterations: 100, ..options };
         let certificate = problem.certify(&minimize(&problem.graph, solution.values, &exact)?.values)?;
         let objective = 2.0 * solution.report.cost;
         more["gap"] = certificate.lower_bound.map(|bound| (objective - bound) / objective).into();

@@ -14,8 +14,8 @@
 //! - growing problems: [`IncrementalSession`]: frames that share some variables, added and removed in a time that does not
 //!   depend on how many there are
 //! - interruption: [`Interrupt`]; [`CheckpointFile`]: resume from a file, with bitwise the same result
-//! - uncertainty: [`Covariance`]: joint and marginal, of some or all variables of large sparse problems; undetermined combinations of variables by
-//!   name
+//! - uncertainty: [`Covariance`]: joint and marginal, of some or all variables of large sparse problems; undetermined
+//!   combinations of variables by name
 //! - missing effects: [`score`]: score tests of fixed variables, gain on held-out clusters, detectable sizes
 //! - pose graphs: [`pose_graph`]: factors, a start by chordal relaxation, a certificate of the global optimum
 //! - checks: [`check_jacobians`]

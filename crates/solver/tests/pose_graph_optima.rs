@@ -246,8 +246,7 @@ fn a_local_minimum_is_not_certified() {
     assert!(objectives[1].relative_gap().is_none_or(|gap| gap > 0.5), "{objectives:?}");
 }
 
-/// Least objectives of SE-Sync by its published tables (Rosen et al. 2019, four digits) where it has the graph, and the longest
-/// run that is allowed.
+/// Least objectives to four digits, for some graphs. The certificate below is what proves them.
 const GRAPHS: [(&str, Option<f64>); 16] = [
     ("CSAIL", Some(31.70)),
     ("MIT", None),

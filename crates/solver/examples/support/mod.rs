@@ -34,6 +34,12 @@ impl Arguments {
         }
     }
 
+    /// The largest number of iterations, if it is given.
+    pub fn max_iterations(&self) -> Result<u64, Box<dyn Error>> {
+        let default = Options::default().max_iterations;
+        Ok(self.after("--max-iterations")?.map_or(Ok(default), str::parse)?)
+    }
+
     /// The number of threads, 0 for as many as there are cores.
     pub fn threads(&self) -> Result<usize, Box<dyn Error>> {
         Ok(self.after("--threads")?.map_or(Ok(0), str::parse)?)
@@ -51,8 +57,9 @@ pub fn run<P>(
     configure: impl FnOnce(&mut Options),
 ) -> Result<Solution, Box<dyn Error>> {
     let arguments = Arguments::read();
-    let path = arguments.file(&format!("{name} FILE [--threads N] [--report]"))?;
+    let path = arguments.file(&format!("{name} FILE [--threads N] [--max-iterations N] [--report]"))?;
     let mut options = Options { threads: arguments.threads()?, ..Options::default() };
+    options.max_iterations = arguments.max_iterations()?;
     configure(&mut options);
     let begin = Instant::now();
     let problem = parse(path)?;

@@ -89,9 +89,11 @@ fn write(
     let mut numbers = Vec::new();
     for camera in cameras {
         let off = |rng: &mut ChaCha8Rng, size: f64| Vector3::from_fn(|_, _| size * normal(rng));
-        let rotation = (UnitQuaternion::from_scaled_axis(off(rng, 0.02)) * camera.rotation).scaled_axis();
-        let translation = camera.translation.vector + off(rng, 0.2);
-        numbers.extend(rotation.iter().chain(translation.iter()));
+        // Turned about its own centre, which may be far from the origin.
+        let centre = camera.inverse().translation.vector + off(rng, 0.2);
+        let rotation = UnitQuaternion::from_scaled_axis(off(rng, 0.02)) * camera.rotation;
+        let translation = -(rotation * centre);
+        numbers.extend(rotation.scaled_axis().iter().chain(translation.iter()));
         numbers.extend([LENS[0] * (1.0 + 0.01 * normal(rng)), 0.0, 0.0]);
     }
     for point in points {
