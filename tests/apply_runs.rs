@@ -139,3 +139,35 @@ fn two_runs_into_one_folder_do_not_mix() {
     succeeds(arguments);
     assert_eq!(folder.names("out"), ["a.png"]);
 }
+
+/// Without a covariance σ is that of noise alone: b mm in measured depth, times the slope of the correction.
+#[test]
+fn uncertainty_and_support_lie_beside_the_corrected_images() {
+    let folder = Folder::new();
+    let with_noise = CALIBRATION.replace("\"pixel_sigma\"", "\"inverse_depth_sigma_b\": 2.0, \"pixel_sigma\"");
+    assert_ne!(with_noise, CALIBRATION);
+    folder.write("calibration.json", &with_noise);
+    folder.write("without.json", CALIBRATION);
+    let mut data = vec![1000; PIXELS];
+    data[5] = 0;
+    write_depth(folder.path("depth/a.png"), &DepthImage { width: WIDTH, height: HEIGHT, data }).unwrap();
+    let (depth, out) = (folder.arg("depth"), folder.arg("out"));
+    let further = ["--unit-mm", "1", "--out", out.as_str(), "--uncertainty", "--mask"];
+    let refused = support::run([&["apply", &folder.arg("without.json"), &depth][..], &further].concat());
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("no noise of depth"), "{}", stderr(&refused));
+
+    succeeds([&["apply", &folder.arg("calibration.json"), &depth][..], &further].concat());
+    let sigma = depthcal::io::read_depth_frame(folder.path("out/sigma/a.tiff")).unwrap();
+    let depthcal::io::DepthValues::Float(sigma) = sigma.values else { panic!("σ is floating-point") };
+    let mask = depthcal::io::read_gray(folder.path("out/mask/a.png")).unwrap();
+    for index in 0..PIXELS {
+        if index == 5 {
+            assert!(sigma[index].is_nan() && mask.data[index] == 0);
+            continue;
+        }
+        let slope = (corrected(index, 1001.0) - corrected(index, 999.0)) / 2.0;
+        assert!((f64::from(sigma[index]) / (2.0 * slope) - 1.0).abs() < 0.02, "{}: {slope}", sigma[index]);
+        assert!(mask.data[index] > 0);
+    }
+}

@@ -15,6 +15,7 @@
 //! | depth models on equal terms | [`compare`] |
 //! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
 //! | fits as records for files | [`calibration_record`] |
+//! | what fits and records leave uncertain of depth | [`depth_uncertainty`] |
 //! | whole tasks, from options in words to result files | [`task`] |
 //!
 //! The crate prints nothing and draws nothing: progress goes to a [`progress::Progress`] in the options, whose handle
@@ -25,6 +26,7 @@ pub mod calibrate;
 pub mod calibration_record;
 pub mod cause;
 pub mod compare;
+pub mod depth_uncertainty;
 pub mod diagnose;
 pub mod estimators;
 pub mod judge;

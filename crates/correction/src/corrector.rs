@@ -2,6 +2,7 @@
 
 use depthcal_io::DepthImage;
 use depthcal_model::Camera;
+use depthcal_model::uncertainty::UncertainDepth;
 
 use crate::error::CorrectorError;
 use crate::frame_context::FrameContext;
@@ -10,6 +11,7 @@ use crate::pass::{self, Input, Output};
 use crate::points::PointsMut;
 use crate::prepared::PreparedCamera;
 use crate::summary::CorrectionSummary;
+use crate::uncertainty::{LazyVolume, UncertaintyVolume};
 
 /// Corrects the depth images of a calibrated camera, at its calibrated resolution. Build it once, then use it for every
 /// frame.
@@ -18,6 +20,7 @@ use crate::summary::CorrectionSummary;
 #[derive(Debug, Clone)]
 pub struct Corrector {
     prepared: PreparedCamera,
+    uncertainty: Option<LazyVolume>,
 }
 
 impl Corrector {
@@ -28,7 +31,14 @@ impl Corrector {
     /// [`CorrectorError::Empty`] where the camera has no pixels, [`CorrectorError::NoRay`] where none of its pixels has
     /// a ray.
     pub fn new(camera: &Camera) -> Result<Self, CorrectorError> {
-        Ok(Self { prepared: PreparedCamera::new(camera)? })
+        Ok(Self { prepared: PreparedCamera::new(camera)?, uncertainty: None })
+    }
+
+    /// The corrector with the uncertainty of its camera's depth. It is evaluated on a grid over image and distance when it is asked
+    /// for the first time, which takes a tenth of a second or so.
+    #[must_use]
+    pub fn with_uncertainty(self, depth: UncertainDepth) -> Self {
+        Self { uncertainty: Some(LazyVolume::new(depth)), ..self }
     }
 
     /// Width of the images, px.
@@ -228,6 +238,53 @@ impl Corrector {
         Ok(pass::correct(&self.prepared, Input::U16(depth), unit_mm, context, Output::Points(out)))
     }
 
+    /// Standard deviation of the corrected depth of every pixel, mm, from depth as measured in steps of `unit_mm`: noise of the
+    /// pixel and uncertainty of the parameters, under the conditions in the middle of those of the fit. NaN where nothing was
+    /// measured, or where it cannot be corrected. Within 2 % of what [`UncertainDepth::std_dev`] gives; where depth is far
+    /// beyond the boards, the ratio to depth is kept.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectorError::NoUncertainty`] without [`Corrector::with_uncertainty`], [`CorrectorError::Length`] and
+    /// [`CorrectorError::Unit`] as for [`Corrector::correct_u16`]; `out_mm` is then unchanged.
+    pub fn uncertainty_u16(&self, depth: &[u16], unit_mm: f64, out_mm: &mut [f32]) -> Result<(), CorrectorError> {
+        self.check_length("the depth", depth.len())?;
+        self.check_length("the output", out_mm.len())?;
+        self.check_frame(unit_mm, &FrameContext::default())?;
+        let unit_mm = unit_mm as f32;
+        let measured = |i: usize| if depth[i] == u16::MAX { 0.0 } else { f32::from(depth[i]) * unit_mm };
+        self.volume()?.sigmas(measured, out_mm);
+        Ok(())
+    }
+
+    /// [`Corrector::uncertainty_u16`] for measured depth in mm.
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::uncertainty_u16`].
+    pub fn uncertainty_f32(&self, depth_mm: &[f32], out_mm: &mut [f32]) -> Result<(), CorrectorError> {
+        self.check_length("the depth", depth_mm.len())?;
+        self.check_length("the output", out_mm.len())?;
+        let measured = |i: usize| if depth_mm[i].is_finite() { depth_mm[i] } else { 0.0 };
+        self.volume()?.sigmas(measured, out_mm);
+        Ok(())
+    }
+
+    /// Where the calibration is supported, from corrected depth in mm: every pixel becomes one of [`Supported`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Corrector::uncertainty_u16`].
+    ///
+    /// [`Supported`]: crate::Supported
+    pub fn support(&self, corrected_mm: &[f32], out: &mut [u8]) -> Result<(), CorrectorError> {
+        self.check_length("the depth", corrected_mm.len())?;
+        self.check_length("the output", out.len())?;
+        let corrected = |i: usize| if corrected_mm[i].is_finite() { corrected_mm[i] } else { 0.0 };
+        self.volume()?.support(corrected, out);
+        Ok(())
+    }
+
     /// The points of a depth image that is corrected already, with steps of `unit_mm`: one per pixel, row-major, [x, y,
     /// z] in mm in the camera frame; NaN where there is no depth or no ray.
     ///
@@ -300,6 +357,10 @@ impl Corrector {
             Some((found, expected)) => Err(CorrectorError::Length { what: "the buffer for points", found, expected }),
             None => Ok(()),
         }
+    }
+
+    fn volume(&self) -> Result<&UncertaintyVolume, CorrectorError> {
+        self.uncertainty.as_ref().map(LazyVolume::get).ok_or(CorrectorError::NoUncertainty)
     }
 
     fn check_frame(&self, unit_mm: f64, context: &FrameContext<'_>) -> Result<(), CorrectorError> {

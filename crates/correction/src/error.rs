@@ -51,6 +51,11 @@ pub enum CorrectorError {
         /// The length that is required: one value per pixel, three for interleaved points.
         expected: usize,
     },
+    /// The corrector was not told how uncertain its camera is.
+    #[error(
+        "the uncertainty of this camera's depth is unknown: the calibration has no noise of depth; calibrate with depth images"
+    )]
+    NoUncertainty,
     /// The depth unit is not a length.
     #[error("the depth unit is {unit_mm} mm per step: give a number above 0")]
     Unit {

@@ -55,6 +55,7 @@
 //! | `depth_u16`, `points` | faster loops for the usual case: 16-bit depth corrected by a single Möbius map |
 //! | `register` | depth in another camera's image, and colours of depth pixels |
 //! | `remap` | [`Remap`]: undistorted images |
+//! | `uncertainty` | standard deviation of corrected depth, and where the calibration is supported |
 //! | `bands`, `simd` | threads and instruction sets |
 
 mod bands;
@@ -76,6 +77,7 @@ mod simd;
 mod summary;
 #[cfg(test)]
 mod tests;
+mod uncertainty;
 
 pub use corrector::Corrector;
 pub use error::CorrectorError;
@@ -86,3 +88,4 @@ pub use rays::Rays;
 pub use register::{RegisteredDepth, colours_of, depth_into};
 pub use remap::{Remap, Texel};
 pub use summary::CorrectionSummary;
+pub use uncertainty::Supported;

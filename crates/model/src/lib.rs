@@ -42,6 +42,7 @@ mod spec;
 mod suggestion;
 pub mod target;
 mod technology;
+pub mod uncertainty;
 
 pub use block::Block;
 pub use camera::{Camera, CameraError};

@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use depthcal_calibration::depth_uncertainty::uncertain_depth;
+use depthcal_calibration::observe::PlacedCamera;
+use depthcal_calibration::rig_record::unnamed_camera;
 use depthcal_correction::{
     AmplitudeImage, CorrectionSummary, Corrector as Native, CorrectorError, FrameContext, PointsMut,
 };
@@ -207,7 +210,15 @@ impl Corrector {
         if threads == Some(0) {
             return Err(input("threads is 0; give at least 1").into());
         }
-        let native = run(py, None, move |_| Native::new(&camera).map_err(input))?;
+        let (record, name) = (native.get().record.clone(), native.get().record.camera.name.clone());
+        let native = run(py, None, move |_| {
+            let corrector = Native::new(&camera).map_err(input)?;
+            let placed = PlacedCamera { name, ..unnamed_camera((*camera).clone()) };
+            Ok(match uncertain_depth(&record, &placed) {
+                Some(depth) => corrector.with_uncertainty(depth),
+                None => corrector,
+            })
+        })?;
         Ok(Self { native: Arc::new(native), threads: threads.map(|number| FrameThreads::new(Some(number))) })
     }
 
@@ -362,6 +373,65 @@ impl Corrector {
                     let summary = units::correct_to_mm(native, depth, unit_mm, &frame.context, &mut corrected)?;
                     native.points_f32_into(&corrected, PointsMut::Interleaved(out))?;
                     Ok(summary)
+                })?;
+            }
+        }
+        Ok(out.into_any())
+    }
+
+    /// Standard deviation of the corrected depth of every pixel in millimetres, whatever the unit of ``depth``, which is as measured:
+    /// float32 of its shape, NaN where there is no depth. Noise of the pixel and uncertainty of the calibration's parameters, under
+    /// the conditions in the middle of those of the fit. Raises InputError for a calibration without noise of depth.
+    #[pyo3(signature = (depth, unit_mm=1.0, *, out=None))]
+    fn uncertainty<'py>(
+        &self,
+        py: Python<'py>,
+        depth: &Bound<'py, PyAny>,
+        unit_mm: f64,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let given = Given { depth, unit_mm, amplitude: None, time_s: None, temperature_c: None };
+        let (values, call) = self.call(given)?;
+        let out = Receiver::<f32>::new(py, out, values.shape(), "it receives millimetres")?;
+        out.check_apart("depth", depth)?;
+        match values {
+            Depth::Steps(steps) => {
+                self.each(py, &call, Some(steps), (&out, 1), |native, frame, out| {
+                    native.uncertainty_u16(frame.depth.unwrap_or_default(), frame.unit_mm, out)?;
+                    Ok(CorrectionSummary::default())
+                })?;
+            }
+            Depth::Float(float) => {
+                self.each(py, &call, Some(float), (&out, 1), |native, frame, out| {
+                    let mm = units::millimetres(frame.depth.unwrap_or_default(), frame.unit_mm);
+                    native.uncertainty_f32(&mm, out)?;
+                    Ok(CorrectionSummary::default())
+                })?;
+            }
+        }
+        Ok(out.into_any())
+    }
+
+    /// Where the calibration is supported, for corrected depth: uint8 of its shape, 255 where boards were seen there and at such
+    /// depths, 128 where the calibration extrapolates, 0 without depth. Raises InputError for a calibration without noise of depth.
+    #[pyo3(signature = (corrected, unit_mm=1.0))]
+    fn mask<'py>(&self, py: Python<'py>, corrected: &Bound<'py, PyAny>, unit_mm: f64) -> PyResult<Bound<'py, PyAny>> {
+        let given = Given { depth: corrected, unit_mm, amplitude: None, time_s: None, temperature_c: None };
+        let (values, call) = self.call(given)?;
+        let out = Receiver::<u8>::new(py, None, values.shape(), "it receives the mask")?;
+        match values {
+            Depth::Steps(steps) => {
+                self.each(py, &call, Some(steps), (&out, 1), |native, frame, out| {
+                    let steps = frame.depth.unwrap_or_default();
+                    let mm: Vec<f32> = steps.iter().map(|z| (f64::from(*z) * frame.unit_mm) as f32).collect();
+                    native.support(&mm, out)?;
+                    Ok(CorrectionSummary::default())
+                })?;
+            }
+            Depth::Float(float) => {
+                self.each(py, &call, Some(float), (&out, 1), |native, frame, out| {
+                    native.support(&units::millimetres(frame.depth.unwrap_or_default(), frame.unit_mm), out)?;
+                    Ok(CorrectionSummary::default())
                 })?;
             }
         }

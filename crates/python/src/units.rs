@@ -17,6 +17,13 @@ fn to_mm(depth: &mut [f32], unit_mm: f64) {
     });
 }
 
+/// Depth in units as mm.
+pub(crate) fn millimetres(depth: &[f32], unit_mm: f64) -> Vec<f32> {
+    let mut mm = depth.to_vec();
+    to_mm(&mut mm, unit_mm);
+    mm
+}
+
 /// Converts depth in mm to units in place.
 fn to_units(depth_mm: &mut [f32], unit_mm: f64) {
     depth_mm.par_chunks_mut(CHUNK).for_each(|chunk| {

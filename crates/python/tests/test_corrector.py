@@ -179,3 +179,22 @@ def test_the_gil_is_free_while_frames_are_corrected(corrector):
 def test_threads_of_its_own_give_the_same_bits(fit, corrector):
     single = depthcal.Corrector(fit.calibration, threads=1)
     np.testing.assert_array_equal(single.correct(wave()), corrector.correct(wave()))
+
+
+def test_uncertainty_and_mask_equal_the_command_line(cli, fit, images, tmp_path):
+    fit.save(tmp_path / "fit")
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    depth = next(depth for _, depth in images.values())
+    np.save(raw / "0.npy", depth)
+    out = tmp_path / "out"
+    cli("apply", tmp_path / "fit" / "calibration.json", raw, "--unit-mm", 1, "--out", out, "--uncertainty", "--mask")
+    assert (out / "sigma" / "0.tiff").is_file() and (out / "mask" / "0.png").is_file()
+    corrector = depthcal.Corrector(depthcal.Calibration.load(tmp_path / "fit" / "calibration.json"))
+    sigma = corrector.uncertainty(depth)
+    assert sigma.dtype == np.float32 and sigma.shape == depth.shape
+    assert (sigma[depth > 0] > 0).all() and np.isnan(sigma[depth == 0]).all()
+    # σ follows depth, not its unit.
+    np.testing.assert_allclose(corrector.uncertainty(depth.astype(np.float32) / 1000, unit_mm=1000), sigma, rtol=1e-4)
+    mask = corrector.mask(corrector.correct(depth))
+    assert mask.dtype == np.uint8 and set(np.unique(mask)) <= {0, 128, 255} and (mask == 255).any()

@@ -5,6 +5,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use depthcal_calibration::calibrate::Calibrated;
+use depthcal_calibration::depth_uncertainty::uncertain_depth_of;
 use depthcal_statistics::quantile;
 
 /// With more parameters than this, maps and curves have fewer points.
@@ -90,37 +91,6 @@ impl Uncertainty {
 /// Standard deviation of corrected depth, mm, at pixels with a measured depth (mm); NaN where depth cannot be corrected.
 /// `covariance` is that of all parameters, with zeros for fixed ones.
 pub(super) fn standard_deviations(c: &Calibrated, covariance: &DMatrix<f64>, points: &[(Context, f64)]) -> Vec<f64> {
-    let theta = c.camera.theta();
-    let free: Vec<usize> = (0..theta.len()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
-    let depth = |theta: &[f64]| -> Vec<f64> {
-        let camera = c.camera.with_theta(theta);
-        let correct =
-            |(context, z): &(Context, f64)| camera.correct(context, 1.0, 1.0 / z).map_or(f64::NAN, |r| 1.0 / r.1);
-        points.iter().map(correct).collect()
-    };
-    let columns: Vec<Vec<f64>> = free
-        .par_iter()
-        .map(|i| {
-            // Small against the curvature of the correction, large against rounding.
-            let step = 0.1 * covariance[(*i, *i)].sqrt();
-            let shifted = |s: f64| {
-                let mut t = theta.clone();
-                t[*i] += s;
-                depth(&t)
-            };
-            shifted(step).iter().zip(shifted(-step)).map(|(a, b)| (a - b) / (2.0 * step)).collect()
-        })
-        .collect();
-    (0..points.len())
-        .map(|p| {
-            let mut variance = 0.0;
-            for (a, i) in free.iter().enumerate() {
-                for (b, j) in free.iter().enumerate() {
-                    variance += columns[a][p] * covariance[(*i, *j)] * columns[b][p];
-                }
-            }
-            // Rounding may leave a tiny negative number where parameters nearly cancel.
-            variance.max(0.0 * variance).sqrt()
-        })
-        .collect()
+    let depth = uncertain_depth_of(c, covariance, Context::default());
+    points.par_iter().map(|(context, z)| depth.std_dev(context, *z).parameters_mm).collect()
 }

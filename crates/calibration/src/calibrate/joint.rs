@@ -16,7 +16,7 @@ use crate::adjust::smoothness_prior::{Smoothness, hold_untouched};
 use crate::adjust::state::{CameraState, State};
 use crate::observe::board_pixels::BoardPixel;
 use crate::observe::depth_sampling::{plane_deviations, sample_depth};
-use crate::observe::noise::{DepthNoise, NoiseModel};
+use crate::observe::noise::{DepthNoise, NoiseModel, fit_depth_noise};
 use crate::observe::{Capture, PosedFrame, SampledFrame};
 
 /// Samples the depth of frames with a pose, with the light of their frames where `light` has the frequencies; also returns the
@@ -112,6 +112,6 @@ fn depth_noise_from_planes(capture: &Capture<SampledFrame>) -> DepthNoise {
         let deviations = plane_deviations(&pixels);
         samples.extend(pixels.iter().zip(deviations).map(|(p, d)| (1.0 / p.depth_mm, d)));
     }
-    let law = DepthNoise::fit(&samples, 1.0).unwrap_or(DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 });
+    let law = fit_depth_noise(&samples, 1.0).unwrap_or(DepthNoise { a_per_mm: 1e-5, b_mm: 0.0 });
     DepthNoise { a_per_mm: law.a_per_mm.max(LEAST_INVERSE_DEPTH_SIGMA), ..law }
 }

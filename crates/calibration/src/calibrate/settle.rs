@@ -17,7 +17,7 @@ use crate::adjust::plane_scatter::covariance_with_planes;
 use crate::adjust::smoothness_selection;
 use crate::adjust::state::State;
 use crate::observe::AdjustableFrame;
-use crate::observe::noise::{DepthNoise, NoiseModel, clipped_sigma};
+use crate::observe::noise::{DepthNoise, NoiseModel, clipped_sigma, fit_depth_noise};
 
 /// Rounds in which the state is repaired: with the noise that was assumed, and with the one that was found.
 const ROUNDS_WITH_REPAIR: usize = 2;
@@ -161,7 +161,7 @@ fn estimate_noise(
         (None, Freedom::FromCovariance) => 1.0,
     };
     let samples: Vec<(f64, f64)> = depth_residuals.iter().map(|r| (r.rho, r.residual)).collect();
-    if let Some(law) = DepthNoise::fit(&samples, depth_inflation) {
+    if let Some(law) = fit_depth_noise(&samples, depth_inflation) {
         noise.depth = DepthNoise { a_per_mm: law.a_per_mm.max(LEAST_INVERSE_DEPTH_SIGMA), ..law };
     }
     noise

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::residual_cells::{Cells, Cover, LARGEST_SHARE};
 use crate::calibrate::Calibrated;
 use crate::observe::depth_sampling::{LONGEST_PX, distance_of_the_sill};
-use crate::observe::noise::DepthNoise;
+use crate::observe::noise::{DepthNoise, fit_depth_noise};
 
 /// Bins of equal counts over depth in each of which the shared part is estimated.
 const BINS: usize = 8;
@@ -141,7 +141,7 @@ pub(super) fn pure_noise(fit: &Calibrated, frames: &[&[Cells]], shared: Option<&
         let rho = 1.0 / c.depth_mm();
         (rho, f64::from(c.value) * fit.noise.depth.sigma(rho) * pure_shares[bin_of(c.depth_mm())].sqrt())
     };
-    let law = DepthNoise::fit(&some().map(residual).collect::<Vec<_>>(), 1.0)?;
+    let law = fit_depth_noise(&some().map(residual).collect::<Vec<_>>(), 1.0)?;
     let stated = STATED.map(|q| {
         let depth_mm = nearest_rank(&depths, q).unwrap_or(f64::NAN);
         DiagnosisNoiseAtDepth { depth_mm, std_mm: law.sigma(1.0 / depth_mm) * depth_mm * depth_mm }

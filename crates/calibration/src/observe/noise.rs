@@ -1,5 +1,7 @@
 //! Noise of the measurements, estimated from residuals.
 
+pub use depthcal_model::uncertainty::DepthNoise;
+
 /// Standard deviations at which residuals are clipped when a variance is estimated.
 const CLIP: f64 = 3.0;
 /// E[min(r², 9)] of a standard normal r, which makes the clipped variance consistent.
@@ -37,73 +39,55 @@ impl PlaneScatter {
     pub const NONE: Self = Self { of_noise: 0.0, deviations: [0.0; 4], design_effect: 1.0 };
 }
 
-/// Standard deviation of measured inverse depth: σ_ρ² = a² + (b ρ²)².
-///
-/// a is constant in inverse depth (structured light, stereo), b in depth (time of flight).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DepthNoise {
-    /// 1/mm.
-    pub a_per_mm: f64,
-    /// mm.
-    pub b_mm: f64,
-}
-
-impl DepthNoise {
-    /// σ_ρ at an inverse depth, 1/mm.
-    pub fn sigma(&self, inverse_depth: f64) -> f64 {
-        self.a_per_mm.hypot(self.b_mm * inverse_depth * inverse_depth)
+/// Maximum-likelihood estimate of a² and b² from pairs of inverse depth and residual (both 1/mm), from clipped variances in
+/// bins of equal counts. `inflation` is the number of residuals over their redundancy. `None` with fewer than 20
+/// residuals, or where all are zero.
+pub fn fit_depth_noise(samples: &[(f64, f64)], inflation: f64) -> Option<DepthNoise> {
+    const BINS: usize = 12;
+    let mut sorted: Vec<(f64, f64)> =
+        samples.iter().copied().filter(|(rho, r)| rho.is_finite() && r.is_finite()).collect();
+    if sorted.len() < 20 {
+        return None;
     }
-
-    /// Maximum-likelihood estimate of a² and b² from pairs of inverse depth and residual (both 1/mm), from clipped variances in
-    /// bins of equal counts. `inflation` is the number of residuals over their redundancy. `None` with fewer than 20
-    /// residuals, or where all are zero.
-    pub fn fit(samples: &[(f64, f64)], inflation: f64) -> Option<Self> {
-        const BINS: usize = 12;
-        let mut sorted: Vec<(f64, f64)> =
-            samples.iter().copied().filter(|(rho, r)| rho.is_finite() && r.is_finite()).collect();
-        if sorted.len() < 20 {
-            return None;
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let size = sorted.len().div_ceil(BINS);
+    let bins: Vec<(f64, f64, f64)> = sorted
+        .chunks(size)
+        .map(|bin| {
+            let residuals: Vec<f64> = bin.iter().map(|s| s.1).collect();
+            let quartic = bin.iter().map(|s| s.0.powi(4)).sum::<f64>() / bin.len() as f64;
+            (quartic, clipped_sigma(&residuals).powi(2) * inflation, bin.len() as f64)
+        })
+        .collect();
+    let scale = bins.iter().map(|b| b.0).fold(0.0, f64::max);
+    let total = bins.iter().map(|b| b.1 * b.2).sum::<f64>() / bins.iter().map(|b| b.2).sum::<f64>();
+    // Scoring on (a², b² scale), held non-negative: reweighted least squares of variances, whose own variance is
+    // proportional to their square.
+    let law = |weights: &dyn Fn(f64) -> f64| -> (f64, f64) {
+        let (mut s1, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for (quartic, variance, n) in &bins {
+            let (x, w) = (quartic / scale, n * weights(*quartic / scale));
+            s1 += w;
+            sx += w * x;
+            sxx += w * x * x;
+            sy += w * variance;
+            sxy += w * x * variance;
         }
-        sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let size = sorted.len().div_ceil(BINS);
-        let bins: Vec<(f64, f64, f64)> = sorted
-            .chunks(size)
-            .map(|bin| {
-                let residuals: Vec<f64> = bin.iter().map(|s| s.1).collect();
-                let quartic = bin.iter().map(|s| s.0.powi(4)).sum::<f64>() / bin.len() as f64;
-                (quartic, clipped_sigma(&residuals).powi(2) * inflation, bin.len() as f64)
-            })
-            .collect();
-        let scale = bins.iter().map(|b| b.0).fold(0.0, f64::max);
-        let total = bins.iter().map(|b| b.1 * b.2).sum::<f64>() / bins.iter().map(|b| b.2).sum::<f64>();
-        // Scoring on (a², b² scale), held non-negative: reweighted least squares of variances, whose own variance is
-        // proportional to their square.
-        let law = |weights: &dyn Fn(f64) -> f64| -> (f64, f64) {
-            let (mut s1, mut sx, mut sxx, mut sy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0);
-            for (quartic, variance, n) in &bins {
-                let (x, w) = (quartic / scale, n * weights(*quartic / scale));
-                s1 += w;
-                sx += w * x;
-                sxx += w * x * x;
-                sy += w * variance;
-                sxy += w * x * variance;
-            }
-            let det = s1 * sxx - sx * sx;
-            let (a, b) = ((sxx * sy - sx * sxy) / det, (s1 * sxy - sx * sy) / det);
-            match (a >= 0.0 && det > 0.0, b >= 0.0 && det > 0.0) {
-                (true, true) => (a, b),
-                (false, _) => (0.0, sxy / sxx),
-                (true, false) => (sy / s1, 0.0),
-            }
-        };
-        let (mut a, mut b) = (total, 0.0);
-        for _ in 0..20 {
-            let floor = 1e-6 * total;
-            (a, b) = law(&|x| 1.0 / (a + b * x).max(floor).powi(2));
+        let det = s1 * sxx - sx * sx;
+        let (a, b) = ((sxx * sy - sx * sxy) / det, (s1 * sxy - sx * sy) / det);
+        match (a >= 0.0 && det > 0.0, b >= 0.0 && det > 0.0) {
+            (true, true) => (a, b),
+            (false, _) => (0.0, sxy / sxx),
+            (true, false) => (sy / s1, 0.0),
         }
-        let fitted = Self { a_per_mm: a.sqrt(), b_mm: (b / scale).sqrt() };
-        (fitted.a_per_mm + fitted.b_mm > 0.0).then_some(fitted)
+    };
+    let (mut a, mut b) = (total, 0.0);
+    for _ in 0..20 {
+        let floor = 1e-6 * total;
+        (a, b) = law(&|x| 1.0 / (a + b * x).max(floor).powi(2));
     }
+    let fitted = DepthNoise { a_per_mm: a.sqrt(), b_mm: (b / scale).sqrt() };
+    (fitted.a_per_mm + fitted.b_mm > 0.0).then_some(fitted)
 }
 
 /// Standard deviation about zero with residuals clipped at three standard deviations (Huber 1981, proposal 2): consistent for
@@ -165,7 +149,7 @@ mod tests {
                     (rho, n * truth.sigma(rho))
                 })
                 .collect();
-            let fitted = DepthNoise::fit(&samples, 1.0).unwrap();
+            let fitted = fit_depth_noise(&samples, 1.0).unwrap();
             for z in [400.0, 800.0, 1400.0] {
                 let ratio = fitted.sigma(1.0 / z) / truth.sigma(1.0 / z);
                 assert!((ratio - 1.0).abs() < 0.04, "at {z} mm the law is {ratio} of the truth for a = {a}, b = {b}");

@@ -7,6 +7,7 @@ use depthcal_io::{
     DifferenceSize, FileError, ParameterDifference, PieceRecord, ProjectionDifference, grid_pixel,
 };
 use depthcal_model::hook::HookKind;
+use depthcal_model::uncertainty::UncertainCamera;
 use depthcal_model::{Camera, Context, Register};
 use depthcal_statistics::median;
 use nalgebra::{Isometry3, Point3, UnitQuaternion};
@@ -17,9 +18,7 @@ use super::given_camera::GivenCamera;
 use super::made::Made;
 use super::results::{Results, Shown};
 use crate::calibration_record::piece_records;
-use crate::judge::difference::{
-    Propagated, UncertainCamera, depends_on_distance, depth_differences, projection_difference,
-};
+use crate::judge::difference::{Propagated, depends_on_distance, depth_differences, projection_difference};
 use crate::observe::PlacedCamera;
 use crate::rig_record::covariance_of;
 

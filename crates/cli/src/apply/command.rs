@@ -4,7 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use depthcal_correction::{CorrectionSummary, Corrector, FrameContext};
+use depthcal_calibration::depth_uncertainty::uncertain_depth;
+use depthcal_calibration::observe::PlacedCamera;
+use depthcal_calibration::rig_record::unnamed_camera;
+use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext};
 use depthcal_io::{
     Calibration, Cloud, DATASET_FILE, DEPTH_EXTENSIONS, Dataset, GrayImage, RgbImage, check_writable, write_depth_frame,
 };
@@ -20,7 +23,7 @@ use super::resume::Resume;
 use super::stream::StreamContext;
 use super::stream_args::StreamArgs;
 use super::stream_register::Registered;
-use super::written::{Written, points_of};
+use super::written::{Written, millimetres, points_of};
 use crate::common::{calibration_path, print_pairing, read_calibration, read_cameras};
 use crate::failure::{Failure, input};
 use crate::progress::Progress;
@@ -37,6 +40,7 @@ use crate::voice::{complaint, is_json, say};
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud --image ir/
   depthcal apply result/calibration.json captures/ --out corrected/    a dataset: unit, images and times as in dataset.toml
   depthcal apply result/calibration.json raw/0001.png --unit-mm 0.1 --out corrected/
+  depthcal apply result/calibration.json depth/ --out corrected/ --uncertainty --mask    how certain, and where supported
   depthcal apply rig/calibration.json captures/ --register colour --cloud --out registered/    several cameras
   driver | depthcal apply rig/calibration.json - --register colour --stream-output u16 > registered.raw    the same of a stream")]
 pub(crate) struct Apply {
@@ -95,8 +99,7 @@ impl Apply {
         }
         let jobs = self.jobs(calibration.camera.depth_unit_mm)?;
         self.check_names(&jobs)?;
-        let corrector = Corrector::new(&camera)
-            .map_err(|error| Failure::Input(format!("{}: {error}", self.calibration.display())))?;
+        let corrector = self.corrector(&calibration, &camera)?;
         warn_of_missing(&corrector, &jobs);
 
         check_writable(self.folder()).map_err(input)?;
@@ -138,6 +141,26 @@ impl Apply {
         )
     }
 
+    /// The corrector, with the uncertainty of its depth where that is asked for.
+    fn corrector(&self, calibration: &Calibration, camera: &Camera) -> Result<Corrector, Failure> {
+        let of_calibration = |error| Failure::Input(format!("{}: {error}", self.calibration.display()));
+        let corrector = Corrector::new(camera).map_err(of_calibration)?;
+        if !self.written.uncertainty.any() {
+            return Ok(corrector);
+        }
+        let placed = PlacedCamera { name: calibration.camera.name.clone(), ..unnamed_camera(camera.clone()) };
+        let depth =
+            uncertain_depth(calibration, &placed).ok_or_else(|| of_calibration(CorrectorError::NoUncertainty))?;
+        if !depth.has_covariance() {
+            let message = format_args!(
+                "the calibration has no covariance, so that the uncertainty is that of noise alone: calibrate again with \
+                 --estimator joint"
+            );
+            complaint("warning", 0, message);
+        }
+        Ok(corrector.with_uncertainty(depth))
+    }
+
     /// Frames of a rig, resampled into one of its cameras.
     fn run_register(&self, calibration: &Calibration, target: &str, session: &Session) -> Result<Value, Failure> {
         if calibration.others.is_empty() {
@@ -169,10 +192,15 @@ impl Apply {
         if is_json() {
             return Err(Failure::Input("--json and `-` both want standard output: leave --json out".into()));
         }
-        if self.depth.len() > 1 || self.out.is_some() || self.written.cloud.is_some() || !self.image.is_empty() {
+        if self.depth.len() > 1
+            || self.out.is_some()
+            || self.written.cloud.is_some()
+            || !self.image.is_empty()
+            || self.written.uncertainty.any()
+        {
             return Err(Failure::Input(
                 "`-` reads raw frames and writes raw frames to standard output: give it as the only DEPTH, without \
-                 --out, --cloud and --image"
+                 --out, --cloud, --image, --uncertainty and --mask"
                     .into(),
             ));
         }
@@ -189,7 +217,8 @@ impl Apply {
     fn outputs(&self, job: &Job) -> Vec<PathBuf> {
         let image = self.target(&job.depth);
         let cloud = self.written.cloud.map(|cloud| image.with_extension(cloud.extension()));
-        std::iter::once(image).chain(cloud).collect()
+        let uncertainty = self.written.uncertainty.paths(&image);
+        std::iter::once(image).chain(cloud).chain(uncertainty).collect()
     }
 
     fn correct(&self, job: &Job, corrector: &Corrector) -> Result<CorrectionSummary, Failure> {
@@ -209,6 +238,10 @@ impl Apply {
             format.write(&path, &cloud(&points, image.as_ref(), color.as_ref())).map_err(input)?;
         }
         let (corrected, summary) = self.written.correct(&depth, job.unit_mm, corrector, &context).map_err(of_job)?;
+        if self.written.uncertainty.any() {
+            let measured_mm = millimetres(&depth, job.unit_mm);
+            self.written.uncertainty.write(measured_mm, corrector, &context, &self.target(&job.depth))?;
+        }
         write_depth_frame(self.target(&job.depth), &corrected).map_err(input)?;
         Ok(summary)
     }

@@ -8,6 +8,7 @@ mod resume;
 mod stream;
 mod stream_args;
 mod stream_register;
+mod uncertainty;
 mod written;
 
 pub(crate) use command::Apply;

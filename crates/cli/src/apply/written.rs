@@ -6,6 +6,8 @@ use clap::{Args, ValueEnum};
 use depthcal_correction::{CorrectionSummary, Corrector, CorrectorError, FrameContext, PointsMut};
 use depthcal_io::{Cloud, DepthFrame, DepthImage, DepthValues, FileError, PlyFormat, write_pcd, write_ply};
 
+use super::uncertainty::UncertaintyFiles;
+
 /// Format of corrected depth images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum DepthFormat {
@@ -59,6 +61,8 @@ pub(super) struct Written {
     /// Writes 32-bit floating-point values in the unit of the originals, not rounded to its steps (TIFF, NPY, EXR).
     #[arg(long)]
     float: bool,
+    #[command(flatten)]
+    pub(super) uncertainty: UncertaintyFiles,
 }
 
 impl Written {
@@ -121,7 +125,7 @@ impl Written {
 }
 
 /// Measurements in mm, 0 where there is none.
-fn millimetres(depth: &DepthFrame, unit_mm: f64) -> Vec<f32> {
+pub(super) fn millimetres(depth: &DepthFrame, unit_mm: f64) -> Vec<f32> {
     (0..depth.len()).map(|i| depth.measurement(i).map_or(0.0, |raw| (raw * unit_mm) as f32)).collect()
 }
 

@@ -139,6 +139,23 @@ class Corrector:
         ``depth`` is as measured, in units of ``unit_mm`` millimetres, as :meth:`correct` takes it.
         """
 
+    def uncertainty(
+        self, depth: Depth, unit_mm: float = 1.0, *, out: npt.NDArray[np.float32] | None = None
+    ) -> npt.NDArray[np.float32]:
+        """Standard deviation of the corrected depth of every pixel in millimetres: float32 of the shape of ``depth``, NaN where
+        there is no depth.
+
+        ``depth`` is as measured, in units of ``unit_mm`` millimetres. The noise of the pixel and the uncertainty of the
+        calibration's parameters are in it, under the conditions in the middle of those of the fit. Raises :class:`InputError` for
+        a calibration without noise of depth.
+        """
+
+    def mask(self, corrected: Depth, unit_mm: float = 1.0) -> npt.NDArray[np.uint8]:
+        """Where the calibration is supported, for corrected depth: uint8 of its shape, 255 where boards were seen there and at
+        such depths, 128 where the calibration extrapolates, 0 without depth. Raises :class:`InputError` for a calibration without
+        noise of depth.
+        """
+
 class Effect:
     name: str
     spec: str

@@ -7,8 +7,9 @@ use super::plotly::{AFTER, NEUTRAL, colour_bar, sequential, shorts};
 use crate::format::number;
 use crate::uncertainty::Uncertainty;
 use depthcal_calibration::calibrate::Calibrated;
-use depthcal_calibration::judge::difference::{UncertainCamera, projection_difference};
+use depthcal_calibration::judge::difference::projection_difference;
 use depthcal_io::grid_pixel;
+use depthcal_model::uncertainty::UncertainCamera;
 use depthcal_statistics::quantile;
 
 /// With more free parameters than this there is no map of projection, which would take seconds.

@@ -1,0 +1,58 @@
+//! Uncertainty of corrected depth, from calibrations in memory and from `calibration.json`.
+
+use depthcal_io::{Calibration, FrameRecord};
+use depthcal_model::Context;
+use depthcal_model::uncertainty::{DepthNoise, Support, UncertainCamera, UncertainDepth};
+use depthcal_statistics::quantile;
+use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use crate::calibrate::Calibrated;
+use crate::observe::PlacedCamera;
+use crate::rig_record::covariance_of;
+
+/// The pose of a fitted frame in the frame of the rig.
+pub fn rig_from_board(frame: &FrameRecord) -> Isometry3<f64> {
+    let [w, x, y, z] = frame.rotation;
+    let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::from(Vector3::from(frame.translation_mm)), rotation)
+}
+
+/// Uncertainty of the depth that a camera of a calibration corrects; `None` where the calibration has no noise of depth. Without
+/// a covariance it is that of noise alone.
+///
+/// Frames of a rig count as seen by every camera in whose image the board was.
+pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<UncertainDepth> {
+    let of_camera = record.cameras().find(|camera| camera.name == placed.name)?;
+    let noise = DepthNoise {
+        a_per_mm: of_camera.noise.inverse_depth_sigma_a?,
+        b_mm: of_camera.noise.inverse_depth_sigma_b.unwrap_or(0.0),
+    };
+    let uncertain = match covariance_of(record, placed) {
+        Some((places, covariance)) => UncertainCamera::new(placed.camera.clone(), &places, &covariance),
+        None => UncertainCamera::exact(placed.camera.clone()),
+    };
+    let temperatures = record.frames.iter().filter_map(|frame| frame.metadata.temperature_c);
+    let times = || record.frames.iter().filter_map(|frame| frame.metadata.timestamp_s);
+    let first = times().fold(f64::INFINITY, f64::min);
+    let conditions = Context {
+        temperature_c: quantile(temperatures, 0.5),
+        time_s: times().next().map_or(0.0, |_| quantile(times().map(|t| t - first), 0.5)),
+        ..Context::default()
+    };
+    let mut depth = UncertainDepth::new(&uncertain, noise, conditions);
+    let poses: Vec<_> = record.frames.iter().map(|f| placed.camera_from_rig * rig_from_board(f)).collect();
+    depth.support = Support::of_boards(&placed.camera, record.target.marker_rectangle(), &poses);
+    Some(depth)
+}
+
+/// Uncertainty of the depth that a fitted camera corrects, under given conditions, with the covariance of all its parameters,
+/// zeros for those that are fixed.
+pub fn uncertain_depth_of(fit: &Calibrated, covariance: &DMatrix<f64>, conditions: Context) -> UncertainDepth {
+    let places: Vec<usize> = (0..covariance.nrows()).filter(|i| covariance[(*i, *i)] > 0.0).collect();
+    let of_free = covariance.select_rows(&places).select_columns(&places);
+    let uncertain = UncertainCamera::new(fit.camera.clone(), &places, &of_free);
+    let mut depth = UncertainDepth::new(&uncertain, fit.noise.depth, conditions);
+    let poses: Vec<_> = fit.capture.poses().collect();
+    depth.support = Support::of_boards(&fit.camera, fit.capture.target.marker_rectangle(), &poses);
+    depth
+}
