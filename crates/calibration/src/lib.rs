@@ -12,6 +12,7 @@
 //! | the driver: image, depth, noise, outliers, until they settle | [`calibrate`] |
 //! | files of a dataset to detected boards, with dots refined by a fitted camera | [`load`] |
 //! | errors on frames that the fit did not see | [`judge`] |
+//! | which captures lower an uncertainty most | [`plan`] |
 //! | depth models on equal terms | [`compare`] |
 //! | the closed loop: what is left, which effect is missing, before and after | [`diagnose`] |
 //! | fits as records for files | [`calibration_record`] |
@@ -32,6 +33,7 @@ pub mod estimators;
 pub mod judge;
 pub mod load;
 pub mod observe;
+pub mod plan;
 pub mod progress;
 pub mod rig_record;
 #[cfg(any(test, feature = "simulate"))]

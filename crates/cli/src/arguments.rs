@@ -21,6 +21,7 @@ use super::failure::Failure;
 use super::fleet::Fleet;
 use super::formula::Formula;
 use super::man::ManPage;
+use super::next::Next;
 use super::schema::Schema;
 use super::session::Session;
 use super::simulate::Simulate;
@@ -84,6 +85,7 @@ From captures to corrected depth:
   depthcal detect captures/                        is the board found in every image?
   depthcal calibrate captures/ --cross-validate 3 --out result/
   depthcal diagnose captures/ --out result/        which effects does the model lack? adds them
+  depthcal next captures/                          which captures to add, and how many are enough
   depthcal evaluate result/calibration.json other-captures/ --out check/
   depthcal apply result/calibration.json depth/ --out corrected/ --cloud
 Every command writes its JSON file and, where it measures errors, report.html into --out (default: depthcal-out/COMMAND); open the
@@ -107,6 +109,7 @@ pub(super) enum Command {
     Diagnose(Diagnose),
     Evaluate(Evaluate),
     Compare(Compare),
+    Next(Next),
     Diff(Diff),
     Fleet(Fleet),
     Apply(Apply),
@@ -131,6 +134,7 @@ impl Command {
             Command::Diagnose(_) => "diagnose",
             Command::Evaluate(_) => "evaluate",
             Command::Compare(_) => "compare",
+            Command::Next(_) => "next",
             Command::Diff(_) => "diff",
             Command::Fleet(_) => "fleet",
             Command::Apply(_) => "apply",
@@ -167,6 +171,7 @@ impl Command {
             Command::Calibrate(command) => command.load_formulas(register),
             Command::Diagnose(command) => command.load_formulas(register),
             Command::Compare(command) => command.load_formulas(register),
+            Command::Next(command) => command.load_formulas(register),
             Command::Evaluate(command) => command.load_formulas(register),
             _ => Ok(()),
         }
@@ -180,6 +185,7 @@ impl Command {
             Command::Diagnose(command) => command.run(session),
             Command::Evaluate(command) => command.run(session),
             Command::Compare(command) => command.run(session),
+            Command::Next(command) => command.run(session),
             Command::Diff(command) => command.run(session),
             Command::Fleet(command) => command.run(session),
             Command::Apply(command) => command.run(session),

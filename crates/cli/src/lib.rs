@@ -43,6 +43,7 @@ mod formula_files;
 mod import;
 mod log_writer;
 mod man;
+mod next;
 mod next_command;
 mod parameters;
 mod progress;

@@ -103,8 +103,8 @@ impl UncertaintyVolume {
         let plane = (w as usize).min(planes - 2);
         let fw = w - plane as f32;
         let line = |u: usize, v: usize| {
-            let at = (v * columns + u) * planes + plane;
-            self.relative[at] + fw * (self.relative[at + 1] - self.relative[at])
+            let node = (v * columns + u) * planes + plane;
+            self.relative[node] + fw * (self.relative[node + 1] - self.relative[node])
         };
         let [upper, lower] = [v, v + 1].map(|v| line(u, v) + fu * (line(u + 1, v) - line(u, v)));
         (upper + fv * (lower - upper)) * measured_mm

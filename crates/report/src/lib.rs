@@ -27,6 +27,7 @@
 //! resampling.
 
 mod binned;
+mod board_view;
 mod checks;
 mod comparison;
 mod component_plot;
@@ -65,6 +66,7 @@ mod statistics;
 mod tables;
 mod uncertainty;
 
+pub use board_view::board_views;
 pub use diagnosis::{Detail, diagnosis_text, verdict_sentence};
 pub use difference::{difference_sentences, difference_text};
 pub use effect_files::effect_files;

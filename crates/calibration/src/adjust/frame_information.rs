@@ -107,8 +107,18 @@ impl Adjustment {
     /// Information of every frame on the free parameters that all frames share, without priors and with residuals weighted by
     /// their losses. It is zero for frames that cannot be evaluated.
     pub fn frame_information(&self, curvature: Curvature) -> Vec<FrameInformation> {
-        let parts = self.information_of_parts([&self.image_batches(), &self.depth_batches()], curvature, [1.0]);
-        parts.into_iter().map(|[frame]| frame).collect()
+        self.frame_information_weighted(curvature, |_| 1.0)
+    }
+
+    /// [`Adjustment::frame_information`] with the depth of every frame, given by its number, counted so many times.
+    pub fn frame_information_weighted(
+        &self,
+        curvature: Curvature,
+        depth_weight: impl Fn(usize) -> f64 + Sync,
+    ) -> Vec<FrameInformation> {
+        let parts = [&self.image_batches()[..], &self.depth_batches()];
+        let frames = self.information_of_parts(parts, curvature, |frame| [depth_weight(frame)]);
+        frames.into_iter().map(|[frame]| frame).collect()
     }
 
     /// [`Adjustment::frame_information`] with the weights of the solver. Of held-out frames only the depth of `camera` is judged;
@@ -117,22 +127,23 @@ impl Adjustment {
         let judged = self.cameras[camera].depth;
         let mut others = self.image_batches();
         others.extend(self.depth_batches().into_iter().filter(|id| Some(*id) != judged));
-        self.information_of_parts([&others, judged.as_slice()], Curvature::OfWeights, factors)
+        self.information_of_parts([&others, judged.as_slice()], Curvature::OfWeights, |_| factors)
     }
 
     /// Information of frames from batches that give poses where a frame is held out, and from batches that are then judged; these
-    /// count with each of `factors` where frames are fitted.
+    /// count with each of the `factors` of a frame where it is fitted.
     fn information_of_parts<const N: usize>(
         &self,
         parts: [&[BatchId]; 2],
         curvature: Curvature,
-        factors: [f64; N],
+        factors: impl Fn(usize) -> [f64; N] + Sync,
     ) -> Vec<[FrameInformation; N]> {
         let shared = SharedParameters::of(self);
         let size = POSE + shared.free.len();
         self.poses
             .par_iter()
-            .map(|pose| {
+            .enumerate()
+            .map(|(frame, pose)| {
                 let parts = parts.map(|batches| {
                     let mut sum = (DMatrix::zeros(size, size), DVector::zeros(size));
                     for batch in batches.iter().filter_map(|b| self.graph.batch(*b)) {
@@ -144,7 +155,7 @@ impl Adjustment {
                     }
                     sum
                 });
-                factors.map(|factor| FrameInformation::new(&parts[0], &parts[1], POSE, factor))
+                factors(frame).map(|factor| FrameInformation::new(&parts[0], &parts[1], POSE, factor))
             })
             .collect()
     }

@@ -15,7 +15,7 @@ use super::decision::{Competitor, Decision};
 use super::diagnosis::Diagnosis;
 use super::discovery::RunnerUp;
 use super::evidence::Evidence;
-use super::experiment_design::{CaptureProposal, ProposedFrame};
+use super::experiment_design::CaptureProposal;
 use super::frame_planes::FramePlane;
 use super::free_functions::Along;
 use super::free_map::FREE_MAP;
@@ -26,6 +26,7 @@ use super::pure_noise::PureNoise;
 use super::round::{Refutation, Refuted, Round, RoundOutcome};
 use super::step::Step;
 use crate::calibrate::ImplausibleScale;
+use crate::plan::ProposedFrame;
 
 /// Caps the ratio where the frames' planes are near zero.
 const LARGEST_RATIO: f64 = 1e3;

@@ -13,10 +13,14 @@ use crate::calibrate::CalibrateError;
 use crate::calibration_record::RecordError;
 use crate::diagnose::DiagnoseError;
 use crate::load::{DeclaredCameraError, LoadError};
+use crate::plan::PlanError;
 
 /// Why a task fails.
 #[derive(Debug, Error)]
 pub enum TaskError {
+    /// No captures can be planned.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
     /// The text of an option means nothing.
     #[error("{option} {text}: {problem}")]
     Option {

@@ -82,11 +82,11 @@ impl Support {
 
     /// Whether every pixel of the depth image of `camera` lies where boards were seen, row by row.
     pub fn pixels(&self, camera: &Camera) -> Vec<bool> {
-        let at = |index: usize| {
+        let is_seen = |index: usize| {
             let pixel = [(index % camera.width) as f64, (index / camera.width) as f64];
             self.holds_pixel(camera.image_pixel(&Context { pixel, ..Context::default() }))
         };
-        (0..camera.width * camera.height).map(at).collect()
+        (0..camera.width * camera.height).map(is_seen).collect()
     }
 }
 

@@ -1,0 +1,203 @@
+//! `next`: which captures to add.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use depthcal_calibration::calibrate::Estimator;
+use depthcal_calibration::judge::parts::Parts;
+use depthcal_calibration::task::{Fit, FitRequest, ModelRequest, NextCaptures, NextRequest, OptionNames};
+use depthcal_io::write_atomically;
+use depthcal_model::Register;
+use depthcal_report::board_views;
+use depthcal_report::format::{count, quantity};
+use serde_json::{Value, json};
+
+use super::common::{Reading, camera_count};
+use super::failure::{Failure, input};
+use super::formula_files;
+use super::progress::Progress;
+use super::session::Session;
+use super::voice::say;
+
+/// Says which captures to add: the poses of the board that lower an uncertainty most, and how many frames like these are enough.
+///
+/// Fits the dataset as `calibrate` does. What every pose of a grid over distance, place in the image and tilt would add follows from
+/// the fitted camera; it does not depend on what will be measured.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  depthcal next captures/                                   corrected depth over the distances that were seen
+  depthcal next captures/ --range-mm 500,4000 --within 2    … over these, until its error is below 2 mm
+  depthcal next captures/ --goal projection --within 0.05   pixels
+  depthcal next captures/ --goal pinhole.fx                 one parameter
+  depthcal next captures/ --svg next.svg                    a drawing of the boards in the camera's view")]
+pub(super) struct Next {
+    /// Folder with a dataset.toml.
+    pub(super) dataset: PathBuf,
+    /// What to lower: depth (error of corrected depth), projection (error of pixels), or a parameter PIECE.PARAMETER [default:
+    /// depth, projection without depth].
+    #[arg(long, default_value = "", hide_default_value = true)]
+    goal: String,
+    /// Nearest and farthest distance of the goal depth, mm [default: those that were seen].
+    #[arg(long, value_name = "NEAR,FAR", value_parser = parse_range)]
+    range_mm: Option<[f64; 2]>,
+    /// Error that is small enough, root mean square in mm, px or the parameter's unit [default: a third of a depth pixel's noise, 0.1
+    /// px, half of the present error].
+    #[arg(long, value_name = "X")]
+    within: Option<f64>,
+    /// Number of poses.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=50))]
+    frames: u16,
+    /// The camera of a rig [default: the first with depth].
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// Draws the boards in the camera's view into this file.
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Depth model, as for `calibrate`.
+    #[arg(long, default_value = "projective")]
+    model: String,
+    /// Further effects, as for `calibrate`.
+    #[arg(long, value_delimiter = ',', value_name = "EFFECT,…")]
+    with: Vec<String>,
+    /// Lens model, as for `calibrate`.
+    #[arg(long)]
+    lens: Option<String>,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let ends: Vec<f64> = text.split(',').filter_map(|end| end.trim().parse().ok()).collect();
+    match ends[..] {
+        [near, far] if near > 0.0 && far > near && far.is_finite() => Ok([near, far]),
+        _ => Err("give nearest and farthest distance in mm, such as 500,4000".to_owned()),
+    }
+}
+
+impl Next {
+    /// Puts the names of effects where files of formulas are named, and adds these effects to the register.
+    pub(super) fn load_formulas(&mut self, register: &mut Register) -> Result<(), Failure> {
+        self.model = formula_files::resolve_model("--model", &self.model, register)?;
+        self.with = formula_files::resolve("--with", &self.with, register)?;
+        self.lens = formula_files::resolve_lens("--lens", self.lens.as_deref(), register)?;
+        Ok(())
+    }
+
+    pub(super) fn run(&self, session: &Session) -> Result<Value, Failure> {
+        if let Some(within) = self.within.filter(|within| !(within.is_finite() && *within > 0.0)) {
+            return Err(Failure::Input(format!("--within is {within}: give an error above 0, such as 1")));
+        }
+        let request = FitRequest {
+            model: ModelRequest {
+                names: OptionNames::COMMAND_LINE,
+                model: self.model.clone(),
+                with: self.with.clone(),
+                lens: self.lens.clone(),
+            },
+            estimator: Estimator::Joint,
+            hold_out: None,
+            cross_validate: None,
+            parts: Parts::Interleaved,
+            priors: Vec::new(),
+        };
+        camera_count(&self.dataset, |cameras| request.check(cameras, &session.register))?;
+        let loaded = self.reading.load(&self.dataset, session)?;
+        let busy = Progress::busy("fitting");
+        let fit = request.fit(&loaded, session.calibrate_options())?;
+        drop(busy);
+        let next = NextRequest {
+            goal: self.goal.clone(),
+            range_mm: self.range_mm,
+            within: self.within,
+            poses: usize::from(self.frames),
+            camera: self.camera.clone(),
+        };
+        let next = next.next(&fit.fitted)?;
+        print(&next, fit.fitted.rig().is_some());
+        if let Some(path) = &self.svg {
+            let svg = drawing(&fit, &next);
+            write_atomically(path, |writer| writer.write_all(svg.as_bytes())).map_err(input)?;
+            say!("written: {}", path.display());
+        }
+        Ok(value(&next))
+    }
+}
+
+/// What the goal is about, in words.
+fn about(next: &NextCaptures) -> String {
+    use depthcal_calibration::plan::Goal;
+    match &next.goal {
+        Goal::Depth { range_mm: [near, far] } => {
+            format!("error of corrected depth from {} to {}", quantity(*near, "mm"), quantity(*far, "mm"))
+        }
+        Goal::Projection { distance_mm } => format!("error of projection at {}", quantity(*distance_mm, "mm")),
+        Goal::Parameter(name) => format!("error of {name}"),
+    }
+}
+
+fn print(next: &NextCaptures, is_rig: bool) {
+    let (plan, unit) = (&next.plan, next.unit.as_str());
+    let of_camera = if is_rig { format!("{}: ", next.camera) } else { String::new() };
+    say!(
+        "{of_camera}{}, rms over the image: {} expected now, below {} with 95 % certainty",
+        about(next),
+        quantity(plan.now, unit),
+        quantity(plan.now_certain, unit)
+    );
+    let target = quantity(next.target, unit);
+    match plan.frames_needed {
+        Some(0) => say!("it is within {target} with 95 % certainty already: further frames are not needed"),
+        Some(frames) => say!("within {target} with 95 % certainty after {} like these", count(frames, "frame")),
+        None => say!(
+            "frames like these do not bring it within {target}: {} is what is left when they hardly help any more",
+            quantity(plan.reachable, unit)
+        ),
+    }
+    say!("\ncapture next:");
+    for (number, planned) in plan.poses.iter().enumerate() {
+        say!("  {}. {}  → {}", number + 1, planned.frame.words(), quantity(planned.expected, unit));
+    }
+    if let Some(noise_mm) = next.noise_mm.filter(|_| unit == "mm") {
+        say!(
+            "\nThese are errors that all frames have in common, as far as the model is right. A single pixel has noise of {} besides, \
+             which no further frame lowers.",
+            quantity(noise_mm, "mm")
+        );
+    }
+}
+
+fn drawing(fit: &Fit, next: &NextCaptures) -> String {
+    let placed = fit.fitted.rig().map(|rig| rig.cameras[next.number].camera_from_rig).unwrap_or_default();
+    let cameras = fit.fitted.cameras();
+    let Some((_, camera)) = cameras.get(next.number) else { return String::new() };
+    let boards: Vec<_> =
+        next.plan.poses.iter().map(|planned| (placed * planned.rig_from_board, planned.frame.words())).collect();
+    board_views(&camera.camera, &camera.capture.target, &boards)
+}
+
+fn value(next: &NextCaptures) -> Value {
+    let pose = |planned: &depthcal_calibration::plan::Planned| {
+        let (q, t) = (planned.rig_from_board.rotation.quaternion(), planned.rig_from_board.translation.vector);
+        json!({
+            "words": planned.frame.words(),
+            "distance_mm": planned.frame.distance_mm,
+            "turned_deg": planned.frame.tilt.angles_deg(),
+            "rotation": [q.w, q.i, q.j, q.k],
+            "translation_mm": [t.x, t.y, t.z],
+            "expected": planned.expected,
+        })
+    };
+    let plan = &next.plan;
+    json!({
+        "camera": next.camera,
+        "goal": about(next),
+        "unit": next.unit,
+        "now": plan.now,
+        "now_95": plan.now_certain,
+        "within": next.target,
+        "frames_needed": plan.frames_needed,
+        "reachable_95": plan.reachable,
+        "pixel_noise_mm": next.noise_mm,
+        "capture_next": plan.poses.iter().map(pose).collect::<Vec<_>>(),
+    })
+}
