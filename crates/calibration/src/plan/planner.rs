@@ -81,8 +81,10 @@ pub struct Plan {
 /// What a fit knows, and what every pose of a grid would add.
 #[derive(Debug, Clone)]
 pub struct Planner {
-    /// Information of the fit, in units of standard deviations.
-    precision: DMatrix<f64>,
+    /// Covariance of the fit, in units of standard deviations.
+    covariance: DMatrix<f64>,
+    /// Information of the fitted frames, computed as that of the poses.
+    fitted: DMatrix<f64>,
     /// The grid of poses with their information.
     poses: Vec<(ProposedFrame, Isometry3<f64>, DMatrix<f64>)>,
     /// Places of the camera's parameters among the rows of `precision`, those in its θ, and their standard deviations.
@@ -120,16 +122,24 @@ impl Planner {
         }
         let n = rows.len();
         let correlation = DMatrix::from_fn(n, n, |i, k| of_free[(i, k)] / (std_devs[i] * std_devs[k]));
-        let precision = inverse(correlation).ok_or(PlanError::Undetermined)?;
         let information = adjustment.frame_information_weighted(Curvature::OfWeights, |frame| weights[frame]);
         let scaled = |m: &DMatrix<f64>| DMatrix::from_fn(n, n, |i, k| m[(i, k)] * std_devs[i] * std_devs[k]);
+        let fitted = scaled(&information_of_fitted(state, &rows)?);
         let poses = candidates.into_iter().zip(information).map(|((f, p), i)| (f, p, scaled(&i.fitted.0))).collect();
         let blocks = state.parameter_rows().get(number).map_or(0..0, |rows| rows.blocks.clone());
         let places: Vec<usize> = (0..n).filter(|i| blocks.contains(&rows[*i])).collect();
         let in_theta = places.iter().map(|i| rows[*i] - blocks.start).collect();
         let of_places = places.iter().map(|i| std_devs[*i]).collect();
         let of_camera = (places, in_theta, of_places);
-        Ok(Self { precision, poses, of_camera, camera: camera.camera.clone(), conditions, range_mm })
+        Ok(Self {
+            covariance: correlation,
+            fitted,
+            poses,
+            of_camera,
+            camera: camera.camera.clone(),
+            conditions,
+            range_mm,
+        })
     }
 
     /// The goal where none is asked for: corrected depth over the range that was seen.
@@ -145,15 +155,18 @@ impl Planner {
     pub fn plan(&self, goal: &Goal, target: f64, count: usize) -> Result<Plan, PlanError> {
         let (places, in_theta, std_devs) = &self.of_camera;
         let of_camera = goal.weight(&self.camera, &self.conditions, (in_theta, std_devs))?;
-        let n = self.precision.nrows();
+        let n = self.fitted.nrows();
         let mut weight = DMatrix::zeros(n, n);
         for (i, row) in places.iter().enumerate() {
             for (k, column) in places.iter().enumerate() {
                 weight[(*row, *column)] = of_camera[(i, k)];
             }
         }
-        let error = |precision: &DMatrix<f64>| inverse(precision.clone()).map(|c| Error::of(&c, &weight));
-        let now = error(&self.precision).ok_or(PlanError::Undetermined)?;
+        let now = Error::of(&self.covariance, &weight);
+        let of_fitted = inverse(self.fitted.clone()).ok_or(PlanError::Undetermined)?;
+        // What the fit says of itself over what the information of its frames says.
+        let scale = now.mean_square / Error::of(&of_fitted, &weight).mean_square;
+        let error = |precision: &DMatrix<f64>| inverse(precision.clone()).map(|c| Error::of(&(c * scale), &weight));
         let mut plan = Plan {
             now: now.mean_square.sqrt(),
             now_certain: now.certain(),
@@ -161,7 +174,7 @@ impl Planner {
             frames_needed: (now.certain() <= target).then_some(0),
             reachable: now.certain(),
         };
-        let (mut precision, mut last) = (self.precision.clone(), now);
+        let (mut precision, mut last) = (self.fitted.clone(), now);
         for frames in 1..=MOST_FRAMES {
             let with = |(number, (_, _, more)): (usize, &(_, _, DMatrix<f64>))| {
                 error(&(&precision + more)).map(|error| (number, error))
@@ -189,6 +202,27 @@ impl Planner {
         }
         Ok(plan)
     }
+}
+
+/// Information of the fitted frames on the free parameters, whose rows these are, with depth that counts as that of a pose does.
+fn information_of_fitted(state: &State, rows: &[usize]) -> Result<DMatrix<f64>, PlanError> {
+    let mut state = state.clone();
+    let mut weights = vec![1.0; state.frames.len()];
+    for camera in &mut state.cameras {
+        camera.offset_s = None;
+        let correlated = frame_correlation(&camera.noise);
+        for (number, frame) in camera.frames.iter().zip(&camera.capture.frames) {
+            if !frame.samples.is_empty() {
+                weights[*number] = 1.0 / (1.0 + frame.samples.len() as f64 * correlated);
+            }
+        }
+    }
+    let adjustment = Adjustment::of_state(&state, true).map_err(|_| PlanError::Undetermined)?;
+    if adjustment.free_rows() != rows {
+        return Err(PlanError::Undetermined);
+    }
+    let frames = adjustment.frame_information_weighted(Curvature::OfWeights, |frame| weights[frame]);
+    Ok(frames.iter().fold(DMatrix::zeros(rows.len(), rows.len()), |sum, frame| sum + &frame.fitted.0))
 }
 
 /// Inverse of a positive definite matrix whose diagonal has about one size.
