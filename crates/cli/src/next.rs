@@ -21,8 +21,8 @@ use super::voice::say;
 
 /// Says which captures to add: the poses of the board that lower an uncertainty most, and how many frames like these are enough.
 ///
-/// Fits the dataset as `calibrate` does. What every pose of a grid over distance, place in the image and tilt would add follows from
-/// the fitted camera; it does not depend on what will be measured.
+/// Fits the dataset as `calibrate` does. What every pose of a grid over distance, place in the image and tilt would add follows
+/// from the fitted camera; it does not depend on what will be measured.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   depthcal next captures/                                   corrected depth over the distances that were seen
@@ -33,15 +33,15 @@ use super::voice::say;
 pub(super) struct Next {
     /// Folder with a dataset.toml.
     pub(super) dataset: PathBuf,
-    /// What to lower: depth (error of corrected depth), projection (error of pixels), or a parameter PIECE.PARAMETER [default:
-    /// depth, projection without depth].
+    /// The error to lower: depth (of corrected depth), projection (of pixels), or a parameter PIECE.PARAMETER [default: depth,
+    /// projection without depth].
     #[arg(long, default_value = "", hide_default_value = true)]
     goal: String,
     /// Nearest and farthest distance of the goal depth, mm [default: those that were seen].
     #[arg(long, value_name = "NEAR,FAR", value_parser = parse_range)]
     range_mm: Option<[f64; 2]>,
-    /// Error that is small enough, root mean square in mm, px or the parameter's unit [default: a third of a depth pixel's noise, 0.1
-    /// px, half of the present error].
+    /// Error that is small enough, root mean square in mm, px or the parameter's unit [default: a third of a depth pixel's
+    /// noise, 0.1 px, half of the present error].
     #[arg(long, value_name = "X")]
     within: Option<f64>,
     /// Number of poses.
@@ -123,7 +123,7 @@ impl Next {
     }
 }
 
-/// What the goal is about, in words.
+/// The subject of the goal, in words.
 fn about(next: &NextCaptures) -> String {
     use depthcal_calibration::plan::Goal;
     match &next.goal {

@@ -34,8 +34,8 @@ impl Corrector {
         Ok(Self { prepared: PreparedCamera::new(camera)?, uncertainty: None })
     }
 
-    /// The corrector with the uncertainty of its camera's depth. It is evaluated on a grid over image and distance when it is asked
-    /// for the first time, which takes a tenth of a second or so.
+    /// The corrector with the uncertainty of its camera's depth. It is evaluated on a grid over image and distance when it is
+    /// asked for the first time, which takes a tenth of a second or so.
     #[must_use]
     pub fn with_uncertainty(self, depth: UncertainDepth) -> Self {
         Self { uncertainty: Some(LazyVolume::new(depth)), ..self }

@@ -379,9 +379,10 @@ impl Corrector {
         Ok(out.into_any())
     }
 
-    /// Standard deviation of the corrected depth of every pixel in millimetres, whatever the unit of ``depth``, which is as measured:
-    /// float32 of its shape, NaN where there is no depth. Noise of the pixel and uncertainty of the calibration's parameters, under
-    /// the conditions in the middle of those of the fit. Raises InputError for a calibration without noise of depth.
+    /// Standard deviation of the corrected depth of every pixel in millimetres, whatever the unit of ``depth``, which is as
+    /// measured: float32 of its shape, NaN where there is no depth. Noise of the pixel and uncertainty of the calibration's
+    /// parameters, under the conditions in the middle of those of the fit. Raises InputError for a calibration without noise
+    /// of depth.
     #[pyo3(signature = (depth, unit_mm=1.0, *, out=None))]
     fn uncertainty<'py>(
         &self,
@@ -413,7 +414,8 @@ impl Corrector {
     }
 
     /// Where the calibration is supported, for corrected depth: uint8 of its shape, 255 where boards were seen there and at such
-    /// depths, 128 where the calibration extrapolates, 0 without depth. Raises InputError for a calibration without noise of depth.
+    /// depths, 128 where the calibration extrapolates, 0 without depth. Raises InputError for a calibration without noise of
+    /// depth.
     #[pyo3(signature = (corrected, unit_mm=1.0))]
     fn mask<'py>(&self, py: Python<'py>, corrected: &Bound<'py, PyAny>, unit_mm: f64) -> PyResult<Bound<'py, PyAny>> {
         let given = Given { depth: corrected, unit_mm, amplitude: None, time_s: None, temperature_c: None };

@@ -45,8 +45,8 @@ pub(super) enum Gain {
 
 /// The gain of the model `after` over the model `before`.
 ///
-/// Counted is the change of the product of the depth error weighted by `noise` and of the reprojection error: a loss in one cancels
-/// a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, or that of the fall of
+/// Counted is the change of the product of the depth error weighted by `noise` and of the reprojection error: a loss in one
+/// cancels a gain in the other. The gain is certain where its 95 % interval over frames excludes zero, or that of the fall of
 /// the unweighted depth error, with frames left out singly and in blocks: neighbours of a sweep are alike. No error that users
 /// read, unweighted depth and dot error, may rise beyond its interval. A rise of the unweighted depth error, which far pixels
 /// dominate, that is larger than the weighted gain makes the gain uncertain.

@@ -23,7 +23,7 @@ impl Error {
         Self { mean_square: product.trace(), variance: 2.0 * square.trace(), third: 8.0 * third }
     }
 
-    /// What the root of the mean square is below with a probability of [`CERTAINTY`].
+    /// The value that the root of the mean square is below with a probability of [`CERTAINTY`].
     pub fn certain(&self) -> f64 {
         let deviation = self.variance.sqrt();
         let skewness = self.third / self.variance.powf(1.5);

@@ -1,4 +1,4 @@
-//! What further captures are to achieve.
+//! The goal of further captures.
 
 use depthcal_model::{Camera, Context};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -11,7 +11,7 @@ const GRID: [usize; 3] = [7, 5, 5];
 /// Change of a parameter for a derivative, in standard deviations.
 const STEP: f64 = 0.1;
 
-/// What further captures are to lower.
+/// The goal that further captures are to lower.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Goal {
     /// Root mean square error of corrected depth over the image and a range of distances, mm, as far as the parameters make it.
@@ -42,7 +42,7 @@ pub enum GoalError {
     /// The parameters do not change what the goal is about.
     #[error("no free parameter of the camera changes the {goal}: fit a model that has one")]
     NothingChanges {
-        /// What the goal is about.
+        /// The subject of the goal.
         goal: &'static str,
     },
 }

@@ -67,18 +67,18 @@ pub struct Planned {
 pub struct Plan {
     /// Root mean square of the goal's error that is expected of the present fit.
     pub now: f64,
-    /// What it is below with a probability of 95 %.
+    /// The value that it is below with a probability of 95 %.
     pub now_certain: f64,
     /// Poses in the order in which to capture them.
     pub poses: Vec<Planned>,
     /// Number of such frames until the goal's error is within the target with a probability of 95 %: 0 where it is already,
     /// `None` where more frames do not get there.
     pub frames_needed: Option<usize>,
-    /// What the goal's error is below with a probability of 95 % after the last frame that was forecast.
+    /// The value that the goal's error is below with a probability of 95 % after the last frame that was forecast.
     pub reachable: f64,
 }
 
-/// What a fit knows, and what every pose of a grid would add.
+/// The information of a fit, and that which every pose of a grid would add.
 #[derive(Debug, Clone)]
 pub struct Planner {
     /// Covariance of the fit, in units of standard deviations.

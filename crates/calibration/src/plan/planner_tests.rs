@@ -53,7 +53,7 @@ fn the_present_value_of_a_parameter_is_its_standard_deviation() {
     assert_eq!(error, GoalError::NothingChanges { goal: "depth" });
 }
 
-/// The first pose lowers the goal more than the frames that were captured next did, and each further one less than the one before.
+/// The first pose lowers the goal more than the frames that were captured next did, and each further one less than the last.
 #[test]
 fn proposed_frames_are_worth_more_than_those_that_were_captured() {
     let [before, after] = [6, 9].map(|frames| planner(&fitted(frames)));

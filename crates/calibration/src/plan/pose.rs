@@ -110,8 +110,8 @@ impl BoardTilt {
     /// Those at which frames that distinguish two effects are searched.
     pub const DIAGNOSED: [Self; 3] = [Self::Parallel, Self::AboutVertical(TILT_DEG), Self::AboutHorizontal(TILT_DEG)];
 
-    /// In words, for who looks along with the camera: a positive angle about the vertical axis (down) brings the board's right side
-    /// nearer, one about the horizontal axis (to the right) its upper side.
+    /// In words, for who looks along with the camera: a positive angle about the vertical axis (down) brings the board's right
+    /// side nearer, one about the horizontal axis (to the right) its upper side.
     pub fn words(self) -> String {
         let tilted = |angle: f64, side: &str| format!("tilted by {:.0}°, its {side} side nearer", angle.abs());
         match self {

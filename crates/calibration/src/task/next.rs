@@ -36,7 +36,7 @@ pub struct NextCaptures {
     pub camera: String,
     /// Its number among those of the rig.
     pub number: usize,
-    /// What they are to lower.
+    /// The goal that they are to lower.
     pub goal: Goal,
     /// Unit of its values.
     pub unit: String,

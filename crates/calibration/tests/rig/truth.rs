@@ -199,8 +199,8 @@ fn cameras_without_common_frames_are_named() {
     assert!(error.to_string().contains("within_s") && !error.is_untrusted_fit());
 }
 
-/// A camera that exposes while the board moves on sees every board somewhere else: alone it is as good as any, and in the rig it is
-/// refused, by `calibrate_rig` itself.
+/// A camera that exposes while the board moves on sees every board somewhere else: alone it is as good as any, and in the rig it
+/// is refused, by `calibrate_rig` itself.
 #[test]
 fn a_camera_that_contradicts_the_others_is_refused() {
     let mut capture = rig_capture(&support::two_cameras(3, Kind::General(1)));

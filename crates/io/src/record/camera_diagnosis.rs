@@ -95,9 +95,9 @@ pub struct DiagnosisStep {
     pub depth_rms_after_mm: Option<Interval>,
     /// Decrease of the held-out root mean square depth error from `before` to `after`, per cent.
     pub depth_gain_percent: Option<GainInterval>,
-    /// Decrease of the error on left-out frames through it, given all other effects of the last model, per cent: of the product of
-    /// the depth error weighted by its noise and of the reprojection error, the less certain one with frames left out singly and
-    /// in blocks; absent for a free map and in files of earlier versions.
+    /// Decrease of the error on left-out frames through it, given all other effects of the last model, per cent: of the product
+    /// of the depth error weighted by its noise and of the reprojection error, the less certain one with frames left out singly
+    /// and in blocks; absent for a free map and in files of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain_percent: Option<GainInterval>,
     /// Evidence for it, where it is a formula that was found in the residuals.

@@ -54,7 +54,7 @@ impl UncertainDepth {
         Context { pixel, ..self.conditions }
     }
 
-    /// Standard deviations at a pixel under its conditions and a measured depth, mm, by central differences along every direction.
+    /// Standard deviations at a pixel, its conditions and a measured depth, mm, by central differences along every direction.
     pub fn std_dev(&self, context: &Context, measured_mm: f64) -> DepthStdDev {
         let corrected =
             |camera: &Camera, rho: f64| camera.correct(context, 1.0, rho).map_or(f64::NAN, |(_, rho)| 1.0 / rho);

@@ -173,8 +173,8 @@ fn explained(
     Ok(Some(Box::new(Accepted { model, present, largest_share, outcome })))
 }
 
-/// The model of a task with the functions that its residuals depend on, and the share of the squared residuals that each explains.
-/// They are searched again with the noise that they leave as long as the held-out errors fall.
+/// The model of a task with the functions that its residuals depend on, and the share of the squared residuals that each
+/// explains. They are searched again with the noise that they leave as long as the held-out errors fall.
 fn functions(bench: &impl Bench, task: &Task<'_>) -> Result<Option<(Model, Vec<f64>)>, CalibrateError> {
     let Task { model, base, incumbent } = task;
     bench.report("searching what the residuals depend on", &model.options(bench.declared()));
