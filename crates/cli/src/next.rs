@@ -128,9 +128,15 @@ fn about(next: &NextCaptures) -> String {
     use depthcal_calibration::plan::Goal;
     match &next.goal {
         Goal::Depth { range_mm: [near, far] } => {
-            format!("error of corrected depth from {} to {}", quantity(*near, "mm"), quantity(*far, "mm"))
+            format!(
+                "error of corrected depth from {} to {}, rms over the image",
+                quantity(*near, "mm"),
+                quantity(*far, "mm")
+            )
         }
-        Goal::Projection { distance_mm } => format!("error of projection at {}", quantity(*distance_mm, "mm")),
+        Goal::Projection { distance_mm } => {
+            format!("error of projection at {}, rms over the image", quantity(*distance_mm, "mm"))
+        }
         Goal::Parameter(name) => format!("error of {name}"),
     }
 }
@@ -139,7 +145,7 @@ fn print(next: &NextCaptures, is_rig: bool) {
     let (plan, unit) = (&next.plan, next.unit.as_str());
     let of_camera = if is_rig { format!("{}: ", next.camera) } else { String::new() };
     say!(
-        "{of_camera}{}, rms over the image: {} expected now, below {} with 95 % certainty",
+        "{of_camera}{}: {} expected now, below {} with 95 % certainty",
         about(next),
         quantity(plan.now, unit),
         quantity(plan.now_certain, unit)

@@ -39,9 +39,7 @@ struct Pixel {
 fn pose_covariance(fit: &Calibrated, frame: &EvaluatedFrame) -> Option<SMatrix<f64, 6, 6>> {
     let points = fit.capture.target.points();
     let mut normal = SMatrix::<f64, 6, 6>::zeros();
-    let pixel = |pose: &Isometry3<f64>, p: &[f64; 2]| {
-        fit.camera.project(&(pose * Point3::new(p[0], p[1], 0.0)).coords)
-    };
+    let pixel = |pose: &Isometry3<f64>, p: &[f64; 2]| fit.camera.project(&(pose * Point3::new(p[0], p[1], 0.0)).coords);
     for point in &points {
         let mut rows = SMatrix::<f64, 2, 6>::zeros();
         for i in 0..6 {
