@@ -23,9 +23,9 @@ pub fn rig_from_board(frame: &FrameRecord) -> Isometry3<f64> {
 /// Frames of a rig count as seen by every camera in whose image the board was.
 pub fn uncertain_depth(record: &Calibration, placed: &PlacedCamera) -> Option<UncertainDepth> {
     let of_camera = record.cameras().find(|camera| camera.name == placed.name)?;
-    let noise = DepthNoise {
-        a_per_mm: of_camera.noise.inverse_depth_sigma_a?,
-        b_mm: of_camera.noise.inverse_depth_sigma_b.unwrap_or(0.0),
+    let noise = match (of_camera.noise.inverse_depth_sigma_a, of_camera.noise.inverse_depth_sigma_b) {
+        (None, None) => return None,
+        (a, b) => DepthNoise { a_per_mm: a.unwrap_or(0.0), b_mm: b.unwrap_or(0.0) },
     };
     let uncertain = match covariance_of(record, placed) {
         Some((places, covariance)) => UncertainCamera::new(placed.camera.clone(), &places, &covariance),

@@ -92,13 +92,17 @@ fn accepted_formula(
     Ok(Ok(Accepted { model, present, largest_share, outcome }))
 }
 
-/// The model with a formula, where the held-out errors fall for certain with it.
+/// The model with a formula, where the held-out errors fall for certain with it and no frames refute it.
 pub(super) fn with_formula(
     bench: &impl Bench,
     model: &AugmentedModel,
     present: &Fitted,
     discovery: Discovery,
 ) -> Option<(AugmentedModel, Fitted)> {
+    if discovery.is_refuted() {
+        info!("a formula is refuted by frames that the search has not seen: {}", discovery.effect.text());
+        return None;
+    }
     let (spec, p_value) = (discovery.effect.spec(), discovery.p_value);
     let placements = discovery.places_not_told_apart.iter();
     let placements = placements.map(|place| Placement { of: place.of, on: Some(place.on) }).collect();
