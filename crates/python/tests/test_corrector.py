@@ -188,13 +188,15 @@ def test_uncertainty_and_mask_equal_the_command_line(cli, fit, images, tmp_path)
     depth = next(depth for _, depth in images.values())
     np.save(raw / "0.npy", depth)
     out = tmp_path / "out"
-    cli("apply", tmp_path / "fit" / "calibration.json", raw, "--unit-mm", 1, "--out", out, "--uncertainty", "--mask")
+    cli("apply", tmp_path / "fit" / "calibration.json", raw, "--unit-mm", 0.125, "--out", out, "--uncertainty", "--mask")
     assert (out / "sigma" / "0.tiff").is_file() and (out / "mask" / "0.png").is_file()
     corrector = depthcal.Corrector(depthcal.Calibration.load(tmp_path / "fit" / "calibration.json"))
-    sigma = corrector.uncertainty(depth)
+    sigma = corrector.uncertainty(depth, 0.125)
     assert sigma.dtype == np.float32 and sigma.shape == depth.shape
-    assert (sigma[depth > 0] > 0).all() and np.isnan(sigma[depth == 0]).all()
+    assert np.isnan(sigma[depth == 0]).all()
     # σ follows depth, not its unit.
-    np.testing.assert_allclose(corrector.uncertainty(depth.astype(np.float32) / 1000, unit_mm=1000), sigma, rtol=1e-4)
-    mask = corrector.mask(corrector.correct(depth))
+    np.testing.assert_allclose(corrector.uncertainty(depth.astype(np.float32) / 8000, unit_mm=1000), sigma, rtol=1e-4)
+    mask = corrector.mask(corrector.correct(depth, unit_mm=0.125), 0.125)
     assert mask.dtype == np.uint8 and set(np.unique(mask)) <= {0, 128, 255} and (mask == 255).any()
+    # The wall is beyond the pole of D, or near it, where σ is not known: it is where boards were.
+    assert (sigma[mask == 255] > 0).all()
