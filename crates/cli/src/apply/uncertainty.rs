@@ -1,4 +1,4 @@
-//! Files beside corrected depth: its standard deviation, and where the calibration is supported.
+//! Further images that `apply` writes: the standard deviation of corrected depth, and where the calibration is supported.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ impl UncertaintyFiles {
     }
 }
 
-/// The file of the same stem in a folder beside it.
+/// The path in `folder`, a folder next to a corrected image, of the file with the image's name and another extension.
 fn beside(corrected: &Path, folder: &str, extension: &str) -> PathBuf {
     let name = corrected.file_name().unwrap_or_default();
     corrected.with_file_name(folder).join(name).with_extension(extension)

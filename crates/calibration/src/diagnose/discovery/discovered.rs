@@ -41,10 +41,21 @@ pub struct Discovery {
     pub components: Vec<DiagnosisComponent>,
 }
 
+/// Share of the size of an effect that frames which the search has not seen have to leave possible …
+const LEAST_SIZE: f64 = 0.5;
+/// … within so many standard errors.
+const CERTAIN: f64 = 3.0;
+
 impl Discovery {
     /// Whether it is a smooth function without a name, rather than a formula of few parameters.
     pub fn is_smooth_function(&self) -> bool {
         !self.effect.definition().smooth.is_empty()
+    }
+
+    /// Whether frames that the search has not seen do not have the effect. A model may predict them better with it all the same,
+    /// since without it the other parameters describe it in the frames of the search.
+    pub fn is_refuted(&self) -> bool {
+        self.replication.is_some_and(|[size, standard_error]| size + CERTAIN * standard_error < LEAST_SIZE)
     }
 }
 
@@ -57,17 +68,4 @@ pub struct RunnerUp {
     pub covariates: Vec<String>,
     /// Its gain on left-out frames, over that of the winner.
     pub gain_share: f64,
-}
-
-/// Share of the size of an effect that frames which the search has not seen have to leave possible …
-const LEAST_SIZE: f64 = 0.5;
-/// … within so many standard errors.
-const CERTAIN: f64 = 3.0;
-
-impl Discovery {
-    /// Whether frames that the search has not seen do not have the effect. A model may predict them better with it all the same,
-    /// since without it the other parameters describe it in the frames of the search.
-    pub fn is_refuted(&self) -> bool {
-        self.replication.is_some_and(|[size, standard_error]| size + CERTAIN * standard_error < LEAST_SIZE)
-    }
 }
